@@ -1,0 +1,175 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// evaluator.h: when a step is due, what is ready, what is reported, what is counted.
+///
+/// The one place that decides it (DESIGN 6); the node, the offline checker and `simulate` feed it.
+/// The caller owns all memory: ask fm_evaluator_bytes, hand in a block aligned to 16 bytes.
+/// Not thread-safe: whoever shares an evaluator holds a mutex around each call.
+/// No function allocates, blocks, or fails other than by the stated return value.
+
+#ifndef EVALUATOR_H_
+#define EVALUATOR_H_
+
+#include "fret_monitor.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#if defined(__GNUC__)
+#define FM_EXPORT __attribute__((visibility("default")))
+#else
+#define FM_EXPORT
+#endif
+
+/// When a step happens.
+enum fm_policy
+{
+  FM_EVERY_MESSAGE = 0,     // every message: all ready groups
+  FM_RELEVANT_MESSAGE = 1,  // every message: the ready groups that read an input of its topic
+  FM_ALL_INPUTS = 2,        // a group once all its inputs were received anew since its last step
+  FM_PERIODIC = 3           // all ready groups, at fm_evaluator_tick only
+};
+
+/// A value on its way in: the member that the input's type asks for
+/// (i: bool and intN, u: uintN, f: float32 and float64; a float32 is stored as (float)f).
+union fm_value
+{
+  int64_t i;
+  uint64_t u;
+  double f;
+};
+
+/// What a topic feeds: the inputs, as indices. Constant, owned by the caller, outlives the
+/// evaluator. A topic need not feed any.
+struct fm_topic
+{
+  const uint32_t * inputs;
+  uint32_t n_inputs;
+};
+
+/// How to run a monitor. `monitor`, `topics` and `report_onset` (n_requirements flags) outlive
+/// the evaluator and stay the caller's.
+struct fm_evaluator_options
+{
+  const struct fm_monitor * monitor;
+  const struct fm_topic * topics;
+  uint32_t n_topics;
+  uint32_t policy;             // enum fm_policy
+  const bool * report_onset;   // a requirement: announce only when the verdict turns false
+};
+
+/// One announced violation.
+struct fm_violation
+{
+  uint64_t step;         // of its group, from 0 since start or reset
+  int64_t stamp;         // as the caller gave it with the message, row or tick
+  uint32_t requirement;  // index
+};
+
+/// Counters of a requirement. They count on through a reset.
+struct fm_requirement_counts
+{
+  uint64_t steps;
+  uint64_t violations;   // steps whose verdict was false
+  uint64_t announced;    // those that were reported (all, or onsets)
+  bool verdict;          // of the last step; true before the first
+};
+
+/// Counters of an input.
+struct fm_input_counts
+{
+  uint64_t received;     // values stored
+  uint64_t unusable;     // told with fm_evaluator_unusable
+  uint64_t overwritten;  // values never stepped on, with FM_ALL_INPUTS
+};
+
+/// Counters of a topic.
+struct fm_topic_counts
+{
+  uint64_t messages;     // that were steps or could have been
+  uint64_t undecodable;  // told with fm_evaluator_undecodable
+};
+
+struct fm_evaluator;
+
+/// Bytes of memory an evaluator of these options needs, all included (0 if the monitor's ABI is
+/// not FM_ABI). O(inputs + groups + requirements + topics).
+FM_EXPORT uint64_t fm_evaluator_bytes(const struct fm_evaluator_options * options);
+
+/// Make an evaluator in `memory` (aligned to 16, fm_evaluator_bytes long), no input with a value,
+/// every group at its start. Returns it, or NULL if an index in the options or the monitor is out
+/// of range, or the ABI is another. O(bytes).
+FM_EXPORT struct fm_evaluator * fm_evaluator_init(
+  void * memory, const struct fm_evaluator_options * options);
+
+/// Store a value of an input. No step happens. O(1) and the groups that read it with
+/// FM_ALL_INPUTS. An index out of range is ignored.
+FM_EXPORT void fm_evaluator_store(
+  struct fm_evaluator * evaluator, uint32_t input, union fm_value value);
+
+/// Give an input its initial value: as store, but it does not count as received (FM_ALL_INPUTS).
+FM_EXPORT void fm_evaluator_initial(
+  struct fm_evaluator * evaluator, uint32_t input, union fm_value value);
+
+/// Count a field that cannot be used: the input stays as it was.
+FM_EXPORT void fm_evaluator_unusable(struct fm_evaluator * evaluator, uint32_t input);
+
+/// Count a message that cannot be decoded: it is no step.
+FM_EXPORT void fm_evaluator_undecodable(struct fm_evaluator * evaluator, uint32_t topic);
+
+/// A message of a topic has been stored: take the steps that the policy wants.
+/// Writes the violations to announce to `out`, by group, then requirement; `out` has room for
+/// n_requirements. Returns their number. O(operations of the groups that step).
+FM_EXPORT uint32_t fm_evaluator_message(
+  struct fm_evaluator * evaluator, uint32_t topic, int64_t stamp, struct fm_violation * out);
+
+/// One period has passed (FM_PERIODIC), or a row of a trace is stored (any policy): all ready
+/// groups take a step. As fm_evaluator_message otherwise.
+FM_EXPORT uint32_t fm_evaluator_tick(
+  struct fm_evaluator * evaluator, int64_t stamp, struct fm_violation * out);
+
+/// Start all groups afresh: cells, first time point, step numbers, last verdicts (onset), and
+/// what counts as received anew. The inputs' values and the counters stay. O(state bytes).
+FM_EXPORT void fm_evaluator_reset(struct fm_evaluator * evaluator);
+
+/// Whether every input that the group reads has a value.
+FM_EXPORT bool fm_evaluator_ready(const struct fm_evaluator * evaluator, uint32_t group);
+
+/// Steps a group has taken since start or reset.
+FM_EXPORT uint64_t fm_evaluator_steps(const struct fm_evaluator * evaluator, uint32_t group);
+
+/// Verdicts of the last steps, n_requirements flags, owned by the evaluator; true where a
+/// requirement's group has not stepped yet.
+FM_EXPORT const bool * fm_evaluator_verdicts(const struct fm_evaluator * evaluator);
+
+/// The current values, the module's struct of inputs, owned by the evaluator.
+FM_EXPORT const void * fm_evaluator_inputs(const struct fm_evaluator * evaluator);
+
+/// Whether an input has a value.
+FM_EXPORT bool fm_evaluator_has_value(const struct fm_evaluator * evaluator, uint32_t input);
+
+FM_EXPORT struct fm_requirement_counts fm_evaluator_requirement_counts(
+  const struct fm_evaluator * evaluator, uint32_t requirement);
+FM_EXPORT struct fm_input_counts fm_evaluator_input_counts(
+  const struct fm_evaluator * evaluator, uint32_t input);
+FM_EXPORT struct fm_topic_counts fm_evaluator_topic_counts(
+  const struct fm_evaluator * evaluator, uint32_t topic);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif  // EVALUATOR_H_

@@ -1,0 +1,235 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How bad input is told: sources, spans in them, and diagnostics that render with a caret.
+
+Every stage that reads what a user wrote reports through `Diagnostic`, with the place as a `Span`
+of a `Source`. A stage collects as many as it can in a `Problems` and raises one `CompileError`.
+A user's mistake is a `CompileError`; any other exception is a bug of ours.
+"""
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from enum import Enum
+from functools import cached_property
+from typing import NoReturn
+from unicodedata import east_asian_width
+
+_MAX_SHOWN = 160
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A text with a name: a file as the user named it, or a pseudo name such as `<sentence>`."""
+
+    name: str
+    text: str
+
+    @cached_property
+    def _line_starts(self) -> list[int]:
+        starts = [0]
+        starts.extend(i + 1 for i, char in enumerate(self.text) if char == '\n')
+        return starts
+
+    def position(self, offset: int) -> tuple[int, int]:
+        """Return line and column, both from 1, of a character offset."""
+        line = bisect_right(self._line_starts, offset)
+        return line, offset - self._line_starts[line - 1] + 1
+
+    def line(self, number: int) -> str:
+        """Return the text of a line (numbers from 1), without its end."""
+        start = self._line_starts[number - 1]
+        end = self.text.find('\n', start)
+        return self.text[start:len(self.text) if end < 0 else end].rstrip('\r')
+
+
+@dataclass(frozen=True)
+class Span:
+    """A range of characters of a source: `start` inclusive, `end` exclusive."""
+
+    source: Source
+    start: int
+    end: int
+
+    @property
+    def line(self) -> int:
+        """Line of the start, from 1."""
+        return self.source.position(self.start)[0]
+
+    @property
+    def column(self) -> int:
+        """Column of the start, from 1, in characters."""
+        return self.source.position(self.start)[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Text:
+    """
+    A piece of text that knows where each of its characters stands in a source.
+
+    A YAML scalar that is folded, quoted or escaped differs from what stands in the file:
+    `offsets[i]` is the place in `source.text` of `value[i]`, and `offsets[len(value)]` the place
+    just behind the last one. So `len(offsets) == len(value) + 1`.
+    """
+
+    value: str
+    source: Source
+    offsets: Sequence[int]
+
+    @classmethod
+    def whole(cls, source: Source) -> 'Text':
+        """Take all of a source, character for character."""
+        return cls(source.text, source, range(len(source.text) + 1))
+
+    @property
+    def span(self) -> Span:
+        """Where the whole text stands."""
+        return self.at(0, len(self.value))
+
+    def at(self, start: int, end: int) -> Span:
+        """Return where the characters `start` to `end` (exclusive) of the value stand."""
+        begin = self.offsets[start]
+        last = self.offsets[end - 1] + 1 if end > start else begin
+        return Span(self.source, begin, max(last, begin))
+
+    def __str__(self) -> str:
+        return self.value
+
+
+class Level(Enum):
+    """How grave a diagnostic is."""
+
+    ERROR = 'error'
+    WARNING = 'warning'
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """
+    One problem, in the user's words.
+
+    `title` says what is wrong, `label` stands beside the caret, `help` says what to do and is,
+    where one exists, a line to paste. `span` is None where a problem has no place (no such file).
+    """
+
+    title: str
+    span: Span | None = None
+    label: str = ''
+    help: str = ''
+    level: Level = Level.ERROR
+
+    def render(self) -> str:
+        """Render as `file:line:column: error: title`, the line, a caret, and the help."""
+        return '\n'.join(self._lines())
+
+    def _lines(self) -> Iterable[str]:
+        if self.span is None:
+            yield f'{self.level.value}: {self.title}'
+            margin = ''
+        else:
+            line, column = self.span.source.position(self.span.start)
+            yield f'{self.span.source.name}:{line}:{column}: {self.level.value}: {self.title}'
+            margin = ' ' * len(str(line))
+            yield from _excerpt(self.span, self.label)
+        for number, text in enumerate(self.help.splitlines()):
+            yield f'{margin}   {"= help:" if number == 0 else "       "} {text}'
+
+
+def _excerpt(span: Span, label: str) -> Iterable[str]:
+    line, column = span.source.position(span.start)
+    text = _printable(span.source.line(line))
+    width = max(1, min(span.end - span.start, len(text) - column + 1))
+    first = max(0, column - 1 - _MAX_SHOWN // 2) if len(text) > _MAX_SHOWN else 0
+    shown = text[first:first + _MAX_SHOWN]
+    head = '...' if first else ''
+    tail = '...' if first + _MAX_SHOWN < len(text) else ''
+    before = head + text[first:column - 1]
+    marked = text[column - 1:min(column - 1 + width, first + _MAX_SHOWN)]
+    pad = ' ' * _cells(before)
+    carets = '^' * max(1, _cells(marked))
+    yield f' {line} | {head}{shown}{tail}'
+    yield f' {" " * len(str(line))} | {pad}{carets} {label}'.rstrip()
+
+
+def _printable(text: str) -> str:
+    """Replace what would move the caret or the terminal, one character for one."""
+    return ''.join(' ' if char == '\t' else char if char.isprintable() else '\ufffd'
+                   for char in text)
+
+
+def _cells(text: str) -> int:
+    return sum(2 if east_asian_width(char) in 'WF' else 1 for char in text)
+
+
+class CompileError(Exception):
+    """What a user wrote cannot be used; holds one diagnostic or more, in the order found."""
+
+    def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
+        """Take at least one diagnostic."""
+        self.diagnostics = tuple(diagnostics)
+        super().__init__('\n'.join(item.render() for item in self.diagnostics))
+
+
+class Problems:
+    """Collects diagnostics of one run, so that all problems of a file are told together."""
+
+    def __init__(self) -> None:
+        """Start with none."""
+        self._found: list[Diagnostic] = []
+
+    def error(self, title: str, span: Span | None = None, label: str = '', help: str = '') -> None:
+        """Add an error."""
+        self._found.append(Diagnostic(title, span, label, help))
+
+    def warning(self, title: str, span: Span | None = None, label: str = '',
+                help: str = '') -> None:
+        """Add a warning: it is told, and nothing is refused."""
+        self._found.append(Diagnostic(title, span, label, help, Level.WARNING))
+
+    def extend(self, diagnostics: Iterable[Diagnostic]) -> None:
+        """Add what another stage found."""
+        self._found.extend(diagnostics)
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """All warnings so far."""
+        return tuple(item for item in self._found if item.level is Level.WARNING)
+
+    @property
+    def errors(self) -> tuple[Diagnostic, ...]:
+        """All errors so far."""
+        return tuple(item for item in self._found if item.level is Level.ERROR)
+
+    def raise_errors(self) -> None:
+        """Raise `CompileError` with all errors, by file and place, if there are any."""
+        if self.errors:
+            raise CompileError(sorted(self.errors, key=_place))
+
+
+def _place(item: Diagnostic) -> tuple[str, int]:
+    return (item.span.source.name, item.span.start) if item.span else ('', 0)
+
+
+def refuse(title: str, span: Span | None = None, label: str = '', help: str = '') -> NoReturn:
+    """Raise a `CompileError` of one diagnostic."""
+    raise CompileError([Diagnostic(title, span, label, help)])
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return a help text that names the known words closest to `name`, or an empty string."""
+    matches = get_close_matches(name, list(known), n=3, cutoff=0.6)
+    return 'did you mean ' + ' or '.join(f"'{match}'" for match in matches) + '?' if matches else ''

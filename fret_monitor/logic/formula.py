@@ -1,0 +1,328 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The typed past-time MTL of a requirement.
+
+A `Formula` is interned: structural equality is identity, so that equality and hashing cost O(1)
+and equal subterms are one object. It is typed: operands have exactly the types that an operator
+takes, all conversions are nodes. What each operator means is in DESIGN 5; `logic/evaluate.py`
+says it once as a program. Formulas get deep: walk them with `postorder`, never by recursion.
+
+Types of terms: an input has its declared type; every other node is BOOL, INT64, UINT64, FLOAT32
+or FLOAT64.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from enum import Enum
+import struct
+from typing import Any, dataclass_transform, TypeAlias
+from weakref import WeakValueDictionary
+
+from fret_monitor.manifest import ValueType
+
+
+@dataclass(frozen=True)
+class Window:
+    """
+    The distances into the past that a bounded operator looks at: low <= distance <= high.
+
+    `high` None is no upper bound. `high < low` is an empty window (FRET's `[0,-1]`).
+    """
+
+    low: int
+    high: int | None
+
+    @property
+    def is_unbounded(self) -> bool:
+        """Whether it is the whole past, the window of an operator without a bound."""
+        return self.low == 0 and self.high is None
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no distance lies in it."""
+        return self.high is not None and self.high < self.low
+
+
+ALWAYS = Window(0, None)
+
+
+class UnaryOperator(Enum):
+    """NOT takes and gives BOOL; NEG and ABS take and give one of the four number types."""
+
+    NOT = '!'
+    NEG = '-'
+    ABS = 'abs'
+
+
+class BinaryOperator(Enum):
+    """
+    Operators of two operands of one type (but for INT64 with UINT64 in relations, and POW).
+
+    AND to IFF: BOOL to BOOL. LT to NE: numbers to BOOL; EQ and NE of BOOL too; INT64 and UINT64
+    may meet there and compare by value. ADD to MAX: numbers to their type. POW: a number, and
+    a Constant of type INT64 >= 0 (repeated multiplication), or FLOAT64 and FLOAT64 (C's pow).
+    """
+
+    AND = '&'
+    OR = '|'
+    XOR = 'xor'
+    IMPLIES = '->'
+    IFF = '<->'
+    LT = '<'
+    LE = '<='
+    GT = '>'
+    GE = '>='
+    EQ = '='
+    NE = '!='
+    ADD = '+'
+    SUB = '-'
+    MUL = '*'
+    DIV = '/'
+    MOD = 'mod'
+    POW = '^'
+    MIN = 'min'
+    MAX = 'max'
+
+    @property
+    def is_boolean(self) -> bool:
+        """Whether it takes and gives BOOL."""
+        return self in _BOOLEAN
+
+    @property
+    def is_relation(self) -> bool:
+        """Whether it compares."""
+        return self in _RELATIONS
+
+
+_BOOLEAN = frozenset({BinaryOperator.AND, BinaryOperator.OR, BinaryOperator.XOR,
+                      BinaryOperator.IMPLIES, BinaryOperator.IFF})
+_RELATIONS = frozenset({BinaryOperator.LT, BinaryOperator.LE, BinaryOperator.GT,
+                        BinaryOperator.GE, BinaryOperator.EQ, BinaryOperator.NE})
+
+_interned: WeakValueDictionary[tuple[object, ...], Any] = WeakValueDictionary()
+
+
+@dataclass_transform(frozen_default=True)
+class _Interning(type):
+    """Makes a class return the one object there is for given fields."""
+
+    def __call__(cls, *args: Any) -> Any:
+        """Return the interned object."""
+        key = (cls, *(_identity(arg) for arg in args))
+        node = _interned.get(key)
+        if node is None:
+            node = super().__call__(*args)
+            _interned[key] = node
+        return node
+
+
+def _identity(arg: object) -> object:
+    # 0.0 and -0.0 are equal and are two constants; a NaN is not equal to itself and is one.
+    if isinstance(arg, float):
+        return ('float', struct.pack('<d', arg))
+    if isinstance(arg, bool):
+        return ('bool', arg)
+    return arg
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _Node(metaclass=_Interning):
+    def __repr__(self) -> str:
+        return f'<{type(self).__name__} at {id(self):#x}>'
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Constant(_Node):
+    """A value: bool for BOOL, int for INT64 and UINT64, float for FLOAT64 and (rounded) FLOAT32."""
+
+    value: bool | int | float
+    type: ValueType
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Variable(_Node):
+    """The value of an input at this step, of the input's declared type."""
+
+    name: str
+    type: ValueType
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Conversion(_Node):
+    """
+    The same number in another type.
+
+    int8..int32, uint8..uint32 to INT64; any integer and FLOAT32 to FLOAT64 (nearest, ties to
+    even); INT64 to UINT64 and back, modulo 2^64. Nothing else.
+    """
+
+    argument: 'Formula'
+    type: ValueType
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Unary(_Node):
+    """An operator on one operand of the same type."""
+
+    operator: UnaryOperator
+    argument: 'Formula'
+    type: ValueType = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Take the operand's type."""
+        object.__setattr__(self, 'type', self.argument.type)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Binary(_Node):
+    """An operator on two operands."""
+
+    operator: BinaryOperator
+    left: 'Formula'
+    right: 'Formula'
+    type: ValueType = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Relations and connectives are BOOL, arithmetic has its left operand's type."""
+        is_boolean = self.operator.is_boolean or self.operator.is_relation
+        object.__setattr__(self, 'type', ValueType.BOOL if is_boolean else self.left.type)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Choice(_Node):
+    """`yes` where the BOOL `condition` is true, else `no`; both have one type, any."""
+
+    condition: 'Formula'
+    yes: 'Formula'
+    no: 'Formula'
+    type: ValueType = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Take the branches' type."""
+        object.__setattr__(self, 'type', self.yes.type)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Previous(_Node):
+    """`argument` at the step before; at step 0, `initial` at step 0. Both have one type, any."""
+
+    initial: 'Formula'
+    argument: 'Formula'
+    type: ValueType = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Take the argument's type."""
+        object.__setattr__(self, 'type', self.argument.type)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _Boolean(_Node):
+    @property
+    def type(self) -> ValueType:
+        """BOOL."""
+        return ValueType.BOOL
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Yesterday(_Boolean):
+    """`Y p`: there is a step before, and p held there."""
+
+    argument: 'Formula'
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class WeakYesterday(_Boolean):
+    """`Z p`: there is no step before, or p held there."""
+
+    argument: 'Formula'
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Once(_Boolean):
+    """`O[w] p`."""
+
+    window: Window
+    argument: 'Formula'
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Historically(_Boolean):
+    """`H[w] p`."""
+
+    window: Window
+    argument: 'Formula'
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Since(_Boolean):
+    """`p S[w] q`, `left` is p and `right` is q."""
+
+    window: Window
+    left: 'Formula'
+    right: 'Formula'
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Triggered(_Boolean):
+    """`p T[w] q`, `left` is p and `right` is q."""
+
+    window: Window
+    left: 'Formula'
+    right: 'Formula'
+
+
+Formula: TypeAlias = (Constant | Variable | Conversion | Unary | Binary | Choice | Previous
+                      | Yesterday | WeakYesterday | Once | Historically | Since | Triggered)
+
+TRUE = Constant(True, ValueType.BOOL)
+FALSE = Constant(False, ValueType.BOOL)
+FTP = WeakYesterday(FALSE)
+
+
+def operands(node: Formula) -> tuple[Formula, ...]:
+    """Return the direct operands of a node, left to right."""
+    match node:
+        case Constant() | Variable():
+            return ()
+        case Conversion() | Unary() | Yesterday() | WeakYesterday() | Once() | Historically():
+            return (node.argument,)
+        case Binary() | Since() | Triggered():
+            return (node.left, node.right)
+        case Choice():
+            return (node.condition, node.yes, node.no)
+        case Previous():
+            return (node.initial, node.argument)
+
+
+def postorder(roots: Iterable[Formula]) -> list[Formula]:
+    """Return every distinct node under the roots once, each after its operands."""
+    order: list[Formula] = []
+    seen: set[Formula] = set()
+    stack = [(root, False) for root in reversed(list(roots))]
+    while stack:
+        node, ready = stack.pop()
+        if ready:
+            order.append(node)
+        elif node not in seen:
+            seen.add(node)
+            stack.append((node, True))
+            stack.extend((item, False) for item in reversed(operands(node)))
+    return order
+
+
+def variables(root: Formula) -> tuple[Variable, ...]:
+    """Return the inputs a formula reads, in the order they first occur."""
+    return tuple(node for node in postorder([root]) if isinstance(node, Variable))

@@ -1,0 +1,71 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a bundle means: typed inputs, and one formula for each requirement.
+
+`specify` (in `logic/elaborate.py`) makes a `Specification` from a `Bundle` and the layouts of its
+messages; it is what all later stages stand on.
+"""
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from fret_monitor.logic.formula import Formula
+from fret_monitor.manifest import Policy, Report, Severity, ValueType
+
+
+@dataclass(frozen=True)
+class Signal:
+    """
+    An input with its type and where it comes from.
+
+    `values` are its names: (name, number or string); a string input has type INT32 and counts as
+    the index of its string in `values`. `initial` is None or a value of the type.
+    `topic` and `message_type` are None for an input that exists only off ROS.
+    """
+
+    name: str
+    type: ValueType
+    topic: str | None
+    message_type: str | None
+    path: tuple[str | int, ...]
+    values: tuple[tuple[str, int | str], ...]
+    initial: bool | int | float | None
+    qos: tuple[tuple[str, str | int], ...]
+
+
+@dataclass(frozen=True)
+class Property:
+    """A requirement with its formula; `text` is the property as written, on one line."""
+
+    id: str
+    handler: str
+    text: str
+    title: str
+    formula: Formula
+    report: Report
+    severity: Severity
+
+
+@dataclass(frozen=True)
+class Specification:
+    """All of a bundle, typed. `signals` and `properties` are in the bundle's order."""
+
+    name: str
+    component: str
+    signals: tuple[Signal, ...]
+    properties: tuple[Property, ...]
+    policy: Policy
+    period: Fraction | None

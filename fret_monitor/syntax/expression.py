@@ -1,0 +1,149 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The tree that all formula languages are read into: operators and places, no meaning.
+
+A parser takes a `Text` and returns an `Expression`; it knows precedence and spelling and nothing
+of types, names or bounds that make sense. Trees can be thousands of nodes deep: walk them with an
+explicit stack, or with `postorder`.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from fret_monitor.diagnostics import Span
+
+
+@dataclass(frozen=True, eq=False)
+class Name:
+    """An identifier: an input, constant, definition, name of a value, or `FTP`."""
+
+    text: str
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Number:
+    """A literal as written (`15`, `1.5e-3`), without a sign."""
+
+    text: str
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Boolean:
+    """`TRUE` or `FALSE`."""
+
+    value: bool
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """
+    A bound as written: `[low,high]`, or a relation and a number.
+
+    `relation` is '[]' for the closed form, else one of '<', '<=', '=', '>', '>='. For those,
+    `low` holds the number and `high` is None. Numbers are kept as text with an optional sign.
+    """
+
+    relation: str
+    low: str
+    high: str | None
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Prefix:
+    """
+    A prefix operator: '!', '-', or temporal 'Y', 'Z', 'O', 'H', or Lustre's 'pre'.
+
+    `operator_span` is where the operator (with its bound) stands, `span` the whole.
+    """
+
+    operator: str
+    bound: Bound | None
+    argument: 'Expression'
+    operator_span: Span
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Infix:
+    """
+    An infix operator.
+
+    One of '&', '|', 'xor', '->', '<->', '<', '<=', '>', '>=', '=', '!=', '+', '-', '*', '/',
+    'mod', '^', 'S', 'T', 'SI', and from Lustre 'arrow' (`init -> expression`). Only 'S', 'T' and
+    'SI' can have a bound. CoCoSpec's `S(p,q)` is here already `q S p`.
+    """
+
+    operator: str
+    bound: Bound | None
+    left: 'Expression'
+    right: 'Expression'
+    operator_span: Span
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Call:
+    """A function call such as `abs(x)` or `persisted(3, p)`."""
+
+    function: str
+    arguments: tuple['Expression', ...]
+    function_span: Span
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Conditional:
+    """Lustre's `if condition then yes else no`."""
+
+    condition: 'Expression'
+    yes: 'Expression'
+    no: 'Expression'
+    span: Span
+
+
+Expression: TypeAlias = Name | Number | Boolean | Prefix | Infix | Call | Conditional
+
+
+def children(node: Expression) -> tuple[Expression, ...]:
+    """Return the direct operands of a node, left to right."""
+    match node:
+        case Prefix():
+            return (node.argument,)
+        case Infix():
+            return (node.left, node.right)
+        case Call():
+            return node.arguments
+        case Conditional():
+            return (node.condition, node.yes, node.no)
+        case _:
+            return ()
+
+
+def postorder(root: Expression) -> Iterator[Expression]:
+    """Yield every node after its operands, without recursion."""
+    stack: list[tuple[Expression, bool]] = [(root, False)]
+    while stack:
+        node, ready = stack.pop()
+        if ready:
+            yield node
+            continue
+        stack.append((node, True))
+        stack.extend((child, False) for child in reversed(children(node)))
