@@ -229,6 +229,19 @@ class Previous(_Node):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Feedback(_Node):
+    """
+    An equation's value at the step before; at step 0 false, 0 or 0.0.
+
+    Only Lustre nodes whose equations refer to themselves through `pre` need it. `name` is unique
+    in the bundle; the equation that it delays is found in `Property.feedback`.
+    """
+
+    name: str
+    type: ValueType
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class _Boolean(_Node):
     @property
     def type(self) -> ValueType:
@@ -285,7 +298,7 @@ class Triggered(_Boolean):
 
 
 Formula: TypeAlias = (Constant | Variable | Conversion | Unary | Binary | Choice | Previous
-                      | Yesterday | WeakYesterday | Once | Historically | Since | Triggered)
+                      | Feedback | Yesterday | WeakYesterday | Once | Historically | Since | Triggered)
 
 TRUE = Constant(True, ValueType.BOOL)
 FALSE = Constant(False, ValueType.BOOL)
@@ -295,7 +308,7 @@ FTP = WeakYesterday(FALSE)
 def operands(node: Formula) -> tuple[Formula, ...]:
     """Return the direct operands of a node, left to right."""
     match node:
-        case Constant() | Variable():
+        case Constant() | Variable() | Feedback():
             return ()
         case Conversion() | Unary() | Yesterday() | WeakYesterday() | Once() | Historically():
             return (node.argument,)

@@ -22,7 +22,7 @@ messages; it is what all later stages stand on.
 from dataclasses import dataclass
 from fractions import Fraction
 
-from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import Feedback, Formula
 from fret_monitor.manifest import Policy, Report, Severity, ValueType
 
 
@@ -48,7 +48,12 @@ class Signal:
 
 @dataclass(frozen=True)
 class Property:
-    """A requirement with its formula; `text` is the property as written, on one line."""
+    """
+    A requirement with its formula; `text` is the property as written, on one line.
+
+    `feedback` holds, for each `Feedback` node that the formula reaches, the equation it delays
+    (whose own operands may reach `Feedback` nodes again, its own too).
+    """
 
     id: str
     handler: str
@@ -57,6 +62,7 @@ class Property:
     formula: Formula
     report: Report
     severity: Severity
+    feedback: tuple[tuple[Feedback, Formula], ...] = ()
 
 
 @dataclass(frozen=True)
