@@ -22,6 +22,7 @@ messages; it is what all later stages stand on.
 from dataclasses import dataclass
 from fractions import Fraction
 
+from fret_monitor.diagnostics import Span
 from fret_monitor.logic.formula import Feedback, Formula
 from fret_monitor.manifest import Policy, Report, Severity, ValueType
 
@@ -52,7 +53,7 @@ class Property:
     A requirement with its formula; `text` is the property as written, on one line.
 
     `feedback` holds, for each `Feedback` node that the formula reaches, the equation it delays
-    (whose own operands may reach `Feedback` nodes again, its own too).
+    (whose own operands may reach `Feedback` nodes again, its own too). `place` is the formula's text.
     """
 
     id: str
@@ -63,11 +64,16 @@ class Property:
     report: Report
     severity: Severity
     feedback: tuple[tuple[Feedback, Formula], ...] = ()
+    place: Span | None = None
 
 
 @dataclass(frozen=True)
 class Specification:
-    """All of a bundle, typed. `signals` and `properties` are in the bundle's order."""
+    """
+    All of a bundle, typed. `signals` and `properties` are in the bundle's order.
+
+    `definitions` are the bundle's named expressions, for those who show formulas to people.
+    """
 
     name: str
     component: str
@@ -75,3 +81,4 @@ class Specification:
     properties: tuple[Property, ...]
     policy: Policy
     period: Fraction | None
+    definitions: tuple[tuple[str, Formula], ...] = ()

@@ -1,0 +1,301 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where state lives, and what a step costs: memory and work, known before anything runs.
+
+A group's equations are cut into parts (one C function each, so that C compilers stay fast on large
+bundles). The bits of a part are packed into words; counters are as narrow as their bounds allow;
+fields are ordered by size, so that a struct has no holes.
+"""
+
+from bisect import bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+
+from fret_monitor.diagnostics import Diagnostic
+from fret_monitor.diagnostics import Problems
+from fret_monitor.manifest import ValueType
+from fret_monitor.program.monitor_program import AlwaysSoFar
+from fret_monitor.program.monitor_program import AlwaysWithin
+from fret_monitor.program.monitor_program import Delay
+from fret_monitor.program.monitor_program import FirstStep
+from fret_monitor.program.monitor_program import Literal
+from fret_monitor.program.monitor_program import MonitorProgram
+from fret_monitor.program.monitor_program import OnceBefore
+from fret_monitor.program.monitor_program import OnceEver
+from fret_monitor.program.monitor_program import OnceWithin
+from fret_monitor.program.monitor_program import operands
+from fret_monitor.program.monitor_program import Operation
+from fret_monitor.program.monitor_program import PreviousNumber
+from fret_monitor.program.monitor_program import Read
+from fret_monitor.program.monitor_program import SinceBefore
+from fret_monitor.program.monitor_program import SinceEver
+from fret_monitor.program.monitor_program import SinceWithin
+from fret_monitor.program.monitor_program import StepGroup
+from fret_monitor.program.monitor_program import TriggeredEver
+
+MAX_STATE_BYTES = 16 * 1024 * 1024
+PART_EQUATIONS = 256
+SHIFT_REGISTER_BITS = 64
+
+_SIZES = {
+    ValueType.BOOL: 1, ValueType.INT8: 1, ValueType.UINT8: 1, ValueType.INT16: 2,
+    ValueType.UINT16: 2, ValueType.INT32: 4, ValueType.UINT32: 4, ValueType.FLOAT32: 4,
+    ValueType.INT64: 8, ValueType.UINT64: 8, ValueType.FLOAT64: 8,
+}
+_UNSIGNED = (ValueType.UINT8, ValueType.UINT16, ValueType.UINT32, ValueType.UINT64)
+
+
+class FieldKind(Enum):
+    """What a field of the state holds; the value is the stem of its name in C."""
+
+    BITS = 'bits'
+    COUNTER = 'counter'
+    LINE = 'line'
+    RING = 'ring'
+    POSITION = 'position'
+    NUMBER = 'number'
+    FEEDBACK = 'feedback'
+    WIRE = 'wire'
+
+
+@dataclass(frozen=True)
+class StateField:
+    """
+    A field of a group's state struct.
+
+    `number` is that of the word (BITS), the length (POSITION), the index of the feedback
+    equation, or the equation. `length` is 0 for a scalar, else that of an array.
+    `initial` is the value at the start, for all elements.
+    """
+
+    kind: FieldKind
+    number: int
+    type: ValueType
+    length: int = 0
+    initial: int | float | bool = 0
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return _SIZES[self.type] * max(1, self.length)
+
+
+@dataclass(frozen=True)
+class BitSlot:
+    """A bit of a word; `part` is the part of the group that reads and writes that word."""
+
+    word: int
+    bit: int
+    part: int
+
+
+@dataclass(frozen=True)
+class GroupLayout:
+    """A group's fields in the order of the struct, and where each bit cell lies."""
+
+    group: StepGroup
+    fields: tuple[StateField, ...]
+    bits: dict[int, BitSlot]
+    parts: tuple[range, ...]
+
+    @property
+    def size(self) -> int:
+        """Bytes of the struct."""
+        used = sum(field.size for field in self.fields)
+        return -(-used // self.alignment) * self.alignment
+
+    @property
+    def alignment(self) -> int:
+        """Bytes: of the widest field."""
+        return max((_SIZES[field.type] for field in self.fields), default=1)
+
+    @property
+    def operations(self) -> int:
+        """How many equations a step computes, but for reading inputs and constants."""
+        return sum(not isinstance(equation.operation, Read | Literal)
+                   for equation in self.group.equations)
+
+    @cached_property
+    def wires(self) -> frozenset[int]:
+        """The values that a later part reads."""
+        return frozenset(_wires(self.group, self.parts))
+
+    def part_of(self, equation: int) -> int:
+        """Return the part an equation belongs to."""
+        return _part_of(self.parts, equation)
+
+
+def lay_out(group: StepGroup) -> GroupLayout:
+    """Place the state of a group."""
+    parts = tuple(_parts(group))
+    bits = _place_bits(group, parts)
+    fields = [*_words(group, bits), *_cells(group), *_shared(group, parts)]
+    fields.sort(key=lambda field: (-_SIZES[field.type], field.kind.value, field.number))
+    return GroupLayout(group, tuple(fields), bits, parts)
+
+
+def state_bytes(layouts: tuple[GroupLayout, ...]) -> int:
+    """Return the size of the struct that holds the groups' structs one after the other."""
+    used = 0
+    for layout in layouts:
+        used = -(-used // layout.alignment) * layout.alignment + layout.size
+    widest = max((layout.alignment for layout in layouts), default=1)
+    return max(1, -(-used // widest) * widest)
+
+
+def check_bounds(program: MonitorProgram, layouts: tuple[GroupLayout, ...],
+                 limit: int = MAX_STATE_BYTES) -> None:
+    """
+    Refuse a program that needs more state than `limit` bytes, naming the widest bound.
+
+    Raises
+    ------
+    CompileError
+        with the place of the requirement whose delay asks for most.
+    """
+    needed = state_bytes(layouts)
+    if needed <= limit:
+        return
+    steps, index = max(_delays(layouts), default=(0, 0))
+    item = program.properties[index]
+    problems = Problems()
+    problems.extend([Diagnostic(
+        f'the bundle needs {needed:,} bytes of state; at most {limit:,} are allowed',
+        item.place,
+        f'{item.id} looks back {steps:,} steps: {-(-steps // 8):,} bytes' if steps else item.id,
+        'a window [a,b] keeps its last a values; use [0,b], which needs one counter, '
+        'or a smaller a')])
+    problems.raise_errors()
+
+
+def _delays(layouts: tuple[GroupLayout, ...]) -> Iterator[tuple[int, int]]:
+    for layout in layouts:
+        group = layout.group
+        for index, equation in enumerate(group.equations):
+            if isinstance(equation.operation, Delay):
+                owner = bisect_right(group.first_equations, index) - 1
+                yield equation.operation.steps, group.properties[owner]
+
+
+def _parts(group: StepGroup) -> Iterator[range]:
+    """Cut at requirements where possible, and inside one that is larger than a part."""
+    total = len(group.equations)
+    start = 0
+    stops = sorted({*group.first_equations, total})
+    for stop, following in zip(stops, [*stops[1:], total], strict=True):
+        if following - start > PART_EQUATIONS and stop > start:
+            yield range(start, stop)
+            start = stop
+        while following - start > PART_EQUATIONS:
+            yield range(start, start + PART_EQUATIONS)
+            start += PART_EQUATIONS
+    yield range(start, total)
+
+
+def _part_of(parts: tuple[range, ...], equation: int) -> int:
+    return bisect_right([part.start for part in parts], equation) - 1
+
+
+def _wires(group: StepGroup, parts: tuple[range, ...]) -> Iterator[int]:
+    for index, equation in enumerate(group.equations):
+        start = parts[_part_of(parts, index)].start
+        for operand in operands(equation.operation):
+            if 0 <= operand.value < start:
+                yield operand.value
+    # Feedback is written by the last part, after everything has been read.
+    yield from (item.next.value for item in group.feedback
+                if 0 <= item.next.value < parts[-1].start)
+
+
+def _is_bit(operation: Operation) -> bool:
+    return isinstance(operation, FirstStep | OnceEver | AlwaysSoFar | SinceEver | TriggeredEver) \
+        or (isinstance(operation, Delay) and operation.steps == 1)
+
+
+def _place_bits(group: StepGroup, parts: tuple[range, ...]) -> dict[int, BitSlot]:
+    slots: dict[int, BitSlot] = {}
+    word = 0
+    for number, part in enumerate(parts):
+        cells = [i for i in part if _is_bit(group.equations[i].operation)]
+        for position, index in enumerate(cells):
+            slots[index] = BitSlot(word + position // 64, position % 64, number)
+        word += -(-len(cells) // 64)
+    return slots
+
+
+def _words(group: StepGroup, bits: dict[int, BitSlot]) -> Iterator[StateField]:
+    words: dict[int, list[tuple[int, bool]]] = {}
+    for index, slot in bits.items():
+        initial = _initial_bit(group.equations[index].operation)
+        words.setdefault(slot.word, []).append((slot.bit, initial))
+    for word, content in words.items():
+        initial = sum(1 << bit for bit, is_set in content if is_set)
+        yield StateField(FieldKind.BITS, word, _holding((1 << len(content)) - 1), 0, initial)
+
+
+def _initial_bit(operation: Operation) -> bool:
+    match operation:
+        case FirstStep() | AlwaysSoFar() | TriggeredEver():
+            return True
+        case Delay():
+            return operation.initial
+        case _:
+            return False
+
+
+def _holding(largest: int) -> ValueType:
+    """Return the narrowest unsigned type that holds a number."""
+    return next(type for type in _UNSIGNED if largest < 1 << 8 * _SIZES[type])
+
+
+def _cells(group: StepGroup) -> Iterator[StateField]:
+    for index, equation in enumerate(group.equations):
+        operation = equation.operation
+        match operation:
+            case OnceWithin() | AlwaysWithin() | OnceBefore() | SinceWithin() | SinceBefore():
+                yield StateField(FieldKind.COUNTER, index, _holding(operation.bound + 1))
+            case PreviousNumber():
+                yield StateField(FieldKind.NUMBER, index, equation.type, 0, operation.initial)
+            case Delay() if operation.steps > 1:
+                yield _line(index, operation)
+            case _:
+                pass
+
+
+def _line(index: int, delay: Delay) -> StateField:
+    if delay.steps <= SHIFT_REGISTER_BITS:
+        ones = (1 << delay.steps) - 1
+        return StateField(FieldKind.LINE, index, _holding(ones), 0, ones if delay.initial else 0)
+    return StateField(FieldKind.RING, index, ValueType.UINT8, -(-delay.steps // 8),
+                      255 if delay.initial else 0)
+
+
+def _shared(group: StepGroup, parts: tuple[range, ...]) -> Iterator[StateField]:
+    for length in ring_lengths(group):
+        yield StateField(FieldKind.POSITION, length, _holding(length - 1))
+    for number, item in enumerate(group.feedback):
+        yield StateField(FieldKind.FEEDBACK, number, item.type)
+    for index in sorted(set(_wires(group, parts))):
+        yield StateField(FieldKind.WIRE, index, group.equations[index].type)
+
+
+def ring_lengths(group: StepGroup) -> list[int]:
+    """Return the lengths of a group's delays that are kept in rings, ascending."""
+    return sorted({equation.operation.steps for equation in group.equations
+                   if isinstance(equation.operation, Delay)
+                   and equation.operation.steps > SHIFT_REGISTER_BITS})

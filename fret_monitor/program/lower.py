@@ -1,0 +1,440 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Turn a specification into a monitor program.
+
+Requirements that read the same inputs form a step group. Within a group, terms that are equal up
+to the order of `& | xor <-> =` and Boolean negation get one equation: each Boolean term is looked
+up by a key that has no negation at its top (`H p` is found as the negation of `O !p`, `p | q` of
+`!p & !q`). The equation keeps the operator that was met first, so that the C reads like the
+formula. A negated comparison is never turned round: with NaN `!(x > 5)` is not `x <= 5`.
+
+Windows come down to a few cells (n = b - a):
+    O[a,b] p   = O[0,n] (p, a steps ago)
+    p S[a,b] q = p S[0,n] ((q, a steps ago) & H[0,a-1] p)
+and H and T are the same with everything negated.
+"""
+
+from typing import assert_never
+
+from fret_monitor.logic.formula import Binary
+from fret_monitor.logic.formula import BinaryOperator
+from fret_monitor.logic.formula import Choice
+from fret_monitor.logic.formula import Constant
+from fret_monitor.logic.formula import Conversion
+from fret_monitor.logic.formula import Feedback
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import Historically
+from fret_monitor.logic.formula import Once
+from fret_monitor.logic.formula import postorder
+from fret_monitor.logic.formula import Previous
+from fret_monitor.logic.formula import Since
+from fret_monitor.logic.formula import Triggered
+from fret_monitor.logic.formula import Unary
+from fret_monitor.logic.formula import UnaryOperator
+from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.formula import WeakYesterday
+from fret_monitor.logic.formula import Window
+from fret_monitor.logic.formula import Yesterday
+from fret_monitor.logic.specification import Property
+from fret_monitor.logic.specification import Specification
+from fret_monitor.manifest import ValueType
+from fret_monitor.program.monitor_program import AlwaysSoFar
+from fret_monitor.program.monitor_program import AlwaysWithin
+from fret_monitor.program.monitor_program import ApplyBinary
+from fret_monitor.program.monitor_program import ApplyUnary
+from fret_monitor.program.monitor_program import Choose
+from fret_monitor.program.monitor_program import Convert
+from fret_monitor.program.monitor_program import Delay
+from fret_monitor.program.monitor_program import Equation
+from fret_monitor.program.monitor_program import FALSE
+from fret_monitor.program.monitor_program import FeedbackEquation
+from fret_monitor.program.monitor_program import FeedbackRead
+from fret_monitor.program.monitor_program import FirstStep
+from fret_monitor.program.monitor_program import Literal
+from fret_monitor.program.monitor_program import MonitorProgram
+from fret_monitor.program.monitor_program import OnceBefore
+from fret_monitor.program.monitor_program import OnceEver
+from fret_monitor.program.monitor_program import OnceWithin
+from fret_monitor.program.monitor_program import Operand
+from fret_monitor.program.monitor_program import Operation
+from fret_monitor.program.monitor_program import Power
+from fret_monitor.program.monitor_program import PreviousNumber
+from fret_monitor.program.monitor_program import Read
+from fret_monitor.program.monitor_program import SinceBefore
+from fret_monitor.program.monitor_program import SinceEver
+from fret_monitor.program.monitor_program import SinceWithin
+from fret_monitor.program.monitor_program import StepGroup
+from fret_monitor.program.monitor_program import TriggeredEver
+from fret_monitor.program.monitor_program import TRUE
+from fret_monitor.program.prune import prune
+
+_BOOL = ValueType.BOOL
+
+
+def lower(specification: Specification) -> MonitorProgram:
+    """Make the program; the groups are in the order of their first requirements."""
+    index = {signal.name: i for i, signal in enumerate(specification.signals)}
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for number, item in enumerate(specification.properties):
+        groups.setdefault(_signals(item, index), []).append(number)
+    return MonitorProgram(
+        specification.name,
+        specification.component,
+        specification.policy,
+        None if specification.period is None else float(specification.period),
+        specification.signals,
+        specification.properties,
+        tuple(_lower_group(signals, numbers, specification, index)
+              for signals, numbers in groups.items()),
+        specification.definitions,
+    )
+
+
+def _roots(item: Property) -> list[Formula]:
+    return [item.formula, *(equation for _, equation in item.feedback)]
+
+
+def _signals(item: Property, index: dict[str, int]) -> tuple[int, ...]:
+    nodes = postorder(_roots(item))
+    return tuple(sorted({index[node.name] for node in nodes if isinstance(node, Variable)}))
+
+
+def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Specification,
+                 index: dict[str, int]) -> StepGroup:
+    properties = [specification.properties[number] for number in numbers]
+    feedback = {node: equation for item in properties for node, equation in item.feedback}
+    builder = _GroupBuilder(index, {node: i for i, node in enumerate(feedback)})
+    first_equations = []
+    for item in properties:
+        first_equations.append(len(builder.equations))
+        builder.define(_roots(item))
+    return prune(StepGroup(
+        signals,
+        tuple(numbers),
+        tuple(builder.equations),
+        tuple(first_equations),
+        tuple(builder.operand[item.formula] for item in properties),
+        tuple(FeedbackEquation(node.name, node.type, builder.operand[equation])
+              for node, equation in feedback.items()),
+    ))
+
+
+class _GroupBuilder:
+    """Collects the equations of one group; `operand` tells what stands for a formula."""
+
+    def __init__(self, index: dict[str, int], feedback: dict[Feedback, int]) -> None:
+        self.equations: list[Equation] = []
+        self.operand: dict[Formula, Operand] = {}
+        self._found: dict[tuple[object, ...], Operand] = {}
+        self._index = index
+        self._feedback = feedback
+        self._formula: Formula | None = None
+
+    def define(self, roots: list[Formula]) -> None:
+        """Make the equations of all terms under the roots."""
+        for node in postorder(roots):
+            if node not in self.operand:
+                self._formula = node
+                self.operand[node] = self._term(node)
+
+    def _emit(self, operation: Operation, type: ValueType = _BOOL) -> Operand:
+        self.equations.append(Equation(operation, type, self._formula))
+        self._formula = None  # the equations behind a node's first are its helpers
+        return Operand(len(self.equations) - 1)
+
+    def _share(self, key: tuple[object, ...], negated: bool, operation: Operation) -> Operand:
+        """
+        Return the operand of a Boolean term, whose equation is made if there is none.
+
+        `operation` computes the term; the term is what `key` stands for, negated or not.
+        """
+        if key not in self._found:
+            operand = self._emit(operation)
+            self._found[key] = ~operand if negated else operand
+        found = self._found[key]
+        return ~found if negated else found
+
+    def _number(self, key: tuple[object, ...], operation: Operation, type: ValueType) -> Operand:
+        if key not in self._found:
+            self._found[key] = self._emit(operation, type)
+        return self._found[key]
+
+    def _term(self, node: Formula) -> Operand:
+        match node:
+            case Constant():
+                return self._constant(node)
+            case Variable():
+                return self._number(('read', node.name), Read(self._index[node.name]), node.type)
+            case Conversion() | Unary() | Binary() | Choice():
+                return self._pure(node)
+            case Previous():
+                return self._previous(node)
+            case Feedback():
+                return self._number(('feedback', node), FeedbackRead(self._feedback[node]),
+                                    node.type)
+            case Yesterday():
+                return self._delay(1, self.operand[node.argument])
+            case WeakYesterday():
+                return ~self._delay(1, ~self.operand[node.argument])
+            case Once():
+                return self._once(node.window, self.operand[node.argument], False)
+            case Historically():
+                return ~self._once(node.window, ~self.operand[node.argument], True)
+            case Since():
+                return self._since(node.window, self.operand[node.left],
+                                   self.operand[node.right], False)
+            case Triggered():
+                return ~self._since(node.window, ~self.operand[node.left],
+                                    ~self.operand[node.right], True)
+            case _:
+                assert_never(node)
+
+    def _constant(self, node: Constant) -> Operand:
+        if isinstance(node.value, bool):
+            return TRUE if node.value else FALSE
+        return self._number(('literal', node), Literal(node.value), node.type)
+
+    def _pure(self, node: Conversion | Unary | Binary | Choice) -> Operand:
+        match node:
+            case Conversion():
+                argument = self.operand[node.argument]
+                operation = Convert(node.argument.type, argument)
+                return self._number(('convert', node.type, argument), operation, node.type)
+            case Unary():
+                return self._unary(node.operator, self.operand[node.argument], node.type)
+            case Binary():
+                return self._binary(node)
+            case Choice():
+                return self._choice(self.operand[node.condition], self.operand[node.yes],
+                                    self.operand[node.no], node.type)
+            case _:
+                assert_never(node)
+
+    def _unary(self, operator: UnaryOperator, argument: Operand, type: ValueType) -> Operand:
+        if operator is UnaryOperator.NOT:
+            return ~argument
+        return self._number((operator, argument), ApplyUnary(operator, argument), type)
+
+    def _binary(self, node: Binary) -> Operand:
+        left, right = self.operand[node.left], self.operand[node.right]
+        types = (node.left.type, node.right.type)
+        operator = node.operator
+        if operator.is_boolean or types == (_BOOL, _BOOL):
+            return self._connective(operator, left, right)
+        if operator.is_relation:
+            return self._relation(operator, left, right, types)
+        if operator is BinaryOperator.POW and types[1] is ValueType.INT64:
+            assert isinstance(node.right, Constant)
+            exponent = int(node.right.value)
+            return self._number(('power', left, exponent), Power(left, exponent), node.type)
+        operation = ApplyBinary(operator, left, right, types)
+        return self._number((operator, left, right), operation, node.type)
+
+    # -- Boolean terms ----------------------------------------------------------------------
+
+    def _connective(self, operator: BinaryOperator, left: Operand, right: Operand) -> Operand:
+        match operator:
+            case BinaryOperator.AND:
+                return self._and(operator, left, right, False)
+            case BinaryOperator.OR:
+                return ~self._and(operator, ~left, ~right, True)
+            case BinaryOperator.IMPLIES:
+                return ~self._and(operator, left, ~right, True)
+            case BinaryOperator.XOR | BinaryOperator.NE:
+                return self._xor(left, right, False)
+            case BinaryOperator.IFF | BinaryOperator.EQ:
+                return ~self._xor(left, right, True)
+            case _:
+                raise ValueError(f'{operator} is no connective')
+
+    def _and(self, operator: BinaryOperator, left: Operand, right: Operand,
+             negated: bool) -> Operand:
+        """Return `left & right`; `negated` if what was written is its negation."""
+        if FALSE in (left, right) or left == ~right:
+            return FALSE
+        if left in (TRUE, right):
+            return right
+        if right == TRUE:
+            return left
+        written = {BinaryOperator.AND: (left, right), BinaryOperator.OR: (~left, ~right),
+                   BinaryOperator.IMPLIES: (left, ~right)}[operator]
+        operation = ApplyBinary(operator, *written, (_BOOL, _BOOL))
+        operand = self._share(('and', *sorted((left, right))), negated, operation)
+        return ~operand if negated else operand
+
+    def _xor(self, left: Operand, right: Operand, negated: bool) -> Operand:
+        """Return `left xor right`; `negated` if what was written is its negation."""
+        for one, other in ((left, right), (right, left)):
+            if one.is_constant:
+                return other if one.negated else ~other
+        if left.value == right.value:
+            return FALSE if left == right else TRUE
+        flip = left.negated != right.negated
+        bare = (Operand(left.value), Operand(right.value))
+        # Written as an equation over the bare values, so that no negation stands in it.
+        operator = BinaryOperator.IFF if negated != flip else BinaryOperator.XOR
+        operand = self._share(('xor', *sorted(bare)), negated != flip,
+                              ApplyBinary(operator, *bare, (_BOOL, _BOOL)))
+        operand = ~operand if negated != flip else operand
+        return ~operand if flip else operand
+
+    def _relation(self, operator: BinaryOperator, left: Operand, right: Operand,
+                  types: tuple[ValueType, ValueType]) -> Operand:
+        operation = ApplyBinary(operator, left, right, types)
+        if left == right and (known := _self_comparison(operator, types[0])):
+            return known
+        match operator:
+            case BinaryOperator.LT | BinaryOperator.LE:
+                return self._share((operator, left, right), False, operation)
+            case BinaryOperator.GT:
+                return self._share((BinaryOperator.LT, right, left), False, operation)
+            case BinaryOperator.GE:
+                return self._share((BinaryOperator.LE, right, left), False, operation)
+            case _:
+                key = ('equal', *sorted((left, right)))
+                return self._share(key, operator is BinaryOperator.NE, operation)
+
+    def _choice(self, condition: Operand, yes: Operand, no: Operand, type: ValueType) -> Operand:
+        if condition.negated:
+            condition, yes, no = ~condition, no, yes
+        if condition.is_constant or yes == no:
+            return yes
+        if type is _BOOL and (yes.is_constant or no.is_constant):
+            return self._choice_as_connective(condition, yes, no)
+        operation = Choose(condition, yes, no)
+        key = ('choose', condition, yes, no)
+        return self._number(key, operation, type)
+
+    def _choice_as_connective(self, condition: Operand, yes: Operand, no: Operand) -> Operand:
+        if yes == TRUE:
+            return self._connective(BinaryOperator.OR, condition, no)
+        if yes == FALSE:
+            return self._connective(BinaryOperator.AND, ~condition, no)
+        if no == TRUE:
+            return self._connective(BinaryOperator.IMPLIES, condition, yes)
+        return self._connective(BinaryOperator.AND, condition, yes)
+
+    # -- terms with state -------------------------------------------------------------------
+
+    def _first_step(self) -> Operand:
+        return self._share(('first',), False, FirstStep())
+
+    def _previous(self, node: Previous) -> Operand:
+        initial, argument = self.operand[node.initial], self.operand[node.argument]
+        if node.type is _BOOL:
+            return self._previous_truth(initial, argument)
+        if isinstance(node.initial, Constant):
+            operation = PreviousNumber(node.initial.value, argument)
+            return self._number(('previous', node.initial, argument), operation, node.type)
+        zero = 0.0 if node.type.is_float else 0
+        before = self._number(('previous', zero, argument), PreviousNumber(zero, argument),
+                              node.type)
+        return self._choice(self._first_step(), initial, before, node.type)
+
+    def _previous_truth(self, initial: Operand, argument: Operand) -> Operand:
+        if initial == TRUE:
+            return ~self._delay(1, ~argument)
+        yesterday = self._delay(1, argument)
+        if initial == FALSE:
+            return yesterday
+        return self._choice(self._first_step(), initial, yesterday, _BOOL)
+
+    def _delay(self, steps: int, argument: Operand) -> Operand:
+        """Return the argument `steps` steps ago, false while there is none."""
+        if argument == FALSE:
+            return FALSE
+        if argument == TRUE:
+            return ~self._first_step() if steps == 1 else self._before(steps, TRUE)
+        # A negated argument is delayed bare: the negation goes to what is read.
+        operation = Delay(steps, argument.negated, Operand(argument.value))
+        operand = self._number(('delay', steps, argument.negated, argument.value), operation,
+                               _BOOL)
+        return ~operand if argument.negated else operand
+
+    def _before(self, steps: int, argument: Operand) -> Operand:
+        return self._share(('before', steps, argument), False, OnceBefore(steps, argument))
+
+    def _once(self, window: Window, argument: Operand, dual: bool) -> Operand:
+        """
+        Return `O[window] argument`.
+
+        With `dual`, what was written is H of the negated argument, the result negated.
+        """
+        if window.is_empty or argument == FALSE:
+            return FALSE
+        if argument == TRUE:
+            return self._before(window.low, TRUE) if window.low else TRUE
+        if window.high is None:
+            return self._before(window.low, argument) if window.low \
+                else self._once_ever(argument, dual)
+        return self._once_within(window.high - window.low,
+                                 self._ago(window.low, argument), dual)
+
+    def _ago(self, steps: int, argument: Operand) -> Operand:
+        return self._delay(steps, argument) if steps else argument
+
+    def _once_ever(self, argument: Operand, dual: bool) -> Operand:
+        operation = AlwaysSoFar(~argument) if dual else OnceEver(argument)
+        return self._either(('once', argument), dual, operation)
+
+    def _once_within(self, bound: int, argument: Operand, dual: bool) -> Operand:
+        if bound == 0 or argument.is_constant:
+            return argument
+        operation = AlwaysWithin(bound, ~argument) if dual else OnceWithin(bound, argument)
+        return self._either(('within', bound, argument), dual, operation)
+
+    def _either(self, key: tuple[object, ...], dual: bool, operation: Operation) -> Operand:
+        """Return what `key` stands for; `operation` computes it, or with `dual` its negation."""
+        operand = self._share(key, dual, operation)
+        return ~operand if dual else operand
+
+    def _since(self, window: Window, left: Operand, right: Operand, dual: bool) -> Operand:
+        """Return `left S[window] right`; `dual` as for `_once`, with T."""
+        if window.is_empty or right == FALSE:
+            return FALSE
+        if left == TRUE or window.high == 0:
+            return self._once(window, right, dual)
+        if left == FALSE or (right == TRUE and window.low == 0):
+            return right if window.low == 0 else FALSE
+        if window.high is None:
+            return self._since_before(window.low, left, right, dual)
+        started = self._ago(window.low, right)
+        if window.low:
+            held = ~self._once(Window(0, window.low - 1), ~left, True)
+            started = self._and(BinaryOperator.AND, started, held, False)
+        return self._since_within(window.high - window.low, left, started)
+
+    def _since_before(self, bound: int, left: Operand, right: Operand, dual: bool) -> Operand:
+        if bound:
+            operation: Operation = SinceBefore(bound, left, right)
+            return self._share(('since', bound, left, right), False, operation)
+        operation = TriggeredEver(~left, ~right) if dual else SinceEver(left, right)
+        return self._either(('since', left, right), dual, operation)
+
+    def _since_within(self, bound: int, left: Operand, right: Operand) -> Operand:
+        if bound == 0 or right.is_constant:
+            return right
+        return self._share(('since within', bound, left, right), False,
+                           SinceWithin(bound, left, right))
+
+
+def _self_comparison(operator: BinaryOperator, type: ValueType) -> Operand | None:
+    """Return what a value compared with itself gives, where NaN cannot change it."""
+    if operator in (BinaryOperator.LT, BinaryOperator.GT):
+        return FALSE
+    if type.is_float:
+        return None
+    return FALSE if operator is BinaryOperator.NE else TRUE

@@ -1,0 +1,287 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What will run: for each step group a list of equations over a few kinds of state cell.
+
+Every equation defines one value from values before it, in an order in which they can be computed;
+every one takes O(1) time whatever its bounds. An operand of a Boolean operation is a value or its
+negation, so that negations cost nothing and equal subterms are found across them.
+"""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from fret_monitor.logic.formula import BinaryOperator
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import UnaryOperator
+from fret_monitor.logic.specification import Property
+from fret_monitor.logic.specification import Signal
+from fret_monitor.manifest import Policy
+from fret_monitor.manifest import ValueType
+
+
+@dataclass(frozen=True, order=True)
+class Operand:
+    """The value of an equation (its index in the group), negated or not; -1 is TRUE."""
+
+    value: int
+    negated: bool = False
+
+    def __invert__(self) -> 'Operand':
+        """Negate."""
+        return Operand(self.value, not self.negated)
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it is TRUE or FALSE."""
+        return self.value < 0
+
+
+TRUE = Operand(-1)
+FALSE = Operand(-1, True)
+
+
+@dataclass(frozen=True)
+class Read:
+    """The current value of an input (index of the signal)."""
+
+    signal: int
+
+
+@dataclass(frozen=True)
+class Literal:
+    """A number."""
+
+    value: int | float
+
+
+@dataclass(frozen=True)
+class Convert:
+    """A number in the equation's type, from `source`."""
+
+    source: ValueType
+    argument: Operand
+
+
+@dataclass(frozen=True)
+class ApplyUnary:
+    """NEG or ABS of a number."""
+
+    operator: UnaryOperator
+    argument: Operand
+
+
+@dataclass(frozen=True)
+class ApplyBinary:
+    """A connective, relation or arithmetic; `types` are those of the operands."""
+
+    operator: BinaryOperator
+    left: Operand
+    right: Operand
+    types: tuple[ValueType, ValueType]
+
+
+@dataclass(frozen=True)
+class Power:
+    """A number to a fixed exponent, by repeated multiplication."""
+
+    base: Operand
+    exponent: int
+
+
+@dataclass(frozen=True)
+class Choose:
+    """`yes` where `condition`, else `no`."""
+
+    condition: Operand
+    yes: Operand
+    no: Operand
+
+
+@dataclass(frozen=True)
+class FirstStep:
+    """FTP. One bit."""
+
+
+@dataclass(frozen=True)
+class Delay:
+    """
+    The Boolean argument `steps` steps ago; `initial` while there is none.
+
+    One step: a bit; up to 64: a shift register of that many bits; more: a ring of bits, and one
+    position for all rings of that length in the group.
+    """
+
+    steps: int
+    initial: bool
+    argument: Operand
+
+
+@dataclass(frozen=True)
+class OnceEver:
+    """`O p`. One bit."""
+
+    argument: Operand
+
+
+@dataclass(frozen=True)
+class AlwaysSoFar:
+    """`H p`. One bit."""
+
+    argument: Operand
+
+
+@dataclass(frozen=True)
+class SinceEver:
+    """`p S q`. One bit."""
+
+    left: Operand
+    right: Operand
+
+
+@dataclass(frozen=True)
+class TriggeredEver:
+    """`p T q`. One bit."""
+
+    left: Operand
+    right: Operand
+
+
+@dataclass(frozen=True)
+class OnceWithin:
+    """`O[0,bound] p`, bound > 0. One counter: for how many steps it stays true without p."""
+
+    bound: int
+    argument: Operand
+
+
+@dataclass(frozen=True)
+class AlwaysWithin:
+    """`H[0,bound] p`, bound > 0. One counter: for how many steps it stays false with p."""
+
+    bound: int
+    argument: Operand
+
+
+@dataclass(frozen=True)
+class OnceBefore:
+    """`O[bound,inf) p`, bound > 0. One counter: steps since the first p, up to the bound."""
+
+    bound: int
+    argument: Operand
+
+
+@dataclass(frozen=True)
+class SinceWithin:
+    """`p S[0,bound] q`, bound > 0. One counter: for how many steps it stays true with p alone."""
+
+    bound: int
+    left: Operand
+    right: Operand
+
+
+@dataclass(frozen=True)
+class SinceBefore:
+    """`p S[bound,inf) q`, bound > 0. One counter: steps since the oldest q that counts."""
+
+    bound: int
+    left: Operand
+    right: Operand
+
+
+@dataclass(frozen=True)
+class PreviousNumber:
+    """A number of the step before, at the first step `initial`. One value."""
+
+    initial: int | float
+    argument: Operand
+
+
+@dataclass(frozen=True)
+class FeedbackRead:
+    """What equation `index` of the group's `feedback` was at the step before. One value."""
+
+    index: int
+
+
+Pure: TypeAlias = Read | Literal | Convert | ApplyUnary | ApplyBinary | Power | Choose
+BitCell: TypeAlias = FirstStep | OnceEver | AlwaysSoFar | SinceEver | TriggeredEver
+CounterCell: TypeAlias = OnceWithin | AlwaysWithin | OnceBefore | SinceWithin | SinceBefore
+Cell: TypeAlias = BitCell | CounterCell | Delay | PreviousNumber | FeedbackRead
+Operation: TypeAlias = Pure | Cell
+
+
+@dataclass(frozen=True)
+class Equation:
+    """One value: how it is computed, its type, and the formula it was made for, if one."""
+
+    operation: Operation
+    type: ValueType
+    formula: Formula | None
+
+
+@dataclass(frozen=True)
+class FeedbackEquation:
+    """A value that is kept for the next step."""
+
+    name: str
+    type: ValueType
+    next: Operand
+
+
+@dataclass(frozen=True)
+class StepGroup:
+    """
+    The requirements that read the same inputs.
+
+    `signals` and `properties` are indices, ascending. `verdicts` are in the order of
+    `properties`; `first_equations[i]` is where the equations that property i adds begin.
+    """
+
+    signals: tuple[int, ...]
+    properties: tuple[int, ...]
+    equations: tuple[Equation, ...]
+    first_equations: tuple[int, ...]
+    verdicts: tuple[Operand, ...]
+    feedback: tuple[FeedbackEquation, ...]
+
+
+@dataclass(frozen=True)
+class MonitorProgram:
+    """All that C is made from."""
+
+    name: str
+    component: str
+    policy: Policy
+    period: float | None
+    signals: tuple[Signal, ...]
+    properties: tuple[Property, ...]
+    groups: tuple[StepGroup, ...]
+    definitions: tuple[tuple[str, Formula], ...]
+
+
+def operands(operation: Operation) -> tuple[Operand, ...]:
+    """Return what an operation is computed from in this step, left to right."""
+    match operation:
+        case Read() | Literal() | FirstStep() | FeedbackRead():
+            return ()
+        case ApplyBinary() | SinceEver() | TriggeredEver() | SinceWithin() | SinceBefore():
+            return (operation.left, operation.right)
+        case Choose():
+            return (operation.condition, operation.yes, operation.no)
+        case Power():
+            return (operation.base,)
+        case _:
+            return (operation.argument,)

@@ -1,0 +1,72 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Leave out the equations that no verdict needs.
+
+Folding constants (`p & FALSE`) leaves equations behind that nothing reads any more; their cells
+would cost memory and time, and C compilers warn of them.
+"""
+
+from bisect import bisect_left
+from collections.abc import Mapping
+from dataclasses import replace
+
+from fret_monitor.program.monitor_program import Equation
+from fret_monitor.program.monitor_program import Operand
+from fret_monitor.program.monitor_program import operands
+from fret_monitor.program.monitor_program import Operation
+from fret_monitor.program.monitor_program import StepGroup
+
+
+def prune(group: StepGroup) -> StepGroup:
+    """Return the group with the live equations only, renumbered, in the same order."""
+    live = _live(group)
+    number = {old: new for new, old in enumerate(live)}
+    return replace(
+        group,
+        equations=tuple(_renumbered(group.equations[old], number) for old in live),
+        first_equations=tuple(bisect_left(live, first)
+                              for first in group.first_equations),
+        verdicts=tuple(_operand(item, number) for item in group.verdicts),
+        feedback=tuple(replace(item, next=_operand(item.next, number))
+                       for item in group.feedback),
+    )
+
+
+def _live(group: StepGroup) -> list[int]:
+    roots = [*group.verdicts, *(item.next for item in group.feedback)]
+    seen: set[int] = set()
+    stack = [root.value for root in roots if not root.is_constant]
+    while stack:
+        value = stack.pop()
+        if value not in seen:
+            seen.add(value)
+            arguments = operands(group.equations[value].operation)
+            stack.extend(item.value for item in arguments if not item.is_constant)
+    return sorted(seen)
+
+
+def _renumbered(equation: Equation, number: Mapping[int, int]) -> Equation:
+    return replace(equation, operation=_operation(equation.operation, number))
+
+
+def _operation(operation: Operation, number: Mapping[int, int]) -> Operation:
+    changed = {name: _operand(value, number) for name, value in vars(operation).items()
+               if isinstance(value, Operand)}
+    return replace(operation, **changed) if changed else operation
+
+
+def _operand(operand: Operand, number: Mapping[int, int]) -> Operand:
+    return operand if operand.is_constant else replace(operand, value=number[operand.value])
