@@ -30,6 +30,15 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/// What a library shows to others; all else is built with hidden visibility.
+#ifndef FM_EXPORT
+#if defined(__GNUC__)
+#define FM_EXPORT __attribute__((visibility("default")))
+#else
+#define FM_EXPORT
+#endif
+#endif
+
 /// The layout of the structs below. A driver refuses a module of another number.
 #define FM_ABI 1u
 

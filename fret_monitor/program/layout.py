@@ -241,8 +241,8 @@ def _place_bits(group: StepGroup, parts: tuple[range, ...]) -> dict[int, BitSlot
 def _words(group: StepGroup, bits: dict[int, BitSlot]) -> Iterator[StateField]:
     words: dict[int, list[tuple[int, bool]]] = {}
     for index, slot in bits.items():
-        initial = _initial_bit(group.equations[index].operation)
-        words.setdefault(slot.word, []).append((slot.bit, initial))
+        is_set = _initial_bit(group.equations[index].operation)
+        words.setdefault(slot.word, []).append((slot.bit, is_set))
     for word, content in words.items():
         initial = sum(1 << bit for bit, is_set in content if is_set)
         yield StateField(FieldKind.BITS, word, _holding((1 << len(content)) - 1), 0, initial)

@@ -27,6 +27,7 @@ Windows come down to a few cells (n = b - a):
 and H and T are the same with everything negated.
 """
 
+from dataclasses import replace
 from typing import assert_never
 
 from fret_monitor.logic.formula import Binary
@@ -82,6 +83,8 @@ from fret_monitor.program.monitor_program import TRUE
 from fret_monitor.program.prune import prune
 
 _BOOL = ValueType.BOOL
+_LIMITS = {ValueType.INT64: (-2 ** 63, 2 ** 63 - 1), ValueType.UINT64: (0, 2 ** 64 - 1)}
+_TURNED = {BinaryOperator.GT: BinaryOperator.LT, BinaryOperator.GE: BinaryOperator.LE}
 
 
 def lower(specification: Specification) -> MonitorProgram:
@@ -141,18 +144,23 @@ class _GroupBuilder:
         self._found: dict[tuple[object, ...], Operand] = {}
         self._index = index
         self._feedback = feedback
-        self._formula: Formula | None = None
 
     def define(self, roots: list[Formula]) -> None:
         """Make the equations of all terms under the roots."""
         for node in postorder(roots):
             if node not in self.operand:
-                self._formula = node
                 self.operand[node] = self._term(node)
+                self._name(self.operand[node], node)
+
+    def _name(self, operand: Operand, node: Formula) -> None:
+        """Note at an equation the first formula that it computes, as it is."""
+        if not operand.is_constant and not operand.negated:
+            equation = self.equations[operand.value]
+            if equation.formula is None:
+                self.equations[operand.value] = replace(equation, formula=node)
 
     def _emit(self, operation: Operation, type: ValueType = _BOOL) -> Operand:
-        self.equations.append(Equation(operation, type, self._formula))
-        self._formula = None  # the equations behind a node's first are its helpers
+        self.equations.append(Equation(operation, type, None))
         return Operand(len(self.equations) - 1)
 
     def _share(self, key: tuple[object, ...], negated: bool, operation: Operation) -> Operand:
@@ -294,7 +302,8 @@ class _GroupBuilder:
     def _relation(self, operator: BinaryOperator, left: Operand, right: Operand,
                   types: tuple[ValueType, ValueType]) -> Operand:
         operation = ApplyBinary(operator, left, right, types)
-        if left == right and (known := _self_comparison(operator, types[0])):
+        known = self._known_comparison(operator, left, right, types)
+        if known:
             return known
         match operator:
             case BinaryOperator.LT | BinaryOperator.LE:
@@ -306,6 +315,31 @@ class _GroupBuilder:
             case _:
                 key = ('equal', *sorted((left, right)))
                 return self._share(key, operator is BinaryOperator.NE, operation)
+
+    def _known_comparison(self, operator: BinaryOperator, left: Operand, right: Operand,
+                          types: tuple[ValueType, ValueType]) -> Operand | None:
+        if left == right:
+            return _self_comparison(operator, types[0])
+        if types[0] is types[1]:
+            return self._limit_comparison(operator, left, right)
+        return None
+
+    def _limit_comparison(self, operator: BinaryOperator, left: Operand,
+                          right: Operand) -> Operand | None:
+        """Return what a comparison with the least or greatest integer gives (C warns of it)."""
+        if operator in (BinaryOperator.GT, BinaryOperator.GE):
+            operator, left, right = _TURNED[operator], right, left
+        if operator is BinaryOperator.LT and (self._is_limit(left, 1) or self._is_limit(right, 0)):
+            return FALSE
+        if operator is BinaryOperator.LE and (self._is_limit(left, 0) or self._is_limit(right, 1)):
+            return TRUE
+        return None
+
+    def _is_limit(self, operand: Operand, end: int) -> bool:
+        equation = self.equations[operand.value]
+        limits = _LIMITS.get(equation.type)
+        return isinstance(equation.operation, Literal) and limits is not None \
+            and equation.operation.value == limits[end]
 
     def _choice(self, condition: Operand, yes: Operand, no: Operand, type: ValueType) -> Operand:
         if condition.negated:

@@ -22,6 +22,7 @@ would cost memory and time, and C compilers warn of them.
 from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from fret_monitor.program.monitor_program import Equation
 from fret_monitor.program.monitor_program import Operand
@@ -63,8 +64,9 @@ def _renumbered(equation: Equation, number: Mapping[int, int]) -> Equation:
 
 
 def _operation(operation: Operation, number: Mapping[int, int]) -> Operation:
-    changed = {name: _operand(value, number) for name, value in vars(operation).items()
-               if isinstance(value, Operand)}
+    changed: dict[str, Any] = {name: _operand(value, number)
+                               for name, value in vars(operation).items()
+                               if isinstance(value, Operand)}
     return replace(operation, **changed) if changed else operation
 
 
