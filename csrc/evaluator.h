@@ -53,7 +53,7 @@ union fm_value
 };
 
 /// What a topic feeds: the inputs, as indices. Constant, owned by the caller, outlives the
-/// evaluator. A topic need not feed any.
+/// evaluator. A topic need not feed any; an input is fed by one topic at most, once.
 struct fm_topic
 {
   const uint32_t * inputs;
@@ -93,7 +93,7 @@ struct fm_input_counts
 {
   uint64_t received;     // values stored
   uint64_t unusable;     // told with fm_evaluator_unusable
-  uint64_t overwritten;  // values never stepped on, with FM_ALL_INPUTS
+  uint64_t overwritten;  // with FM_ALL_INPUTS: values that a group reading it never stepped on
 };
 
 /// Counters of a topic.
@@ -106,17 +106,20 @@ struct fm_topic_counts
 struct fm_evaluator;
 
 /// Bytes of memory an evaluator of these options needs, all included (0 if the monitor's ABI is
-/// not FM_ABI). O(inputs + groups + requirements + topics).
+/// not FM_ABI, or no address space could hold it). O(groups).
 FM_EXPORT uint64_t fm_evaluator_bytes(const struct fm_evaluator_options * options);
 
 /// Make an evaluator in `memory` (aligned to 16, fm_evaluator_bytes long), no input with a value,
 /// every group at its start. Returns it, or NULL if an index in the options or the monitor is out
-/// of range, or the ABI is another. O(bytes).
+/// of range or out of order, an input has two topics, a requirement does not stand in the one
+/// group it names, or the ABI is another. `report_onset` may be NULL: none. O(bytes).
 FM_EXPORT struct fm_evaluator * fm_evaluator_init(
   void * memory, const struct fm_evaluator_options * options);
 
-/// Store a value of an input. No step happens. O(1) and the groups that read it with
-/// FM_ALL_INPUTS. An index out of range is ignored.
+/// Store a value of an input. No step happens: the call of fm_evaluator_message with the input's
+/// topic follows, once all fields of the message are stored. Integers wrap to the input's type,
+/// a bool is i != 0. O(1), and O(groups that read it) for the first value and with FM_ALL_INPUTS.
+/// An index out of range is ignored.
 FM_EXPORT void fm_evaluator_store(
   struct fm_evaluator * evaluator, uint32_t input, union fm_value value);
 
@@ -132,17 +135,31 @@ FM_EXPORT void fm_evaluator_undecodable(struct fm_evaluator * evaluator, uint32_
 
 /// A message of a topic has been stored: take the steps that the policy wants.
 /// Writes the violations to announce to `out`, by group, then requirement; `out` has room for
-/// n_requirements. Returns their number. O(operations of the groups that step).
+/// n_requirements, or is NULL: they are counted only. Returns their number.
+/// A group that reads no input steps with every message, except with FM_PERIODIC. With
+/// FM_ALL_INPUTS a field that cannot be used does not count as received.
+/// O(operations of the groups that step), and a comparison for each group that might have.
 FM_EXPORT uint32_t fm_evaluator_message(
   struct fm_evaluator * evaluator, uint32_t topic, int64_t stamp, struct fm_violation * out);
 
 /// One period has passed (FM_PERIODIC), or a row of a trace is stored (any policy): all ready
-/// groups take a step. As fm_evaluator_message otherwise.
+/// groups take a step, and wait for all their inputs anew with FM_ALL_INPUTS. As
+/// fm_evaluator_message otherwise.
 FM_EXPORT uint32_t fm_evaluator_tick(
   struct fm_evaluator * evaluator, int64_t stamp, struct fm_violation * out);
 
+/// Take many rows of a trace at once: for each, store a value of every input that has a column,
+/// then fm_evaluator_tick. `columns` holds n_inputs pointers, each to n_rows values or NULL (the
+/// input stays as it is). Row k has the stamp first_stamp + k. `verdicts` gets n_requirements
+/// flags a row, row after row, or is NULL. Returns how many violations were announced.
+/// O(n_rows x operations).
+FM_EXPORT uint64_t fm_evaluator_rows(
+  struct fm_evaluator * evaluator, const union fm_value * const * columns, uint64_t n_rows,
+  int64_t first_stamp, bool * verdicts);
+
 /// Start all groups afresh: cells, first time point, step numbers, last verdicts (onset), and
 /// what counts as received anew. The inputs' values and the counters stay. O(state bytes).
+/// The verdicts read true again until the next step.
 FM_EXPORT void fm_evaluator_reset(struct fm_evaluator * evaluator);
 
 /// Whether every input that the group reads has a value.
