@@ -1,0 +1,112 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Tell setuptools, and through it colcon and pip, what `fret_monitor` is made of.
+
+`install_requires` names what comes from PyPI alone. The message packages and `rclpy` belong to a
+ROS 2 installation; the extra `ros` is for machines without one.
+"""
+
+from glob import glob
+
+from setuptools import find_packages
+from setuptools import setup
+
+NAME = 'fret_monitor'
+SHARED = ('config', 'csrc', 'docs', 'examples', 'launch')
+
+# The releases the tests ran with, and what may replace them without a change of meaning.
+# rclpy alone has no middleware: rmw-fastrtps-cpp brings one.
+ROS_WHEELS = [
+    'ros-jazzy-diagnostic-msgs>=5.3,<6',
+    'ros-jazzy-rclpy>=7.1.6,<7.2',
+    'ros-jazzy-rmw-fastrtps-cpp>=8.4,<8.5',
+    'ros-jazzy-std-msgs>=5.3,<6',
+    'ros-jazzy-std-srvs>=5.3,<6',
+]
+
+TEST = [
+    'catkin-pkg>=1',
+    'colcon-core>=0.18',
+    'colcon-ros>=0.5,<1',
+    'flake8>=7,<8',
+    'flake8-blind-except>=0.2,<1',
+    'flake8-builtins>=2.1',
+    'flake8-class-newline>=1.6,<2',
+    'flake8-comprehensions>=3.14,<4',
+    'flake8-deprecated>=2.2,<3',
+    'flake8-docstrings>=1.6,<2',
+    'flake8-import-order>=0.18,<1',
+    'flake8-quotes>=3.4,<4',
+    'hypothesis>=6.100,<7',
+    'mypy>=1.11',
+    'pydocstyle>=6.3,<7',
+    'pytest>=7.4',
+    'pytest-timeout>=2.2,<3',
+    'pytest-xdist>=3.5,<4',
+    'ros-jazzy-nav-msgs>=5.3,<6',
+    'ros-jazzy-sensor-msgs>=5.3,<6',
+    'ruff>=0.6',
+    # colcon still calls `setup.py develop --editable`, which setuptools 80 took away.
+    'setuptools<80',
+    'types-cffi',
+    'types-PyYAML',
+    'types-setuptools',
+    'ziglang>=0.12',
+]
+
+
+def shared_files(folder):
+    """
+    Return where the files of a folder are installed to.
+
+    :returns: a list of (folder below the prefix, files), one entry for `setup(data_files=...)`
+    """
+    return [(f'share/{NAME}/{folder}', sorted(glob(f'{folder}/*.*')))]
+
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    description='Watch ROS 2 topics with requirements of NASA FRET, compiled to C.',
+    author='The fret_monitor authors',
+    author_email='fret-monitor@users.noreply.github.com',
+    maintainer='The fret_monitor authors',
+    maintainer_email='fret-monitor@users.noreply.github.com',
+    license='Apache-2.0',
+    python_requires='>=3.12',
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={'': ['*.h', '*.lark', 'py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        *(entry for folder in SHARED for entry in shared_files(folder)),
+    ],
+    # Two distributions on PyPI carry a module `lark`: `lark` (1.x) and the older `lark-parser`
+    # (0.x), and installing one over the other breaks both. The ROS 2 wheels (rosidl) require
+    # lark-parser, so pip gets that and never `lark`. Ubuntu's python3-lark is 1.x: the grammars
+    # keep to what both read. There, apt provides the module, and neither colcon nor
+    # the scripts that setuptools writes look at this list.
+    install_requires=['cffi>=1.16', 'lark-parser>=0.12,<1', 'PyYAML>=6'],
+    extras_require={'ros': ROS_WHEELS, 'test': TEST},
+    entry_points={
+        'console_scripts': [
+            f'fret-monitor = {NAME}.cli.main:main',
+            f'logger = {NAME}.ros.logger:main',
+            f'monitor = {NAME}.ros.monitor:main',
+        ],
+    },
+    zip_safe=True,
+)
