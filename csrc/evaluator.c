@@ -425,10 +425,21 @@ static void write_value(void * place, enum fm_type type, union fm_value value)
   }
 }
 
-static void set_value(
-  struct fm_evaluator * evaluator, struct input_cell * input, union fm_value value)
+// As write_value, from an object of the input's type. A bool is read as a byte: one that is
+// neither 0 nor 1 would make the C that reads it undefined.
+static void copy_value(void * place, enum fm_type type, const void * from)
 {
-  write_value(input->place, input->type, value);
+  if (type == FM_BOOL) {
+    const bool truth = *(const unsigned char *)from != 0;
+    memcpy(place, &truth, sizeof truth);
+  } else {
+    memcpy(place, from, size_of(type));
+  }
+}
+
+// An input has been written: if it is its first value, its readers wait for one less.
+static void note_value(struct fm_evaluator * evaluator, struct input_cell * input)
+{
   if (!input->has_value) {
     input->has_value = true;
     for (uint32_t k = 0; k < input->n_readers; ++k) {
@@ -454,23 +465,50 @@ static void renew(struct fm_evaluator * evaluator, struct input_cell * input)
   input->received_at = evaluator->clock;
 }
 
+static void note_receipt(struct fm_evaluator * evaluator, struct input_cell * input)
+{
+  note_value(evaluator, input);
+  input->counts.received += 1;
+  if (evaluator->policy == FM_ALL_INPUTS) {
+    renew(evaluator, input);
+  }
+}
+
 void fm_evaluator_store(struct fm_evaluator * evaluator, uint32_t input, union fm_value value)
 {
-  if (input >= evaluator->monitor->n_inputs) {
-    return;
+  if (input < evaluator->monitor->n_inputs) {
+    struct input_cell * cell = &evaluator->inputs[input];
+    write_value(cell->place, cell->type, value);
+    note_receipt(evaluator, cell);
   }
-  struct input_cell * cell = &evaluator->inputs[input];
-  set_value(evaluator, cell, value);
-  cell->counts.received += 1;
-  if (evaluator->policy == FM_ALL_INPUTS) {
-    renew(evaluator, cell);
+}
+
+void fm_evaluator_store_from(
+  struct fm_evaluator * evaluator, uint32_t input, const void * value)
+{
+  if (input < evaluator->monitor->n_inputs) {
+    struct input_cell * cell = &evaluator->inputs[input];
+    copy_value(cell->place, cell->type, value);
+    note_receipt(evaluator, cell);
   }
 }
 
 void fm_evaluator_initial(struct fm_evaluator * evaluator, uint32_t input, union fm_value value)
 {
   if (input < evaluator->monitor->n_inputs) {
-    set_value(evaluator, &evaluator->inputs[input], value);
+    struct input_cell * cell = &evaluator->inputs[input];
+    write_value(cell->place, cell->type, value);
+    note_value(evaluator, cell);
+  }
+}
+
+void fm_evaluator_initial_from(
+  struct fm_evaluator * evaluator, uint32_t input, const void * value)
+{
+  if (input < evaluator->monitor->n_inputs) {
+    struct input_cell * cell = &evaluator->inputs[input];
+    copy_value(cell->place, cell->type, value);
+    note_value(evaluator, cell);
   }
 }
 
@@ -599,17 +637,19 @@ uint32_t fm_evaluator_tick(
 }
 
 static void store_row(
-  struct fm_evaluator * evaluator, const union fm_value * const * columns, uint64_t row)
+  struct fm_evaluator * evaluator, const void * const * columns, uint64_t row)
 {
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     if (columns[i] != NULL) {
-      fm_evaluator_store(evaluator, i, columns[i][row]);
+      const char * column = columns[i];
+      fm_evaluator_store_from(
+        evaluator, i, column + (size_t)row * size_of(evaluator->inputs[i].type));
     }
   }
 }
 
 uint64_t fm_evaluator_rows(
-  struct fm_evaluator * evaluator, const union fm_value * const * columns, uint64_t n_rows,
+  struct fm_evaluator * evaluator, const void * const * columns, uint64_t n_rows,
   int64_t first_stamp, bool * verdicts)
 {
   const uint32_t n_requirements = evaluator->monitor->n_requirements;

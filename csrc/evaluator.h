@@ -123,9 +123,15 @@ FM_EXPORT struct fm_evaluator * fm_evaluator_init(
 FM_EXPORT void fm_evaluator_store(
   struct fm_evaluator * evaluator, uint32_t input, union fm_value value);
 
-/// Give an input its initial value: as store, but it does not count as received (FM_ALL_INPUTS).
+/// As fm_evaluator_store, from an object of the input's type (bool: a byte) at any alignment.
+FM_EXPORT void fm_evaluator_store_from(
+  struct fm_evaluator * evaluator, uint32_t input, const void * value);
+
+/// Give an input its initial value: as store, but it does not count as received.
 FM_EXPORT void fm_evaluator_initial(
   struct fm_evaluator * evaluator, uint32_t input, union fm_value value);
+FM_EXPORT void fm_evaluator_initial_from(
+  struct fm_evaluator * evaluator, uint32_t input, const void * value);
 
 /// Count a field that cannot be used: the input stays as it was.
 FM_EXPORT void fm_evaluator_unusable(struct fm_evaluator * evaluator, uint32_t input);
@@ -149,12 +155,12 @@ FM_EXPORT uint32_t fm_evaluator_tick(
   struct fm_evaluator * evaluator, int64_t stamp, struct fm_violation * out);
 
 /// Take many rows of a trace at once: for each, store a value of every input that has a column,
-/// then fm_evaluator_tick. `columns` holds n_inputs pointers, each to n_rows values or NULL (the
-/// input stays as it is). Row k has the stamp first_stamp + k. `verdicts` gets n_requirements
+/// then fm_evaluator_tick. `columns` holds n_inputs pointers, each to n_rows values of the input's
+/// type (bool: bytes), or NULL: the input stays as it is. Row k has the stamp first_stamp + k. `verdicts` gets n_requirements
 /// flags a row, row after row, or is NULL. Returns how many violations were announced.
 /// O(n_rows x operations).
 FM_EXPORT uint64_t fm_evaluator_rows(
-  struct fm_evaluator * evaluator, const union fm_value * const * columns, uint64_t n_rows,
+  struct fm_evaluator * evaluator, const void * const * columns, uint64_t n_rows,
   int64_t first_stamp, bool * verdicts);
 
 /// Start all groups afresh: cells, first time point, step numbers, last verdicts (onset), and
