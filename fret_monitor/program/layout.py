@@ -215,11 +215,17 @@ def _wires(group: StepGroup, parts: tuple[range, ...]) -> Iterator[int]:
     for index, equation in enumerate(group.equations):
         start = parts[_part_of(parts, index)].start
         for operand in operands(equation.operation):
-            if 0 <= operand.value < start:
+            if 0 <= operand.value < start and not _is_at_hand(group, operand.value):
                 yield operand.value
     # Feedback is written by the last part, after everything has been read.
     yield from (item.next.value for item in group.feedback
-                if 0 <= item.next.value < parts[-1].start)
+                if 0 <= item.next.value < parts[-1].start
+                and not _is_at_hand(group, item.next.value))
+
+
+def _is_at_hand(group: StepGroup, value: int) -> bool:
+    """Whether every part can have a value without a wire."""
+    return isinstance(group.equations[value].operation, Read | Literal)
 
 
 def _is_bit(operation: Operation) -> bool:

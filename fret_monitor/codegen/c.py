@@ -1,0 +1,195 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+C expressions as a tree, and their text.
+
+Every operand that is not a single token stands in parentheses, but for chains of one associative
+operator: no reader and no compiler has to know C's precedence.
+"""
+
+from dataclasses import dataclass
+from fractions import Fraction
+import math
+import struct
+from typing import assert_never, TypeAlias
+
+from fret_monitor.manifest import ValueType
+
+_CHAINS = frozenset({'&', '|'})
+
+
+@dataclass(frozen=True)
+class Atom:
+    """A name, a literal or a field."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Negation:
+    """`!x` or `-x`."""
+
+    operator: str
+    operand: 'Expression'
+
+
+@dataclass(frozen=True)
+class Operation:
+    """An infix operator."""
+
+    operator: str
+    left: 'Expression'
+    right: 'Expression'
+
+
+@dataclass(frozen=True)
+class Call:
+    """A function call."""
+
+    function: str
+    arguments: tuple['Expression', ...]
+
+
+@dataclass(frozen=True)
+class Cast:
+    """`(type)x`."""
+
+    type: str
+    operand: 'Expression'
+
+
+@dataclass(frozen=True)
+class Conditional:
+    """`condition ? yes : no`."""
+
+    condition: 'Expression'
+    yes: 'Expression'
+    no: 'Expression'
+
+
+Expression: TypeAlias = Atom | Negation | Operation | Call | Cast | Conditional
+
+
+def depth(expression: Expression) -> int:
+    """Return how deep an expression nests; expressions are kept shallow, so this recurses."""
+    match expression:
+        case Atom():
+            return 0
+        case Negation() | Cast():
+            return depth(expression.operand) + 1
+        case Operation():
+            return max(depth(expression.left), depth(expression.right)) + 1
+        case Call():
+            return max((depth(item) for item in expression.arguments), default=0) + 1
+        case Conditional():
+            return 1 + max(depth(expression.condition), depth(expression.yes),
+                           depth(expression.no))
+        case _:
+            assert_never(expression)
+
+
+def text(expression: Expression) -> str:
+    """Return the C text."""
+    match expression:
+        case Atom():
+            return expression.text
+        case Negation():
+            return f'{expression.operator}{_inner(expression.operand)}'
+        case Operation():
+            return _operation(expression)
+        case Call():
+            arguments = ', '.join(text(item) for item in expression.arguments)
+            return f'{expression.function}({arguments})'
+        case Cast():
+            return f'({expression.type}){_inner(expression.operand)}'
+        case Conditional():
+            return (f'{_inner(expression.condition)} ? {_inner(expression.yes)} : '
+                    f'{_inner(expression.no)}')
+        case _:
+            assert_never(expression)
+
+
+def _operation(expression: Operation) -> str:
+    left, right = (
+        text(side) if _continues(side, expression.operator) else _inner(side)
+        for side in (expression.left, expression.right))
+    return f'{left} {expression.operator} {right}'
+
+
+def _continues(side: Expression, operator: str) -> bool:
+    return operator in _CHAINS and isinstance(side, Operation) and side.operator == operator
+
+
+def _inner(expression: Expression) -> str:
+    shown = text(expression)
+    if isinstance(expression, Atom):
+        return f'({shown})' if shown.startswith('-') else shown
+    if isinstance(expression, Call):
+        return shown
+    if isinstance(expression, Negation) and expression.operator == '!':
+        return shown
+    return f'({shown})'
+
+
+def negate(expression: Expression) -> Expression:
+    """Return `!expression`, without a double negation."""
+    if isinstance(expression, Negation) and expression.operator == '!':
+        return expression.operand
+    return Negation('!', expression)
+
+
+def literal(value: bool | int | float, type: ValueType) -> Atom:
+    """Return a number as a C literal that has exactly this value and type."""
+    if isinstance(value, bool):
+        return Atom('true' if value else 'false')
+    if type.is_float:
+        return Atom(_float_literal(float(value), type))
+    number = int(value)
+    if type is ValueType.UINT64:
+        return Atom(f'{number}u' if number < 2 ** 32 else f'UINT64_C({number})')
+    if number == -2 ** 63:
+        return Atom('INT64_MIN')
+    return Atom(str(number) if abs(number) < 2 ** 31 else f'INT64_C({number})')
+
+
+def _float_literal(value: float, type: ValueType) -> str:
+    suffix = 'f' if type is ValueType.FLOAT32 else ''
+    cast = '' if suffix else '(double)'
+    if math.isnan(value):
+        return f'{cast}NAN'
+    if math.isinf(value):
+        return f'{"-" if value < 0 else ""}{cast}INFINITY'
+    digits = _shortest_float32(value) if suffix else repr(value)
+    return (digits if any(c in digits for c in '.e') else digits + '.0') + suffix
+
+
+def _shortest_float32(value: float) -> str:
+    """Return the shortest decimal that C rounds to this float32."""
+    for precision in range(1, 10):
+        digits = f'{value:.{precision}g}'
+        if _is_nearest_float32(digits, value):
+            return repr(float(digits))
+    return f'{value:.9g}'
+
+
+def _is_nearest_float32(digits: str, value: float) -> bool:
+    # Compared exactly: rounding by way of a float64 could end at a neighbour.
+    bits = struct.unpack('<I', struct.pack('<f', abs(value)))[0]
+    if bits + 1 >= 0x7f800000:
+        return float(digits) == value
+    above = struct.unpack('<f', struct.pack('<I', bits + 1))[0]
+    below = struct.unpack('<f', struct.pack('<I', bits - 1))[0] if bits else -above
+    wanted, exact = Fraction(abs(value)), abs(Fraction(digits))
+    return 2 * abs(exact - wanted) < min(Fraction(above) - wanted, wanted - Fraction(below))

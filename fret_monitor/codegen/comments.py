@@ -1,0 +1,44 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Text from a bundle inside C comments: shown as written as far as that is safe."""
+
+from collections.abc import Iterator
+import textwrap
+import unicodedata
+
+_WIDTH = 90
+
+
+def comment(text: str, indent: str = '', first: str = '', rest: str = '') -> Iterator[str]:
+    """Yield `//` lines of a text; `first` and `rest` stand before its first and other lines."""
+    lines = textwrap.wrap(safe(text), _WIDTH - len(rest), break_on_hyphens=False) or ['']
+    for number, line in enumerate(lines):
+        yield f'{indent}// {rest if number else first}{line}'.rstrip()
+
+
+def safe(text: str) -> str:
+    """Replace what could end a comment, continue it, or turn the reading direction."""
+    shown = ''.join(_safe_character(char) for char in ' '.join(text.split()))
+    return shown.replace('??', '? ?').replace('*/', '* /').replace('/*', '/ *')
+
+
+def _safe_character(char: str) -> str:
+    if char == '\\':
+        return '<backslash>'
+    if char.isascii():
+        return char if char.isprintable() else ' '
+    kind = unicodedata.category(char)
+    is_plain = kind[0] in 'LNPS' and unicodedata.bidirectional(char) in ('L', 'ON', 'EN', 'ET')
+    return char if is_plain else f'<U+{ord(char):04X}>'

@@ -1,0 +1,145 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Every C identifier that generated code uses.
+
+What a user named keeps its name where C allows it, and is changed in a fixed way where not; names
+within one scope are distinct. Nothing from a bundle reaches C but through this module and
+`comments`.
+"""
+
+from collections.abc import Iterable
+import re
+
+from fret_monitor.manifest import ValueType
+from fret_monitor.program.layout import StateField
+
+_KEYWORDS = frozenset('''
+    auto break case char const continue default do double else enum extern float for goto if inline
+    int long register restrict return short signed sizeof static struct switch typedef union
+    unsigned void volatile while asm bool true false alignas alignof atomic complex generic
+    imaginary noreturn static_assert thread_local typeof nullptr constexpr
+    and and_eq bitand bitor catch class compl const_cast delete dynamic_cast explicit export friend
+    mutable namespace new not not_eq operator or or_eq private protected public reinterpret_cast
+    static_cast template this throw try typeid typename using virtual wchar_t xor xor_eq
+    linux unix i386 errno
+'''.split())
+_OURS = frozenset({'s', 'in', 'state', 'inputs', 'verdicts', 'pow', 'fmod', 'fmodf', 'memset'})
+_GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+$')
+
+C_TYPES = {
+    ValueType.BOOL: 'bool',
+    ValueType.INT8: 'int8_t',
+    ValueType.INT16: 'int16_t',
+    ValueType.INT32: 'int32_t',
+    ValueType.INT64: 'int64_t',
+    ValueType.UINT8: 'uint8_t',
+    ValueType.UINT16: 'uint16_t',
+    ValueType.UINT32: 'uint32_t',
+    ValueType.UINT64: 'uint64_t',
+    ValueType.FLOAT32: 'float',
+    ValueType.FLOAT64: 'double',
+}
+
+SUFFIXES = {
+    ValueType.UINT8: 'u8',
+    ValueType.UINT16: 'u16',
+    ValueType.UINT32: 'u32',
+    ValueType.UINT64: 'u64',
+    ValueType.INT64: 'i64',
+    ValueType.FLOAT32: 'f32',
+    ValueType.FLOAT64: 'f64',
+}
+
+
+def identifier(name: str) -> str:
+    """Return a C identifier close to `name`, no keyword, macro or name of ours."""
+    word = re.sub(r'[^A-Za-z0-9_]', '_', name) or '_'
+    if word in _KEYWORDS or word in _OURS or _GENERATED.match(word) or word[0].isdigit():
+        return 'v_' + word
+    return word
+
+
+def distinct(names: Iterable[str]) -> dict[str, str]:
+    """Return an identifier for each name, in order; clashes get a number behind them."""
+    chosen: dict[str, str] = {}
+    taken: set[str] = set()
+    for name in names:
+        word = candidate = identifier(name)
+        number = 2
+        while candidate in taken:
+            candidate = f'{word}_{number}_'
+            number += 1
+        taken.add(candidate)
+        chosen[name] = candidate
+    return chosen
+
+
+class Names:
+    """The names of one module; `prefix` stands before everything that a linker sees."""
+
+    def __init__(self, module: str, signals: Iterable[str], requirements: Iterable[str],
+                 definitions: Iterable[str]) -> None:
+        """Choose names for a bundle's inputs, requirement ids and definitions."""
+        word = re.sub(r'[^A-Za-z0-9_]', '_', module) or 'bundle'
+        is_taken = word[0].isdigit() or word.startswith(('_', 'fm_')) or word.lower() == 'fret'
+        self.prefix = 'm_' + word if is_taken else word
+        signals = list(signals)
+        both = distinct([*signals, *definitions])
+        self.signals = {name: both[name] for name in signals}
+        self.definitions = both
+        words = (re.sub(r'[^A-Za-z0-9_]', '_', id) for id in requirements)
+        self.requirements = [f'{self.prefix}_req_{word}' for word in words]
+
+    @property
+    def symbol(self) -> str:
+        """The function that returns the module's description."""
+        return f'{self.prefix}_monitor'
+
+    @property
+    def header(self) -> str:
+        """File name of the module's header."""
+        return f'{self.prefix}_monitor.h'
+
+    def source(self, number: int) -> str:
+        """File name of a C file."""
+        return f'{self.prefix}_monitor{f"_{number}" if number else ""}.c'
+
+    @property
+    def inputs_struct(self) -> str:
+        """The struct of inputs."""
+        return f'struct {self.prefix}_inputs'
+
+    @property
+    def state_struct(self) -> str:
+        """The struct of all state."""
+        return f'struct {self.prefix}_state'
+
+    def group_struct(self, group: int) -> str:
+        """Return the struct of a group's state."""
+        return f'struct {self.prefix}_group_{group}'
+
+    def group_function(self, group: int, verb: str) -> str:
+        """Return the function that steps or resets a group."""
+        return f'{self.prefix}_group_{group}_{verb}'
+
+    def part_function(self, group: int, part: int) -> str:
+        """Return the function that computes a part of a group's step."""
+        return f'{self.prefix}_group_{group}_part_{part}'
+
+
+def field(state: StateField) -> str:
+    """Return the name of a field of a group's state."""
+    return f'{state.kind.value}_{state.number}'

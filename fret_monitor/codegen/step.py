@@ -1,0 +1,441 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+One part of a group's step as C statements.
+
+Each equation becomes a named constant, or, where it is used once and small, a part of the
+expression that uses it. State is read from and written to the group's struct `s`; the bits of the
+part are read from a word at its start and written back at its end.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import assert_never
+
+from fret_monitor.codegen import c
+from fret_monitor.codegen.comments import comment
+from fret_monitor.codegen.names import C_TYPES
+from fret_monitor.codegen.names import field
+from fret_monitor.codegen.names import Names
+from fret_monitor.codegen.names import SUFFIXES
+from fret_monitor.logic.formula import BinaryOperator
+from fret_monitor.logic.formula import UnaryOperator
+from fret_monitor.logic.printing import to_smv
+from fret_monitor.manifest import ValueType
+from fret_monitor.program.layout import FieldKind
+from fret_monitor.program.layout import GroupLayout
+from fret_monitor.program.layout import ring_lengths
+from fret_monitor.program.layout import SHIFT_REGISTER_BITS
+from fret_monitor.program.layout import StateField
+from fret_monitor.program.monitor_program import AlwaysSoFar
+from fret_monitor.program.monitor_program import AlwaysWithin
+from fret_monitor.program.monitor_program import ApplyBinary
+from fret_monitor.program.monitor_program import ApplyUnary
+from fret_monitor.program.monitor_program import Choose
+from fret_monitor.program.monitor_program import Convert
+from fret_monitor.program.monitor_program import CounterCell
+from fret_monitor.program.monitor_program import Delay
+from fret_monitor.program.monitor_program import FeedbackRead
+from fret_monitor.program.monitor_program import FirstStep
+from fret_monitor.program.monitor_program import Literal
+from fret_monitor.program.monitor_program import MonitorProgram
+from fret_monitor.program.monitor_program import OnceBefore
+from fret_monitor.program.monitor_program import OnceEver
+from fret_monitor.program.monitor_program import OnceWithin
+from fret_monitor.program.monitor_program import Operand
+from fret_monitor.program.monitor_program import operands
+from fret_monitor.program.monitor_program import Operation
+from fret_monitor.program.monitor_program import Power
+from fret_monitor.program.monitor_program import PreviousNumber
+from fret_monitor.program.monitor_program import Read
+from fret_monitor.program.monitor_program import SinceBefore
+from fret_monitor.program.monitor_program import SinceEver
+from fret_monitor.program.monitor_program import SinceWithin
+from fret_monitor.program.monitor_program import TriggeredEver
+
+_INLINE_DEPTH = 4
+_INLINE_WIDTH = 60
+_SHOWN_FORMULA = 70
+_TEXT_WIDTH = 600
+
+_RELATIONS = {BinaryOperator.LT: '<', BinaryOperator.LE: '<=', BinaryOperator.GT: '>',
+              BinaryOperator.GE: '>=', BinaryOperator.EQ: '==', BinaryOperator.NE: '!='}
+_MIXED = {BinaryOperator.LT: ('less', False, False), BinaryOperator.GE: ('less', False, True),
+          BinaryOperator.GT: ('less', True, False), BinaryOperator.LE: ('less', True, True)}
+_ARITHMETIC = {BinaryOperator.ADD: '+', BinaryOperator.SUB: '-', BinaryOperator.MUL: '*',
+               BinaryOperator.DIV: '/'}
+_FUNCTIONS = {BinaryOperator.ADD: 'add', BinaryOperator.SUB: 'sub', BinaryOperator.MUL: 'mul',
+              BinaryOperator.DIV: 'div', BinaryOperator.MOD: 'mod', BinaryOperator.MIN: 'min',
+              BinaryOperator.MAX: 'max'}
+
+
+class PartWriter:
+    """Writes the statements of one part of a group's step."""
+
+    def __init__(self, program: MonitorProgram, layout: GroupLayout, part: int,
+                 names: Names) -> None:
+        """Prepare for part number `part`."""
+        self._program = program
+        self._layout = layout
+        self._group = layout.group
+        self._part = part
+        self._range = layout.parts[part]
+        self._names = names
+        self._fields = {(item.kind, item.number): item for item in layout.fields}
+        self._definitions = {formula: names.definitions[name]
+                             for name, formula in program.definitions}
+        self._uses = _uses(layout)
+        self._inlined: dict[int, c.Expression] = {}
+        self._taken: set[str] = set()
+
+    def lines(self) -> Iterator[str]:
+        """Yield the statements, indented."""
+        words = self._words()
+        for word in words:
+            name = field(word)
+            yield f'  const {C_TYPES[word.type]} {name} = s->{name};'
+            yield f'  {_wide(word)} next_{word.number} = 0u;'
+        yield from self._equations()
+        if words or self._is_last:
+            yield ''
+        for word in words:
+            yield f'  s->{field(word)} = {_narrow(word, f"next_{word.number}")};'
+        if self._is_last:
+            yield from self._last()
+
+    def _words(self) -> list[StateField]:
+        numbers = {slot.word for slot in self._layout.bits.values() if slot.part == self._part}
+        return [self._fields[FieldKind.BITS, number] for number in sorted(numbers)]
+
+    def _equations(self) -> Iterator[str]:
+        starts = dict(zip(self._group.properties, self._group.first_equations, strict=True))
+        pending = [number for number, start in starts.items()
+                   if start in self._range or (self._is_last and start == self._range.stop)]
+        for index in self._range:
+            while pending and starts[pending[0]] <= index:
+                yield from self._heading(pending.pop(0))
+            yield from self._equation(index)
+        for number in pending:
+            yield from self._heading(number)
+        if self._is_last:
+            yield from self._constant_verdicts()
+
+    @property
+    def _is_last(self) -> bool:
+        return self._part == len(self._layout.parts) - 1
+
+    def _heading(self, number: int) -> Iterator[str]:
+        item = self._program.properties[number]
+        yield ''
+        yield from comment(f'{item.id}: {item.title or item.text}'[:_TEXT_WIDTH], '  ', '', '  ')
+        formula = to_smv(item.formula, limit=_TEXT_WIDTH)
+        yield from comment(formula, '  ', '  ', '    ')
+
+    # -- equations ----------------------------------------------------------------------------
+
+    def _equation(self, index: int) -> Iterator[str]:
+        expression = self._expression(index)
+        if self._can_inline(index, expression):
+            self._inlined[index] = expression
+        else:
+            yield from self._constant(index, expression)
+        yield from self._after(index)
+        yield from self._verdicts(index)
+
+    def _constant(self, index: int, expression: c.Expression) -> Iterator[str]:
+        name = self._local(index)
+        equation = self._group.equations[index]
+        yield from self._note(index)
+        yield f'  const {C_TYPES[equation.type]} {name} = {c.text(expression)};'
+        self._inlined[index] = c.Atom(name)
+        if index in self._layout.wires:
+            yield f'  s->wire_{index} = {name};'
+
+    def _note(self, index: int) -> Iterator[str]:
+        equation = self._group.equations[index]
+        is_plain = isinstance(equation.operation, Read | Literal | Convert)
+        if equation.formula is not None and not is_plain:
+            yield from comment(to_smv(equation.formula, limit=_SHOWN_FORMULA), '  ')
+
+    def _can_inline(self, index: int, expression: c.Expression) -> bool:
+        equation = self._group.equations[index]
+        if isinstance(equation.operation, Literal):
+            return True
+        is_pure = isinstance(equation.operation, Read | ApplyUnary | ApplyBinary | Power | Choose)
+        return is_pure and self._uses[index] == 1 and index not in self._layout.wires \
+            and equation.formula not in self._definitions and c.depth(expression) <= _INLINE_DEPTH \
+            and len(c.text(expression)) <= _INLINE_WIDTH
+
+    def _local(self, index: int) -> str:
+        equation = self._group.equations[index]
+        wanted = self._wanted(equation.operation, index)
+        if equation.formula in self._definitions and not isinstance(equation.operation, Read):
+            wanted = self._definitions[equation.formula]
+        if wanted in self._taken:
+            wanted = f'{wanted}_{index}_'
+        self._taken.add(wanted)
+        return wanted
+
+    def _wanted(self, operation: Operation, index: int) -> str:
+        match operation:
+            case Read():
+                return self._signal(operation)
+            case Convert():
+                source = operation.argument.value
+                before = self._group.equations[source].operation
+                stem = self._signal(before) if isinstance(before, Read) else f'number_{source}'
+                return f'{stem}_{SUFFIXES[self._group.equations[index].type]}'
+            case _:
+                return f'{_stem(operation)}_{index}'
+
+    def _signal(self, operation: Read) -> str:
+        return self._names.signals[self._program.signals[operation.signal].name]
+
+    # -- expressions --------------------------------------------------------------------------
+
+    def _operand(self, operand: Operand) -> c.Expression:
+        if operand.is_constant:
+            return c.Atom('false' if operand.negated else 'true')
+        found = self._inlined.get(operand.value)
+        if found is None:
+            found = self._from_before(operand.value)
+        return c.negate(found) if operand.negated else found
+
+    def _from_before(self, index: int) -> c.Expression:
+        operation = self._group.equations[index].operation
+        if isinstance(operation, Literal):
+            return c.literal(operation.value, self._group.equations[index].type)
+        if isinstance(operation, Read):
+            return c.Atom(f'in->{self._signal(operation)}')
+        return c.Atom(f's->wire_{index}')
+
+    def _expression(self, index: int) -> c.Expression:
+        equation = self._group.equations[index]
+        operation = equation.operation
+        match operation:
+            case Read():
+                return c.Atom(f'in->{self._signal(operation)}')
+            case Literal():
+                return c.literal(operation.value, equation.type)
+            case Convert() | ApplyUnary() | ApplyBinary() | Power() | Choose():
+                return self._pure(operation, equation.type)
+            case FirstStep() | OnceEver() | AlwaysSoFar() | SinceEver() | TriggeredEver():
+                return self._bit_cell(operation, index)
+            case Delay():
+                return self._delay(operation, index)
+            case OnceWithin() | AlwaysWithin() | OnceBefore() | SinceWithin() | SinceBefore():
+                return self._counter(operation, index)
+            case PreviousNumber():
+                return c.Atom(f's->number_{index}')
+            case FeedbackRead():
+                return c.Atom(f's->feedback_{operation.index}')
+            case _:
+                assert_never(operation)
+
+    def _pure(self, operation: Convert | ApplyUnary | ApplyBinary | Power | Choose,
+              type: ValueType) -> c.Expression:
+        match operation:
+            case Convert():
+                return _convert(operation, self._operand(operation.argument), type)
+            case ApplyUnary():
+                return _unary(operation.operator, self._operand(operation.argument), type)
+            case ApplyBinary():
+                return self._binary(operation)
+            case Power():
+                return c.Call(f'fm_power_{SUFFIXES[type]}',
+                              (self._operand(operation.base), c.Atom(f'{operation.exponent}u')))
+            case Choose():
+                return c.Conditional(self._operand(operation.condition),
+                                     self._operand(operation.yes), self._operand(operation.no))
+            case _:
+                assert_never(operation)
+
+    def _binary(self, operation: ApplyBinary) -> c.Expression:
+        left, right = self._operand(operation.left), self._operand(operation.right)
+        operator = operation.operator
+        if operator.is_boolean:
+            return _connective(operator, left, right)
+        if operator.is_relation:
+            return _relation(operator, left, right, operation.types)
+        return _arithmetic(operator, left, right, operation.types[0])
+
+    def _old_bit(self, index: int) -> c.Expression:
+        slot = self._layout.bits[index]
+        return c.Call('fm_bit', (c.Atom(f'bits_{slot.word}'), c.Atom(f'{slot.bit}u')))
+
+    def _bit_cell(self, operation: Operation, index: int) -> c.Expression:
+        old = self._old_bit(index)
+        match operation:
+            case OnceEver():
+                return c.Operation('|', old, self._operand(operation.argument))
+            case AlwaysSoFar():
+                return c.Operation('&', old, self._operand(operation.argument))
+            case SinceEver():
+                kept = c.Operation('&', self._operand(operation.left), old)
+                return c.Operation('|', self._operand(operation.right), kept)
+            case TriggeredEver():
+                freed = c.Operation('|', self._operand(operation.left), old)
+                return c.Operation('&', self._operand(operation.right), freed)
+            case _:
+                return old
+
+    def _delay(self, delay: Delay, index: int) -> c.Expression:
+        argument = self._operand(delay.argument)
+        if delay.steps == 1:
+            return self._old_bit(index)
+        if delay.steps > SHIFT_REGISTER_BITS:
+            position = c.Atom(f's->position_{delay.steps}')
+            return c.Call('fm_delay_ring', (c.Atom(f's->ring_{index}'), position, argument))
+        suffix = SUFFIXES[self._fields[FieldKind.LINE, index].type]
+        return c.Call(f'fm_delay_{suffix}',
+                      (c.Atom(f'&s->line_{index}'), c.Atom(f'{delay.steps}u'), argument))
+
+    def _counter(self, operation: CounterCell, index: int) -> c.Expression:
+        suffix = SUFFIXES[self._fields[FieldKind.COUNTER, index].type]
+        arguments = (self._operand(item) for item in operands(operation))
+        return c.Call(f'fm_{_COUNTERS[type(operation)]}_{suffix}',
+                      (c.Atom(f'&s->counter_{index}'), c.Atom(f'{operation.bound}u'),
+                       *arguments))
+
+    # -- what follows an equation ---------------------------------------------------------------
+
+    def _after(self, index: int) -> Iterator[str]:
+        operation = self._group.equations[index].operation
+        if index in self._layout.bits and not isinstance(operation, FirstStep):
+            yield self._next_bit(index, operation)
+        elif isinstance(operation, PreviousNumber):
+            yield f'  s->number_{index} = {c.text(self._operand(operation.argument))};'
+
+    def _next_bit(self, index: int, operation: Operation) -> str:
+        slot = self._layout.bits[index]
+        word = self._fields[FieldKind.BITS, slot.word]
+        value = self._operand(operation.argument) if isinstance(operation, Delay) \
+            else self._inlined[index]
+        shown = c.text(c.Cast(_wide(word), value))
+        return f'  next_{slot.word} |= {shown} << {slot.bit};'
+
+    def _verdicts(self, index: int) -> Iterator[str]:
+        for number, operand in zip(self._group.properties, self._group.verdicts, strict=True):
+            if operand.value == index:
+                yield self._verdict(number, operand)
+
+    def _constant_verdicts(self) -> Iterator[str]:
+        for number, operand in zip(self._group.properties, self._group.verdicts, strict=True):
+            if operand.is_constant:
+                yield self._verdict(number, operand)
+
+    def _verdict(self, number: int, operand: Operand) -> str:
+        value = c.text(self._operand(operand))
+        return f'  verdicts[{self._names.requirements[number]}] = {value};'
+
+    def _last(self) -> Iterator[str]:
+        for number, item in enumerate(self._group.feedback):
+            yield f'  s->feedback_{number} = {c.text(self._operand(item.next))};'
+        for length in ring_lengths(self._group):
+            place = self._fields[FieldKind.POSITION, length]
+            advanced = c.Call('fm_next_position', (c.Atom(f's->{field(place)}'),
+                                                   c.Atom(f'{length}u')))
+            shown = c.text(advanced if place.type is ValueType.UINT32
+                           else c.Cast(C_TYPES[place.type], advanced))
+            yield f'  s->{field(place)} = {shown};'
+
+
+_COUNTERS: dict[type[Operation], str] = {
+    OnceWithin: 'once_within', AlwaysWithin: 'always_within', OnceBefore: 'once_before',
+    SinceWithin: 'since_within', SinceBefore: 'since_before',
+}
+_STEMS: dict[type[Operation], str] = {
+    **_COUNTERS, FirstStep: 'first', OnceEver: 'once', AlwaysSoFar: 'always', SinceEver: 'since',
+    TriggeredEver: 'triggered', PreviousNumber: 'previous', FeedbackRead: 'feedback',
+}
+
+
+def _stem(operation: Operation) -> str:
+    if isinstance(operation, Delay):
+        return 'yesterday' if operation.steps == 1 else 'delayed'
+    return _STEMS.get(type(operation), 'value')
+
+
+def _uses(layout: GroupLayout) -> Counter[int]:
+    group = layout.group
+    uses: Counter[int] = Counter()
+    for equation in group.equations:
+        uses.update(item.value for item in operands(equation.operation))
+    uses.update(item.value for item in group.verdicts)
+    uses.update(item.next.value for item in group.feedback)
+    return uses
+
+
+def _wide(word: StateField) -> str:
+    return 'uint64_t' if word.type is ValueType.UINT64 else 'uint32_t'
+
+
+def _narrow(word: StateField, value: str) -> str:
+    is_wide = word.type in (ValueType.UINT32, ValueType.UINT64)
+    return value if is_wide else f'({C_TYPES[word.type]}){value}'
+
+
+def _convert(operation: Convert, argument: c.Expression, type: ValueType) -> c.Expression:
+    if operation.source is ValueType.UINT64 and type is ValueType.INT64:
+        return c.Call('fm_signed', (argument,))
+    return c.Cast(C_TYPES[type], argument)
+
+
+def _unary(operator: UnaryOperator, argument: c.Expression, type: ValueType) -> c.Expression:
+    if operator is UnaryOperator.ABS:
+        return c.Call(f'fm_abs_{SUFFIXES[type]}', (argument,))
+    if type.is_float:
+        return c.Negation('-', argument)
+    return c.Call(f'fm_neg_{SUFFIXES[type]}', (argument,))
+
+
+def _connective(operator: BinaryOperator, left: c.Expression,
+                right: c.Expression) -> c.Expression:
+    match operator:
+        case BinaryOperator.AND:
+            return c.Operation('&', left, right)
+        case BinaryOperator.OR:
+            return c.Operation('|', left, right)
+        case BinaryOperator.IMPLIES:
+            return c.Operation('|', c.negate(left), right)
+        case BinaryOperator.XOR:
+            return c.Operation('!=', left, right)
+        case _:
+            return c.Operation('==', left, right)
+
+
+def _relation(operator: BinaryOperator, left: c.Expression, right: c.Expression,
+              types: tuple[ValueType, ValueType]) -> c.Expression:
+    if types[0] is types[1]:
+        return c.Operation(_RELATIONS[operator], left, right)
+    signs = 'iu' if types[0] is ValueType.INT64 else 'ui'
+    if operator in (BinaryOperator.EQ, BinaryOperator.NE):
+        both = (left, right) if signs == 'iu' else (right, left)
+        call: c.Expression = c.Call('fm_equal_iu', both)
+        return c.negate(call) if operator is BinaryOperator.NE else call
+    name, turned, negated = _MIXED[operator]
+    if turned:
+        left, right, signs = right, left, signs[::-1]
+    call = c.Call(f'fm_{name}_{signs}', (left, right))
+    return c.negate(call) if negated else call
+
+
+def _arithmetic(operator: BinaryOperator, left: c.Expression, right: c.Expression,
+                type: ValueType) -> c.Expression:
+    if type.is_float and operator in _ARITHMETIC:
+        return c.Operation(_ARITHMETIC[operator], left, right)
+    if operator is BinaryOperator.POW:
+        return c.Call('pow', (left, right))
+    return c.Call(f'fm_{_FUNCTIONS[operator]}_{SUFFIXES[type]}', (left, right))
