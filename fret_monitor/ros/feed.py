@@ -1,0 +1,295 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Subscriptions that a thread of their own empties, in the order in which messages came in.
+
+rclpy's executor spends 70 us on a message and takes topic after topic; which of two topics spoke
+first is lost. Here one thread waits on all subscriptions, takes what has come as bytes, and hands
+it on in the order of the middleware's reception times, across topics too. The same thread looks
+who publishes, and renews a subscription that could not hear somebody.
+
+The subscriptions are invisible to any executor. All of them belong to the feed's thread.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from heapq import merge
+from operator import itemgetter
+from threading import Event, Thread
+from time import monotonic, time_ns
+from typing import Any
+
+from fret_monitor.ros import qos
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+Deliver = Callable[[bytes, int], None]
+"""Takes a serialized message and its reception time in nanoseconds; called in the feed's thread."""
+
+_WAIT = 200_000_000  # ns; an idle wait without an end can outlive a shutdown
+_REVIEW_PERIOD = 0.25  # s between two looks at who publishes: 50 us a topic
+# How long an old subscription is kept beside a new one: until every publisher has found it.
+_OVERLAP = 2.0
+_REMEMBERED = 4096  # messages of a topic that would be recognised if they came again
+
+# reception time, (source time, sequence number) that tell it from others, data, topic
+_Taken = tuple[int, tuple[int, int], bytes, '_Topic']
+
+
+class _Invisible(CallbackGroup):
+    """A callback group that no executor takes anything from."""
+
+    def can_execute(self, entity: Any) -> bool:
+        """Return that it may not."""
+        return False
+
+    def beginning_execution(self, entity: Any) -> bool:
+        """Return that it may not."""
+        return False
+
+    def ending_execution(self, entity: Any) -> None:
+        """Do nothing: it never began."""
+
+
+class Feed:
+    """Hands messages of any number of topics to callbacks, one at a time, in its own thread."""
+
+    def __init__(self, node: Node) -> None:
+        """Feed from a node's subscriptions; nothing is delivered before `start`."""
+        self._node = node
+        self._topics: list[_Topic] = []
+        self._closing = Event()
+        self._thread = Thread(target=self._run, name='feed', daemon=True)
+        self._guard = _rclpy.GuardCondition(node.context.handle)
+        self._held: list[_Taken] = []
+        self._sources: list[tuple[Any, _Topic]] = []
+        self._wait_set: Any = None
+        self.failure: BaseException | None = None
+        """What a callback raised; nothing is delivered after that."""
+
+    def subscribe(self, name: str, message_type: str, message_class: Any, deliver: Deliver,
+                  fixed: Mapping[str, str | int]) -> None:
+        """
+        Subscribe to a topic, before `start`.
+
+        `fixed` is the part of the quality of service that is not chosen by who publishes
+        (`qos.wanted_profile`).
+        """
+        self._topics.append(
+            _Topic(self._node, name, message_type, message_class, deliver, fixed))
+
+    def start(self) -> None:
+        """Start delivering."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop delivering, and destroy the subscriptions. Nothing is delivered after it."""
+        self._closing.set()
+        if self._thread.is_alive():
+            self._guard.trigger_guard_condition()
+            self._thread.join()
+        for topic in self._topics:
+            topic.close()
+        self._topics.clear()
+        self._guard.destroy_when_not_in_use()
+
+    def received(self) -> list[int]:
+        """Return the number of messages delivered of each topic, in order of subscription."""
+        return [topic.delivered for topic in self._topics]
+
+    def _run(self) -> None:
+        try:
+            self._loop()
+        except BaseException as error:
+            # Without this the node would live on and watch nothing.
+            self.failure = error
+
+    def _loop(self) -> None:
+        next_review = monotonic()
+        while not self._closing.is_set():
+            if monotonic() >= next_review:
+                self._review()
+                next_review = monotonic() + _REVIEW_PERIOD
+            self._wait(0 if self._held else _WAIT)
+            for taken in self._take():
+                taken[3].deliver(taken)
+                if self._closing.is_set():
+                    return
+
+    def _review(self) -> None:
+        for topic in self._topics:
+            topic.review()
+        self._sources = [(handle, topic) for topic in self._topics for handle in topic.handles()]
+        self._wait_set = _rclpy.WaitSet(
+            len(self._sources), 1, 0, 0, 0, 0, self._node.context.handle)
+
+    def _wait(self, nanoseconds: int) -> None:
+        # rcl clears what is not ready, so that all have to be added again
+        self._wait_set.clear_entities()
+        for handle, _ in self._sources:
+            self._wait_set.add_subscription(handle)
+        self._wait_set.add_guard_condition(self._guard)
+        self._wait_set.wait(nanoseconds)
+
+    def _take(self) -> Iterable[_Taken]:
+        """
+        Take what has come in, oldest first.
+
+        While one topic is emptied, an earlier message than the last one taken from it may come
+        in on another: what came after the beginning waits for the next round, but no longer, in
+        case the clock was set back.
+        """
+        now = time_ns()
+        rounds: list[list[_Taken]] = [self._held]
+        self._held = []
+        for handle, topic in self._sources:
+            rounds.append(self._take_all(handle, topic, now))
+        filled = [batch for batch in rounds if batch]
+        return filled[0] if len(filled) == 1 else merge(*filled, key=itemgetter(0))
+
+    def _take_all(self, handle: Any, topic: '_Topic', now: int) -> list[_Taken]:
+        batch: list[_Taken] = []
+        while (taken := handle.take_message(topic.message_class, True)) is not None:
+            data, info = taken
+            stamp = info['received_timestamp'] or now
+            key = (info['source_timestamp'], info['publication_sequence_number'])
+            item = (stamp, key, data, topic)
+            if stamp > now:
+                self._held.append(item)
+                break
+            batch.append(item)
+        return batch
+
+
+class _Topic:
+    """One topic: its subscription (for a while two of them), and who publishes on it."""
+
+    def __init__(self, node: Node, name: str, message_type: str, message_class: Any,
+                 deliver: Deliver, fixed: Mapping[str, str | int]) -> None:
+        self.message_class = message_class
+        self.delivered = 0
+        self._node = node
+        self._name = name
+        self._message_type = message_type
+        self._deliver = deliver
+        self._fixed = fixed
+        self._told: set[object] = set()
+        self._known: set[bytes] = set()
+        self._recent: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED)
+        self._seen: set[tuple[int, int]] | None = None
+        self._oldest_wanted = 0  # source time
+        self._retired: list[tuple[Subscription, float]] = []
+        self._current = self._subscribe(qos.wanted_profile((), fixed))
+
+    def handles(self) -> list[Any]:
+        """Return what to wait on and take from: the retired ones first."""
+        return [item.handle for item, _ in self._retired] + [self._current.handle]
+
+    def deliver(self, taken: _Taken) -> None:
+        """Hand a message on, unless it has come already by the other subscription."""
+        stamp, key, data, _ = taken
+        if self._seen is not None:
+            if key in self._seen or key[0] < self._oldest_wanted:
+                return
+            self._seen.add(key)
+        self._recent.append(key)
+        self.delivered += 1
+        self._deliver(data, stamp)
+
+    def close(self) -> None:
+        """Destroy all subscriptions."""
+        for subscription in [item for item, _ in self._retired] + [self._current]:
+            self._node.destroy_subscription(subscription)
+
+    def review(self) -> None:
+        """See who publishes, tell whom it cannot hear, and subscribe anew where that helps."""
+        self._let_go()
+        publishers = self._node.get_publishers_info_by_topic(self._name)
+        same_type = [item for item in publishers if item.topic_type == self._message_type]
+        for item in publishers:
+            if item.topic_type != self._message_type:
+                self._tell_type(item)
+        wanted = qos.wanted_profile((item.qos_profile for item in same_type), self._fixed)
+        gids = {bytes(item.endpoint_gid) for item in same_type}
+        has_new = not gids <= self._known
+        self._known = gids
+        if has_new and not qos.same_request(wanted, self._current.qos_profile):
+            self._renew(wanted, same_type)
+        for item in same_type:
+            if not qos.hears(self._current.qos_profile, item.qos_profile):
+                self._tell_unheard(item)
+
+    def _renew(self, wanted: QoSProfile, publishers: list[TopicEndpointInfo]) -> None:
+        before = self._current
+        unheard = [item for item in publishers
+                   if not qos.hears(before.qos_profile, item.qos_profile)]
+        # The new one may be sent what the old one was sent too; and a publisher's history, which
+        # must not come after what it has said since.
+        self._seen = set(self._recent)
+        if wanted.durability is DurabilityPolicy.TRANSIENT_LOCAL and self._recent:
+            self._oldest_wanted = max(source for source, _ in self._recent)
+        self._retired.append((before, monotonic() + _OVERLAP))
+        self._current = self._subscribe(wanted)
+        reason = f'to hear {_who(unheard[0])}' if unheard else 'as its publishers offer it'
+        self._node.get_logger().info(
+            f'subscribed anew to {self._current.topic_name} ({qos.describe(wanted)}) {reason}')
+
+    def _let_go(self) -> None:
+        now = monotonic()
+        for item, until in list(self._retired):
+            if now >= until:
+                self._retired.remove((item, until))
+                self._node.destroy_subscription(item)
+        if not self._retired:
+            self._seen = None
+            self._oldest_wanted = 0
+
+    def _subscribe(self, profile: QoSProfile) -> Subscription:
+        return self._node.create_subscription(
+            self.message_class, self._name, _unused, profile,
+            callback_group=_Invisible(), raw=True)
+
+    def _tell_type(self, publisher: TopicEndpointInfo) -> None:
+        if self._tell_once(publisher.topic_type):
+            self._node.get_logger().error(
+                f'{_who(publisher)} publishes {publisher.topic_type} on '
+                f'{self._current.topic_name}, where the bundle says {self._message_type}: '
+                'its messages are not heard')
+
+    def _tell_unheard(self, publisher: TopicEndpointInfo) -> None:
+        if self._tell_once(bytes(publisher.endpoint_gid)):
+            self._node.get_logger().error(
+                f'{_who(publisher)} is not heard on {self._current.topic_name}: '
+                f'it offers {qos.describe(publisher.qos_profile)}, and `qos` in the bundle asks '
+                f'for {qos.describe(self._current.qos_profile)}')
+
+    def _tell_once(self, key: object) -> bool:
+        is_news = key not in self._told
+        self._told.add(key)
+        return is_news
+
+
+def _who(publisher: TopicEndpointInfo) -> str:
+    return f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
+
+
+def _unused(message: bytes) -> None:
+    """Never called: the subscription is invisible to executors."""

@@ -1,0 +1,96 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Which quality of service a subscription asks for, so that every publisher is heard (DESIGN 8).
+
+A subscription hears a publisher only if it asks for no more than the publisher offers. So it asks
+for the most that all known publishers offer, and for the least while there is none. What the
+bundle says under `qos` is fixed and not decided here.
+"""
+
+from collections.abc import Iterable, Mapping
+
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+
+# A message waits here only while the node is busy with others. 100 is 0.1 s of a topic at 1 kHz;
+# of a 1 MB image it would be 100 MB at worst, which `qos: {depth: 1}` brings down.
+DEFAULT_DEPTH = 100
+
+VIOLATION_QOS = QoSProfile(
+    depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.VOLATILE)
+"""What handlers offer and the logger asks for."""
+
+_RELIABILITY = {
+    'reliable': ReliabilityPolicy.RELIABLE,
+    'best_effort': ReliabilityPolicy.BEST_EFFORT,
+}
+_DURABILITY = {
+    'transient_local': DurabilityPolicy.TRANSIENT_LOCAL,
+    'volatile': DurabilityPolicy.VOLATILE,
+}
+_HISTORY = {
+    'keep_last': HistoryPolicy.KEEP_LAST,
+    'keep_all': HistoryPolicy.KEEP_ALL,
+}
+
+
+def wanted_profile(offers: Iterable[QoSProfile], fixed: Mapping[str, str | int]) -> QoSProfile:
+    """
+    Return the profile of a subscription that hears all of `offers`.
+
+    `fixed` is what the bundle decides: `reliability` (reliable, best_effort), `durability`
+    (volatile, transient_local), `history` (keep_last, keep_all), `depth`.
+    """
+    offered = tuple(offers)
+    reliable = bool(offered) and all(
+        offer.reliability is ReliabilityPolicy.RELIABLE for offer in offered)
+    durable = bool(offered) and all(
+        offer.durability is DurabilityPolicy.TRANSIENT_LOCAL for offer in offered)
+    return QoSProfile(
+        depth=int(fixed.get('depth', DEFAULT_DEPTH)),
+        history=_HISTORY[str(fixed.get('history', 'keep_last'))],
+        reliability=_RELIABILITY[
+            str(fixed.get('reliability', 'reliable' if reliable else 'best_effort'))],
+        durability=_DURABILITY[
+            str(fixed.get('durability', 'transient_local' if durable else 'volatile'))],
+    )
+
+
+def hears(subscription: QoSProfile, offer: QoSProfile) -> bool:
+    """Return whether a subscription gets the messages of a publisher with this offer."""
+    needs_reliable = subscription.reliability is ReliabilityPolicy.RELIABLE
+    needs_durable = subscription.durability is DurabilityPolicy.TRANSIENT_LOCAL
+    return (
+        (not needs_reliable or offer.reliability is ReliabilityPolicy.RELIABLE)
+        and (not needs_durable or offer.durability is DurabilityPolicy.TRANSIENT_LOCAL))
+
+
+def same_request(one: QoSProfile, other: QoSProfile) -> bool:
+    """Return whether two subscriptions ask for the same reliability and durability."""
+    return one.reliability is other.reliability and one.durability is other.durability
+
+
+def describe(profile: QoSProfile) -> str:
+    """Return the two policies that decide who is heard, in ROS's words."""
+    reliability = 'reliable' if profile.reliability is ReliabilityPolicy.RELIABLE \
+        else 'best effort'
+    durability = 'transient local' if profile.durability is DurabilityPolicy.TRANSIENT_LOCAL \
+        else 'volatile'
+    return f'{reliability}, {durability}'

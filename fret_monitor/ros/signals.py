@@ -1,0 +1,81 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How a node's process ends: quietly, on SIGINT and SIGTERM, at whatever it is doing.
+
+Python runs signal handlers between two steps of its main thread, never in the middle of a call
+into C; so the main thread must not block for long. rclpy's own handlers shut the context down
+while other threads still use it, which makes them fail noisily: start it without them.
+
+Standard library only: this is imported before anything that takes time.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
+import signal
+from types import FrameType
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class StopRequest:
+    """
+    Remembers that the process has been asked to end.
+
+    Until `interruptible` or `watching` is entered a signal ends the process at once, with status
+    0: nothing has been started then that would need an end. Make it in the main thread.
+    """
+
+    def __init__(self) -> None:
+        """Take over SIGINT and SIGTERM."""
+        self.requested = False
+        for number in _SIGNALS:
+            signal.signal(number, _end_at_once)
+
+    @contextmanager
+    def interruptible(self) -> Iterator[None]:
+        """
+        Let a signal raise `SystemExit` inside this block, so that it can clean up behind it.
+
+        A signal that comes later is only remembered in `requested`: whoever shares a terminal
+        with `ros2 launch` gets SIGINT twice.
+        """
+        self._handle(self._raise)
+        try:
+            yield
+        finally:
+            self._handle(self._remember)
+
+    def watching(self) -> None:
+        """From here on only remember a signal: the main loop looks at `requested`."""
+        self._handle(self._remember)
+
+    def _handle(self, handler: 'signal._HANDLER') -> None:
+        for number in _SIGNALS:
+            signal.signal(number, handler)
+
+    def _remember(self, number: int, frame: FrameType | None) -> None:
+        self.requested = True
+
+    def _raise(self, number: int, frame: FrameType | None) -> None:
+        self.requested = True
+        self._handle(self._remember)
+        raise SystemExit(0)
+
+
+def _end_at_once(number: int, frame: FrameType | None) -> None:
+    # Not sys.exit: an exception in the middle of an import is printed by some of them.
+    os._exit(0)
