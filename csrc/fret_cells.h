@@ -14,7 +14,7 @@
 
 /// fret_cells.h: the state cells and the arithmetic that generated monitors stand on.
 ///
-/// Contract for all of it: static inline, O(1) time (a power: at most 32 rounds), no loop without
+/// Contract for all of it: static inline, O(1) time (a power: at most 64 rounds), no loop without
 /// a fixed bound, no allocation, no failure, no undefined behaviour for any argument. A cell's
 /// state is owned by the caller, changed by nobody else, and starts as each cell says; a cell is
 /// called exactly once a step. In comments t is the current step and p, q are the arguments.
@@ -178,10 +178,10 @@ static inline double fm_mul_f64(double a, double b) {return a * b;}
 #define FM_NUMBER_FUNCTIONS(suffix, type) \
   static inline type fm_min_ ## suffix(type a, type b) {return a <= b ? a : b;} \
   static inline type fm_max_ ## suffix(type a, type b) {return a >= b ? a : b;} \
-  static inline type fm_power_ ## suffix(type base, uint32_t exponent) \
+  static inline type fm_power_ ## suffix(type base, uint64_t exponent) \
   { \
     type result = (type)1; \
-    for (unsigned round = 0u; round < 32u && exponent != 0u; ++round) { \
+    for (unsigned round = 0u; round < 64u && exponent != 0u; ++round) { \
       if ((exponent & 1u) != 0u) { \
         result = fm_mul_ ## suffix(result, base); \
       } \

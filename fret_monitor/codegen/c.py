@@ -125,6 +125,8 @@ def _operation(expression: Operation) -> str:
     left, right = (
         text(side) if _continues(side, expression.operator) else _inner(side)
         for side in (expression.left, expression.right))
+    if isinstance(expression.left, Negation):
+        left = f'({text(expression.left)})'  # gcc takes `!p & q` for a slip
     return f'{left} {expression.operator} {right}'
 
 

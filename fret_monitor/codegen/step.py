@@ -255,7 +255,8 @@ class PartWriter:
                 return self._binary(operation)
             case Power():
                 return c.Call(f'fm_power_{SUFFIXES[type]}',
-                              (self._operand(operation.base), c.Atom(f'{operation.exponent}u')))
+                              (self._operand(operation.base),
+                               c.literal(operation.exponent, ValueType.UINT64)))
             case Choose():
                 return c.Conditional(self._operand(operation.condition),
                                      self._operand(operation.yes), self._operand(operation.no))

@@ -117,7 +117,7 @@ class GroupLayout:
     def size(self) -> int:
         """Bytes of the struct."""
         used = sum(field.size for field in self.fields)
-        return -(-used // self.alignment) * self.alignment
+        return max(1, -(-used // self.alignment) * self.alignment)
 
     @property
     def alignment(self) -> int:

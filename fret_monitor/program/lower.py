@@ -344,6 +344,10 @@ class _GroupBuilder:
     def _choice(self, condition: Operand, yes: Operand, no: Operand, type: ValueType) -> Operand:
         if condition.negated:
             condition, yes, no = ~condition, no, yes
+        if yes.value == condition.value:
+            yes = TRUE if yes == condition else FALSE
+        if no.value == condition.value:
+            no = FALSE if no == condition else TRUE
         if condition.is_constant or yes == no:
             return yes
         if type is _BOOL and (yes.is_constant or no.is_constant):
