@@ -1,0 +1,249 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+A bundle as written becomes a specification: names, types, numbers and bounds get their meaning.
+
+`specify` tells all mistakes of a bundle in one `CompileError`, each once and at its place; a name
+that has a mistake is not told again where it is used. `elaborate` gives one expression its
+formula. The rules of types and numbers are in docs/numbers.md:
+
+* An input of an integer type counts as INT64 in arithmetic and comparisons, UINT64 as itself.
+* Where numbers meet: FLOAT32 with FLOAT32 stays; another float, or a float and an integer, makes
+  FLOAT64; UINT64 with its like and whole literals >= 0 stays, other integers make INT64 (a UINT64
+  modulo 2^64 in arithmetic; in comparisons both stay, and compare by value).
+* A literal is exact until it meets a typed operand: then it takes that type, rounded once. A real
+  literal (`1.0`, `1e3`) makes an integer operand FLOAT64. Literals among themselves are exact.
+* `a = b` and `a != b` take two numbers, two that are true or false, or text and its names.
+"""
+
+from collections.abc import Iterable
+from collections.abc import Mapping
+from typing import Any
+
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.diagnostics import Diagnostic
+from fret_monitor.diagnostics import Problems
+from fret_monitor.diagnostics import Span
+from fret_monitor.diagnostics import Text
+from fret_monitor.logic.elaborator import Elaborator
+from fret_monitor.logic.elaborator import references
+from fret_monitor.logic.formula import Feedback
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import postorder
+from fret_monitor.logic.graph import components
+from fret_monitor.logic.graph import cycle
+from fret_monitor.logic.graph import is_cyclic
+from fret_monitor.logic.languages import read_formula
+from fret_monitor.logic.scope import Declaration
+from fret_monitor.logic.scope import Role
+from fret_monitor.logic.scope import Scope
+from fret_monitor.logic.scope import scope_of
+from fret_monitor.logic.signals import constant_declaration
+from fret_monitor.logic.signals import FindMessage
+from fret_monitor.logic.signals import input_declaration
+from fret_monitor.logic.specification import Property
+from fret_monitor.logic.specification import Signal
+from fret_monitor.logic.specification import Specification
+from fret_monitor.logic.terms import Broken
+from fret_monitor.logic.terms import describe
+from fret_monitor.logic.terms import formula_of
+from fret_monitor.logic.terms import Term
+from fret_monitor.logic.terms import Vocabulary
+from fret_monitor.syntax.bundle import Bundle
+from fret_monitor.syntax.bundle import Definition
+from fret_monitor.syntax.bundle import Language
+from fret_monitor.syntax.bundle import Requirement
+from fret_monitor.syntax.expression import Expression
+from fret_monitor.syntax.expression import Name
+
+_MANY = 8
+
+__all__ = ['Scope', 'elaborate', 'scope_of', 'specify']
+
+
+def specify(bundle: Bundle, find_message: FindMessage | None = None
+            ) -> tuple[Specification, tuple[Diagnostic, ...]]:
+    """
+    Return what a bundle means, and the warnings about it.
+
+    `find_message` gives the layout of a message type by its name; the default looks where ROS
+    packages install them.
+
+    Raises
+    ------
+    CompileError
+        with all mistakes of the bundle.
+    """
+    reading = _Reading()
+    signals = reading.read_inputs(bundle, find_message or _installed)
+    reading.read_definitions(bundle.definitions)
+    properties = [reading.read_requirement(item) for item in bundle.requirements]
+    reading.problems.raise_errors()
+    specification = Specification(
+        name=bundle.name,
+        component=bundle.component.value if bundle.component else '',
+        signals=tuple(signal for signal in signals if signal),
+        properties=tuple(item for item in properties if item),
+        policy=bundle.policy,
+        period=bundle.period,
+        definitions=reading.shown(bundle.definitions),
+    )
+    return specification, reading.problems.warnings
+
+
+def elaborate(expression: Expression, scope: Scope, problems: Problems | None = None) -> Formula:
+    """
+    Return the formula that an expression means, of any type.
+
+    Warnings are added to `problems`, if given. A literal alone becomes INT64 or FLOAT64.
+
+    Raises
+    ------
+    CompileError
+        with all mistakes of the expression.
+    """
+    found = Problems()
+    term = Elaborator(scope, found).term(expression)
+    found.raise_errors()
+    if problems is not None:
+        problems.extend(found.warnings)
+    return formula_of(term)
+
+
+def _installed(name: str) -> Any:
+    from fret_monitor.syntax import message
+    return message.find_message(name)
+
+
+class _Reading:
+    """One run over a bundle: what its names mean so far, and the problems found."""
+
+    def __init__(self) -> None:
+        self.problems = Problems()
+        self._names: dict[str, Declaration] = {}
+        self._scope = Scope(self._names)
+        self._feedback: dict[Feedback, Formula] = {}
+
+    def read_inputs(self, bundle: Bundle, find_message: FindMessage) -> list[Signal | None]:
+        """Declare constants and inputs; return the inputs in order, None for a broken one."""
+        for constant in bundle.constants:
+            self._names[constant.name.value] = constant_declaration(constant, self.problems)
+        signals = []
+        for entry in bundle.inputs:
+            signal, declaration = input_declaration(entry, find_message, self.problems)
+            self._names[entry.name.value] = declaration
+            signals.append(signal)
+        return signals
+
+    def read_definitions(self, definitions: Iterable[Definition]) -> None:
+        """Declare all definitions, each after those that it uses; cycles are told."""
+        known = {item.name.value: item for item in definitions}
+        trees = {name: self._tree(item.language, item.text) for name, item in known.items()}
+        uses = self._uses(trees)
+        graph = {name: [other for other in used if other in known] for name, used in uses.items()}
+        for component in components(graph):
+            if is_cyclic(component, graph):
+                self._tell_cycle(cycle(component, graph), uses)
+                trees.update(dict.fromkeys(component))
+            for name in component:
+                self._define(known[name], trees[name])
+
+    def _define(self, item: Definition, tree: Expression | None) -> None:
+        term = self._term(item.language, item.text, tree, item.name.value)
+        self._names[item.name.value] = Declaration(Role.DEFINITION, term)
+
+    def _uses(self, trees: Mapping[str, Expression | None]) -> dict[str, dict[str, Span]]:
+        vocabularies = self._vocabularies(trees)
+        return {name: references(tree, vocabularies) if tree else {}
+                for name, tree in trees.items()}
+
+    def _vocabularies(self, trees: Mapping[str, Expression | None]) -> dict[str, Vocabulary]:
+        """Return the names of values of inputs, and of definitions that only rename one."""
+        found = {name: item.term.vocabulary for name, item in self._names.items()
+                 if item.term.vocabulary}
+        renamed = {name: tree.text for name, tree in trees.items() if isinstance(tree, Name)}
+        for name in renamed:
+            chain = [name]
+            while chain[-1] in renamed and renamed[chain[-1]] not in chain:
+                chain.append(renamed[chain[-1]])
+            if chain[-1] in found:
+                found.update(dict.fromkeys(chain, found[chain[-1]]))
+        return found
+
+    def _tell_cycle(self, way: list[str], uses: Mapping[str, Mapping[str, Span]]) -> None:
+        shown = way if len(way) <= _MANY else [*way[:_MANY - 1], '...', way[-1]]
+        self.problems.error(f"the definition '{way[0]}' stands on itself", uses[way[0]][way[1]],
+                            ' -> '.join(shown))
+
+    def read_requirement(self, item: Requirement) -> Property | None:
+        """Return a requirement with its formula, None where it has a mistake."""
+        tree = self._tree(item.language, item.text)
+        term = self._term(item.language, item.text, tree, item.id.value)
+        if term.is_broken:
+            return None
+        if not term.is_boolean:
+            self.problems.error('a requirement is true or false', term.span,
+                                f'this is {describe(term)}')
+            return None
+        if term.undefined:
+            self.problems.warning(
+                "this 'pre' has no value at the first step", term.origin,
+                'false or 0 is taken there', 'write what it is at first, as in 0 -> pre x')
+        formula = formula_of(term)
+        return Property(
+            id=item.id.value,
+            handler=item.handler,
+            text=' '.join(item.text.value.split()),
+            title=item.title,
+            formula=formula,
+            report=item.report,
+            severity=item.severity,
+            feedback=self._reached(formula),
+            place=item.text.span,
+        )
+
+    def _tree(self, language: Language, text: Text) -> Expression | None:
+        try:
+            return read_formula(language, text)
+        except CompileError as error:
+            self.problems.extend(error.diagnostics)
+            return None
+
+    def _term(self, language: Language, text: Text, tree: Expression | None, owner: str) -> Term:
+        if tree is None:
+            return Term(Broken(), text.span)
+        is_lustre = language is Language.COCOSPEC
+        return Elaborator(self._scope, self.problems, is_lustre=is_lustre).term(tree)
+
+    def _reached(self, formula: Formula) -> tuple[tuple[Feedback, Formula], ...]:
+        """Return the equations behind the feedback that a formula reaches, all the way."""
+        found: dict[Feedback, Formula] = {}
+        todo = [formula]
+        while todo:
+            for node in postorder([todo.pop()]):
+                if isinstance(node, Feedback) and node not in found:
+                    found[node] = self._feedback[node]
+                    todo.append(found[node])
+        return tuple(found.items())
+
+    def shown(self, definitions: Iterable[Definition]) -> tuple[tuple[str, Formula], ...]:
+        """Return the formulas of definitions, but for numbers that no type holds."""
+        terms = {item.name.value: self._names[item.name.value].term for item in definitions}
+        found = []
+        for name, term in terms.items():
+            try:
+                found.append((name, formula_of(term)))
+            except CompileError:
+                continue
+        return tuple(found)

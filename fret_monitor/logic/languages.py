@@ -1,0 +1,44 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The languages of formulas: the one place that knows which reader reads which."""
+
+from typing import assert_never
+
+from fret_monitor.diagnostics import refuse
+from fret_monitor.diagnostics import Text
+from fret_monitor.syntax.bundle import Language
+from fret_monitor.syntax.expression import Expression
+
+
+def read_formula(language: Language, text: Text) -> Expression:
+    """
+    Return the tree of a property or definition.
+
+    Raises
+    ------
+    CompileError
+        if the text is not of its language.
+    """
+    if language is Language.FRETISH:
+        refuse('FRETish is not read yet', text.span, '',
+               'write the formula as ptltl, and the sentence as title')
+    match language:
+        case Language.PTLTL:
+            from fret_monitor.syntax.smv import parse_smv
+            return parse_smv(text)
+        case Language.COCOSPEC:
+            from fret_monitor.syntax.cocospec import parse_cocospec
+            return parse_cocospec(text)
+        case _:
+            assert_never(language)

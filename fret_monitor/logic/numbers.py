@@ -1,0 +1,263 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Literals and constants as exact rationals, and their one rounding to a type.
+
+A number that a user wrote is a `Literal`: an exact fraction, and whether it was written as a real
+(`15.0`, `1e3`) or as a whole number (`15`). Arithmetic between literals is exact. A literal
+becomes a `Constant` when it meets an operand with a type, and is rounded there once, to nearest,
+ties to even. A literal that is too large for its type, or whose exact value would need more than
+`LIMIT_BITS` bits, is a `NumberError`; nothing here costs time or memory beyond that limit.
+"""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import copysign
+from math import ldexp
+import re
+from typing import NamedTuple
+
+from fret_monitor.logic.formula import BinaryOperator
+from fret_monitor.logic.formula import Constant
+from fret_monitor.manifest import ValueType
+
+LIMIT_BITS = 4096
+_LIMIT_DIGITS = 1233  # of LIMIT_BITS bits
+
+_NUMBER = re.compile(r'([+-]?)(?:([0-9]+)(\.[0-9]*)?|(\.[0-9]+))(?:[eE]([+-]?[0-9]+))?')
+
+
+class NumberError(ValueError):
+    """A number that cannot be had; the message is a phrase such as 'too large for float32'."""
+
+
+@dataclass(frozen=True)
+class Literal:
+    """
+    An exact number without a type yet.
+
+    `is_real` says that it was written with a point or an exponent, or comes of one that was.
+    `is_negative_zero` keeps the sign that the fraction 0 cannot: it is set for `-0.0`.
+    """
+
+    value: Fraction
+    is_real: bool
+    is_negative_zero: bool = False
+
+    def __str__(self) -> str:
+        """Return it as a person would write it, shortened where it is long."""
+        if self.value.denominator == 1:
+            text = str(self.value.numerator) if abs(self.value) < 10 ** 40 else 'a huge number'
+        else:
+            text = f'{float(self.value):g}' if abs(self.value) < 10 ** 300 else 'a huge number'
+        return text
+
+
+class Range(NamedTuple):
+    """The least and the greatest value of an integer type."""
+
+    low: int
+    high: int
+
+
+RANGES = {
+    kind: Range(0, 2 ** bits - 1) if kind.value.startswith('u')
+    else Range(-2 ** (bits - 1), 2 ** (bits - 1) - 1)
+    for kind in ValueType if kind.is_integer
+    for bits in [int(kind.value.lstrip('uint'))]
+}
+
+
+def parse_number(text: str) -> Literal:
+    """
+    Read `15`, `1.5`, `.5`, `1e-3`, with or without a sign.
+
+    Raises
+    ------
+    NumberError
+        if the text is not such a number, or its exact value needs more than `LIMIT_BITS` bits.
+    """
+    match = _NUMBER.fullmatch(text.strip())
+    if match is None:
+        raise NumberError('not a number')
+    sign, whole, fraction, bare, exponent = match.groups()
+    point = (fraction or bare or '')[1:].rstrip('0')
+    digits = ((whole or '') + point).lstrip('0')
+    is_real = fraction is not None or bare is not None or exponent is not None
+    magnitude = _scaled(digits, exponent or '0', len(point))
+    literal = Literal(magnitude, is_real)
+    return negated(literal) if sign == '-' else literal
+
+
+def _scaled(digits: str, exponent: str, places: int) -> Fraction:
+    if not digits:
+        return Fraction(0)
+    # Lengths are looked at before any number is made of them: `1e999999999` must cost nothing.
+    if len(digits) > _LIMIT_DIGITS or len(exponent.lstrip('+-0')) > len(str(_LIMIT_DIGITS)):
+        raise NumberError(f'needs more than {LIMIT_BITS:,} bits')
+    power = int(exponent) - places
+    if abs(power) > 2 * _LIMIT_DIGITS:
+        raise NumberError(f'needs more than {LIMIT_BITS:,} bits')
+    return _limited(int(digits) * Fraction(10) ** power)
+
+
+def _limited(value: Fraction) -> Fraction:
+    if max(value.numerator.bit_length(), value.denominator.bit_length()) > LIMIT_BITS:
+        raise NumberError(f'needs more than {LIMIT_BITS:,} bits')
+    return value
+
+
+def to_float32(value: Fraction) -> float:
+    """
+    Round an exact number to float32 once, to nearest, ties to even.
+
+    Rounding to float64 first would be wrong for numbers that this makes a tie (Figueroa 1995).
+
+    Raises
+    ------
+    NumberError
+        if the rounded value is beyond the largest finite float32.
+    """
+    return _rounded(value, 24, -149, 128, 'float32')
+
+
+def to_float64(value: Fraction) -> float:
+    """
+    Round an exact number to float64 once, to nearest, ties to even.
+
+    Raises
+    ------
+    NumberError
+        if the rounded value is beyond the largest finite float64.
+    """
+    return _rounded(value, 53, -1074, 1024, 'float64')
+
+
+def _rounded(value: Fraction, precision: int, least: int, limit: int, name: str) -> float:
+    """Round to `precision` bits, steps of at least 2^least, magnitudes below 2^limit."""
+    if value == 0:
+        return 0.0
+    step = max(_exponent(value) - precision + 1, least)
+    # Fraction.__round__ is half-even; the product of a whole number and a power of two is exact.
+    steps = round(value / Fraction(2) ** step)
+    if step >= limit or abs(steps) >= 2 ** (limit - step):
+        raise NumberError(f'too large for {name}')
+    return copysign(ldexp(float(steps), step), value)
+
+
+def _exponent(value: Fraction) -> int:
+    """Return the e with 2^e <= |value| < 2^(e+1)."""
+    guess = value.numerator.bit_length() - value.denominator.bit_length()
+    return guess if abs(value) >= Fraction(2) ** guess else guess - 1
+
+
+def constant(literal: Literal, kind: ValueType) -> Constant:
+    """
+    Give a literal a type: INT64 or UINT64, FLOAT32 or FLOAT64; rounds once.
+
+    Raises
+    ------
+    NumberError
+        if it is out of the type's range, or not whole and the type an integer's.
+    """
+    return Constant(stored(literal, kind), kind)
+
+
+def stored(literal: Literal, kind: ValueType) -> int | float:
+    """
+    Return a literal as a value of any number type.
+
+    Raises
+    ------
+    NumberError
+        as `constant` does.
+    """
+    if kind.is_float:
+        if literal.is_negative_zero:
+            return -0.0
+        is_single = kind is ValueType.FLOAT32
+        return to_float32(literal.value) if is_single else to_float64(literal.value)
+    if literal.value.denominator != 1:
+        raise NumberError(f'not a whole number, and {kind.value} holds none other')
+    low, high = RANGES[kind]
+    if not low <= literal.value <= high:
+        raise NumberError(f'not between {low} and {high}, the range of {kind.value}')
+    return literal.value.numerator
+
+
+def negated(literal: Literal) -> Literal:
+    """Return the literal with the other sign; the real zero has one too."""
+    is_zero = literal.is_real and literal.value == 0
+    return Literal(-literal.value, literal.is_real, is_zero and not literal.is_negative_zero)
+
+
+def absolute(literal: Literal) -> Literal:
+    """Return the literal without its sign."""
+    return Literal(abs(literal.value), literal.is_real)
+
+
+def fold(operator: BinaryOperator, left: Literal, right: Literal) -> Literal:
+    """
+    Compute `+ - * / mod min max ^` of two literals exactly.
+
+    Two whole numbers follow the rules of integers (`7 / 2` is 3, `7 / 0` is 0) but never wrap;
+    otherwise the result is a real one. `^` takes a whole exponent.
+
+    Raises
+    ------
+    NumberError
+        if a real number is divided by zero, or the result needs more than `LIMIT_BITS` bits.
+    """
+    is_real = left.is_real or right.is_real
+    a, b = left.value, right.value
+    match operator:
+        case BinaryOperator.ADD:
+            value = a + b
+        case BinaryOperator.SUB:
+            value = a - b
+        case BinaryOperator.MUL:
+            value = a * b
+        case BinaryOperator.DIV:
+            value = _quotient(a, b, is_real)
+        case BinaryOperator.MOD:
+            value = a - b * int(_quotient(a, b, True)) if b or is_real else Fraction(0)
+        case BinaryOperator.MIN:
+            value = a if a <= b else b
+        case BinaryOperator.MAX:
+            value = a if a >= b else b
+        case BinaryOperator.POW:
+            return Literal(_power(a, b), left.is_real or b < 0)
+        case _:
+            raise AssertionError(f'{operator} is not arithmetic')
+    return Literal(_limited(value), is_real)
+
+
+def _quotient(a: Fraction, b: Fraction, is_real: bool) -> Fraction:
+    if b == 0:
+        if is_real:
+            raise NumberError('a division by zero')
+        return Fraction(0)
+    return a / b if is_real else Fraction(int(a / b))
+
+
+def _power(base: Fraction, exponent: Fraction) -> Fraction:
+    if base == 0 and exponent < 0:
+        raise NumberError('a division by zero')
+    size = max(base.numerator.bit_length(), base.denominator.bit_length()) - 1
+    if base not in (-1, 0, 1) and abs(exponent) * max(size, 1) > 2 * LIMIT_BITS:
+        raise NumberError(f'needs more than {LIMIT_BITS:,} bits')
+    if base in (-1, 0, 1):
+        # Powers of these have no size; only whether the exponent is even, or 0, matters.
+        exponent = exponent % 2 if base == -1 else Fraction(exponent != 0)
+    return _limited(base ** int(exponent))

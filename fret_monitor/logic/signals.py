@@ -1,0 +1,199 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+The inputs and constants of a bundle, with their types and values checked.
+
+An input's type is that of the message field that feeds it, or the plain type that is given. What
+cannot be used is told in the problems, and what stands on it is broken silently.
+"""
+
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.diagnostics import did_you_mean
+from fret_monitor.diagnostics import Problems
+from fret_monitor.diagnostics import refuse
+from fret_monitor.diagnostics import Text
+from fret_monitor.logic.formula import FALSE
+from fret_monitor.logic.formula import TRUE
+from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.numbers import Literal
+from fret_monitor.logic.numbers import NumberError
+from fret_monitor.logic.numbers import parse_number
+from fret_monitor.logic.numbers import stored
+from fret_monitor.logic.scope import Declaration
+from fret_monitor.logic.scope import Role
+from fret_monitor.logic.specification import Signal
+from fret_monitor.logic.terms import Broken
+from fret_monitor.logic.terms import Term
+from fret_monitor.logic.terms import Vocabulary
+from fret_monitor.manifest import ValueType
+from fret_monitor.syntax.bundle import ConstantEntry
+from fret_monitor.syntax.bundle import InputEntry
+from fret_monitor.syntax.bundle import ValueEntry
+
+FindMessage = Callable[[str], Any]
+
+_PLAIN = {kind.value: kind for kind in ValueType}
+_TEXT = 'string'
+_TRUTHS = {'true': TRUE, 'false': FALSE}
+
+
+def constant_declaration(entry: ConstantEntry, problems: Problems) -> Declaration:
+    """Return what a constant means: true, false, or an exact number."""
+    value = _TRUTHS.get(entry.value.value.strip().lower())
+    if value is not None:
+        return Declaration(Role.CONSTANT, Term(value, entry.value.span))
+    try:
+        literal = parse_number(entry.value.value)
+    except NumberError as error:
+        problems.error(f"the constant '{entry.name}' cannot be read", entry.value.span, str(error),
+                       'a constant is a number, true or false')
+        return Declaration(Role.CONSTANT, Term(Broken(), entry.value.span))
+    return Declaration(Role.CONSTANT, Term(literal, entry.value.span))
+
+
+def input_declaration(entry: InputEntry, find_message: FindMessage,
+                      problems: Problems) -> tuple[Signal | None, Declaration]:
+    """Return an input's signal, None where it has a mistake, and what its name means."""
+    try:
+        signal = _signal(entry, find_message, problems)
+    except CompileError as error:
+        problems.extend(error.diagnostics)
+        return None, Declaration(Role.INPUT, Term(Broken(), entry.name.span))
+    vocabulary = Vocabulary(signal.values) if signal.values else None
+    variable = Variable(signal.name, signal.type)
+    return signal, Declaration(Role.INPUT, Term(variable, entry.name.span, vocabulary))
+
+
+def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) -> Signal:
+    kind, message_type, path = _type(entry, find_message)
+    values = _values(entry, kind)
+    stored_as = ValueType.INT32 if kind is None else kind
+    initial = None
+    try:
+        initial = _initial(entry, stored_as, values)
+    except CompileError as error:
+        # The input has a type all the same, and what reads it can be checked.
+        problems.extend(error.diagnostics)
+    return Signal(
+        name=entry.name.value,
+        type=stored_as,
+        topic=entry.topic.value if entry.topic else None,
+        message_type=message_type,
+        path=path,
+        values=values,
+        initial=initial,
+        qos=tuple((key.value, _qos_value(value.value)) for key, value in entry.qos),
+    )
+
+
+def _qos_value(text: str) -> str | int:
+    return int(text) if text.isascii() and text.isdigit() else text
+
+
+def _type(entry: InputEntry,
+          find_message: FindMessage) -> tuple[ValueType | None, str | None,
+                                              tuple[str | int, ...]]:
+    """Return the type of an input, None for a string; its message type, and the field's path."""
+    if entry.type is None:
+        refuse(f"the input '{entry.name}' has no type", entry.name.span, '',
+               'type: std_msgs/msg/Float32')
+    name = entry.type.value
+    if '/' not in name:
+        return _scalar(name, entry.type, _PLAIN), None, ()
+    from fret_monitor.syntax.message import resolve_field
+    field = resolve_field(find_message(name), entry.field, entry.type)
+    return _scalar(field.type_name, entry.field or entry.type, _PLAIN), name, field.path
+
+
+def _scalar(name: str, text: Text, plain: dict[str, ValueType]) -> ValueType | None:
+    if name in (_TEXT, 'wstring'):
+        return None
+    if name not in plain:
+        refuse(f"'{name}' is no type that a monitor reads", text.span, '',
+               did_you_mean(name, plain) or 'there are ' + ', '.join([*plain, _TEXT]))
+    return plain[name]
+
+
+def _values(entry: InputEntry, kind: ValueType | None) -> tuple[tuple[str, int | str], ...]:
+    if kind is None and not entry.values:
+        refuse(f"the input '{entry.name}' is text, and monitors read numbers",
+               (entry.type or entry.name).span, 'a string needs names for its values',
+               'values: {IDLE: "idle", LANDING: "landing"}')
+    return tuple((item.name.value, item.value.value if kind is None else _value(item, kind))
+                 for item in entry.values)
+
+
+def _value(item: ValueEntry, kind: ValueType) -> int:
+    """Return the number that a name of a number input stands for."""
+    title = f"'{item.name}' cannot be a value of type {kind.value}"
+    if kind is ValueType.BOOL:
+        refuse(title, item.value.span, 'true and false have their names',
+               'leave out values, and write the input alone or with ! before it')
+    if item.is_string:
+        refuse(title, item.value.span, 'this is text', 'write the number without quotes')
+    try:
+        literal = parse_number(item.value.value)
+        stored(literal, kind)
+    except NumberError as error:
+        refuse(title, item.value.span, str(error))
+    if literal.is_real:
+        refuse(title, item.value.span, 'names are for whole numbers')
+    return literal.value.numerator
+
+
+def _initial(entry: InputEntry, kind: ValueType,
+             values: tuple[tuple[str, int | str], ...]) -> bool | int | float | None:
+    """Return the value an input has before the first message, as it is stored."""
+    if entry.initial is None:
+        return None
+    text = entry.initial.value.strip()
+    vocabulary = Vocabulary(values)
+    if text in vocabulary.numbers:
+        return _stored(Literal(Fraction(vocabulary.numbers[text]), False), kind, entry.initial)
+    if vocabulary.is_text:
+        return _initial_text(text, values, entry.initial)
+    if kind is ValueType.BOOL:
+        return _initial_truth(text, entry.initial)
+    try:
+        literal = parse_number(text)
+    except NumberError as error:
+        refuse('this initial value cannot be read', entry.initial.span, str(error),
+               f'a number of type {kind.value}' + (f', or {vocabulary}' if values else ''))
+    return _stored(literal, kind, entry.initial)
+
+
+def _stored(literal: Literal, kind: ValueType, text: Text) -> int | float:
+    try:
+        return stored(literal, kind)
+    except NumberError as error:
+        refuse(f'this initial value cannot be of type {kind.value}', text.span, str(error))
+
+
+def _initial_text(text: str, values: tuple[tuple[str, int | str], ...], place: Text) -> int:
+    strings = [value for _, value in values]
+    if text not in strings:
+        refuse(f"'{text}' is none of the input's values", place.span, '',
+               did_you_mean(text, [name for name, _ in values])
+               or f'the values are {Vocabulary(values)}')
+    return strings.index(text)
+
+
+def _initial_truth(text: str, place: Text) -> bool:
+    if text.lower() not in _TRUTHS:
+        refuse('this initial value cannot be of type bool', place.span, '', 'true or false')
+    return text.lower() == 'true'
