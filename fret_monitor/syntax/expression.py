@@ -122,6 +122,43 @@ class Conditional:
 Expression: TypeAlias = Name | Number | Boolean | Prefix | Infix | Call | Conditional
 
 
+@dataclass(frozen=True, eq=False)
+class Declaration:
+    """`name: type` of a Lustre node; the type as written, mostly `bool`, `int` or `real`."""
+
+    name: str
+    type: str
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Equation:
+    """`name = expression;`. `name_span` is where the name stands, `span` the whole."""
+
+    name: str
+    expression: Expression
+    name_span: Span
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """
+    A Lustre node, or several equations without one; no name is defined twice.
+
+    Of a node, `result` is the equation of its one output, `inputs` are its declared inputs, and
+    `declarations` its local variables and the output, each with its equation. Without a node,
+    `result` is the last equation, and nothing is declared. Equations may use one another in any
+    order; whether that ends is not looked at here.
+    """
+
+    equations: tuple[Equation, ...]
+    result: Equation
+    inputs: tuple[Declaration, ...]
+    declarations: tuple[Declaration, ...]
+    span: Span
+
+
 def children(node: Expression) -> tuple[Expression, ...]:
     """Return the direct operands of a node, left to right."""
     match node:

@@ -1,0 +1,427 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the readers of formulas share: text to lexemes, lexemes to a tree, and what errors say.
+
+A `Language` names a grammar file (for lark's LALR tables) and its spellings. `scan` cuts a `Text`
+into `Lexeme`s, each with its place; `parse` feeds them to the tables, which build the tree bottom
+up: no recursion, linear time. Whatever cannot be read is a `CompileError` with its place.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+import re
+from typing import Any, NamedTuple, NoReturn
+import warnings
+
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.diagnostics import Diagnostic
+from fret_monitor.diagnostics import refuse
+from fret_monitor.diagnostics import Span
+from fret_monitor.diagnostics import Text
+from fret_monitor.syntax.expression import Boolean
+from fret_monitor.syntax.expression import Call
+from fret_monitor.syntax.expression import Conditional
+from fret_monitor.syntax.expression import Expression
+from fret_monitor.syntax.expression import Infix
+from fret_monitor.syntax.expression import Name
+from fret_monitor.syntax.expression import Number
+from fret_monitor.syntax.expression import postorder
+from fret_monitor.syntax.expression import Prefix
+
+END = '$END'
+OPERAND_ENDS = frozenset({'NAME', 'NUMBER', 'NEGATIVE', 'TRUE', 'FALSE', 'RPAR'})
+OPERAND_STARTS = frozenset({'NAME', 'NUMBER', 'NEGATIVE', 'TRUE', 'FALSE', 'LPAR', 'NOT', 'PAST',
+                            'DELAY', 'PRE', 'IF'})
+_CLOSES = {'RPAR': 'LPAR', 'RBRACK': 'LBRACK'}
+_OPENS = frozenset(_CLOSES.values())
+_MAX_BOUND_DIGITS = 30
+
+# A number is refused as a whole where a letter, a point or a second zero makes it none.
+NUMBER = (r'(?P<NUMBER>(?:(?:0|[1-9][0-9]*)(?:\.[0-9]+)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)'
+          r'(?![\w.$])|(?P<NOTNUMBER>\.?[0-9][\w.$]*)')
+# FRET's identifiers have points and percent signs inside; it writes them as _DOT_ and _PRC_.
+NAME = r'(?P<NAME>[A-Za-z_$][\w$]*(?:[.%][\w$]+)*)'
+QUOTED = r'(?P<QUOTED>"(?:[^"\\\x00-\x1f\x7f]|\\[^\x00-\x1f\x7f])*")'
+
+_LOOKALIKES = {
+    '\u2227': 'and', '\u2228': 'or', '\u00ac': 'not', '\u2192': 'implies', '\u21d2': 'implies',
+    '\u2194': 'iff', '\u21d4': 'iff', '\u2264': '<=', '\u2265': '>=', '\u2260': 'unequal',
+    '\u2295': 'xor', '\u00d7': '*', '\u00b7': '*', '\u00f7': '/', '\u2212': '-', '\u2013': '-',
+    '\u2014': '-', '\u201c': '"', '\u201d': '"', '\uff08': '(', '\uff09': ')',
+}
+
+
+class Lexeme(NamedTuple):
+    """A piece of text with its kind; `text` is its one spelling (`&` for `&&`)."""
+
+    type: str
+    text: str
+    start: int
+    end: int
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Language:
+    """
+    A formula language.
+
+    `pattern` cuts the text, by the groups NUMBER, NAME, QUOTED, OPERATOR, COMMENT and BAD; what
+    it matches in no group is left out. `words` and `operators` give kind and one spelling;
+    `refused` are words with what to write instead; `write` says how this language spells the
+    logical operators. `explain` may say more about a lexeme that does not fit.
+    """
+
+    grammar: str
+    builder: Any
+    starts: tuple[str, ...]
+    pattern: re.Pattern[str]
+    words: Mapping[str, tuple[str, str]]
+    operators: Mapping[str, tuple[str, str]]
+    refused: Mapping[str, str]
+    write: Mapping[str, str]
+    explain: Callable[[Text, Sequence[Lexeme], int], Diagnostic | None]
+
+
+def scan(language: Language, text: Text,
+         pattern: re.Pattern[str] | None = None) -> list[Lexeme]:
+    """Cut a text into lexemes, by another pattern if given; raises `CompileError`."""
+    lexemes = []
+    for match in (pattern or language.pattern).finditer(text.value):
+        kind = match.lastgroup
+        if kind is not None and kind != 'COMMENT':
+            lexemes.append(_lexeme(language, text, kind, match.start(kind), match.end(kind)))
+        elif kind == 'COMMENT':
+            _check_comment(text, match.start(), match.end())
+    return lexemes
+
+
+def _lexeme(language: Language, text: Text, kind: str, start: int, end: int) -> Lexeme:
+    word = text.value[start:end]
+    span = text.at(start, end)
+    match kind:
+        case 'NUMBER':
+            return Lexeme('NUMBER', word, start, end, span)
+        case 'NAME':
+            if word in language.refused:
+                refuse(f"'{word}' is no operator here", span, 'not in this language',
+                       language.refused[word])
+            kind, word = language.words.get(word, ('NAME', word))
+            return Lexeme(kind, word, start, end, span)
+        case 'OPERATOR':
+            kind, word = language.operators[_unescape(word)]
+            return Lexeme(kind, word, start, end, span)
+        case 'QUOTED' if len(word) > 2:
+            word = re.sub(r'\\(.)', r'\1', word[1:-1])
+        case _:
+            _refuse_text(language, word, span)
+    return Lexeme('NAME', word, start, end, span)
+
+
+def _unescape(operator: str) -> str:
+    """Read `&lt;`, `&gt;` and `&amp;` of HTML."""
+    if ';' not in operator or operator == ';':
+        return operator
+    return operator.replace('&lt;', '<').replace('&gt;', '>').replace('&amp;', '&')
+
+
+def _refuse_text(language: Language, word: str, span: Span) -> NoReturn:
+    if word[0].isdigit() or (word[0] == '.' and len(word) > 1):
+        refuse(f"'{_short(word)}' is not a number", span, 'not a number', _number_help(word))
+    if word == '""':
+        refuse('a name is missing between the quotes', span, 'empty')
+    if word == '"':
+        refuse('the quoted name does not end', span, "no '\"' follows on this line")
+    if word in ('/*', '(*'):
+        refuse('the comment does not end', span, 'opened here')
+    if word in _LOOKALIKES:
+        meant = _LOOKALIKES[word]
+        refuse(f"'{word}' cannot be used here", span, 'not an operator',
+               f'write {language.write.get(meant, meant)}')
+    if word.isspace():
+        refuse(f'a special space (U+{ord(word):04X}) cannot be used here', span,
+               'looks like a space, and is none', 'delete it and type a space')
+    shown = f"'{word}'" if word.isprintable() else f'the character U+{ord(word):04X}'
+    refuse(f'{shown} cannot be used in a formula', span, 'not expected',
+           language.refused.get(word, ''))
+
+
+def _number_help(word: str) -> str:
+    if match := re.fullmatch(r'0+([0-9]+)', word):
+        return f'write {match[1]}'
+    if match := re.fullmatch(r'([0-9]+)\.', word):
+        return f'write {match[1]}.0 or {match[1]}'
+    if match := re.match(r'([0-9]+)(_?[A-Za-z]\w*)$', word):
+        return f'a number has no unit; write {match[1]}, or put an operator before {match[2]}'
+    return ''
+
+
+def _check_comment(text: Text, start: int, end: int) -> None:
+    # YAML's '>' makes one line of many: what followed a line's comment would be lost unseen.
+    span = text.at(start, end)
+    if text.value.startswith('--', start) and '\n' in text.source.text[span.start:span.end]:
+        refuse('the comment would swallow the lines after it', text.at(start, start + 2),
+               'YAML has joined this line with the next ones',
+               "write '|' instead of '>' after the key, so that lines stay lines")
+
+
+@cache
+def _tables(language: Language) -> Any:
+    """Make the LALR tables, once and only when a formula is read."""
+    with warnings.catch_warnings():
+        # lark 0.12 imports two modules that Python 3.11 and later call deprecated.
+        warnings.filterwarnings('ignore', r"module 'sre_", DeprecationWarning)
+        from lark import Lark
+    grammar = files(__package__).joinpath(language.grammar).read_text(encoding='utf-8')
+    return Lark(grammar, parser='lalr', lexer='contextual', start=list(language.starts),
+                transformer=language.builder, maybe_placeholders=False)
+
+
+def parse(language: Language, text: Text, lexemes: Sequence[Lexeme], start: str) -> Any:
+    """Return what the language's builder makes of the lexemes; raises `CompileError`."""
+    parser = _tables(language).parse_interactive('', start)
+    from lark.exceptions import UnexpectedToken
+    tree = None
+    for index, lexeme in enumerate(ended := [*lexemes, _end(text, lexemes)]):
+        try:
+            tree = parser.feed_token(lexeme)
+        except UnexpectedToken as unexpected:
+            expected = frozenset(unexpected.expected)
+            _refuse_lexeme(language, text, ended, index, expected)
+    return tree
+
+
+def _end(text: Text, lexemes: Sequence[Lexeme]) -> Lexeme:
+    """Return the end, just behind the last lexeme."""
+    end = lexemes[-1].end if lexemes else 0
+    place = lexemes[-1].span.end if lexemes else text.span.start
+    return Lexeme(END, '', end, end, Span(text.source, place, place))
+
+
+def _refuse_lexeme(language: Language, text: Text, lexemes: Sequence[Lexeme], index: int,
+                   expected: frozenset[str]) -> NoReturn:
+    """Say why the lexeme at `index` does not fit, where `expected` would."""
+    found = lexemes[index]
+    if len(lexemes) == 1:
+        refuse('the formula is empty', text.span, 'nothing to read here')
+    if told := language.explain(text, lexemes, index):
+        raise CompileError([told])
+    opened = _opened(lexemes[:index])
+    if found.type in _CLOSES:
+        _check_closing(text, found, opened)
+    if 'NAME' in expected and 'LPAR' in expected:
+        _refuse_missing_operand(text, lexemes, index)
+    if found.type == END and opened:
+        refuse(f"'{_written(text, opened[-1])}' is not closed", opened[-1].span, 'opened here')
+    if found.type in OPERAND_STARTS and lexemes[index - 1].type in OPERAND_ENDS:
+        refuse('an operator is missing', found.span,
+               f"expected an operator before '{_written(text, found)}'")
+    title = 'the formula ends too early' if found.type == END else (
+        f"'{_written(text, found)}' does not fit here")
+    refuse(title, found.span, _expectation(expected))
+
+
+def _opened(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Return the brackets that are open at the end, outermost first."""
+    opened = []
+    for lexeme in lexemes:
+        if lexeme.type in _OPENS:
+            opened.append(lexeme)
+        elif lexeme.type in _CLOSES:
+            opened.pop()
+    return opened
+
+
+def _check_closing(text: Text, found: Lexeme, opened: Sequence[Lexeme]) -> None:
+    written = _written(text, found)
+    if not opened:
+        refuse(f"'{written}' closes nothing", found.span, 'no bracket is open here')
+    if opened[-1].type != _CLOSES[found.type]:
+        refuse(f"'{_written(text, opened[-1])}' is not closed", opened[-1].span,
+               f"'{written}' follows, which does not close it")
+
+
+def _refuse_missing_operand(text: Text, lexemes: Sequence[Lexeme], index: int) -> NoReturn:
+    found = lexemes[index]
+    wanted = "expected a name, a number or '('"
+    if found.type == END:
+        refuse('the formula ends too early', found.span,
+               f"{wanted} after '{_written(text, lexemes[index - 1])}'")
+    refuse('an operand is missing', found.span, f"{wanted} before '{_written(text, found)}'")
+
+
+def _written(text: Text, lexeme: Lexeme) -> str:
+    return _short(text.value[lexeme.start:lexeme.end])
+
+
+def _short(word: str) -> str:
+    return word if len(word) <= 40 else word[:37] + '...'
+
+
+_SHOWN = {
+    'NAME': 'a name', 'NUMBER': 'a number', 'LPAR': "'('", 'RPAR': "')'", 'LBRACK': "'['",
+    'RBRACK': "']'", 'COMMA': "','", 'SEMI': "';'", 'COLON': "':'", 'EQUAL': "'='",
+    'THEN': "'then'", 'ELSE': "'else'", 'LET': "'let'", 'TEL': "'tel'", 'RETURNS': "'returns'",
+    'VAR': "'var'", 'NODE': "'node'", 'FUNCTION': "'function'",
+}
+
+
+def _expectation(expected: frozenset[str]) -> str:
+    shown = [word for kind, word in _SHOWN.items() if kind in expected]
+    if expected & {'AND', 'PLUS', 'RELATION'}:
+        shown = ['an operator', *(word for word in shown if word.startswith("'"))]
+    if not shown:
+        return 'expected the end' if END in expected else 'not expected'
+    return 'expected ' + ' or '.join([', '.join(shown[:-1]), shown[-1]] if shown[1:] else shown)
+
+
+class Builder:
+    """
+    Makes the tree, each rule of the grammar by the method of its name.
+
+    lark calls them with what it has read, lexemes and trees, in the order of the rule: hence Any.
+    """
+
+    conjunction = '&'
+
+    def start(self, parts: list[Any]) -> Any:
+        """Return the one tree."""
+        return parts[0]
+
+    def infix(self, parts: list[Any]) -> Infix:
+        """Build `left operator right`."""
+        left, operator, right = parts
+        return Infix(operator.text, None, left, right, operator.span,
+                     join(left.span, right.span))
+
+    def prefix(self, parts: list[Any]) -> Prefix:
+        """Build `operator argument`."""
+        operator, argument = parts
+        return Prefix(operator.text, None, argument, operator.span,
+                      join(operator.span, argument.span))
+
+    def name(self, parts: list[Any]) -> Name:
+        """Build a name."""
+        return Name(parts[0].text, parts[0].span)
+
+    def number(self, parts: list[Any]) -> Number:
+        """Build a number."""
+        return Number(parts[0].text, parts[0].span)
+
+    def boolean(self, parts: list[Any]) -> Boolean:
+        """Build a truth value."""
+        return Boolean(parts[0].type == 'TRUE', parts[0].span)
+
+    def arguments(self, parts: list[Any]) -> tuple[Expression, ...]:
+        """Return the arguments of a call."""
+        return tuple(part for part in parts if not isinstance(part, Lexeme))
+
+    def call(self, parts: list[Any]) -> Expression:
+        """Build `function(arguments)`."""
+        arguments = parts[2] if len(parts) == 4 else ()
+        return Call(parts[0].text, arguments, parts[0].span, join(parts[0].span, parts[-1].span))
+
+    def group(self, parts: list[Any]) -> Expression:
+        """Return what stands in parentheses, which belong to its place."""
+        return _at(parts[1], join(parts[0].span, parts[2].span))
+
+    def chain(self, parts: list[Any]) -> NoReturn:
+        """Refuse `a < b < c`."""
+        first, operator, last = parts
+        middle = _source(first.right)
+        instead = (f'write {_source(first)} {self.conjunction} '
+                   f'{middle} {operator.text} {_source(last)}')
+        refuse('comparisons cannot be chained', operator.span, 'a second comparison',
+               instead if len(instead) <= 100 else 'put parentheses around one comparison')
+
+
+def _at(node: Expression, span: Span) -> Expression:
+    """Return a node of several parts with another place."""
+    match node:
+        case Infix():
+            return Infix(node.operator, node.bound, node.left, node.right, node.operator_span,
+                         span)
+        case Prefix():
+            return Prefix(node.operator, node.bound, node.argument, node.operator_span, span)
+        case Call():
+            return Call(node.function, node.arguments, node.function_span, span)
+        case Conditional():
+            return Conditional(node.condition, node.yes, node.no, span)
+        case _:
+            return node
+
+
+def join(first: Span, last: Span) -> Span:
+    """Return the place from the start of one span to the end of another."""
+    return Span(first.source, first.start, last.end)
+
+
+def _source(node: Expression) -> str:
+    span = node.span
+    return ' '.join(span.source.text[span.start:span.end].split())
+
+
+def bound_number(node: Expression) -> str:
+    """
+    Return the number of a bound as text with an optional sign; sums are worked out.
+
+    FRET writes `10-1` there. Raises `CompileError` for what is no number.
+    """
+    match node:
+        case Number():
+            return node.text
+        case Prefix(operator='-', argument=Number(text=text)):
+            return f'-{text}'
+        case _:
+            return str(_work_out(node))
+
+
+def _work_out(root: Expression) -> int:
+    values: list[int] = []
+    for node in postorder(root):
+        match node:
+            case Number(text=text) if text.isdecimal() and len(text) <= _MAX_BOUND_DIGITS:
+                values.append(int(text))
+            case Prefix(operator='-'):
+                values.append(-values.pop())
+            case Infix(operator='+' | '-' | '*'):
+                right, left = values.pop(), values.pop()
+                values.append(_calculate(node.operator, left, right))
+            case _:
+                _refuse_bound(node)
+        if abs(values[-1]) >= 10 ** _MAX_BOUND_DIGITS:
+            refuse('the bound is too large', root.span, 'a bound is at most 2147483647')
+    return values[0]
+
+
+def _calculate(operator: str, left: int, right: int) -> int:
+    match operator:
+        case '+':
+            return left + right
+        case '-':
+            return left - right
+        case _:
+            return left * right
+
+
+def _refuse_bound(node: Expression) -> NoReturn:
+    if isinstance(node, Name) and node.text.lower() in ('inf', 'infinity', 'oo'):
+        refuse('a bound is a whole number', node.span, 'a name', 'for no upper bound write [>=n]')
+    if isinstance(node, Name):
+        refuse('a bound is a whole number', node.span, 'a name', 'write its value here')
+    refuse('a bound is a whole number', node.span, 'not a number')

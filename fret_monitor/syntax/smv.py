@@ -1,0 +1,198 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Reads past-time MTL as FRET writes it for SMV (the key `ptltl`).
+
+A `Text` goes in, an `Expression` comes out; the grammar is in `smv.lark`. Beside FRET's spelling
+it takes what SMV and C users write: `=>`, `<=>`, `&&`, `||`, `==` and `~`; `xor`, `mod`, `TRUE`
+and `FALSE` in any case; `.5`. FRET's old exports, with HTML in them, read as their content.
+FRET's sign is part of a number: `-3 ^ 2` is `(-3) ^ 2`, while `-x ^ 2` is `-(x ^ 2)`.
+"""
+
+from collections.abc import Sequence
+from itertools import product
+import re
+from typing import Any, NoReturn
+
+from fret_monitor.diagnostics import Diagnostic
+from fret_monitor.diagnostics import refuse
+from fret_monitor.diagnostics import Span
+from fret_monitor.diagnostics import Text
+from fret_monitor.syntax import _lalr
+from fret_monitor.syntax._lalr import bound_number
+from fret_monitor.syntax._lalr import join
+from fret_monitor.syntax._lalr import Lexeme
+from fret_monitor.syntax.expression import Bound
+from fret_monitor.syntax.expression import Expression
+from fret_monitor.syntax.expression import Infix
+from fret_monitor.syntax.expression import Number
+from fret_monitor.syntax.expression import Prefix
+
+
+def _any_case(word: str) -> list[str]:
+    return [''.join(letters) for letters in product(*zip(word.lower(), word.upper()))]
+
+
+_WORDS = {
+    'H': ('PAST', 'H'), 'O': ('PAST', 'O'), 'Y': ('DELAY', 'Y'), 'Z': ('DELAY', 'Z'),
+    'S': ('SINCE', 'S'), 'T': ('SINCE', 'T'), 'SI': ('SINCE', 'SI'),
+    **dict.fromkeys(_any_case('xor'), ('XOR', 'xor')),
+    **dict.fromkeys(_any_case('mod'), ('TIMES', 'mod')),
+    **dict.fromkeys(_any_case('true'), ('TRUE', 'TRUE')),
+    **dict.fromkeys(_any_case('false'), ('FALSE', 'FALSE')),
+}
+_OPERATORS = {
+    '<->': ('IFF', '<->'), '<=>': ('IFF', '<->'), '->': ('IMPLIES', '->'),
+    '=>': ('IMPLIES', '->'), '|': ('OR', '|'), '||': ('OR', '|'), '&': ('AND', '&'),
+    '&&': ('AND', '&'), '!': ('NOT', '!'), '~': ('NOT', '!'), '<=': ('RELATION', '<='),
+    '>=': ('RELATION', '>='), '!=': ('RELATION', '!='), '==': ('RELATION', '='),
+    '<': ('RELATION', '<'), '>': ('RELATION', '>'), '=': ('RELATION', '='), '+': ('PLUS', '+'),
+    '-': ('MINUS', '-'), '*': ('TIMES', '*'), '/': ('TIMES', '/'), '^': ('POWER', '^'),
+    '(': ('LPAR', '('), ')': ('RPAR', ')'), '[': ('LBRACK', '['), ']': ('RBRACK', ']'),
+    ',': ('COMMA', ','),
+}
+_WRITE = {'and': '&', 'or': '|', 'not': '!', 'implies': '->', 'iff': '<->', 'xor': 'xor',
+          'unequal': '!='}
+_REFUSED = {
+    **{word: f'write {_WRITE[key]}' for key in ('and', 'or', 'not', 'implies', 'iff')
+       for word in (key, key.upper(), key.capitalize())},
+    **dict.fromkeys(('if', 'then', 'else'), 'write ite(condition, yes, no), or if -> then'),
+    'pre': 'write Y for a Boolean, preInt(init, x) or preReal(init, x) for a number',
+    '%': 'the remainder is mod: x mod 3',
+    ';': 'a formula of this language ends without a semicolon',
+    '{': 'write an enumeration as (x = A | x = B)',
+}
+# What FRET's grammar knows besides: operators of the future, and those of CoCoSpec.
+_FUTURE = frozenset({'X', 'G', 'F', 'U', 'V', 'R', 'UI'})
+_COCOSPEC = frozenset({'YtoPre', 'ZtoPre', 'OT', 'HT', 'ST', 'SIT', 'TT'})
+
+RESERVED = frozenset({*_WORDS, *(word for word in _REFUSED if word.isalpha()), *_COCOSPEC, 'FTP'})
+"""Words that cannot name an input, constant or definition in this language."""
+
+_HTML = {'<': '(?:<|&lt;)', '>': '(?:>|&gt;)', '&': '(?:&amp;|&(?!(?:lt|gt|amp);))'}
+
+
+def _pattern(blank: str) -> re.Pattern[str]:
+    spelled = sorted(_OPERATORS, key=len, reverse=True)
+    operators = '|'.join(''.join(_HTML.get(char, re.escape(char)) for char in operator)
+                         for operator in spelled)
+    return re.compile(f'(?:{blank})+|{_lalr.NUMBER}|{_lalr.NAME}|{_lalr.QUOTED}'
+                      f'|(?P<OPERATOR>{operators})|(?P<BAD>.)', re.ASCII | re.DOTALL)
+
+
+class _Builder(_lalr.Builder):
+
+    def negative(self, parts: list[Any]) -> Prefix:
+        span = parts[0].span
+        sign = Span(span.source, span.start, span.start + 1)
+        number = Number(parts[0].text[1:], Span(span.source, span.start + 1, span.end))
+        return Prefix('-', None, number, sign, span)
+
+    def bounded_prefix(self, parts: list[Any]) -> Prefix:
+        operator, bound, argument = parts
+        return Prefix(operator.text, bound, argument, join(operator.span, bound.span),
+                      join(operator.span, argument.span))
+
+    def bounded_infix(self, parts: list[Any]) -> Infix:
+        left, operator, bound, right = parts
+        return Infix(operator.text, bound, left, right, join(operator.span, bound.span),
+                     join(left.span, right.span))
+
+    def window(self, parts: list[Any]) -> Bound:
+        low, high = bound_number(parts[1]), bound_number(parts[3])
+        return Bound('[]', low, high, join(parts[0].span, parts[4].span))
+
+    def one_sided(self, parts: list[Any]) -> Bound:
+        relation = parts[1]
+        if relation.text == '!=':
+            refuse("a bound has no '!='", relation.span, 'not a range of steps')
+        return Bound(relation.text, bound_number(parts[2]), None,
+                     join(parts[0].span, parts[3].span))
+
+    def one_number(self, parts: list[Any]) -> NoReturn:
+        number = bound_number(parts[1])
+        refuse('a bound has two numbers, or a relation', join(parts[0].span, parts[2].span),
+               'one number', f'write [0,{number}] for the last {number} steps, '
+                             f'[={number}] for exactly {number} steps ago')
+
+    def call(self, parts: list[Any]) -> Expression:
+        if parts[0].text in _COCOSPEC:
+            refuse(f"'{parts[0].text}' is an operator of CoCoSpec", parts[0].span,
+                   'not in this language', 'use the key cocospec: instead of ptltl:')
+        return super().call(parts)
+
+
+def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
+    found = lexemes[index]
+    before = lexemes[index - 1] if index else found
+    for lexeme in (before, found):
+        if lexeme.type == 'NAME' and lexeme.text in _FUTURE:
+            return Diagnostic(f"'{lexeme.text}' is an operator of the future", lexeme.span,
+                              'not in this language',
+                              'a monitor sees only the past: H O Y Z, S T SI')
+    if found.type == 'SINCE':
+        return Diagnostic(f"'{found.text}' stands between two operands", found.span,
+                          'an operand is missing before it', f'write p {found.text} q; '
+                          f"CoCoSpec's {found.text}(p, q) is q {found.text} p here")
+    if found.type == 'RELATION' and before.type == 'RELATION':
+        return Diagnostic('two comparisons without an operand between', found.span,
+                          f"after '{before.text}'", 'the comparisons are < <= = != >= >')
+    return _explain_bracket(before, found)
+
+
+def _explain_bracket(before: Lexeme, found: Lexeme) -> Diagnostic | None:
+    if found.type == 'LBRACK' and before.type == 'DELAY':
+        instead = 'O' if before.text == 'Y' else 'H'
+        return Diagnostic(f"'{before.text}' takes no bound", found.span,
+                          'it looks exactly one step back',
+                          f'write {instead}[=n] p for n steps back')
+    if found.type == 'LBRACK' and before.type == 'NAME':
+        return Diagnostic('a name takes no index', found.span, 'not expected',
+                          'an element of an array is an input of its own: field: NAME[INDEX]')
+    if found.type == 'COMMA' and before.type in _lalr.OPERAND_ENDS:
+        return Diagnostic("',' does not fit here", found.span, 'not among the arguments of a '
+                          'function', 'H O Y Z take one operand; S T SI stand between two')
+    return None
+
+
+_PLAIN = _lalr.Language('smv.lark', _Builder(), ('start',), _pattern(r'\s'), _WORDS, _OPERATORS,
+                        _REFUSED, _WRITE, _explain)
+_TAGGED = _pattern(r'\s|</?[bi]>')
+
+
+def parse_smv(text: Text) -> Expression:
+    """Return the tree of a formula; raises `CompileError` with the place of the first error."""
+    lexemes = _lalr.scan(_PLAIN, text, _TAGGED if '</' in text.value else None)
+    tree: Expression = _lalr.parse(_PLAIN, text, _join_signs(lexemes), 'start')
+    return tree
+
+
+def _join_signs(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Make one lexeme of a sign and the number it touches before `^`: FRET reads it so."""
+    joined: list[Lexeme] = []
+    for index, lexeme in enumerate(lexemes):
+        if lexeme.type == 'POWER' and _is_signed(lexemes[max(0, index - 3):index]):
+            sign, number = joined[-2:]
+            joined[-2:] = [Lexeme('NEGATIVE', '-' + number.text, sign.start, number.end,
+                                  join(sign.span, number.span))]
+        joined.append(lexeme)
+    return joined
+
+
+def _is_signed(lexemes: Sequence[Lexeme]) -> bool:
+    if len(lexemes) < 2 or lexemes[-1].type != 'NUMBER' or lexemes[-2].type != 'MINUS':
+        return False
+    subtracts = len(lexemes) == 3 and lexemes[0].type in _lalr.OPERAND_ENDS
+    return not subtracts and lexemes[-2].end == lexemes[-1].start
