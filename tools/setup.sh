@@ -73,12 +73,12 @@ find_compiler() {
 
 # What the environment was made from and for; it is made anew when this changes.
 fingerprint() {
-  printf '%s|%s|%s\n' "$PWD" "$ros" "$purpose"
+  printf '%s|%s|%s\n' "$PWD" "$ros" "$1"
   cat package.xml pyproject.toml setup.cfg setup.py tools/setup.sh
 }
 
 is_ready() {
-  test -f "$venv/$stamp" && fingerprint | cmp -s - "$venv/$stamp" \
+  test -f "$venv/.ready.$purpose" && fingerprint "$purpose" | cmp -s - "$venv/.ready.$purpose" \
     && "$venv/bin/python" -S -c '' >/dev/null 2>&1
 }
 
@@ -141,8 +141,7 @@ link_folders() {
 }
 
 ros=
-if test -n "${ROS_DISTRO:-}" && test -n "${AMENT_PREFIX_PATH:-}"; then ros=$AMENT_PREFIX_PATH; fi
-stamp=.ready.$purpose
+if test -n "${ROS_DISTRO:-}" && test -n "${AMENT_PREFIX_PATH:-}"; then ros=$ROS_DISTRO; fi
 find_compiler
 if is_ready; then exit 0; fi
 choose_python
@@ -151,5 +150,7 @@ if ! is_whole; then make_venv; fi
 install_packages
 link_folders
 rm "$venv/.unfinished"
-fingerprint >"$venv/$stamp"
+# Whoever is ready for the tests is ready to run.
+fingerprint run >"$venv/.ready.run"
+fingerprint "$purpose" >"$venv/.ready.$purpose"
 echo "fret_monitor: $venv is ready"

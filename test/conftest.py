@@ -1,0 +1,84 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What all tests share: a home of their own, a copy of the repository, a domain of DDS."""
+
+from collections.abc import Iterator
+import fcntl
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import tempfile
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+_WORKER = 'PYTEST_XDIST_WORKER'
+_HOME = pytest.StashKey[str]()
+# Of the domain numbers, 0 to 101 give ports that no system hands to others; 0 is everybody's.
+_DOMAINS = range(1, 101)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep ROS's log and our build cache out of the user's home, and DDS on this machine."""
+    if _WORKER in os.environ:
+        return
+    config.stash[_HOME] = tempfile.mkdtemp(prefix='fret_monitor-test-')
+    os.environ['ROS_HOME'] = config.stash[_HOME]
+    os.environ['ROS_LOG_DIR'] = os.path.join(config.stash[_HOME], 'log')
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Remove what `pytest_configure` made."""
+    if _HOME in config.stash:
+        shutil.rmtree(config.stash[_HOME], ignore_errors=True)
+
+
+@pytest.fixture
+def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """
+    Set ROS_DOMAIN_ID to a number that no other test on this machine uses, and return it.
+
+    Whoever uses one holds a lock on a file, which ends with the process whatever happens to it.
+    """
+    folder = Path(tempfile.gettempdir()) / f'fret_monitor-domains-{os.getuid()}'
+    folder.mkdir(exist_ok=True)
+    for number in _DOMAINS:
+        with (folder / str(number)).open('w') as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                continue
+            monkeypatch.setenv('ROS_DOMAIN_ID', str(number))
+            yield number
+            return
+    pytest.fail('all domains are in use')
+
+
+@pytest.fixture
+def repository(tmp_path: Path) -> Path:
+    """Return a copy of what git holds, or would hold, of this repository; skip without git."""
+    listed = subprocess.run(
+        ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard'],
+        cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode:
+        pytest.skip('needs a clone')
+    copy = tmp_path / 'repository'
+    for name in filter(None, listed.stdout.split('\0')):
+        if (ROOT / name).is_file():
+            (copy / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, copy / name)
+    return copy

@@ -1,0 +1,227 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The levels of the package: who may import whom (DESIGN 3).
+
+Imports are read from the syntax trees, so those inside functions and under TYPE_CHECKING count.
+"""
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import fret_monitor
+import pytest
+
+PACKAGE = Path(fret_monitor.__file__).parent
+
+LEVELS = {
+    'fret_monitor': 0,
+    'fret_monitor.diagnostics': 0,
+    'fret_monitor.manifest': 0,
+    'fret_monitor.syntax': 1,
+    'fret_monitor.logic': 2,
+    'fret_monitor.program': 3,
+    'fret_monitor.codegen': 4,
+    'fret_monitor.native': 5,
+    'fret_monitor.runtime': 6,
+    'fret_monitor.build': 7,
+    'fret_monitor.ros': 8,
+    'fret_monitor.bag': 8,
+    'fret_monitor.cli': 8,
+}
+FACES = {name for name, level in LEVELS.items() if level == 8}
+LEAN = {'fret_monitor.native', 'fret_monitor.runtime'}
+LEAN_LEVELS = {0, 5, 6}
+# What a test cannot see from the name alone: these are ROS without being called `*_msgs`.
+ROS_MODULES = {
+    'ament_index_python', 'builtin_interfaces', 'launch', 'launch_ros', 'mcap', 'rclpy',
+    'rosbag2_py', 'rosbags', 'std_srvs', 'unique_identifier_msgs',
+}
+
+
+@dataclass(frozen=True)
+class Import:
+    """One import: who does it, what it names, the line, and whether it runs when loaded."""
+
+    importer: str
+    imported: str
+    line: int
+    on_load: bool
+
+    def __str__(self) -> str:
+        return f'{self.importer}, line {self.line}: imports {self.imported}'
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """Return every module of the package, by its name, packages under theirs."""
+    found = {}
+    for path in PACKAGE.rglob('*.py'):
+        parts = path.relative_to(PACKAGE.parent).with_suffix('').parts
+        found['.'.join(parts[:-1] if parts[-1] == '__init__' else parts)] = path
+    return found
+
+
+def nodes(tree: ast.AST, on_load: bool = True) -> Iterator[tuple[ast.AST, bool]]:
+    """Yield each node below a tree and whether it runs when the module is loaded."""
+    stack = [(tree, on_load)]
+    while stack:
+        node, runs = stack.pop()
+        yield node, runs
+        inner = runs and not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+        stack.extend((child, inner) for child in ast.iter_child_nodes(node))
+
+
+def named(node: ast.AST, module: str, is_package: bool) -> Iterator[str]:
+    """Yield what an import statement names; `from a import b` names a.b where that is a module."""
+    match node:
+        case ast.Import(names=names):
+            yield from (alias.name for alias in names)
+        case ast.ImportFrom(module=origin, names=names, level=level):
+            base = origin or ''
+            if level:
+                package = module.split('.')
+                package = package[:len(package) - level + is_package]
+                base = '.'.join([*package, *([origin] if origin else [])])
+            for alias in names:
+                whole = f'{base}.{alias.name}'
+                yield whole if whole in modules() else base
+
+
+@cache
+def imports_of(name: str) -> list[Import]:
+    """Return all imports of a module of the package."""
+    path = modules()[name]
+    tree = ast.parse(path.read_text(encoding='utf-8'))
+    return [
+        Import(name, imported, getattr(node, 'lineno', 0), on_load)
+        for node, on_load in nodes(tree)
+        for imported in named(node, name, path.name == '__init__.py')
+    ]
+
+
+@cache
+def all_imports() -> tuple[Import, ...]:
+    """Return all imports in the package."""
+    return tuple(each for name in sorted(modules()) for each in imports_of(name))
+
+
+def place(name: str) -> str:
+    """Return the level's entry that a module belongs to: the first two parts of its name."""
+    return '.'.join(name.split('.')[:2])
+
+
+def inside() -> list[Import]:
+    """Return the imports of one part of the package by another or itself."""
+    return [each for each in all_imports() if each.imported.split('.')[0] == 'fret_monitor']
+
+
+def reached_from(name: str) -> set[str]:
+    """Return the modules that loading or running a module may load, itself too."""
+    seen, waiting = {name}, [name]
+    while waiting:
+        for each in imports_of(waiting.pop()):
+            # Importing a.b.c runs a and a.b first.
+            parts = each.imported.split('.')
+            for end in range(1, len(parts) + 1):
+                step = '.'.join(parts[:end])
+                if step in modules() and step not in seen:
+                    seen.add(step)
+                    waiting.append(step)
+    return seen
+
+
+def told(wrong: list[Import]) -> str:
+    return '\n'.join(map(str, wrong))
+
+
+def test_every_module_has_a_level() -> None:
+    assert [name for name in modules() if place(name) not in LEVELS] == []
+
+
+def test_what_is_imported_exists() -> None:
+    wrong = [each for each in inside() if each.imported not in modules()]
+    assert not wrong, told(wrong)
+
+
+def test_imports_point_down_only() -> None:
+    wrong = [
+        each for each in inside()
+        if place(each.importer) != place(each.imported)
+        and LEVELS[place(each.importer)] <= LEVELS[place(each.imported)]
+        and not (LEVELS[place(each.importer)] == LEVELS[place(each.imported)] == 0)
+    ]
+    assert not wrong, told(wrong)
+
+
+def named_from(name: str) -> set[str]:
+    """Return the modules that a module names, and those that these name, and so on."""
+    seen: set[str] = set()
+    waiting = [name]
+    while waiting:
+        for each in imports_of(waiting.pop()):
+            if each.imported in modules() and each.imported not in seen:
+                seen.add(each.imported)
+                waiting.append(each.imported)
+    return seen
+
+
+def test_imports_do_not_go_in_circles() -> None:
+    # Not even inside a function: a module that cannot be thought of alone is not one noun.
+    assert [name for name in modules() if name in named_from(name)] == []
+
+
+def test_the_faces_do_not_import_each_other() -> None:
+    wrong = [
+        each for each in inside()
+        if place(each.importer) in FACES and place(each.imported) in FACES
+        and place(each.importer) != place(each.imported)
+    ]
+    assert not wrong, told(wrong)
+
+
+def test_only_the_node_and_the_bag_know_ros() -> None:
+    wrong = [
+        each for each in all_imports()
+        if place(each.importer) not in {'fret_monitor.ros', 'fret_monitor.bag'}
+        and (each.imported.split('.')[0] in ROS_MODULES
+             or each.imported.split('.')[0].endswith('_msgs'))
+    ]
+    assert not wrong, told(wrong)
+
+
+@pytest.mark.parametrize('face', sorted(LEAN))
+def test_a_robot_loads_a_monitor_without_parser_and_compiler(face: str) -> None:
+    reached = {place(name) for start in modules() if place(start) == face
+               for name in reached_from(start)}
+    assert {name for name in reached if LEVELS[name] not in LEAN_LEVELS} == set()
+
+
+def test_the_reference_semantics_and_the_lowering_do_not_know_each_other() -> None:
+    evaluate, lower = 'fret_monitor.logic.evaluate', 'fret_monitor.program.lower'
+    assert lower not in reached_from(evaluate)
+    assert evaluate not in reached_from(lower)
+
+
+def test_the_nodes_load_the_parsers_only_when_they_need_them() -> None:
+    wrong = [
+        each for each in inside()
+        if place(each.importer) == 'fret_monitor.ros' and each.on_load
+        and LEVELS[place(each.imported)] not in {*LEAN_LEVELS, 8}
+    ]
+    assert not wrong, told(wrong)
