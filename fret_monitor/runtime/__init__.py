@@ -11,3 +11,21 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+"""The evaluator of `csrc/evaluator.c` for Python: values in, violations out. It knows no ROS."""
+
+from fret_monitor.runtime.evaluator import Evaluator
+from fret_monitor.runtime.evaluator import InputCounts
+from fret_monitor.runtime.evaluator import RequirementCounts
+from fret_monitor.runtime.evaluator import TopicCounts
+from fret_monitor.runtime.evaluator import TYPECODES
+from fret_monitor.runtime.evaluator import Violation
+
+__all__ = [
+    'TYPECODES',
+    'Evaluator',
+    'InputCounts',
+    'RequirementCounts',
+    'TopicCounts',
+    'Violation',
+]

@@ -1,0 +1,267 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Libraries built from C text, and kept, so that a second start compiles nothing.
+
+A library lives in `$ROS_HOME/fret_monitor/KEY/` (`ROS_HOME` is `~/.ros` when unset), beside its
+sources and a seal: the name and SHA-256 of the library. KEY is the SHA-256 of all that decides
+what it is: sources, headers, compiler, flags, machine. A folder gets its name only when it is
+complete, by one rename; so two processes may build the same one, and one that dies midway leaves
+nothing that could be taken for a library. Whoever may write there can run code as the user: a
+folder that others own or can write is refused. One that cannot be written at all is done without.
+"""
+
+import atexit
+from collections.abc import Mapping
+from functools import cache
+from hashlib import sha256
+import json
+import logging
+import os
+from pathlib import Path
+import platform
+import shutil
+import stat
+import sys
+import tempfile
+import time
+
+from fret_monitor.native.compiler import COMPILE_FLAGS
+from fret_monitor.native.compiler import compile_library
+from fret_monitor.native.compiler import Compiler
+from fret_monitor.native.compiler import find_compiler
+from fret_monitor.native.compiler import LIBRARIES
+from fret_monitor.native.compiler import LINK_FLAGS
+from fret_monitor.native.compiler import TIMEOUT
+from fret_monitor.native.errors import CacheError
+from fret_monitor.native.errors import CompilerError
+from fret_monitor.native.errors import NativeError
+
+_SEAL = 'seal.json'
+_UNFINISHED = '.building-'
+_LITTER_AGE = 24 * 3600.0  # seconds after which an unfinished folder belongs to nobody
+_FULL = 1 << 20  # bytes free below which a failed build is put down to a full disk
+
+_log = logging.getLogger(__name__)
+
+
+def build_library(
+    sources: Mapping[str, str], *, name: str, headers: Mapping[str, str] | None = None,
+    compiler: Compiler | None = None, timeout: float = TIMEOUT,
+) -> Path:
+    """
+    Compile C files to one shared library, or find it where it was built before.
+
+    Parameters
+    ----------
+    sources
+        file name (no folders) to text of each C file; at least one.
+    name
+        the library's file is `libNAME.so`; letters, digits and `_`.
+    headers
+        file name to text of the headers they include; those of csrc when None.
+    compiler
+        None for what `find_compiler` finds.
+    timeout
+        seconds for the compiler.
+
+    Returns
+    -------
+    Path
+        the library. It stays there when it was kept, and until this process ends otherwise.
+
+    Raises
+    ------
+    CompilerError
+        if there is no compiler, or it fails.
+    CacheError
+        if the folder of built libraries could be written by somebody else.
+    """
+    compiler = compiler or find_compiler()
+    files = {**(runtime_headers() if headers is None else headers), **sources}
+    build = _Build(files, tuple(sources), f'lib{name}.so', compiler, timeout)
+    return build.kept() or build.make()
+
+
+def runtime_headers() -> dict[str, str]:
+    """Return the headers of csrc that generated C stands on, by file name."""
+    return {file.name: file.read_text(encoding='utf-8')
+            for file in sorted(csrc_directory().glob('*.h'))}
+
+
+def evaluator_library() -> Path:
+    """Return the library of `csrc/evaluator.c`, built if need be; errors as `build_library`."""
+    file = csrc_directory() / 'evaluator.c'
+    return build_library({file.name: file.read_text(encoding='utf-8')}, name='fm_evaluator')
+
+
+@cache
+def csrc_directory() -> Path:
+    """
+    Return the folder of the hand-written C, that of this package before any other.
+
+    It is `csrc` beside the package in the source tree, and `share/fret_monitor/csrc` in a prefix
+    where it is installed.
+
+    Raises
+    ------
+    NativeError
+        if there is none: the package is not installed as a whole.
+    """
+    candidates = _csrc_candidates()
+    for folder in candidates:
+        if (folder / 'evaluator.c').is_file():
+            return folder
+    looked = '\n'.join(f'  {folder}' for folder in candidates)
+    raise NativeError(f'the C sources of fret_monitor are not installed; looked in\n{looked}')
+
+
+def _csrc_candidates() -> list[Path]:
+    package = Path(__file__).resolve().parents[1]
+    prefixes = [*package.parents[1:]]
+    prefixes += map(Path, filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)))
+    prefixes.append(Path(sys.prefix))
+    installed = [prefix / 'share' / 'fret_monitor' / 'csrc' for prefix in prefixes]
+    return [package.parent / 'csrc', *dict.fromkeys(installed)]
+
+
+def cache_directory() -> Path:
+    """Return the folder of built libraries; it need not exist."""
+    home = os.environ.get('ROS_HOME') or os.path.join(os.path.expanduser('~'), '.ros')
+    return Path(os.path.abspath(home)) / 'fret_monitor'
+
+
+class _Build:
+    """One library to be had: what it is made of, and where it belongs."""
+
+    def __init__(
+        self, files: Mapping[str, str], sources: tuple[str, ...], library: str,
+        compiler: Compiler, timeout: float,
+    ) -> None:
+        self._files = {file: text.encode() for file, text in files.items()}
+        self._sources = sources
+        self._library = library
+        self._compiler = compiler
+        self._timeout = timeout
+        self._root = cache_directory()
+        self._folder = self._root / self._key()
+
+    def kept(self) -> Path | None:
+        """Return the library if it was built before and is whole."""
+        try:
+            _refuse_foreign(self._root)
+        except OSError:
+            return None  # there is no such folder, or we cannot see it
+        return self._folder / self._library if self._is_whole() else None
+
+    def make(self) -> Path:
+        """Build the library where it is kept or, where nothing can be, in a private folder."""
+        try:
+            return self._make_kept()
+        except OSError as error:
+            return self._make_for_now(error.strerror or str(error))
+        except CompilerError:
+            if not _is_full(self._root):
+                raise
+            return self._make_for_now('the disk is full')
+
+    def _key(self) -> str:
+        decisive = [
+            {file: sha256(text).hexdigest() for file, text in sorted(self._files.items())},
+            self._sources, self._library, self._compiler.identity,
+            COMPILE_FLAGS, LINK_FLAGS, LIBRARIES, platform.machine(), sys.platform]
+        return sha256(json.dumps(decisive).encode()).hexdigest()
+
+    def _make_kept(self) -> Path:
+        self._root.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _refuse_foreign(self._root)
+        _sweep(self._root)
+        unfinished = Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=self._root))
+        try:
+            self._fill(unfinished)
+            self._publish(unfinished)
+        finally:
+            shutil.rmtree(unfinished, ignore_errors=True)
+        return self._folder / self._library
+
+    def _make_for_now(self, reason: str) -> Path:
+        _log.warning(
+            '%s cannot be written (%s): the library is built for this run only',
+            self._root, reason)
+        folder = Path(tempfile.mkdtemp(prefix='fret_monitor-'))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        self._fill(folder)
+        return folder / self._library
+
+    def _fill(self, folder: Path) -> None:
+        for file, text in self._files.items():
+            (folder / file).write_bytes(text)
+        compile_library(
+            self._compiler, self._sources, self._library, folder=folder, timeout=self._timeout)
+        for made in folder.glob('*.o'):
+            made.unlink()
+        (folder / _SEAL).write_text(self._seal(folder), encoding='utf-8')
+
+    def _seal(self, folder: Path) -> str:
+        return json.dumps({
+            'library': self._library,
+            'sha256': sha256((folder / self._library).read_bytes()).hexdigest()})
+
+    def _is_whole(self) -> bool:
+        try:
+            return (self._folder / _SEAL).read_text(encoding='utf-8') == self._seal(self._folder)
+        except (OSError, UnicodeDecodeError):
+            return False
+
+    def _publish(self, unfinished: Path) -> None:
+        """Give the finished folder its name, unless another process was as good meanwhile."""
+        try:
+            unfinished.rename(self._folder)
+        except OSError:
+            if self._is_whole():
+                return
+            # What is there is damaged. It is moved, not emptied: somebody may have it loaded.
+            self._folder.rename(unfinished.with_name(f'{unfinished.name}-damaged'))
+            unfinished.rename(self._folder)
+            shutil.rmtree(unfinished.with_name(f'{unfinished.name}-damaged'), ignore_errors=True)
+
+
+def _refuse_foreign(folder: Path) -> None:
+    status = folder.stat()
+    if status.st_uid != os.geteuid():
+        raise CacheError(
+            f'{folder} belongs to another user, who could put a library there for you to run: '
+            'set ROS_HOME to a folder of your own')
+    if stat.S_IMODE(status.st_mode) & 0o022:
+        raise CacheError(
+            f'{folder} can be written by others, who could put a library there for you to run:\n'
+            f'  chmod 700 {folder}')
+
+
+def _sweep(root: Path) -> None:
+    """Remove what processes that died midway left behind."""
+    for left in root.glob(f'{_UNFINISHED}*'):
+        try:
+            if time.time() - left.stat().st_mtime > _LITTER_AGE:
+                shutil.rmtree(left, ignore_errors=True)
+        except OSError:
+            continue  # somebody else was quicker
+
+
+def _is_full(root: Path) -> bool:
+    try:
+        return shutil.disk_usage(root).free < _FULL
+    except OSError:
+        return False

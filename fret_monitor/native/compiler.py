@@ -1,0 +1,261 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The C compiler: found, asked who it is, and run.
+
+What comes in are folders with C files of ours; what goes out is a shared library, or a
+`CompilerError` with the command and what the compiler said. Nothing is kept here.
+"""
+
+from collections import deque
+from collections.abc import Iterable
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+import os
+from pathlib import Path
+from selectors import DefaultSelector
+from selectors import EVENT_READ
+import shlex
+import shutil
+import signal
+import subprocess
+import time
+
+from fret_monitor.native.errors import CompilerError
+
+# No -march=native: a library may be carried to another machine. No -ffast-math and no contraction:
+# a verdict is the same on every machine, bit for bit that of the reference evaluator.
+COMPILE_FLAGS = (
+    '-std=c99', '-O2', '-fPIC', '-fvisibility=hidden', '-ffp-contract=off',
+    '-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Wswitch-enum',
+)
+LINK_FLAGS = ('-shared', '-Wl,-z,defs')
+LIBRARIES = ('-lm',)
+TIMEOUT = 600.0  # seconds for all commands of one library
+
+_LAST_LINES = 30
+_VERSION_TIMEOUT = 20.0
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """
+    A C compiler: the command that starts it, and who it is.
+
+    `identity` changes when the compiler does: its file, size and date, and what it says of its
+    version. It is part of the key under which libraries are kept.
+    """
+
+    command: tuple[str, ...]
+    identity: str
+
+
+def find_compiler(environment: Mapping[str, str] | None = None) -> Compiler:
+    """
+    Find the C compiler: `CC` (which may hold arguments), else cc, gcc or clang on `PATH`.
+
+    Raises
+    ------
+    CompilerError
+        if there is none, or `CC` names one that cannot be run.
+    """
+    environment = os.environ if environment is None else environment
+    path = environment.get('PATH', os.defpath)
+    wanted = environment.get('CC', '').strip()
+    if wanted:
+        return _wanted(wanted, path)
+    for name in ('cc', 'gcc', 'clang'):
+        found = shutil.which(name, path=path)
+        if found:
+            return _identified((found,))
+    raise CompilerError('no C compiler found: install gcc (sudo apt install gcc) or set CC')
+
+
+def _wanted(wanted: str, path: str) -> Compiler:
+    try:
+        words = shlex.split(wanted)
+    except ValueError as error:
+        raise CompilerError(f"CC is set to '{wanted}', which is no command ({error})") from None
+    found = shutil.which(words[0], path=path) if words else None
+    if found is None:
+        raise CompilerError(
+            f"CC is set to '{wanted}', which cannot be run: "
+            'install it, or unset CC to use cc, gcc or clang')
+    return _identified((found, *words[1:]))
+
+
+def _identified(command: tuple[str, ...]) -> Compiler:
+    file = os.path.realpath(command[0])
+    status = os.stat(file)
+    return Compiler(command, '\n'.join((
+        *command, file, str(status.st_size), str(status.st_mtime_ns), _version(command))))
+
+
+def _version(command: Sequence[str]) -> str:
+    """Return what `--version` says; a compiler that does not know the option is no worse."""
+    try:
+        answer = subprocess.run(
+            [*command, '--version'], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL, env=_environment(), timeout=_VERSION_TIMEOUT, check=False)
+    except subprocess.TimeoutExpired:
+        raise CompilerError(
+            f'{shlex.join(command)} --version gave no answer in {_VERSION_TIMEOUT:g} s: '
+            'set CC to another C compiler') from None
+    except OSError as error:
+        raise CompilerError(f'{command[0]} cannot be run: {error.strerror}') from None
+    return answer.stdout.decode(errors='replace')
+
+
+def _environment() -> dict[str, str]:
+    """Return ours, in the language that stays the same."""
+    return {**os.environ, 'LC_ALL': 'C'}
+
+
+def compile_library(
+    compiler: Compiler, sources: Sequence[str], library: str, *, folder: Path,
+    timeout: float = TIMEOUT,
+) -> None:
+    """
+    Compile C files of a folder, several at a time, and link them to a shared library there.
+
+    Parameters
+    ----------
+    compiler
+        what `find_compiler` gave.
+    sources
+        file names in `folder`, at least one.
+    library
+        the file name to make in `folder`.
+    folder
+        where the compiler is run. Files get names relative to it, so no path gets into them.
+    timeout
+        seconds for all of it.
+
+    Raises
+    ------
+    CompilerError
+        if a command fails, or the time is over; no process is left behind.
+    """
+    deadline = time.monotonic() + timeout
+    link = (*compiler.command, *COMPILE_FLAGS, *LINK_FLAGS, '-o', library)
+    if len(sources) == 1:
+        _run([(*link, *sources, *LIBRARIES)], folder, deadline)
+        return
+    objects = [f'{source}.o' for source in sources]
+    _run([(*compiler.command, *COMPILE_FLAGS, '-c', '-o', made, source)
+          for source, made in zip(sources, objects)], folder, deadline)
+    _run([(*link, *objects, *LIBRARIES)], folder, deadline)
+
+
+@dataclass(frozen=True, eq=False)
+class _Running:
+    """A command under way; `output` is what it has said so far."""
+
+    command: tuple[str, ...]
+    process: subprocess.Popen[bytes]
+    output: bytearray
+
+
+def _run(commands: Iterable[tuple[str, ...]], folder: Path, deadline: float) -> None:
+    """Run commands, as many at a time as there are processors; raise for the first that fails."""
+    waiting = deque(commands)
+    running: set[_Running] = set()
+    with DefaultSelector() as selector:
+        try:
+            while waiting or running:
+                while waiting and len(running) < (os.cpu_count() or 1):
+                    running.add(_start(waiting.popleft(), folder, selector))
+                for ended in _ended(running, selector, deadline):
+                    running.remove(ended)
+                    _judge(ended)
+        finally:
+            for left in running:
+                _kill(left)
+
+
+def _start(command: tuple[str, ...], folder: Path, selector: DefaultSelector) -> _Running:
+    try:
+        # A group of its own, so that killing it reaches the processes a compiler starts.
+        process = subprocess.Popen(
+            command, cwd=folder, env=_environment(), stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, process_group=0)
+    except OSError as error:
+        raise CompilerError(f'{command[0]} cannot be run: {error.strerror}') from None
+    running = _Running(command, process, bytearray())
+    assert process.stdout is not None
+    selector.register(process.stdout, EVENT_READ, running)
+    return running
+
+
+def _ended(
+    running: Iterable[_Running], selector: DefaultSelector, deadline: float,
+) -> Iterable[_Running]:
+    """Wait until a command says something; yield those that have closed their output."""
+    ready = selector.select(max(0.0, deadline - time.monotonic()))
+    if not ready:
+        raise _too_slow(next(iter(running)))
+    for key, _ in ready:
+        said = os.read(key.fd, 65536)
+        if said:
+            key.data.output.extend(said)
+        else:
+            selector.unregister(key.fileobj)
+            _await(key.data, deadline)
+            yield key.data
+
+
+def _await(running: _Running, deadline: float) -> None:
+    try:
+        running.process.wait(max(0.1, deadline - time.monotonic()))
+    except subprocess.TimeoutExpired:
+        raise _too_slow(running) from None
+
+
+def _too_slow(running: _Running) -> CompilerError:
+    return CompilerError(
+        f'the C compiler did not end in time and was stopped:\n  {shlex.join(running.command)}')
+
+
+def _judge(ended: _Running) -> None:
+    _close(ended)
+    status = ended.process.returncode
+    if status == 0:
+        return
+    how = f'exit status {status}' if status > 0 else f'killed by {_signal_name(-status)}'
+    said = bytes(ended.output).decode(errors='replace').splitlines()[-_LAST_LINES:]
+    raise CompilerError('\n'.join((
+        f'the C compiler failed ({how}):', f'  {shlex.join(ended.command)}', *said)))
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f'signal {number}'
+
+
+def _kill(running: _Running) -> None:
+    try:
+        os.killpg(running.process.pid, signal.SIGKILL)
+    except ProcessLookupError:
+        pass  # it has ended meanwhile
+    running.process.wait()
+    _close(running)
+
+
+def _close(running: _Running) -> None:
+    if running.process.stdout is not None:
+        running.process.stdout.close()

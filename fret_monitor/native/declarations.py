@@ -1,0 +1,204 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What Python calls of csrc, in C: the text that cffi reads.
+
+It repeats `csrc/fret_monitor.h` and `csrc/evaluator.h` (a test compares sizes, offsets, values
+and signatures), and leaves out what Python has no business with. Reading it takes cffi longer
+than all else at a start, so what cffi makes of it is kept as `binding.py`. After a change:
+
+    python3 -m fret_monitor.native.declarations
+"""
+
+from pathlib import Path
+import tempfile
+
+DECLARATIONS = """
+void * dlopen(const char * file, int flags);
+void * dlsym(void * library, const char * symbol);
+int dlclose(void * library);
+char * dlerror(void);
+
+#define FM_ABI 1
+
+enum fm_type
+{
+  FM_BOOL = 0,
+  FM_INT8 = 1,
+  FM_INT16 = 2,
+  FM_INT32 = 3,
+  FM_INT64 = 4,
+  FM_UINT8 = 5,
+  FM_UINT16 = 6,
+  FM_UINT32 = 7,
+  FM_UINT64 = 8,
+  FM_FLOAT32 = 9,
+  FM_FLOAT64 = 10
+};
+
+struct fm_input
+{
+  const char * name;
+  uint32_t offset;
+  uint8_t type;
+};
+
+struct fm_group
+{
+  const uint32_t * inputs;
+  uint32_t n_inputs;
+  const uint32_t * requirements;
+  uint32_t n_requirements;
+  void (* reset)(void * state);
+  void (* step)(void * state, const void * inputs, bool * verdicts);
+};
+
+struct fm_requirement
+{
+  const char * id;
+  uint32_t group;
+};
+
+struct fm_monitor
+{
+  uint32_t abi;
+  uint32_t n_inputs;
+  uint32_t n_groups;
+  uint32_t n_requirements;
+  uint64_t state_bytes;
+  uint64_t inputs_bytes;
+  const struct fm_input * inputs;
+  const struct fm_group * groups;
+  const struct fm_requirement * requirements;
+  const char * name;
+  const char * source_hash;
+};
+
+enum fm_policy
+{
+  FM_EVERY_MESSAGE = 0,
+  FM_RELEVANT_MESSAGE = 1,
+  FM_ALL_INPUTS = 2,
+  FM_PERIODIC = 3
+};
+
+struct fm_topic
+{
+  const uint32_t * inputs;
+  uint32_t n_inputs;
+};
+
+struct fm_evaluator_options
+{
+  const struct fm_monitor * monitor;
+  const struct fm_topic * topics;
+  uint32_t n_topics;
+  uint32_t policy;
+  const bool * report_onset;
+};
+
+struct fm_violation
+{
+  uint64_t step;
+  int64_t stamp;
+  uint32_t requirement;
+};
+
+struct fm_requirement_counts
+{
+  uint64_t steps;
+  uint64_t violations;
+  uint64_t announced;
+  bool verdict;
+};
+
+struct fm_input_counts
+{
+  uint64_t received;
+  uint64_t unusable;
+  uint64_t overwritten;
+};
+
+struct fm_topic_counts
+{
+  uint64_t messages;
+  uint64_t undecodable;
+};
+
+struct fm_evaluator;
+
+uint64_t fm_evaluator_bytes(const struct fm_evaluator_options * options);
+struct fm_evaluator * fm_evaluator_init(
+  void * memory, const struct fm_evaluator_options * options);
+void fm_evaluator_store_from(
+  struct fm_evaluator * evaluator, uint32_t input, const void * value);
+void fm_evaluator_initial_from(
+  struct fm_evaluator * evaluator, uint32_t input, const void * value);
+void fm_evaluator_unusable(struct fm_evaluator * evaluator, uint32_t input);
+void fm_evaluator_undecodable(struct fm_evaluator * evaluator, uint32_t topic);
+uint32_t fm_evaluator_message(
+  struct fm_evaluator * evaluator, uint32_t topic, int64_t stamp, struct fm_violation * out);
+uint32_t fm_evaluator_tick(
+  struct fm_evaluator * evaluator, int64_t stamp, struct fm_violation * out);
+uint64_t fm_evaluator_rows(
+  struct fm_evaluator * evaluator, const void * const * columns, uint64_t n_rows,
+  int64_t first_stamp, bool * verdicts);
+void fm_evaluator_reset(struct fm_evaluator * evaluator);
+bool fm_evaluator_ready(const struct fm_evaluator * evaluator, uint32_t group);
+uint64_t fm_evaluator_steps(const struct fm_evaluator * evaluator, uint32_t group);
+const bool * fm_evaluator_verdicts(const struct fm_evaluator * evaluator);
+const void * fm_evaluator_inputs(const struct fm_evaluator * evaluator);
+bool fm_evaluator_has_value(const struct fm_evaluator * evaluator, uint32_t input);
+struct fm_requirement_counts fm_evaluator_requirement_counts(
+  const struct fm_evaluator * evaluator, uint32_t requirement);
+struct fm_input_counts fm_evaluator_input_counts(
+  const struct fm_evaluator * evaluator, uint32_t input);
+struct fm_topic_counts fm_evaluator_topic_counts(
+  const struct fm_evaluator * evaluator, uint32_t topic);
+"""
+
+_HEAD = '''# flake8: noqa
+# ruff: noqa
+# mypy: ignore-errors
+
+"""What cffi makes of `declarations.py`; written by that module, not by hand."""
+
+'''
+
+
+def binding_text() -> str:
+    """Return the text of `binding.py`, without its licence."""
+    # Not at the top: a robot has `_cffi_backend` and need not load the parser of C.
+    from cffi import FFI
+    ffi = FFI()
+    ffi.cdef(DECLARATIONS)
+    ffi.set_source('fret_monitor.native.binding', None)
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / 'binding.py'
+        ffi.emit_python_code(str(made))
+        text = made.read_text(encoding='utf-8')
+    return _HEAD + text.removeprefix('# auto-generated file\n')
+
+
+def write_binding() -> None:
+    """Write `binding.py` anew, under the licence of this file."""
+    here = Path(__file__)
+    licence = here.read_text(encoding='utf-8').partition('\n"""')[0]
+    here.with_name('binding.py').write_text(
+        f'{licence}\n{binding_text()}', encoding='utf-8')
+
+
+if __name__ == '__main__':
+    write_binding()

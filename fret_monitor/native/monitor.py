@@ -1,0 +1,188 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A compiled bundle, loaded: its library is opened and held against its manifest.
+
+A library that is not the one its manifest describes would announce one requirement's violation
+under the name of another, so nothing is taken on trust: interface number, hash of the sources,
+names and types of the inputs, ids of the requirements, groups, all in order.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+import os
+from pathlib import Path
+from typing import Any
+from typing import TypeAlias
+
+from fret_monitor.manifest import Manifest
+from fret_monitor.manifest import ValueType
+from fret_monitor.native.binding import ffi
+from fret_monitor.native.errors import LibraryError
+
+CData: TypeAlias = Any  # what cffi hands out has types of C, none of Python
+
+_FLAGS = ffi.RTLD_NOW | ffi.RTLD_LOCAL
+_C_LIBRARY: Any = ffi.dlopen(None)
+
+
+class Library:
+    """A shared library, open for as long as this object lives. Its names stay its own."""
+
+    def __init__(self, path: Path) -> None:
+        """Open it; raises `LibraryError` if it is missing or no library for this machine."""
+        self.path = path
+        # With a slash in it, so that no other folder is searched.
+        handle = _C_LIBRARY.dlopen(os.fsencode(os.path.abspath(path)), _FLAGS)
+        if handle == ffi.NULL:
+            raise LibraryError(f'cannot load {path}: {_reason()}')
+        self._handle = ffi.gc(handle, _C_LIBRARY.dlclose)
+
+    def find(self, symbol: str) -> CData:
+        """Return the address of an exported name; raises `LibraryError` if there is none."""
+        address = _C_LIBRARY.dlsym(self._handle, symbol.encode())
+        if address == ffi.NULL:
+            raise LibraryError(f"{self.path} does not export '{symbol}'")
+        return address
+
+
+def _reason() -> str:
+    message = _C_LIBRARY.dlerror()
+    return 'unknown error' if message == ffi.NULL else _text(message)
+
+
+def _text(characters: CData) -> str:
+    found = ffi.string(characters)
+    return found if isinstance(found, str) else found.decode(errors='replace')
+
+
+@dataclass(frozen=True, eq=False)
+class Monitor:
+    """
+    A loaded bundle. `pointer` is its `const struct fm_monitor *`.
+
+    It is constant: any number of evaluators, in any threads, may stand on one. The library stays
+    open while this object, or an evaluator made of it, lives.
+    """
+
+    manifest: Manifest
+    library: Library
+    pointer: CData
+
+    @property
+    def state_bytes(self) -> int:
+        """The size of the struct of state."""
+        return int(self.pointer.state_bytes)
+
+
+def load(library: Path, manifest: Manifest) -> Monitor:
+    """
+    Load the compiled bundle that a manifest describes.
+
+    Parameters
+    ----------
+    library
+        the shared library of the generated C.
+    manifest
+        what was written with it; `manifest.symbol` is where the library is entered.
+
+    Raises
+    ------
+    LibraryError
+        if the library cannot be loaded, or is not the one of this manifest.
+    """
+    opened = Library(library)
+    enter = ffi.cast('const struct fm_monitor * (*)(void)', opened.find(manifest.symbol))
+    monitor = Monitor(manifest, opened, enter())
+    for difference in _differences(monitor):
+        raise LibraryError(
+            f'{library} does not fit its manifest ({difference}): compile the bundle again')
+    return monitor
+
+
+def load_evaluator(library: Path) -> CData:
+    """
+    Load the evaluator, `csrc/evaluator.c`; its functions are the attributes of what is returned.
+
+    Raises
+    ------
+    LibraryError
+        if it cannot be loaded, or is no evaluator of this version.
+    """
+    Library(library).find('fm_evaluator_rows')
+    return ffi.dlopen(os.path.abspath(library), _FLAGS)
+
+
+def _differences(monitor: Monitor) -> Iterator[str]:
+    """Yield what differs. The order matters: the first differences make the rest unreadable."""
+    pointer, manifest = monitor.pointer, monitor.manifest
+    if pointer == ffi.NULL:
+        yield 'it describes no monitor'
+    elif pointer.abi != ffi.integer_const('FM_ABI'):
+        yield (f'it was compiled for interface {pointer.abi}, '
+               f'this version has {ffi.integer_const("FM_ABI")}')
+    elif (found := _text(pointer.source_hash)) != manifest.source_hash:
+        yield (f'it was made of other sources, {found[:12] or "unknown"} '
+               f'instead of {manifest.source_hash[:12] or "unknown"}')
+    else:
+        yield from _input_differences(pointer, manifest)
+        yield from _requirement_differences(pointer, manifest)
+        yield from _group_differences(pointer, manifest)
+
+
+def _input_differences(pointer: CData, manifest: Manifest) -> Iterator[str]:
+    if pointer.n_inputs != len(manifest.inputs):
+        yield f'it has {pointer.n_inputs} inputs instead of {len(manifest.inputs)}'
+        return
+    for index, expected in enumerate(manifest.inputs):
+        found = pointer.inputs[index]
+        if (name := _text(found.name)) != expected.name:
+            yield f"input {index} is '{name}' instead of '{expected.name}'"
+        if found.type != type_number(expected.value_type):
+            yield f"input '{expected.name}' is not of type {expected.value_type.value}"
+
+
+def _requirement_differences(pointer: CData, manifest: Manifest) -> Iterator[str]:
+    if pointer.n_requirements != len(manifest.requirements):
+        yield (f'it has {pointer.n_requirements} requirements '
+               f'instead of {len(manifest.requirements)}')
+        return
+    for index, expected in enumerate(manifest.requirements):
+        found = pointer.requirements[index]
+        if (name := _text(found.id)) != expected.id:
+            yield f"requirement {index} is '{name}' instead of '{expected.id}'"
+        if found.group != expected.group:
+            yield f"requirement '{expected.id}' is in another group"
+
+
+def _group_differences(pointer: CData, manifest: Manifest) -> Iterator[str]:
+    if pointer.n_groups != len(manifest.groups):
+        yield f'it has {pointer.n_groups} groups instead of {len(manifest.groups)}'
+        return
+    for index, expected in enumerate(manifest.groups):
+        found = pointer.groups[index]
+        if _indices(found.inputs, found.n_inputs) != expected.inputs:
+            yield f'group {index} reads other inputs'
+        if _indices(found.requirements, found.n_requirements) != expected.requirements:
+            yield f'group {index} holds other requirements'
+
+
+def _indices(pointer: CData, count: int) -> tuple[int, ...]:
+    return tuple(pointer[0:count]) if count else ()
+
+
+def type_number(value_type: ValueType) -> int:
+    """Return the `enum fm_type` of a type."""
+    return ffi.integer_const(f'FM_{value_type.name}')

@@ -1,0 +1,314 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The evaluator for Python: a thin typed wrapper, all of whose decisions are taken in C.
+
+What comes in are values and the news that a message or a period is complete; what goes out are
+the violations to announce. See `csrc/evaluator.h` for what each call means, and DESIGN 6.
+"""
+
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from typing import NamedTuple
+
+from fret_monitor.manifest import Policy
+from fret_monitor.manifest import Report
+from fret_monitor.manifest import ValueType
+from fret_monitor.native import evaluator_library
+from fret_monitor.native import LibraryError
+from fret_monitor.native import load_evaluator
+from fret_monitor.native import Monitor
+from fret_monitor.native.binding import ffi
+from fret_monitor.native.monitor import CData
+
+_ALIGNMENT = 16
+
+#: The type code of `array.array` for a column of an input's type.
+TYPECODES = {
+    ValueType.BOOL: 'B',
+    ValueType.INT8: 'b',
+    ValueType.INT16: 'h',
+    ValueType.INT32: 'i',
+    ValueType.INT64: 'q',
+    ValueType.UINT8: 'B',
+    ValueType.UINT16: 'H',
+    ValueType.UINT32: 'I',
+    ValueType.UINT64: 'Q',
+    ValueType.FLOAT32: 'f',
+    ValueType.FLOAT64: 'd',
+}
+
+_C_TYPES = {
+    ValueType.BOOL: 'bool',
+    ValueType.FLOAT32: 'float',
+    ValueType.FLOAT64: 'double',
+}
+
+
+class Violation(NamedTuple):
+    """An announced violation: a requirement (index), the step of its group, the caller's stamp."""
+
+    requirement: int
+    step: int
+    stamp: int
+
+
+@dataclass(frozen=True)
+class RequirementCounts:
+    """Counters of a requirement, through all resets; `verdict` is of the last step."""
+
+    steps: int
+    violations: int
+    announced: int
+    verdict: bool
+
+
+@dataclass(frozen=True)
+class InputCounts:
+    """Counters of an input; `overwritten` are values that some group never stepped on."""
+
+    received: int
+    unusable: int
+    overwritten: int
+
+
+@dataclass(frozen=True)
+class TopicCounts:
+    """Counters of a topic."""
+
+    messages: int
+    undecodable: int
+
+
+class Evaluator:
+    """
+    Runs a monitor: takes values, steps the groups that are due, tells of violations.
+
+    Inputs with an initial value have it from the start. Not thread-safe: calls let other Python
+    threads run, so whoever shares one holds a lock around each.
+    """
+
+    def __init__(
+        self, monitor: Monitor, *, policy: Policy | None = None, library: Path | None = None,
+    ) -> None:
+        """
+        Make one, at its start.
+
+        Parameters
+        ----------
+        monitor
+            what to run; it is kept alive.
+        policy
+            when a step happens; the manifest's when None.
+        library
+            the evaluator's; None to build it, or find it built.
+
+        Raises
+        ------
+        LibraryError
+            if the monitor, its manifest and the evaluator do not fit each other.
+        """
+        self.monitor = monitor
+        self.policy = policy or monitor.manifest.policy
+        self._library: Any = load_evaluator(library or evaluator_library())
+        try:
+            self._options = _Options(monitor, self.policy)
+            self._make()
+            self._make_values()
+        except (OverflowError, TypeError) as error:
+            raise LibraryError(f'the manifest holds what does not fit C ({error})') from None
+        self._violations = ffi.new(
+            'struct fm_violation[]', max(1, len(monitor.manifest.requirements)))
+
+    def _make(self) -> None:
+        size = self._library.fm_evaluator_bytes(self._options.pointer)
+        if size == 0:
+            raise LibraryError('the monitor was compiled for another evaluator')
+        self._block = ffi.new('char[]', size + _ALIGNMENT)
+        address = int(ffi.cast('uintptr_t', self._block))
+        memory = self._block + -address % _ALIGNMENT
+        self.pointer: CData = self._library.fm_evaluator_init(memory, self._options.pointer)
+        if self.pointer == ffi.NULL:
+            raise LibraryError('the evaluator refuses what the manifest says of inputs and topics')
+
+    def _make_values(self) -> None:
+        """Make a place for the next value of each input, and views of the current ones."""
+        values = ffi.cast('const char *', self._library.fm_evaluator_inputs(self.pointer))
+        inputs = self.monitor.manifest.inputs
+        types = [_C_TYPES.get(item.value_type, f'{item.value_type.value}_t') for item in inputs]
+        self._next = [ffi.new(f'{name} *') for name in types]
+        self._current = [
+            ffi.cast(f'const {name} *', values + self.monitor.pointer.inputs[index].offset)
+            for index, name in enumerate(types)]
+        for index, item in enumerate(inputs):
+            if item.initial is not None:
+                self._next[index][0] = item.initial
+                self._library.fm_evaluator_initial_from(self.pointer, index, self._next[index])
+
+    def store(self, index: int, value: bool | int | float) -> None:
+        """
+        Store a value of an input; no step happens before `message` or `tick`.
+
+        Raises
+        ------
+        IndexError
+            if there is no such input.
+        OverflowError
+            if an integer is outside the range of the input's type.
+        TypeError
+            if a float or text is given for an integer or bool, or text for a float.
+        """
+        place = self._next[index]
+        place[0] = value
+        self._library.fm_evaluator_store_from(self.pointer, index, place)
+
+    def unusable(self, index: int) -> None:
+        """Count a field of an input that cannot be used; the input stays as it is."""
+        self._library.fm_evaluator_unusable(self.pointer, index)
+
+    def undecodable(self, topic: int) -> None:
+        """Count a message of a topic that cannot be decoded; it is no step."""
+        self._library.fm_evaluator_undecodable(self.pointer, topic)
+
+    def message(self, topic: int, stamp: int) -> list[Violation]:
+        """
+        Take the steps that a message of a topic asks for, its fields having been stored.
+
+        Parameters
+        ----------
+        topic
+            index in the manifest's topics.
+        stamp
+            nanoseconds, handed through to the violations.
+
+        Returns
+        -------
+        list[Violation]
+            those to announce, by group, then requirement.
+        """
+        count = self._library.fm_evaluator_message(
+            self.pointer, topic, stamp, self._violations)
+        return self._found(count) if count else []
+
+    def tick(self, stamp: int) -> list[Violation]:
+        """Step all ready groups: a period has passed, or a row is stored. As `message`."""
+        count = self._library.fm_evaluator_tick(self.pointer, stamp, self._violations)
+        return self._found(count) if count else []
+
+    def _found(self, count: int) -> list[Violation]:
+        return [Violation(item.requirement, item.step, item.stamp)
+                for item in self._violations[0:count]]
+
+    def rows(self, columns: Sequence['array[Any] | None'], count: int) -> bytearray:
+        """
+        Take many rows of a trace at once, each a step of all ready groups.
+
+        Parameters
+        ----------
+        columns
+            one for each input: an array of the input's `TYPECODES` and `count` long, or None:
+            the input stays as it is.
+        count
+            the number of rows.
+
+        Returns
+        -------
+        bytearray
+            the verdicts, row after row, one byte a requirement: 1 satisfied, 0 violated.
+
+        Raises
+        ------
+        ValueError
+            if a column has another type or length.
+        """
+        kept = [self._column(index, column, count) for index, column in enumerate(columns)]
+        if len(kept) != len(self._next):
+            raise ValueError(f'{len(kept)} columns for {len(self._next)} inputs')
+        verdicts = bytearray(count * len(self.monitor.manifest.requirements))
+        self._library.fm_evaluator_rows(
+            self.pointer, ffi.new('const void *[]', [*kept, ffi.NULL]), count, 0,
+            ffi.from_buffer('bool[]', verdicts))
+        return verdicts
+
+    def _column(self, index: int, column: 'array[Any] | None', count: int) -> CData:
+        if column is None:
+            return ffi.NULL
+        item = self.monitor.manifest.inputs[index]
+        if column.typecode != TYPECODES[item.value_type] or len(column) != count:
+            raise ValueError(
+                f"the column of '{item.name}' is not {count} of type {item.value_type.value}")
+        return ffi.from_buffer(column)
+
+    def reset(self) -> None:
+        """Start all groups afresh; the values of the inputs and the counters stay."""
+        self._library.fm_evaluator_reset(self.pointer)
+
+    def ready(self, group: int) -> bool:
+        """Return whether every input that a group reads has a value."""
+        return bool(self._library.fm_evaluator_ready(self.pointer, group))
+
+    def steps(self, group: int) -> int:
+        """Return how many steps a group has taken since start or reset."""
+        return int(self._library.fm_evaluator_steps(self.pointer, group))
+
+    @property
+    def verdicts(self) -> list[bool]:
+        """Verdicts of the last steps, by requirement; True where there was none."""
+        count = len(self.monitor.manifest.requirements)
+        return list(self._library.fm_evaluator_verdicts(self.pointer)[0:count])
+
+    def value(self, index: int) -> bool | int | float | None:
+        """Return the current value of an input, None where it has none yet."""
+        current: bool | int | float = self._current[index][0]
+        return current if self._library.fm_evaluator_has_value(self.pointer, index) else None
+
+    def requirement_counts(self, index: int) -> RequirementCounts:
+        """Return the counters of a requirement."""
+        found = self._library.fm_evaluator_requirement_counts(self.pointer, index)
+        return RequirementCounts(
+            found.steps, found.violations, found.announced, bool(found.verdict))
+
+    def input_counts(self, index: int) -> InputCounts:
+        """Return the counters of an input."""
+        found = self._library.fm_evaluator_input_counts(self.pointer, index)
+        return InputCounts(found.received, found.unusable, found.overwritten)
+
+    def topic_counts(self, index: int) -> TopicCounts:
+        """Return the counters of a topic."""
+        found = self._library.fm_evaluator_topic_counts(self.pointer, index)
+        return TopicCounts(found.messages, found.undecodable)
+
+
+class _Options:
+    """The `struct fm_evaluator_options` of a monitor, and all that it points to."""
+
+    def __init__(self, monitor: Monitor, policy: Policy) -> None:
+        manifest = monitor.manifest
+        self._fed = [ffi.new('uint32_t[]', [*topic.inputs, 0]) for topic in manifest.topics]
+        self._topics = ffi.new('struct fm_topic[]', max(1, len(manifest.topics)))
+        for index, topic in enumerate(manifest.topics):
+            self._topics[index] = {'inputs': self._fed[index], 'n_inputs': len(topic.inputs)}
+        self._onset = ffi.new('bool[]', [
+            *(item.report is Report.ONSET for item in manifest.requirements), False])
+        self.pointer = ffi.new('struct fm_evaluator_options *', {
+            'monitor': monitor.pointer,
+            'topics': self._topics,
+            'n_topics': len(manifest.topics),
+            'policy': ffi.integer_const(f'FM_{policy.name}'),
+            'report_onset': self._onset,
+        })
