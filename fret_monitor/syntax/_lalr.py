@@ -228,12 +228,15 @@ def _refuse_lexeme(language: Language, text: Text, lexemes: Sequence[Lexeme], in
         _refuse_missing_operand(text, lexemes, index)
     if found.type == END and opened:
         refuse(f"'{_written(text, opened[-1])}' is not closed", opened[-1].span, 'opened here')
+    if found.type in ('RELATION', 'EQUAL') and lexemes[index - 1].type in OPERAND_ENDS:
+        refuse('comparisons cannot be chained', found.span, 'one more comparison',
+               'put parentheses around one comparison')
     if found.type in OPERAND_STARTS and lexemes[index - 1].type in OPERAND_ENDS:
         refuse('an operator is missing', found.span,
                f"expected an operator before '{_written(text, found)}'")
     title = 'the formula ends too early' if found.type == END else (
         f"'{_written(text, found)}' does not fit here")
-    refuse(title, found.span, _expectation(expected))
+    refuse(title, found.span, _expectation(expected, opened))
 
 
 def _opened(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -281,10 +284,14 @@ _SHOWN = {
 }
 
 
-def _expectation(expected: frozenset[str]) -> str:
-    shown = [word for kind, word in _SHOWN.items() if kind in expected]
-    if expected & {'AND', 'PLUS', 'RELATION'}:
-        shown = ['an operator', *(word for word in shown if word.startswith("'"))]
+def _expectation(expected: frozenset[str], opened: Sequence[Lexeme]) -> str:
+    # LALR tables merge states: a closing bracket may be named where none is open.
+    out_of_place = frozenset() if opened else frozenset({'RPAR', 'COMMA'})
+    after_operand = bool(expected & {'AND', 'PLUS', 'RELATION'})
+    if after_operand:
+        out_of_place |= {'LPAR', 'EQUAL'}
+    shown = ['an operator'] * after_operand
+    shown += [word for kind, word in _SHOWN.items() if kind in expected - out_of_place]
     if not shown:
         return 'expected the end' if END in expected else 'not expected'
     return 'expected ' + ' or '.join([', '.join(shown[:-1]), shown[-1]] if shown[1:] else shown)
