@@ -14,6 +14,7 @@
 
 """What all tests share: a home of their own, a copy of the repository, a domain of DDS."""
 
+from collections.abc import Callable
 from collections.abc import Iterator
 import fcntl
 import os
@@ -68,17 +69,30 @@ def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     pytest.fail('all domains are in use')
 
 
-@pytest.fixture
-def repository(tmp_path: Path) -> Path:
-    """Return a copy of what git holds, or would hold, of this repository; skip without git."""
+@pytest.fixture(scope='session')
+def copy_repository() -> Callable[[Path], Path]:
+    """
+    Return a function that copies what git holds, or would hold, into a new folder.
+
+    It skips the test where this is no clone.
+    """
     listed = subprocess.run(
         ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard'],
         cwd=ROOT, capture_output=True, text=True, check=False)
-    if listed.returncode:
-        pytest.skip('needs a clone')
-    copy = tmp_path / 'repository'
-    for name in filter(None, listed.stdout.split('\0')):
-        if (ROOT / name).is_file():
-            (copy / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, copy / name)
-    return copy
+
+    def copy_to(folder: Path) -> Path:
+        if listed.returncode:
+            pytest.skip('needs a clone')
+        for name in filter(None, listed.stdout.split('\0')):
+            if (ROOT / name).is_file():
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(ROOT / name, folder / name)
+        return folder
+
+    return copy_to
+
+
+@pytest.fixture
+def repository(copy_repository: Callable[[Path], Path], tmp_path: Path) -> Path:
+    """Return a copy of what git holds, or would hold, of this repository."""
+    return copy_repository(tmp_path / 'repository')

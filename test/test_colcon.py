@@ -1,0 +1,154 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The package in a workspace: `colcon build`, then its executables as `ros2 run` starts them.
+
+The ROS 2 that the tests run on, a sourced installation or the wheels, is the underlay.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+import os
+from pathlib import Path
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('colcon_ros', reason='needs colcon')
+
+NAME = 'fret_monitor'
+BUNDLE = """\
+format: 1
+inputs:
+  current_consumption:
+    topic: motor/current
+    type: std_msgs/msg/Float32
+requirements:
+  - id: ROS-001
+    ptltl: H (current_consumption <= 15.0)
+"""
+
+pytestmark = pytest.mark.timeout(300)
+
+
+def colcon() -> list[str]:
+    """Return the command of the colcon that belongs to this Python."""
+    beside = Path(sys.executable).parent / 'colcon'
+    return [sys.executable, str(beside)] if beside.is_file() else [shutil.which('colcon') or '']
+
+
+@pytest.fixture(scope='module', params=[(), ('--symlink-install',)], ids=['copy', 'symlink'])
+def workspace(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory,
+    copy_repository: Callable[[Path], Path],
+) -> Path:
+    """Return a workspace in which a copy of the repository is built."""
+    # With a space, since people have them.
+    folder = tmp_path_factory.mktemp('my workspace')
+    copy_repository(folder / 'src' / NAME)
+    done = subprocess.run(
+        [*colcon(), '--log-base', 'log', 'build', '--base-paths', 'src', *request.param],
+        cwd=folder, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+    assert done.returncode == 0, f'{done.stdout}{done.stderr}'
+    assert 'Finished <<< fret_monitor' in done.stdout
+    return folder
+
+
+@pytest.fixture
+def environment(workspace: Path, domain: int) -> dict[str, str]:
+    """Return the environment of a shell that has sourced the workspace."""
+    script = f'. {shlex.quote(str(workspace / "install" / "setup.sh"))} && env -0'
+    # A plain sh cannot tell a sourced file where it is; `setup.bash` needs no such help.
+    shell = {**os.environ, 'COLCON_CURRENT_PREFIX': str(workspace / 'install')}
+    listed = subprocess.run(['sh', '-c', script], env=shell, capture_output=True, check=True)
+    pairs = (entry.partition('=') for entry in listed.stdout.decode().split('\0') if entry)
+    return {name: value for name, _, value in pairs}
+
+
+def ros2_run(environment: Mapping[str, str], executable: str) -> str:
+    """Return what `ros2 run fret_monitor EXECUTABLE` starts."""
+    for prefix in map(Path, environment['AMENT_PREFIX_PATH'].split(os.pathsep)):
+        if (prefix / 'share/ament_index/resource_index/packages' / NAME).is_file():
+            path = prefix / 'lib' / NAME / executable
+            assert os.access(path, os.X_OK), f'{path} is no executable'
+            return str(path)
+    raise AssertionError(f'{NAME} is in no prefix of AMENT_PREFIX_PATH')
+
+
+@pytest.fixture
+def graph(domain: int) -> Iterator[Callable[[], list[str]]]:
+    """Return a function that tells the names of the nodes in the domain."""
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = rclpy.create_node('onlooker', context=context)
+    yield node.get_node_names
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def wait_until(true: Callable[[], bool], process: 'subprocess.Popen[str]') -> None:
+    """Wait until something is true, and fail with what a process said when it is not in time."""
+    deadline = time.monotonic() + 60
+    while not true():
+        if process.poll() is not None or time.monotonic() > deadline:
+            process.kill()
+            pytest.fail(''.join(process.communicate()))
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize('executable', ['monitor', 'logger'])
+def test_a_node_comes_up_and_ends_as_ros2_run_starts_it(
+    executable: str, environment: dict[str, str], graph: Callable[[], list[str]], tmp_path: Path,
+) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE, encoding='utf-8')
+    before = set(graph())
+    with subprocess.Popen(
+        [ros2_run(environment, executable), '--ros-args', '-p', f'spec:={bundle}'],
+        env=environment, cwd=tmp_path, text=True, stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    ) as process:
+        try:
+            wait_until(lambda: bool(set(graph()) - before), process)
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=30)
+        finally:
+            process.kill()
+    assert (process.returncode, 'Traceback' in err) == (0, False), f'{out}{err}'
+
+
+def test_the_command_line_runs_from_the_workspace(
+    environment: dict[str, str], workspace: Path, tmp_path: Path,
+) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE, encoding='utf-8')
+    done = subprocess.run(
+        [ros2_run(environment, 'fret-monitor'), 'check', str(bundle)],
+        env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, 'ROS-001' in done.stdout) == (0, True), f'{done.stdout}{done.stderr}'
+
+
+def test_the_installed_package_is_the_one_that_runs(
+    environment: dict[str, str], workspace: Path, tmp_path: Path,
+) -> None:
+    done = subprocess.run(
+        [sys.executable, '-c', f'import {NAME}; print({NAME}.__file__)'],
+        env=environment, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert Path(done.stdout.strip()).is_relative_to(workspace)
