@@ -35,7 +35,10 @@ DEFAULT_DEPTH = 100
 
 VIOLATION_QOS = QoSProfile(
     depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.VOLATILE)
-"""What handlers offer and the logger asks for."""
+"""What handlers offer."""
+
+VIOLATION_REQUEST = {'reliability': 'reliable', 'durability': 'volatile', 'depth': 1000}
+"""What the logger asks for, in the words of `wanted_profile`."""
 
 _RELIABILITY = {
     'reliable': ReliabilityPolicy.RELIABLE,

@@ -1,0 +1,46 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The topics on which violations are announced, one a requirement (DESIGN 8)."""
+
+from collections.abc import Iterable
+
+from fret_monitor.manifest import Manifest, ManifestRequirement
+from fret_monitor.ros.qos import VIOLATION_QOS
+from fret_monitor.runtime import Violation
+
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Empty
+
+
+def handler_topic(requirement: ManifestRequirement) -> str:
+    """Return the topic of a requirement, relative to the namespace of who uses it."""
+    return f'copilot/{requirement.handler}'
+
+
+class Handlers:
+    """Announces violations."""
+
+    def __init__(self, node: Node, manifest: Manifest) -> None:
+        """Advertise the handlers of all requirements."""
+        self._message = serialize_message(Empty())
+        self._publishers = [
+            node.create_publisher(Empty, handler_topic(requirement), VIOLATION_QOS)
+            for requirement in manifest.requirements]
+
+    def announce(self, violations: Iterable[Violation]) -> None:
+        """Publish a message for each violation, in order; never suppressed."""
+        for violation in violations:
+            self._publishers[violation.requirement].publish(self._message)

@@ -1,0 +1,82 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The node that tells: every announced violation goes to the ROS log, with its sentence and time.
+
+It listens to the handlers of the same bundle, so that it can run anywhere in the graph, or not
+at all.
+"""
+
+from typing import Any
+
+from fret_monitor.manifest import ManifestRequirement, Severity
+from fret_monitor.ros.compiled import open_manifest
+from fret_monitor.ros.fed_node import FedNode
+from fret_monitor.ros.feed import Deliver
+from fret_monitor.ros.handlers import handler_topic
+from fret_monitor.ros.parameters import LOGGER_PARAMETERS, read_settings
+from fret_monitor.ros.qos import VIOLATION_REQUEST
+
+from std_msgs.msg import Empty
+
+
+class LoggerNode(FedNode):
+    """Logs violations from its making until `destroy_node`; needs no executor for that."""
+
+    def __init__(self, node_name: str = 'fret_logger', **options: Any) -> None:
+        """
+        Make the node and start listening; `options` are those of `rclpy.node.Node`.
+
+        Raises
+        ------
+        Refusal
+            if parameters, bundle or library are not such that it can start. Nothing is left.
+        """
+        super().__init__(node_name, **options)
+        try:
+            self._begin()
+        except BaseException:
+            self.destroy_node()
+            raise
+
+    def _begin(self) -> None:
+        manifest = open_manifest(read_settings(self, LOGGER_PARAMETERS))
+        for requirement in manifest.requirements:
+            self.feed.subscribe(handler_topic(requirement), 'std_msgs/msg/Empty', Empty,
+                                 self._report(requirement), VIOLATION_REQUEST)
+        self.feed.start()
+        self.get_logger().info(
+            f'listening for violations of {len(manifest.requirements)} requirements: '
+            + ', '.join(requirement.id for requirement in manifest.requirements[:10])
+            + (', ...' if len(manifest.requirements) > 10 else ''))
+
+    def _report(self, requirement: ManifestRequirement) -> Deliver:
+        """Return the callback for a handler."""
+        sentence = ' '.join((requirement.title or requirement.text).split())
+        uses_received = not self.get_parameter('use_sim_time').value
+        # One call site a severity: rclpy remembers the severity of each.
+        log = self._error if requirement.severity is Severity.ERROR else self._warn
+
+        def report(_: bytes, received: int) -> None:
+            stamp = received if uses_received else self.get_clock().now().nanoseconds
+            log(f'{requirement.id} violated at {stamp / 1e9:.3f}: {sentence}')
+
+        return report
+
+    def _error(self, text: str) -> None:
+        self.get_logger().error(text)
+
+    def _warn(self, text: str) -> None:
+        self.get_logger().warning(text)

@@ -1,0 +1,163 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The node that watches: subscriptions in, compiled monitors in the middle, violations out.
+
+Callbacks store, the evaluator steps. Messages come in the feed's thread, resets and periods in
+the executor's; one lock keeps them apart.
+"""
+
+from threading import Lock
+from typing import Any
+
+from fret_monitor.manifest import Manifest, ManifestInput, Policy
+from fret_monitor.ros.compiled import open_monitor, Opened
+from fret_monitor.ros.fed_node import FedNode
+from fret_monitor.ros.fields import message_class, MessageReader, MessageTypeError
+from fret_monitor.ros.handlers import Handlers
+from fret_monitor.ros.parameters import MONITOR_PARAMETERS, read_settings, Refusal
+from fret_monitor.runtime import Evaluator
+
+from rclpy.exceptions import InvalidTopicNameException
+from std_srvs.srv import Trigger
+
+
+class MonitorNode(FedNode):
+    """
+    Monitors a bundle from its making until `destroy_node`.
+
+    It can be spun by any executor: that serves `~/reset`, parameters and periods. Messages do
+    not need one.
+    """
+
+    def __init__(self, node_name: str = 'fret_monitor', **options: Any) -> None:
+        """
+        Make the node and start watching; `options` are those of `rclpy.node.Node`.
+
+        Raises
+        ------
+        Refusal
+            if parameters, bundle or library are not such that it can start. Nothing is left.
+        """
+        super().__init__(node_name, **options)
+        self._lock = Lock()
+        try:
+            self._begin(open_monitor(read_settings(self, MONITOR_PARAMETERS)))
+        except BaseException:
+            self.destroy_node()
+            raise
+
+    def _begin(self, opened: Opened) -> None:
+        manifest = opened.monitor.manifest
+        refuse_inputs_off_ros(manifest)
+        readers = _readers(manifest)
+        self._evaluator = Evaluator(
+            opened.monitor, policy=opened.policy, library=opened.evaluator)
+        try:
+            self._handlers = Handlers(self, manifest)
+            self.create_service(Trigger, '~/reset', self._reset)
+            for reader, topic in zip(readers, manifest.topics):
+                self.feed.subscribe(
+                    topic.name, topic.message_type, reader.message_class,
+                    self._deliver(reader), dict(topic.qos))
+        except InvalidTopicNameException as error:
+            raise Refusal(f'not a topic name: {error}') from None
+        if opened.policy is Policy.PERIODIC:
+            assert opened.period is not None
+            self.create_timer(float(opened.period), self._tick)
+        for warning in opened.warnings:
+            self.get_logger().warning(warning)
+        self.feed.start()
+        self.get_logger().info(_announcement(opened))
+
+    def _deliver(self, reader: MessageReader) -> Any:
+        """Return the callback for a topic: store what the message holds, then step."""
+        evaluator, topic, lock = self._evaluator, reader.topic, self._lock
+        uses_received = not self.get_parameter('use_sim_time').value
+
+        def deliver(data: bytes, received: int) -> None:
+            with lock:
+                if reader.read(data, evaluator):
+                    stamp = received if uses_received else self._now()
+                    violations = evaluator.message(topic, stamp)
+                    if violations:
+                        self._handlers.announce(violations)
+
+        return deliver
+
+    def _tick(self) -> None:
+        with self._lock:
+            self._handlers.announce(self._evaluator.tick(self._now()))
+
+    def _now(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
+
+    def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        with self._lock:
+            self._evaluator.reset()
+        groups = len(self._evaluator.monitor.manifest.groups)
+        response.success = True
+        response.message = f'restarted {_count(groups, "step group")}; input values kept'
+        self.get_logger().info(response.message)
+        return response
+
+
+def refuse_inputs_off_ros(manifest: Manifest) -> None:
+    """
+    Refuse inputs that no topic feeds.
+
+    Raises
+    ------
+    Refusal
+        if there are such, with the lines to write for them.
+    """
+    lines = [line for item in manifest.inputs for line in _lines_wanted(item)]
+    if lines:
+        raise Refusal('these inputs have no ROS 2 topic to read; '
+                      'say in the bundle where they come from:\n\n  inputs:\n' + '\n'.join(lines))
+
+
+def _lines_wanted(item: ManifestInput) -> list[str]:
+    if item.topic is not None and item.message_type is not None:
+        return []
+    plain = item.value_type.value
+    standard = plain.capitalize() if not plain.startswith('uint') else f'UInt{plain[4:]}'
+    return [f'    {item.name}:',
+            f'      topic: {item.topic or item.name}',
+            f'      type: {item.message_type or f"std_msgs/msg/{standard}"}']
+
+
+def _readers(manifest: Manifest) -> list[MessageReader]:
+    problems: list[str] = []
+    for message_type in sorted({topic.message_type for topic in manifest.topics}):
+        try:
+            message_class(message_type)
+        except MessageTypeError as error:
+            problems.append(str(error))
+    if problems:
+        raise Refusal(*problems)
+    return [MessageReader(manifest, topic) for topic in range(len(manifest.topics))]
+
+
+def _announcement(opened: Opened) -> str:
+    manifest = opened.monitor.manifest
+    return (f'watching {_count(len(manifest.requirements), "requirement")} '
+            f'on {_count(len(manifest.inputs), "input")} '
+            f'of {_count(len(manifest.topics), "topic")}, policy {opened.policy.value}, '
+            f'{_count(manifest.state_bytes, "byte")} of state ({opened.origin})')
+
+
+def _count(number: int, noun: str) -> str:
+    return f'{number} {noun}' if number == 1 else f'{number} {noun}s'
