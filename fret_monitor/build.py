@@ -1,0 +1,287 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+From a bundle to a monitor that runs: the one place that sees all stages.
+
+    text -> Bundle -> Specification -> MonitorProgram -> C module + Manifest -> library -> Monitor
+"""
+
+from dataclasses import asdict
+from dataclasses import dataclass
+from dataclasses import replace
+from fractions import Fraction
+from functools import cached_property
+import hashlib
+from pathlib import Path
+import shutil
+import tempfile
+import time
+
+from fret_monitor.codegen.describe import describe
+from fret_monitor.codegen.module import CModule
+from fret_monitor.codegen.module import generate
+from fret_monitor.diagnostics import Diagnostic
+from fret_monitor.diagnostics import refuse
+from fret_monitor.logic.elaborate import specify
+from fret_monitor.logic.specification import Specification
+from fret_monitor.manifest import FORMAT
+from fret_monitor.manifest import Manifest
+from fret_monitor.manifest import Policy
+from fret_monitor.native.cache import build_library
+from fret_monitor.native.cache import csrc_directory
+from fret_monitor.native.cache import evaluator_library
+from fret_monitor.native.cache import runtime_headers
+from fret_monitor.native.compiler import compile_library
+from fret_monitor.native.compiler import find_compiler
+from fret_monitor.native.folder import EVALUATOR_FILE
+from fret_monitor.native.folder import is_compiled
+from fret_monitor.native.folder import library_file
+from fret_monitor.native.folder import MANIFEST_FILE
+from fret_monitor.native.monitor import load
+from fret_monitor.native.monitor import Monitor
+from fret_monitor.program.layout import check_bounds
+from fret_monitor.program.layout import GroupLayout
+from fret_monitor.program.layout import lay_out
+from fret_monitor.program.layout import MAX_STATE_BYTES
+from fret_monitor.program.levels import levels
+from fret_monitor.program.lower import lower
+from fret_monitor.program.monitor_program import MonitorProgram
+from fret_monitor.runtime.benchmark import lasting_inputs
+from fret_monitor.runtime.benchmark import random_inputs
+from fret_monitor.runtime.benchmark import step_nanoseconds
+from fret_monitor.syntax.bundle import Bundle
+from fret_monitor.syntax.bundle import read_bundle
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A bundle as understood: what it means, what was odd about it, and its hash."""
+
+    specification: Specification
+    warnings: tuple[Diagnostic, ...]
+    bundle_hash: str
+
+
+@dataclass(frozen=True)
+class GeneratedMonitor:
+    """The C of a bundle, and all that was decided on the way; nothing is compiled yet."""
+
+    specification: Specification
+    program: MonitorProgram
+    layouts: tuple[GroupLayout, ...]
+    module: CModule
+    manifest: Manifest
+    warnings: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True)
+class CompiledMonitor:
+    """A compiled bundle; `monitor` loads it on first use."""
+
+    manifest: Manifest
+    library: Path
+    warnings: tuple[Diagnostic, ...]
+
+    @cached_property
+    def monitor(self) -> Monitor:
+        """The loaded library; raises `LibraryError`."""
+        return load(self.library, self.manifest)
+
+
+def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = None) -> Reading:
+    """
+    Read a bundle and give it its meaning.
+
+    `policy` and `period` (seconds) stand in for those of the bundle.
+
+    Raises
+    ------
+    CompileError
+        with all that is wrong with the bundle.
+    """
+    bundle = _with_policy(read_bundle(path), policy, period)
+    specification, warnings = specify(bundle)
+    return Reading(specification, warnings, _bundle_hash(bundle, specification))
+
+
+def _with_policy(bundle: Bundle, policy: Policy | None, period: Fraction | None) -> Bundle:
+    policy = policy or bundle.policy
+    period = (period or bundle.period) if policy is Policy.PERIODIC else period
+    if policy is Policy.PERIODIC and period is None:
+        refuse('the policy periodic needs a period', help='give a period (seconds) or a rate (Hz)')
+    if policy is not Policy.PERIODIC and period is not None:
+        refuse(f'a period goes with the policy periodic, not with {policy.value}')
+    return replace(bundle, policy=policy, period=period)
+
+
+def _bundle_hash(bundle: Bundle, specification: Specification) -> str:
+    """Hash the files' texts and what the message definitions and overrides made of them."""
+    parts = [str(FORMAT), bundle.name, *(source.text for source in bundle.sources)]
+    parts += [repr(signal) for signal in specification.signals]
+    parts += [specification.policy.value, str(specification.period)]
+    return hashlib.sha256('\0'.join(parts).encode('utf-8', 'surrogatepass')).hexdigest()
+
+
+def generate_monitor(reading: Reading, *,
+                     max_state_bytes: int = MAX_STATE_BYTES) -> GeneratedMonitor:
+    """
+    Lower a specification and write its C.
+
+    Raises
+    ------
+    CompileError
+        if it needs more than `max_state_bytes` of state.
+    """
+    program = lower(reading.specification)
+    layouts = tuple(lay_out(group) for group in program.groups)
+    check_bounds(program, layouts, max_state_bytes)
+    module = generate(program, layouts)
+    manifest = describe(program, layouts, module, reading.bundle_hash)
+    return GeneratedMonitor(reading.specification, program, layouts, module, manifest,
+                            reading.warnings)
+
+
+def compile_monitor(generated: GeneratedMonitor) -> CompiledMonitor:
+    """
+    Compile generated C, or find it compiled.
+
+    Raises
+    ------
+    NativeError
+        if there is no C compiler, it fails, or the cache is not safe to use.
+    """
+    header, text = generated.module.header
+    library = build_library(dict(generated.module.sources), name=generated.manifest.symbol,
+                            headers={**runtime_headers(), header: text})
+    return CompiledMonitor(generated.manifest, library, generated.warnings)
+
+
+def build(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
+          max_state_bytes: int = MAX_STATE_BYTES) -> CompiledMonitor:
+    """Read, generate and compile a bundle; errors as `read` and `compile_monitor`."""
+    reading = read(path, policy=policy, period=period)
+    return compile_monitor(generate_monitor(reading, max_state_bytes=max_state_bytes))
+
+
+def build_specification(specification: Specification) -> CompiledMonitor:
+    """Compile what is specified already; for tools and tests."""
+    digest = hashlib.sha256(repr(specification.signals).encode()).hexdigest()
+    return compile_monitor(generate_monitor(Reading(specification, (), digest)))
+
+
+def write(generated: GeneratedMonitor, directory: Path) -> None:
+    """
+    Write what a robot needs to run a bundle: libraries, manifest, and the sources.
+
+    The folder appears as a whole or not at all. One that `write` made before is replaced.
+
+    Raises
+    ------
+    CompileError
+        if `directory` is something else and not empty, or cannot be written.
+    NativeError
+        as `compile_monitor`.
+    """
+    _refuse_occupied(directory)
+    compiled = compile_monitor(generated)
+    evaluator = evaluator_library()
+    try:
+        directory.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = Path(tempfile.mkdtemp(prefix=f'.{directory.name}-', dir=directory.parent))
+        try:
+            _fill(unfinished, generated, compiled.library, evaluator)
+            _put_in_place(unfinished, directory)
+        finally:
+            shutil.rmtree(unfinished, ignore_errors=True)
+    except OSError as error:
+        refuse(f"cannot write '{directory}': {error.strerror or error}")
+
+
+def _refuse_occupied(directory: Path) -> None:
+    if directory.is_dir() and not is_compiled(directory) and any(directory.iterdir()):
+        refuse(f"'{directory}' holds other files", help='name an empty folder, or a new one')
+    if directory.exists() and not directory.is_dir():
+        refuse(f"'{directory}' is a file", help='name a folder')
+
+
+def _fill(folder: Path, generated: GeneratedMonitor, library: Path, evaluator: Path) -> None:
+    folder.chmod(0o755)
+    manifest = generated.manifest
+    (folder / MANIFEST_FILE).write_text(manifest.to_json(), encoding='utf-8')
+    shutil.copyfile(library, folder / library_file(manifest))
+    shutil.copyfile(evaluator, folder / EVALUATOR_FILE)
+    sources = folder / 'src'
+    sources.mkdir()
+    for name, text in (generated.module.header, *generated.module.sources):
+        (sources / name).write_text(text, encoding='utf-8')
+    for file in (*csrc_directory().glob('*.h'), csrc_directory() / 'evaluator.c'):
+        shutil.copyfile(file, sources / file.name)
+
+
+def _put_in_place(folder: Path, directory: Path) -> None:
+    if not directory.exists():
+        folder.rename(directory)
+        return
+    former = folder.with_name(folder.name + '-former')
+    directory.rename(former)
+    try:
+        folder.rename(directory)
+    except OSError:
+        former.rename(directory)
+        raise
+    shutil.rmtree(former, ignore_errors=True)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What a bundle costs: nanoseconds (medians), bytes, and seconds from bundle to library."""
+
+    requirements: int
+    ns_per_step: float
+    ns_per_step_lasting: float
+    state_bytes: int
+    compile_seconds: float
+
+    def as_dict(self) -> dict[str, int | float]:
+        """Return the figures by name; `ns_per_step` is on random inputs."""
+        return asdict(self)
+
+
+def measure(path: Path) -> Measurement:
+    """
+    Build a bundle with nothing cached, and time its steps on random and long-lasting inputs.
+
+    Errors are those of `build`.
+    """
+    with tempfile.TemporaryDirectory(prefix='fret_monitor-') as folder:
+        before = time.perf_counter()
+        generated = generate_monitor(read(path))
+        header, text = generated.module.header
+        files = {**runtime_headers(), header: text, **dict(generated.module.sources)}
+        for name, content in files.items():
+            (Path(folder) / name).write_text(content, encoding='utf-8')
+        file = library_file(generated.manifest)
+        compile_library(find_compiler(), [name for name, _ in generated.module.sources], file,
+                        folder=Path(folder))
+        seconds = time.perf_counter() - before
+        monitor = load(Path(folder) / file, generated.manifest)
+    values = levels(generated.program)
+    return Measurement(
+        len(generated.manifest.requirements),
+        step_nanoseconds(monitor, random_inputs(monitor, values)),
+        step_nanoseconds(monitor, lasting_inputs(monitor, values)),
+        generated.manifest.state_bytes,
+        seconds,
+    )

@@ -1,0 +1,49 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`bench BUNDLE [--json]`: what a bundle costs."""
+
+from argparse import _SubParsersAction
+from argparse import ArgumentParser
+from argparse import Namespace
+import json
+from pathlib import Path
+
+from fret_monitor.build import measure
+from fret_monitor.build import Measurement
+
+
+def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
+    """Add the verb to the command line."""
+    parser = verbs.add_parser('bench', help='measure time a step, state, and compile time')
+    parser.add_argument('bundle', metavar='BUNDLE', type=Path)
+    parser.add_argument('--json', action='store_true', help='as one JSON object')
+    parser.set_defaults(run=run)
+
+
+def run(options: Namespace) -> int:
+    """Measure a bundle."""
+    found = measure(options.bundle)
+    print(json.dumps(found.as_dict()) if options.json else _shown(found))
+    return 0
+
+
+def _shown(found: Measurement) -> str:
+    return '\n'.join((
+        f'requirements     {found.requirements:,}',
+        f'time a step      {found.ns_per_step:,.1f} ns on random inputs, '
+        f'{found.ns_per_step_lasting:,.1f} ns on long-lasting ones (median of 9 rounds)',
+        f'state            {found.state_bytes:,} bytes',
+        f'compile          {found.compile_seconds:.2f} s from bundle to library, nothing cached',
+    ))

@@ -1,0 +1,142 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`check BUNDLE...`: all problems of a bundle, or a table of its requirements."""
+
+from argparse import _SubParsersAction
+from argparse import ArgumentParser
+from argparse import Namespace
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+import sys
+
+from fret_monitor.build import generate_monitor
+from fret_monitor.build import GeneratedMonitor
+from fret_monitor.build import read
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import Historically
+from fret_monitor.logic.formula import Once
+from fret_monitor.logic.formula import postorder
+from fret_monitor.logic.formula import Since
+from fret_monitor.logic.formula import Triggered
+from fret_monitor.logic.printing import to_smv
+from fret_monitor.logic.specification import Property
+from fret_monitor.manifest import Policy
+from fret_monitor.program.layout import lay_out
+from fret_monitor.program.layout import state_bytes
+from fret_monitor.program.lower import lower
+
+_STEPS = {
+    Policy.EVERY_MESSAGE: ('a step is a message on any mapped topic', 'messages'),
+    Policy.RELEVANT_MESSAGE: ("a step is a message on a topic of the requirement's inputs",
+                              'messages'),
+    Policy.ALL_INPUTS: ("a step is a round in which each of the requirement's inputs came anew",
+                        'rounds'),
+    Policy.PERIODIC: ('a step is a period of {period} s', 'steps'),
+}
+_MANY = 4
+_FORMULA_WIDTH = 2000
+
+
+def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
+    """Add the verb to the command line."""
+    parser = verbs.add_parser('check', help='tell all problems of a bundle, or what it monitors')
+    parser.add_argument('bundles', metavar='BUNDLE', nargs='+', type=Path)
+    parser.set_defaults(run=run)
+
+
+def run(options: Namespace) -> int:
+    """Check each bundle; 1 if any has an error."""
+    return max([_check(path) for path in options.bundles])
+
+
+def _check(path: Path) -> int:
+    try:
+        generated = generate_monitor(read(path))
+    except CompileError as error:
+        print(error, file=sys.stderr)
+        return 1
+    for warning in generated.warnings:
+        print(warning.render(), file=sys.stderr)
+    print('\n'.join(_report(path, generated)))
+    return 0
+
+
+def _report(path: Path, generated: GeneratedMonitor) -> Iterator[str]:
+    manifest = generated.manifest
+    operations = sum(group.operations for group in manifest.groups)
+    yield (f'{path}: {_count(len(manifest.requirements), "requirement")}, '
+           f'{_count(len(manifest.inputs), "input")} on {_count(len(manifest.topics), "topic")}, '
+           f'{_count(manifest.state_bytes, "byte")} of state, '
+           f'{_count(operations, "operation")} a step')
+    step = _STEPS[manifest.policy][0].format(period=manifest.period)
+    yield f'policy {manifest.policy.value}: {step}'
+    yield ''
+    yield from _table([('id', 'inputs', 'state', 'bounds', 'formula'), *_rows(generated)])
+
+
+def _count(number: int, noun: str) -> str:
+    return f'{number:,} {noun}{"" if number == 1 else "s"}'
+
+
+def _rows(generated: GeneratedMonitor) -> Iterator[tuple[str, ...]]:
+    specification = generated.specification
+    owned = _owned_bytes(generated)
+    for number, item in enumerate(specification.properties):
+        inputs = generated.manifest.requirements[number].inputs
+        yield (
+            item.id,
+            ', '.join(specification.signals[index].name for index in inputs) or '-',
+            f'{owned[number]} B',
+            _bounds(item, specification.policy, specification.period),
+            to_smv(item.formula, limit=_FORMULA_WIDTH),
+        )
+
+
+def _table(rows: list[tuple[str, ...]]) -> Iterator[str]:
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
+    for row in rows:
+        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
+        yield '  '.join([*cells, row[-1]])
+
+
+def _owned_bytes(generated: GeneratedMonitor) -> list[int]:
+    """Return what each requirement would need if it were alone."""
+    alone = (lower(replace(generated.specification, properties=(item,)))
+             for item in generated.specification.properties)
+    return [state_bytes(tuple(lay_out(group) for group in program.groups)) for program in alone]
+
+
+def _bounds(item: Property, policy: Policy, period: Fraction | None) -> str:
+    numbers = sorted(set(_limits(item)))
+    if not numbers:
+        return '-'
+    shown = ', '.join(f'{number:,}' for number in numbers[-_MANY:])
+    shown = f'... {shown}' if len(numbers) > _MANY else shown
+    if period is None:
+        return f'{shown} {_STEPS[policy][1]}'
+    times = ', '.join(f'{float(number * period):g}' for number in numbers[-_MANY:])
+    return f'{shown} steps = {times} s'
+
+
+def _limits(item: Property) -> Iterator[int]:
+    """Yield the ends of all windows that reach back."""
+    roots: list[Formula] = [item.formula, *(equation for _, equation in item.feedback)]
+    for node in postorder(roots):
+        if isinstance(node, Once | Historically | Since | Triggered):
+            ends = (node.window.low, node.window.high)
+            yield from (end for end in ends if end is not None and end > 0)

@@ -1,0 +1,63 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`fret-monitor VERB`: parse the arguments, call the verb, tell errors."""
+
+from argparse import ArgumentParser
+from collections.abc import Sequence
+import os
+import sys
+
+from fret_monitor.cli import bench
+from fret_monitor.cli import check
+from fret_monitor.cli import compile as compile_verb
+from fret_monitor.cli import simulate
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.native.errors import NativeError
+
+_VERBS = (check, simulate, compile_verb, bench)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Run the command line.
+
+    Returns
+    -------
+    int
+        0 for success, 1 for a bad bundle or trace (or no compiler), 2 for wrong usage.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        status: int = options.run(options)
+        sys.stdout.flush()
+        return status
+    except (CompileError, NativeError) as error:
+        print(error if isinstance(error, CompileError) else f'error: {error}', file=sys.stderr)
+        return 1
+    except BrokenPipeError:
+        # The reader of our output has gone: not an error, and nothing more to say.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except KeyboardInterrupt:
+        return 130
+
+
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser(
+        'fret-monitor', description='Compile, check and try requirements in past-time MTL.')
+    verbs = parser.add_subparsers(metavar='VERB', required=True)
+    for verb in _VERBS:
+        verb.add_to(verbs)
+    return parser

@@ -1,0 +1,56 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`simulate BUNDLE --trace FILE.csv`: the compiled monitors over a recorded or made-up trace."""
+
+from argparse import _SubParsersAction
+from argparse import ArgumentParser
+from argparse import Namespace
+from pathlib import Path
+import sys
+
+from fret_monitor.build import build
+from fret_monitor.runtime.simulate import simulate
+from fret_monitor.runtime.simulate import Summary
+
+
+def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
+    """Add the verb to the command line."""
+    parser = verbs.add_parser('simulate', help='run the monitors over a CSV trace')
+    parser.add_argument('bundle', metavar='BUNDLE', type=Path)
+    parser.add_argument('--trace', metavar='FILE.csv', type=Path, required=True,
+                        help='one column an input, one row a step')
+    parser.add_argument('--verdicts', metavar='FILE.csv', type=Path,
+                        help='where to write; standard output when left out')
+    parser.add_argument('--fail-on-violation', action='store_true',
+                        help='exit with 1 if any requirement was violated')
+    parser.set_defaults(run=run)
+
+
+def run(options: Namespace) -> int:
+    """Simulate; 1 if a violation was to be failed on and there was one."""
+    compiled = build(options.bundle)
+    for warning in compiled.warnings:
+        print(warning.render(), file=sys.stderr)
+    summary = simulate(compiled.monitor, options.trace, options.verdicts)
+    if options.verdicts is not None:
+        print(_shown(summary))
+    return 1 if options.fail_on_violation and any(summary.violations.values()) else 0
+
+
+def _shown(summary: Summary) -> str:
+    lines = [f'{summary.steps:,} steps']
+    lines += [f'{id}: violated at {count:,} steps' if count else f'{id}: satisfied'
+              for id, count in summary.violations.items()]
+    return '\n'.join(lines)

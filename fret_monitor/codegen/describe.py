@@ -1,0 +1,96 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The manifest of a monitor program: what the run-time must know of it."""
+
+from fret_monitor.codegen.module import CModule
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import postorder
+from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.printing import to_smv
+from fret_monitor.logic.specification import Property
+from fret_monitor.logic.specification import Signal
+from fret_monitor.manifest import Manifest
+from fret_monitor.manifest import ManifestGroup
+from fret_monitor.manifest import ManifestInput
+from fret_monitor.manifest import ManifestRequirement
+from fret_monitor.manifest import ManifestTopic
+from fret_monitor.program.layout import GroupLayout
+from fret_monitor.program.layout import state_bytes
+from fret_monitor.program.monitor_program import MonitorProgram
+
+_LONGEST_FORMULA = 10_000
+
+
+def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: CModule,
+             bundle_hash: str) -> Manifest:
+    """Return the manifest of a program and of the C that was made of it."""
+    group_of = {number: index for index, group in enumerate(program.groups)
+                for number in group.properties}
+    signal_of = {signal.name: index for index, signal in enumerate(program.signals)}
+    return Manifest(
+        name=program.name,
+        symbol=module.symbol,
+        component=program.component,
+        policy=program.policy,
+        period=program.period,
+        inputs=tuple(_input(signal) for signal in program.signals),
+        topics=_topics(program.signals),
+        groups=tuple(_group(layout) for layout in layouts),
+        requirements=tuple(_requirement(item, group_of[number], signal_of)
+                           for number, item in enumerate(program.properties)),
+        state_bytes=state_bytes(layouts),
+        bundle_hash=bundle_hash,
+        source_hash=module.source_hash,
+        sources=tuple(name for name, _ in (module.header, *module.sources)),
+    )
+
+
+def _input(signal: Signal) -> ManifestInput:
+    return ManifestInput(signal.name, signal.type, signal.topic, signal.message_type,
+                         signal.path, signal.values, signal.initial)
+
+
+def _topics(signals: tuple[Signal, ...]) -> tuple[ManifestTopic, ...]:
+    topics: dict[str, list[int]] = {}
+    for index, signal in enumerate(signals):
+        if signal.topic is not None and signal.message_type is not None:
+            topics.setdefault(signal.topic, []).append(index)
+    return tuple(ManifestTopic(name, signals[fed[0]].message_type or '', tuple(fed),
+                               signals[fed[0]].qos) for name, fed in topics.items())
+
+
+def _group(layout: GroupLayout) -> ManifestGroup:
+    return ManifestGroup(layout.group.signals, layout.group.properties, layout.size,
+                         layout.operations)
+
+
+def _requirement(item: Property, group: int, signal_of: dict[str, int]) -> ManifestRequirement:
+    return ManifestRequirement(
+        id=item.id,
+        handler=item.handler,
+        text=item.text,
+        title=item.title,
+        formula=to_smv(item.formula, limit=_LONGEST_FORMULA),
+        report=item.report,
+        severity=item.severity,
+        group=group,
+        inputs=_inputs(item, signal_of),
+    )
+
+
+def _inputs(item: Property, signal_of: dict[str, int]) -> tuple[int, ...]:
+    roots: list[Formula] = [item.formula, *(equation for _, equation in item.feedback)]
+    return tuple(sorted({signal_of[node.name] for node in postorder(roots)
+                         if isinstance(node, Variable)}))

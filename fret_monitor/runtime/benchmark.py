@@ -1,0 +1,126 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How long a step of a compiled bundle takes.
+
+The timed loop is C (`csrc/benchmark.c`) over buffers that were filled before.
+"""
+
+from array import array
+from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import dataclass
+from random import Random
+from statistics import median
+from typing import Any
+
+from fret_monitor.manifest import ManifestInput
+from fret_monitor.native.binding import ffi
+from fret_monitor.native.cache import build_library
+from fret_monitor.native.cache import csrc_directory
+from fret_monitor.native.monitor import CData
+from fret_monitor.native.monitor import Library
+from fret_monitor.native.monitor import Monitor
+from fret_monitor.runtime.evaluator import TYPECODES
+
+ROWS = 8192
+_ALIGNMENT = 16
+_ROUND_NANOSECONDS = 20_000_000
+_LASTING = 200
+_SIGNATURE = ('uint64_t (*)(const struct fm_monitor *, void *, const void *, uint64_t, uint64_t, '
+              'bool *)')
+
+Levels = Sequence[Sequence[bool | int | float]]
+"""For each input the values it takes in a benchmark, such as both sides of a threshold."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """Rows of inputs structs in memory: `stride` bytes apart, `count` of them."""
+
+    memory: CData
+    stride: int
+    count: int
+
+
+def random_inputs(monitor: Monitor, levels: Levels, seed: int = 0) -> Inputs:
+    """Fill a buffer in which every input takes a new value in every row."""
+    rng = Random(seed)
+    return _fill(monitor, levels, lambda values, last: rng.choice(values))
+
+
+def lasting_inputs(monitor: Monitor, levels: Levels, seed: int = 0) -> Inputs:
+    """Fill a buffer in which inputs keep a value for 200 rows on average."""
+    rng = Random(seed)
+    return _fill(monitor, levels, lambda values, last: last
+                 if last is not None and rng.randrange(_LASTING) else rng.choice(values))
+
+
+def _fill(monitor: Monitor, levels: Levels,
+          choose: Callable[[Sequence[Any], Any], Any]) -> Inputs:
+    stride = int(monitor.pointer.inputs_bytes)
+    memory = ffi.new('char[]', ROWS * stride + _ALIGNMENT)
+    for index, (item, values) in enumerate(zip(monitor.manifest.inputs, levels, strict=True)):
+        column = _column(item, values, choose)
+        width = column.itemsize
+        cells = column.tobytes()
+        offset = int(monitor.pointer.inputs[index].offset)
+        for row in range(ROWS):
+            start = row * stride + offset
+            ffi.buffer(memory)[start:start + width] = cells[row * width:(row + 1) * width]
+    return Inputs(memory, stride, ROWS)
+
+
+def _column(item: ManifestInput, values: Sequence[bool | int | float],
+            choose: Callable[[Sequence[Any], Any], Any]) -> 'array[Any]':
+    column = array(TYPECODES[item.value_type])
+    last: Any = None
+    for _ in range(ROWS):
+        last = choose(values, last)
+        column.append(last)
+    return column
+
+
+class StepTimer:
+    """Times the steps of a monitor over given inputs; the state goes on from round to round."""
+
+    def __init__(self, monitor: Monitor, inputs: Inputs) -> None:
+        """Reset the state, and find out how many steps make a round of about 20 ms."""
+        text = (csrc_directory() / 'benchmark.c').read_text(encoding='utf-8')
+        library = build_library({'benchmark.c': text}, name='fm_benchmark')
+        self._library = Library(library)
+        self._time: Any = ffi.cast(_SIGNATURE, self._library.find('fm_benchmark'))
+        self._monitor = monitor
+        self._inputs = inputs
+        self._state = ffi.new('max_align_t[]', monitor.state_bytes // _ALIGNMENT + 1)
+        self._verdicts = ffi.new('bool[]', max(1, len(monitor.manifest.requirements)))
+        for group in range(len(monitor.manifest.groups)):
+            monitor.pointer.groups[group].reset(self._state)
+        self._repeats = max(1, round(_ROUND_NANOSECONDS / max(1, self._pass())))
+
+    def _pass(self) -> int:
+        return int(self._time(self._monitor.pointer, self._state, self._inputs.memory,
+                              self._inputs.stride, self._inputs.count, self._verdicts))
+
+    def round(self) -> float:
+        """Return the nanoseconds a step took in one round."""
+        total = sum(self._pass() for _ in range(self._repeats))
+        return total / (self._repeats * self._inputs.count)
+
+
+def step_nanoseconds(monitor: Monitor, inputs: Inputs, rounds: int = 9) -> float:
+    """Return the median, over some rounds, of the nanoseconds a step takes."""
+    timer = StepTimer(monitor, inputs)
+    return median(timer.round() for _ in range(rounds))
