@@ -42,6 +42,10 @@ from fret_monitor.syntax.expression import Name
 from fret_monitor.syntax.expression import Number
 from fret_monitor.syntax.expression import postorder
 from fret_monitor.syntax.expression import Prefix
+from fret_monitor.syntax.precedence import Chain
+from fret_monitor.syntax.precedence import Operator
+from fret_monitor.syntax.precedence import Pending
+from fret_monitor.syntax.precedence import Precedence
 
 END = '$END'
 OPERAND_ENDS = frozenset({'NAME', 'NUMBER', 'NEGATIVE', 'TRUE', 'FALSE', 'RPAR'})
@@ -228,9 +232,6 @@ def _refuse_lexeme(language: Language, text: Text, lexemes: Sequence[Lexeme], in
         _refuse_missing_operand(text, lexemes, index)
     if found.type == END and opened:
         refuse(f"'{_written(text, opened[-1])}' is not closed", opened[-1].span, 'opened here')
-    if found.type in ('RELATION', 'EQUAL') and lexemes[index - 1].type in OPERAND_ENDS:
-        refuse('comparisons cannot be chained', found.span, 'one more comparison',
-               'put parentheses around one comparison')
     if found.type in OPERAND_STARTS and lexemes[index - 1].type in OPERAND_ENDS:
         refuse('an operator is missing', found.span,
                f"expected an operator before '{_written(text, found)}'")
@@ -287,7 +288,7 @@ _SHOWN = {
 def _expectation(expected: frozenset[str], opened: Sequence[Lexeme]) -> str:
     # LALR tables merge states: a closing bracket may be named where none is open.
     out_of_place = frozenset() if opened else frozenset({'RPAR', 'COMMA'})
-    after_operand = bool(expected & {'AND', 'PLUS', 'RELATION'})
+    after_operand = 'INFIX' in expected
     if after_operand:
         out_of_place |= {'LPAR', 'EQUAL'}
     shown = ['an operator'] * after_operand
@@ -304,23 +305,36 @@ class Builder:
     lark calls them with what it has read, lexemes and trees, in the order of the rule: hence Any.
     """
 
-    conjunction = '&'
+    def __init__(self, precedence: Precedence) -> None:
+        """Take how tight the language's operators bind."""
+        self._precedence = precedence
 
-    def start(self, parts: list[Any]) -> Any:
-        """Return the one tree."""
-        return parts[0]
+    def finish(self, part: Any) -> Expression:
+        """Return the tree of an expression of which nothing more comes."""
+        if isinstance(part, Pending):
+            part = self._chain(part)
+        tree: Expression = part.close() if isinstance(part, Chain) else part
+        return tree
 
-    def infix(self, parts: list[Any]) -> Infix:
-        """Build `left operator right`."""
-        left, operator, right = parts
-        return Infix(operator.text, None, left, right, operator.span,
-                     join(left.span, right.span))
+    def _chain(self, operand: Expression | Pending) -> Chain:
+        chain = Chain(self._precedence)
+        chain.add_operand(operand)
+        return chain
 
-    def prefix(self, parts: list[Any]) -> Prefix:
-        """Build `operator argument`."""
-        operator, argument = parts
-        return Prefix(operator.text, None, argument, operator.span,
-                      join(operator.span, argument.span))
+    def start(self, parts: list[Any]) -> Expression:
+        """Return the whole tree."""
+        return self.finish(parts[0])
+
+    def more(self, parts: list[Any]) -> Chain:
+        """Go on with an infix operator, its bound if any, and an operand."""
+        chain = parts[0] if isinstance(parts[0], Chain) else self._chain(parts[0])
+        chain.add_infix(_operator(parts[1:-1]))
+        chain.add_operand(parts[-1])
+        return chain
+
+    def prefixed(self, parts: list[Any]) -> Pending:
+        """Put a prefix operator, with its bound if any, before an operand."""
+        return Pending(_operator(parts[:-1]), parts[-1])
 
     def name(self, parts: list[Any]) -> Name:
         """Build a name."""
@@ -336,7 +350,7 @@ class Builder:
 
     def arguments(self, parts: list[Any]) -> tuple[Expression, ...]:
         """Return the arguments of a call."""
-        return tuple(part for part in parts if not isinstance(part, Lexeme))
+        return tuple(self.finish(part) for part in parts if not isinstance(part, Lexeme))
 
     def call(self, parts: list[Any]) -> Expression:
         """Build `function(arguments)`."""
@@ -345,16 +359,13 @@ class Builder:
 
     def group(self, parts: list[Any]) -> Expression:
         """Return what stands in parentheses, which belong to its place."""
-        return _at(parts[1], join(parts[0].span, parts[2].span))
+        return _at(self.finish(parts[1]), join(parts[0].span, parts[2].span))
 
-    def chain(self, parts: list[Any]) -> NoReturn:
-        """Refuse `a < b < c`."""
-        first, operator, last = parts
-        middle = _source(first.right)
-        instead = (f'write {_source(first)} {self.conjunction} '
-                   f'{middle} {operator.text} {_source(last)}')
-        refuse('comparisons cannot be chained', operator.span, 'a second comparison',
-               instead if len(instead) <= 100 else 'put parentheses around one comparison')
+
+def _operator(parts: list[Any]) -> Operator:
+    lexeme, bound = parts if len(parts) == 2 else (parts[0], None)
+    span = lexeme.span if bound is None else join(lexeme.span, bound.span)
+    return Operator(lexeme.text, bound, span)
 
 
 def _at(node: Expression, span: Span) -> Expression:
@@ -376,11 +387,6 @@ def _at(node: Expression, span: Span) -> Expression:
 def join(first: Span, last: Span) -> Span:
     """Return the place from the start of one span to the end of another."""
     return Span(first.source, first.start, last.end)
-
-
-def _source(node: Expression) -> str:
-    span = node.span
-    return ' '.join(span.source.text[span.start:span.end].split())
 
 
 def bound_number(node: Expression) -> str:

@@ -45,12 +45,13 @@ from fret_monitor.syntax.expression import Expression
 from fret_monitor.syntax.expression import Infix
 from fret_monitor.syntax.expression import Name
 from fret_monitor.syntax.expression import Prefix
+from fret_monitor.syntax.precedence import Precedence
 
 _WORDS = {
     'H': ('PAST', 'H'), 'O': ('PAST', 'O'), 'Y': ('DELAY', 'Y'), 'Z': ('DELAY', 'Z'),
     'YtoPre': ('DELAY', 'Y'), 'ZtoPre': ('DELAY', 'Z'), 'pre': ('PRE', 'pre'),
-    'not': ('NOT', '!'), 'and': ('AND', '&'), 'or': ('OR', '|'), 'xor': ('XOR', 'xor'),
-    'div': ('TIMES', '/'), 'mod': ('TIMES', 'mod'), 'if': ('IF', 'if'),
+    'not': ('NOT', '!'), 'and': ('INFIX', '&'), 'or': ('INFIX', '|'), 'xor': ('INFIX', 'xor'),
+    'div': ('INFIX', '/'), 'mod': ('INFIX', 'mod'), 'if': ('IF', 'if'),
     'then': ('THEN', 'then'), 'else': ('ELSE', 'else'), 'node': ('NODE', 'node'),
     'function': ('FUNCTION', 'function'), 'returns': ('RETURNS', 'returns'),
     'var': ('VAR', 'var'), 'let': ('LET', 'let'), 'tel': ('TEL', 'tel'),
@@ -58,16 +59,26 @@ _WORDS = {
     **dict.fromkeys(('false', 'FALSE', 'False'), ('FALSE', 'FALSE')),
 }
 _OPERATORS = {
-    '->': ('ARROW', 'arrow'), '=>': ('IMPLIES', '->'), '|': ('OR', '|'), '||': ('OR', '|'),
-    '&': ('AND', '&'), '&&': ('AND', '&'), '!': ('NOT', '!'), '~': ('NOT', '!'),
+    '->': ('INFIX', 'arrow'), '=>': ('INFIX', '->'), '|': ('INFIX', '|'), '||': ('INFIX', '|'),
+    '&': ('INFIX', '&'), '&&': ('INFIX', '&'), '!': ('NOT', '!'), '~': ('NOT', '!'),
     '=': ('EQUAL', '='), '==': ('EQUAL', '='), '<>': ('RELATION', '!='),
     '!=': ('RELATION', '!='), '<=': ('RELATION', '<='), '>=': ('RELATION', '>='),
-    '<': ('RELATION', '<'), '>': ('RELATION', '>'), '+': ('PLUS', '+'), '-': ('MINUS', '-'),
-    '*': ('TIMES', '*'), '/': ('TIMES', '/'), '^': ('POWER', '^'), '(': ('LPAR', '('),
+    '<': ('RELATION', '<'), '>': ('RELATION', '>'), '+': ('INFIX', '+'), '-': ('MINUS', '-'),
+    '*': ('INFIX', '*'), '/': ('INFIX', '/'), '^': ('INFIX', '^'), '(': ('LPAR', '('),
     ')': ('RPAR', ')'), '[': ('LBRACK', '['), ']': ('RBRACK', ']'), ',': ('COMMA', ','),
     ';': ('SEMI', ';'), ':': ('COLON', ':'), '.': ('DOT', '.'), '<->': ('IFF', '<->'),
     '<=>': ('IFF', '<->'),
 }
+PRECEDENCE = Precedence(
+    infix={'arrow': 1, '->': 2, '|': 3, 'xor': 3, '&': 4,
+           **dict.fromkeys(('<', '<=', '=', '!=', '>', '>='), 5), '+': 6, '-': 6, '*': 7, '/': 7,
+           'mod': 7, '^': 8},
+    prefix=dict.fromkeys(('-', '!', 'pre', 'H', 'O', 'Y', 'Z'), 9),
+    right=frozenset({'arrow', '->', '^'}),
+    single=frozenset({'<', '<=', '=', '!=', '>', '>='}),
+    conjunction='and')
+"""How tight Lustre's operators bind (Lustre V6, Kind 2)."""
+
 _WRITE = {'and': 'and', 'or': 'or', 'not': 'not', 'implies': '=>', 'iff': '=', 'xor': 'xor',
           'unequal': '<>'}
 _CLOCKS = 'a monitor has one clock, its step: leave it out'
@@ -112,13 +123,12 @@ def _pattern() -> re.Pattern[str]:
 
 class _Builder(_lalr.Builder):
 
-    conjunction = 'and'
-
-    def formula(self, parts: list[Any]) -> Any:
-        return parts[0]
+    def formula(self, parts: list[Any]) -> Expression:
+        return self.finish(parts[0])
 
     def conditional(self, parts: list[Any]) -> Conditional:
-        return Conditional(parts[1], parts[3], parts[5], join(parts[0].span, parts[5].span))
+        condition, yes, no = (self.finish(part) for part in parts[1::2])
+        return Conditional(condition, yes, no, join(parts[0].span, no.span))
 
     def call(self, parts: list[Any]) -> Expression:
         call = super().call(parts)
@@ -140,8 +150,9 @@ class _Builder(_lalr.Builder):
         return inputs, outputs, parts[0]
 
     def equation(self, parts: list[Any]) -> Equation:
-        return Equation(parts[0].text, parts[2], parts[0].span,
-                        join(parts[0].span, parts[-1].span))
+        expression = self.finish(parts[2])
+        return Equation(parts[0].text, expression, parts[0].span,
+                        join(parts[0].span, expression.span))
 
     def equations(self, parts: list[Any]) -> Equations:
         _check_distinct(parts)
@@ -238,8 +249,8 @@ def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
     return None
 
 
-_LANGUAGE = _lalr.Language('cocospec.lark', _Builder(), ('formula', 'program'), _pattern(),
-                           _WORDS, _OPERATORS, _REFUSED, _WRITE, _explain)
+_LANGUAGE = _lalr.Language('cocospec.lark', _Builder(PRECEDENCE), ('formula', 'program'),
+                           _pattern(), _WORDS, _OPERATORS, _REFUSED, _WRITE, _explain)
 
 
 def parse_cocospec(text: Text) -> Expression | Equations:

@@ -36,9 +36,9 @@ from fret_monitor.syntax._lalr import join
 from fret_monitor.syntax._lalr import Lexeme
 from fret_monitor.syntax.expression import Bound
 from fret_monitor.syntax.expression import Expression
-from fret_monitor.syntax.expression import Infix
 from fret_monitor.syntax.expression import Number
 from fret_monitor.syntax.expression import Prefix
+from fret_monitor.syntax.precedence import Precedence
 
 
 def _any_case(word: str) -> list[str]:
@@ -48,21 +48,31 @@ def _any_case(word: str) -> list[str]:
 _WORDS = {
     'H': ('PAST', 'H'), 'O': ('PAST', 'O'), 'Y': ('DELAY', 'Y'), 'Z': ('DELAY', 'Z'),
     'S': ('SINCE', 'S'), 'T': ('SINCE', 'T'), 'SI': ('SINCE', 'SI'),
-    **dict.fromkeys(_any_case('xor'), ('XOR', 'xor')),
-    **dict.fromkeys(_any_case('mod'), ('TIMES', 'mod')),
+    **dict.fromkeys(_any_case('xor'), ('INFIX', 'xor')),
+    **dict.fromkeys(_any_case('mod'), ('INFIX', 'mod')),
     **dict.fromkeys(_any_case('true'), ('TRUE', 'TRUE')),
     **dict.fromkeys(_any_case('false'), ('FALSE', 'FALSE')),
 }
 _OPERATORS = {
-    '<->': ('IFF', '<->'), '<=>': ('IFF', '<->'), '->': ('IMPLIES', '->'),
-    '=>': ('IMPLIES', '->'), '|': ('OR', '|'), '||': ('OR', '|'), '&': ('AND', '&'),
-    '&&': ('AND', '&'), '!': ('NOT', '!'), '~': ('NOT', '!'), '<=': ('RELATION', '<='),
+    '<->': ('INFIX', '<->'), '<=>': ('INFIX', '<->'), '->': ('INFIX', '->'),
+    '=>': ('INFIX', '->'), '|': ('INFIX', '|'), '||': ('INFIX', '|'), '&': ('INFIX', '&'),
+    '&&': ('INFIX', '&'), '!': ('NOT', '!'), '~': ('NOT', '!'), '<=': ('RELATION', '<='),
     '>=': ('RELATION', '>='), '!=': ('RELATION', '!='), '==': ('RELATION', '='),
-    '<': ('RELATION', '<'), '>': ('RELATION', '>'), '=': ('RELATION', '='), '+': ('PLUS', '+'),
-    '-': ('MINUS', '-'), '*': ('TIMES', '*'), '/': ('TIMES', '/'), '^': ('POWER', '^'),
+    '<': ('RELATION', '<'), '>': ('RELATION', '>'), '=': ('RELATION', '='), '+': ('INFIX', '+'),
+    '-': ('MINUS', '-'), '*': ('INFIX', '*'), '/': ('INFIX', '/'), '^': ('INFIX', '^'),
     '(': ('LPAR', '('), ')': ('RPAR', ')'), '[': ('LBRACK', '['), ']': ('RBRACK', ']'),
     ',': ('COMMA', ','),
 }
+PRECEDENCE = Precedence(
+    infix={'<->': 1, '->': 2, 'xor': 3, '|': 4, '&': 5, 'S': 6, 'T': 6, 'SI': 6,
+           **dict.fromkeys(('<', '<=', '=', '!=', '>', '>='), 8), '+': 9, '-': 9, '*': 10,
+           '/': 10, 'mod': 10, '^': 12},
+    prefix={**dict.fromkeys(('!', 'H', 'O', 'Y', 'Z'), 7), '-': 11},
+    right=frozenset({'->', '^'}),
+    single=frozenset({'<', '<=', '=', '!=', '>', '>='}),
+    conjunction='&')
+"""How tight SMV's operators bind (DESIGN 5)."""
+
 _WRITE = {'and': '&', 'or': '|', 'not': '!', 'implies': '->', 'iff': '<->', 'xor': 'xor',
           'unequal': '!='}
 _REFUSED = {
@@ -100,32 +110,25 @@ class _Builder(_lalr.Builder):
         number = Number(parts[0].text[1:], Span(span.source, span.start + 1, span.end))
         return Prefix('-', None, number, sign, span)
 
-    def bounded_prefix(self, parts: list[Any]) -> Prefix:
-        operator, bound, argument = parts
-        return Prefix(operator.text, bound, argument, join(operator.span, bound.span),
-                      join(operator.span, argument.span))
-
-    def bounded_infix(self, parts: list[Any]) -> Infix:
-        left, operator, bound, right = parts
-        return Infix(operator.text, bound, left, right, join(operator.span, bound.span),
-                     join(left.span, right.span))
-
     def window(self, parts: list[Any]) -> Bound:
-        low, high = bound_number(parts[1]), bound_number(parts[3])
+        low, high = self._number(parts[1]), self._number(parts[3])
         return Bound('[]', low, high, join(parts[0].span, parts[4].span))
 
     def one_sided(self, parts: list[Any]) -> Bound:
         relation = parts[1]
         if relation.text == '!=':
             refuse("a bound has no '!='", relation.span, 'not a range of steps')
-        return Bound(relation.text, bound_number(parts[2]), None,
+        return Bound(relation.text, self._number(parts[2]), None,
                      join(parts[0].span, parts[3].span))
 
     def one_number(self, parts: list[Any]) -> NoReturn:
-        number = bound_number(parts[1])
+        number = self._number(parts[1])
         refuse('a bound has two numbers, or a relation', join(parts[0].span, parts[2].span),
                'one number', f'write [0,{number}] for the last {number} steps, '
                              f'[={number}] for exactly {number} steps ago')
+
+    def _number(self, part: Any) -> str:
+        return bound_number(self.finish(part))
 
     def call(self, parts: list[Any]) -> Expression:
         if parts[0].text in _COCOSPEC:
@@ -167,15 +170,15 @@ def _explain_bracket(before: Lexeme, found: Lexeme) -> Diagnostic | None:
     return None
 
 
-_PLAIN = _lalr.Language('smv.lark', _Builder(), ('start',), _pattern(r'\s'), _WORDS, _OPERATORS,
-                        _REFUSED, _WRITE, _explain)
+_LANGUAGE = _lalr.Language('smv.lark', _Builder(PRECEDENCE), ('start',), _pattern(r'\s'), _WORDS,
+                           _OPERATORS, _REFUSED, _WRITE, _explain)
 _TAGGED = _pattern(r'\s|</?[bi]>')
 
 
 def parse_smv(text: Text) -> Expression:
     """Return the tree of a formula; raises `CompileError` with the place of the first error."""
-    lexemes = _lalr.scan(_PLAIN, text, _TAGGED if '</' in text.value else None)
-    tree: Expression = _lalr.parse(_PLAIN, text, _join_signs(lexemes), 'start')
+    lexemes = _lalr.scan(_LANGUAGE, text, _TAGGED if '</' in text.value else None)
+    tree: Expression = _lalr.parse(_LANGUAGE, text, _join_signs(lexemes), 'start')
     return tree
 
 
@@ -183,7 +186,7 @@ def _join_signs(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     """Make one lexeme of a sign and the number it touches before `^`: FRET reads it so."""
     joined: list[Lexeme] = []
     for index, lexeme in enumerate(lexemes):
-        if lexeme.type == 'POWER' and _is_signed(lexemes[max(0, index - 3):index]):
+        if lexeme.text == '^' and _is_signed(lexemes[max(0, index - 3):index]):
             sign, number = joined[-2:]
             joined[-2:] = [Lexeme('NEGATIVE', '-' + number.text, sign.start, number.end,
                                   join(sign.span, number.span))]
