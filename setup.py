@@ -37,6 +37,12 @@ ROS_WHEELS = [
     'ros-jazzy-std-srvs>=5.3,<6',
 ]
 
+ROS_TEST_WHEELS = [
+    'ros-jazzy-geometry-msgs>=5.3,<6',
+    'ros-jazzy-nav-msgs>=5.3,<6',
+    'ros-jazzy-sensor-msgs>=5.3,<6',
+]
+
 TEST = [
     'catkin-pkg>=1',
     'colcon-core>=0.18',
@@ -56,8 +62,6 @@ TEST = [
     'pytest>=7.4',
     'pytest-timeout>=2.2,<3',
     'pytest-xdist>=3.5,<4',
-    'ros-jazzy-nav-msgs>=5.3,<6',
-    'ros-jazzy-sensor-msgs>=5.3,<6',
     'ruff>=0.6',
     # colcon still calls `setup.py develop --editable`, which setuptools 80 took away.
     'setuptools<80',
@@ -100,7 +104,7 @@ setup(
     # keep to what both read. There, apt provides the module, and neither colcon nor
     # the scripts that setuptools writes look at this list.
     install_requires=['cffi>=1.16', 'lark-parser>=0.12,<1', 'PyYAML>=6'],
-    extras_require={'ros': ROS_WHEELS, 'test': TEST},
+    extras_require={'ros': ROS_WHEELS, 'ros-test': ROS_TEST_WHEELS, 'test': TEST},
     entry_points={
         'console_scripts': [
             f'fret-monitor = {NAME}.cli.main:main',

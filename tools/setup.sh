@@ -101,7 +101,7 @@ choose_python() {
 }
 
 make_venv() {
-  echo "fret_monitor: making $venv with $python"
+  echo "fret_monitor: making $venv with $python, which takes a minute"
   "$python" -c 'import ensurepip, venv' >/dev/null 2>&1 || fail "$python cannot make virtual" \
     'environments: install the rest of it (on Ubuntu and Debian: sudo apt install python3.12-venv).'
   # System packages, apt's lark and cffi among them, belong to a ROS 2 installation only.
@@ -110,18 +110,35 @@ make_venv() {
   printf '%s\n' "$PWD|$ros" >"$venv/.base"
 }
 
+pip_install() {
+  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$@"
+}
+
+# `compat` puts the folder itself on the path: quicker to start than a finder of setuptools.
+install_project() {
+  pip_install --config-settings editable_mode=compat "$@"
+}
+
 install_packages() {
-  set -- -e .
-  if test -z "$ros"; then
-    set -- -e '.[ros]'
-    if test "$purpose" = test; then set -- -e '.[ros,test]'; fi
+  if test -z "$ros" && test "$purpose" = run; then
+    install_project -e '.[ros]'
+  elif test -z "$ros"; then
+    install_project -e '.[ros,ros-test,test]'
   elif "$venv/bin/python" -c 'import cffi, lark, yaml' >/dev/null 2>&1; then
     # What apt installed is not to be shadowed by other releases from PyPI.
-    set -- --no-deps -e .
+    install_project --no-deps -e .
+  else
+    install_project -e .
   fi
-  # `compat` puts the folder itself on the path: quicker to start than a finder of setuptools.
-  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
-    --config-settings editable_mode=compat "$@"
+  if test -n "$ros" && test "$purpose" = test; then install_test_tools; fi
+}
+
+install_test_tools() {
+  "$venv/bin/python" -c "
+from importlib.metadata import requires
+tools = [line.split(';')[0] for line in requires('fret_monitor') if line.endswith('== \"test\"')]
+print(*tools, sep='\n')" >"$venv/test-tools.txt"
+  pip_install -r "$venv/test-tools.txt"
 }
 
 # What colcon --symlink-install does and pip does not: nodes where `ros2 run` looks for them, data

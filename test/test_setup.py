@@ -1,0 +1,97 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What `make setup` says on a machine that lacks something: one sentence, and what to install."""
+
+from collections.abc import Callable
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+TOOLS = ('cat', 'cmp', 'dirname', 'ln', 'make', 'mkdir', 'rm', 'sed', 'sh', 'tr')
+
+if not (ROOT / 'Makefile').is_file() or shutil.which('make') is None:
+    pytest.skip('needs the source tree and make', allow_module_level=True)
+
+
+@pytest.fixture
+def machine(repository: Path, tmp_path: Path) -> Callable[..., 'subprocess.CompletedProcess[str]']:
+    """Return a function that runs a target where only the given programs are installed."""
+    def run(target: str, **programs: str) -> 'subprocess.CompletedProcess[str]':
+        path = tmp_path / 'bin'
+        path.mkdir(exist_ok=True)
+        for tool in TOOLS:
+            (path / tool).symlink_to(shutil.which(tool) or tool)
+        for name, script in programs.items():
+            program = path / name.replace('python3_12', 'python3.12')
+            program.write_text(f'#!/bin/sh\n{script}\n', encoding='utf-8')
+            program.chmod(0o755)
+        return subprocess.run(
+            ['make', '--no-print-directory', target], cwd=repository, text=True,
+            capture_output=True, check=False, stdin=subprocess.DEVNULL,
+            env={'PATH': str(path), 'HOME': str(tmp_path)})
+
+    return run
+
+
+def sentence(done: 'subprocess.CompletedProcess[str]') -> str:
+    """Return the one line that was said, besides make's own, of a run that failed."""
+    assert done.returncode != 0
+    lines = [line for line in f'{done.stdout}{done.stderr}'.splitlines()
+             if not line.startswith(('make: ***', 'fret_monitor: making'))]
+    assert len(lines) == 1, lines
+    return lines[0]
+
+
+@pytest.mark.parametrize('target', ['setup', 'demo', 'test'])
+def test_without_a_compiler_it_says_what_to_install(
+    target: str, machine: Callable[..., 'subprocess.CompletedProcess[str]'],
+) -> None:
+    said = sentence(machine(target, python3_12=f'exec {sys.executable} "$@"'))
+    assert said.startswith('fret_monitor: no C compiler found: install one')
+
+
+def test_without_python_it_says_what_to_install(
+    machine: Callable[..., 'subprocess.CompletedProcess[str]'],
+) -> None:
+    said = sentence(machine('setup', cc='exit 0'))
+    assert said.startswith('fret_monitor: no Python 3.12 found: install it')
+
+
+def test_a_shim_that_finds_no_python_is_passed_over(
+    machine: Callable[..., 'subprocess.CompletedProcess[str]'],
+) -> None:
+    said = sentence(machine('setup', cc='exit 0', python3_12='exit 127', python3='exit 127'))
+    assert said.startswith('fret_monitor: no Python 3.12 found: install it')
+
+
+def test_a_python_that_makes_no_environments_is_told_from_none(
+    machine: Callable[..., 'subprocess.CompletedProcess[str]'],
+) -> None:
+    # Debian's python3.12 without python3.12-venv has no ensurepip.
+    said = sentence(machine('setup', cc='exit 0', python3_12=(
+        f'case "$2" in *ensurepip*) exit 1;; esac; exec {sys.executable} "$@"')))
+    assert 'sudo apt install python3.12-venv' in said
+
+
+def test_nothing_is_left_half_made(
+    machine: Callable[..., 'subprocess.CompletedProcess[str]'], repository: Path,
+) -> None:
+    machine('setup', cc='exit 0', python3='exit 127')
+    assert not os.path.lexists(repository / '.venv')
