@@ -22,6 +22,7 @@ import struct
 from typing import Any
 
 from hypothesis import given
+from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 from strategies import all_values
@@ -291,6 +292,7 @@ any_float32 = st.one_of(st.sampled_from(finite_values(FLOAT32)),
                         st.floats(width=32, allow_nan=False, allow_infinity=False))
 
 
+@settings(deadline=None)
 @given(st.sampled_from(sorted(EXACT, key=str)), any_float32, any_float32)
 def test_float32_arithmetic_rounds_the_exact_result_once(operator: BinaryOperator, a: float,
                                                          b: float) -> None:
@@ -409,6 +411,7 @@ def test_a_value_outside_its_type_is_refused(kind: ValueType, value: Any) -> Non
         evaluate(Variable('a', kind), {'a': [value]})
 
 
+@settings(deadline=None)
 @given(formulas(), traces(longest=20))
 def test_a_verdict_depends_on_the_past_alone(formula: Formula,
                                              trace: dict[str, list[Any]]) -> None:
@@ -417,6 +420,7 @@ def test_a_verdict_depends_on_the_past_alone(formula: Formula,
     assert verdicts(formula, half) == verdicts(formula, trace)[:steps // 2]
 
 
+@settings(deadline=None)
 @given(formulas(), traces(longest=20))
 def test_yesterday_of_any_formula_is_the_formula_one_step_late(
         formula: Formula, trace: dict[str, list[Any]]) -> None:

@@ -1,0 +1,137 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Compile specifications with a C compiler and flags of one's choice, and run them over traces.
+
+The loop over the steps is C (`run.c` beside this file), so that traces can be long. It stands on
+`csrc/fret_monitor.h` alone; the evaluator and `native` are tested elsewhere.
+"""
+
+from collections.abc import Sequence
+import ctypes
+from functools import cache
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+import tempfile
+from typing import Any
+
+from strategies import Trace
+
+from fret_monitor.codegen.module import CModule
+from fret_monitor.codegen.module import generate
+from fret_monitor.logic.specification import Specification
+from fret_monitor.manifest import ValueType
+from fret_monitor.program.layout import lay_out
+from fret_monitor.program.lower import lower
+
+HERE = Path(__file__).resolve().parent
+CSRC = HERE.parent.parent / 'csrc'
+# As the monitors are built; no contraction, so that a * b + c rounds twice everywhere.
+FLAGS = ('-std=c99', '-O1', '-fPIC', '-fvisibility=hidden', '-ffp-contract=off')
+WARNINGS = ('-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Wswitch-enum',
+            '-Werror')
+
+_C_TYPES: dict[ValueType, Any] = {
+    ValueType.BOOL: ctypes.c_bool,
+    ValueType.INT8: ctypes.c_int8,
+    ValueType.INT16: ctypes.c_int16,
+    ValueType.INT32: ctypes.c_int32,
+    ValueType.INT64: ctypes.c_int64,
+    ValueType.UINT8: ctypes.c_uint8,
+    ValueType.UINT16: ctypes.c_uint16,
+    ValueType.UINT32: ctypes.c_uint32,
+    ValueType.UINT64: ctypes.c_uint64,
+    ValueType.FLOAT32: ctypes.c_float,
+    ValueType.FLOAT64: ctypes.c_double,
+}
+
+
+@cache
+def gcc() -> tuple[str, ...] | None:
+    """Return the command of gcc, None where there is none."""
+    found = shutil.which('gcc') or shutil.which('cc')
+    return (found,) if found else None
+
+
+@cache
+def clang() -> tuple[str, ...] | None:
+    """Return the command of clang, of its own or inside ziglang; None where there is none."""
+    found = shutil.which('clang')
+    if found:
+        return (found,)
+    command = (sys.executable, '-m', 'ziglang', 'cc')
+    probe = subprocess.run([*command, '--version'], capture_output=True, check=False)
+    return command if probe.returncode == 0 else None
+
+
+def c_module(specification: Specification) -> CModule:
+    """Write the C of a specification."""
+    program = lower(specification)
+    return generate(program, tuple(lay_out(group) for group in program.groups))
+
+
+def write_module(module: CModule, folder: Path) -> list[Path]:
+    """Write the header and the sources to a folder; return the paths of the sources."""
+    for name, text in (module.header, *module.sources):
+        (folder / name).write_text(text, encoding='utf-8')
+    return [folder / name for name, _ in module.sources]
+
+
+def compile_c(command: Sequence[str | Path]) -> None:
+    """Run a compiler; a failure shows what it said."""
+    result = subprocess.run([str(word) for word in command], capture_output=True, text=True,
+                            check=False)
+    assert result.returncode == 0, f'{command}\n{result.stderr[-4000:]}'
+    assert result.stderr == ''
+
+
+class Compiled:
+    """A specification compiled and loaded; one state, at its start."""
+
+    def __init__(self, specification: Specification, *, compiler: Sequence[str] | None = None,
+                 flags: Sequence[str] = FLAGS) -> None:
+        """Compile with `compiler` (gcc unless told) into a temporary folder and load it."""
+        self._signals = specification.signals
+        self._count = len(specification.properties)
+        module = c_module(specification)
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            library = folder / 'monitor.so'
+            sources = write_module(module, folder)
+            chosen = compiler or gcc() or clang()
+            assert chosen is not None
+            compile_c([*chosen, *flags, '-shared', f'-I{CSRC}', f'-I{folder}', *sources,
+                       HERE / 'run.c', '-lm', '-o', library])
+            self._library: Any = ctypes.CDLL(str(library))
+        entry = self._library[module.symbol]
+        entry.restype = ctypes.c_void_p
+        self._run = self._library.differential_run
+        self._run.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint64,
+                              ctypes.c_void_p, ctypes.c_void_p)
+        self._run.restype = ctypes.c_bool
+        self._monitor = entry()
+
+    def run(self, trace: Trace, resets: Sequence[int] = ()) -> list[list[bool]]:
+        """Return the verdicts of each requirement over a trace; start afresh before `resets`."""
+        steps = len(next(iter(trace.values())))
+        columns = [(_C_TYPES[item.type] * steps)(*trace[item.name]) if item.name in trace
+                   else (_C_TYPES[item.type] * steps)() for item in self._signals]
+        pointers = (ctypes.c_void_p * len(columns))(*map(ctypes.addressof, columns))
+        afresh = (ctypes.c_bool * steps)(*(t in set(resets) for t in range(steps)))
+        out = (ctypes.c_bool * (steps * self._count))()
+        assert self._run(self._monitor, pointers, steps, afresh, out)
+        return [list(out[number::self._count]) for number in range(self._count)]
