@@ -30,6 +30,7 @@ formula. The rules of types and numbers are in docs/numbers.md:
 from collections.abc import Iterable
 from collections.abc import Mapping
 from typing import Any
+from typing import TypeAlias
 
 from fret_monitor.diagnostics import CompileError
 from fret_monitor.diagnostics import Diagnostic
@@ -38,6 +39,7 @@ from fret_monitor.diagnostics import Span
 from fret_monitor.diagnostics import Text
 from fret_monitor.logic.elaborator import Elaborator
 from fret_monitor.logic.elaborator import references
+from fret_monitor.logic.equations import equations_term
 from fret_monitor.logic.formula import Feedback
 from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.formula import postorder
@@ -64,10 +66,12 @@ from fret_monitor.syntax.bundle import Bundle
 from fret_monitor.syntax.bundle import Definition
 from fret_monitor.syntax.bundle import Language
 from fret_monitor.syntax.bundle import Requirement
+from fret_monitor.syntax.expression import Equations
 from fret_monitor.syntax.expression import Expression
 from fret_monitor.syntax.expression import Name
 
 _MANY = 8
+_Trees: TypeAlias = Mapping[str, Expression | Equations | None]
 
 __all__ = ['Scope', 'elaborate', 'scope_of', 'specify']
 
@@ -102,19 +106,23 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None
     return specification, reading.problems.warnings
 
 
-def elaborate(expression: Expression, scope: Scope, problems: Problems | None = None) -> Formula:
+def elaborate(tree: Expression | Equations, scope: Scope, problems: Problems | None = None,
+              feedback: dict[Feedback, Formula] | None = None) -> Formula:
     """
-    Return the formula that an expression means, of any type.
+    Return the formula that an expression, or the result of some equations, means; of any type.
 
-    Warnings are added to `problems`, if given. A literal alone becomes INT64 or FLOAT64.
+    Warnings are added to `problems`, and the equations behind its `Feedback` nodes to `feedback`,
+    if given. A literal alone becomes INT64 or FLOAT64.
 
     Raises
     ------
     CompileError
-        with all mistakes of the expression.
+        with all mistakes.
     """
     found = Problems()
-    term = Elaborator(scope, found).term(expression)
+    equations = {} if feedback is None else feedback
+    term = (equations_term(tree, scope, found, '', equations) if isinstance(tree, Equations)
+            else Elaborator(scope, found).term(tree))
     found.raise_errors()
     if problems is not None:
         problems.extend(found.warnings)
@@ -124,6 +132,20 @@ def elaborate(expression: Expression, scope: Scope, problems: Problems | None = 
 def _installed(name: str) -> Any:
     from fret_monitor.syntax import message
     return message.find_message(name)
+
+
+def _references(tree: Expression | Equations | None,
+                vocabularies: Mapping[str, Vocabulary]) -> dict[str, Span]:
+    if tree is None:
+        return {}
+    if not isinstance(tree, Equations):
+        return references(tree, vocabularies)
+    found: dict[str, Span] = {}
+    for equation in tree.equations:
+        found = {**references(equation.expression, vocabularies), **found}
+    for equation in tree.equations:
+        found.pop(equation.name, None)
+    return found
 
 
 class _Reading:
@@ -159,16 +181,15 @@ class _Reading:
             for name in component:
                 self._define(known[name], trees[name])
 
-    def _define(self, item: Definition, tree: Expression | None) -> None:
+    def _define(self, item: Definition, tree: Expression | Equations | None) -> None:
         term = self._term(item.language, item.text, tree, item.name.value)
         self._names[item.name.value] = Declaration(Role.DEFINITION, term)
 
-    def _uses(self, trees: Mapping[str, Expression | None]) -> dict[str, dict[str, Span]]:
+    def _uses(self, trees: '_Trees') -> dict[str, dict[str, Span]]:
         vocabularies = self._vocabularies(trees)
-        return {name: references(tree, vocabularies) if tree else {}
-                for name, tree in trees.items()}
+        return {name: _references(tree, vocabularies) for name, tree in trees.items()}
 
-    def _vocabularies(self, trees: Mapping[str, Expression | None]) -> dict[str, Vocabulary]:
+    def _vocabularies(self, trees: '_Trees') -> dict[str, Vocabulary]:
         """Return the names of values of inputs, and of definitions that only rename one."""
         found = {name: item.term.vocabulary for name, item in self._names.items()
                  if item.term.vocabulary}
@@ -213,16 +234,20 @@ class _Reading:
             place=item.text.span,
         )
 
-    def _tree(self, language: Language, text: Text) -> Expression | None:
+    def _tree(self, language: Language, text: Text) -> Expression | Equations | None:
         try:
             return read_formula(language, text)
         except CompileError as error:
             self.problems.extend(error.diagnostics)
             return None
 
-    def _term(self, language: Language, text: Text, tree: Expression | None, owner: str) -> Term:
+    def _term(self, language: Language, text: Text, tree: Expression | Equations | None,
+              owner: str) -> Term:
         if tree is None:
             return Term(Broken(), text.span)
+        if isinstance(tree, Equations):
+            scope = Scope(self._names)
+            return equations_term(tree, scope, self.problems, owner, self._feedback)
         is_lustre = language is Language.COCOSPEC
         return Elaborator(self._scope, self.problems, is_lustre=is_lustre).term(tree)
 

@@ -19,7 +19,8 @@ the operand it lies in, and what contains it is broken silently, so that one run
 mistakes and none twice.
 
 `cells` are the operators of a Lustre node that delay an equation through itself: they become the
-`Feedback` given, and their operand is not walked.
+`Feedback` given (or a literal that stands for one while its type is not known), and their operand
+is not walked.
 """
 
 from collections.abc import Mapping
@@ -28,6 +29,7 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import assert_never
 from typing import NoReturn
+from typing import TypeAlias
 
 from fret_monitor.diagnostics import CompileError
 from fret_monitor.diagnostics import Diagnostic
@@ -41,7 +43,6 @@ from fret_monitor.logic.formula import BinaryOperator
 from fret_monitor.logic.formula import Choice
 from fret_monitor.logic.formula import Constant
 from fret_monitor.logic.formula import FALSE
-from fret_monitor.logic.formula import Feedback
 from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.formula import FTP
 from fret_monitor.logic.formula import Historically
@@ -87,6 +88,7 @@ _ARITHMETIC = {item.value: item for item in (
     BinaryOperator.ADD, BinaryOperator.SUB, BinaryOperator.MUL, BinaryOperator.DIV,
     BinaryOperator.MOD)}
 _PRE_FUNCTIONS = frozenset({'preBool', 'preInt', 'preReal'})
+_TRUE_FUNCTIONS = frozenset({'preBool', 'persisted', 'occurred', 'prevOcc'})
 _TYPED_PAIR = _RELATIONS.keys() | {'arrow'}
 _NOT_FIRST = (Unary(UnaryOperator.NOT, FTP), Yesterday(TRUE))
 
@@ -102,12 +104,31 @@ def delayed(node: Expression) -> Expression | None:
             return None
 
 
-def references(root: Expression, vocabularies: Mapping[str, Vocabulary]) -> dict[str, Span]:
+def gives_truth(node: Expression) -> bool:
+    """Whether a node's operator gives true or false; no for those that take any type."""
+    match node:
+        case Boolean():
+            return True
+        case Prefix():
+            return node.operator not in ('-', 'pre')
+        case Infix():
+            return node.operator not in _ARITHMETIC and node.operator not in ('^', 'arrow')
+        case Call():
+            return node.function in _TRUE_FUNCTIONS
+        case Name() | Number() | Conditional():
+            return False
+        case _:
+            assert_never(node)
+
+
+def references(root: Expression, vocabularies: Mapping[str, Vocabulary],
+               through_delays: bool = True) -> dict[str, Span]:
     """
     Return the names that an expression uses, and the first place of each.
 
     `vocabularies` are those of the names that have one: in `state = LANDING` the second is then
-    a value of the first, and no reference.
+    a value of the first, and no reference. Without `through_delays`, names count only if their
+    value at the same step is used.
     """
     found: dict[str, Span] = {}
     seen: set[Expression] = set()
@@ -119,10 +140,10 @@ def references(root: Expression, vocabularies: Mapping[str, Vocabulary]) -> dict
         seen.add(node)
         if isinstance(node, Name):
             found.setdefault(node.text, node.span)
-        elif isinstance(node, (Prefix, Infix)) and node.bound is not None:
-            for text in (node.bound.low, node.bound.high or ''):
-                found.setdefault(text.strip(), node.bound.span)
-        stack.extend(reversed(_without_values(node, vocabularies)))
+        parts = _without_values(node, vocabularies)
+        if not through_delays and delayed(node) is not None:
+            parts = parts[:-1]
+        stack.extend(reversed(parts))
     return found
 
 
@@ -137,11 +158,14 @@ def _without_values(node: Expression,
     return children(node)
 
 
+Cell: TypeAlias = Formula | Literal
+
+
 class Elaborator:
     """Gives expressions of one text their meaning; see the module."""
 
     def __init__(self, scope: Scope, problems: Problems, *, is_lustre: bool = False,
-                 cells: Mapping[Expression, Feedback] | None = None) -> None:
+                 cells: Mapping[Expression, Cell] | None = None) -> None:
         """Take what names mean and where to tell; `is_lustre` adds Lustre's own warnings."""
         self._scope = scope
         self._problems = problems
@@ -236,19 +260,6 @@ class Elaborator:
             f"'{name}' is neither declared nor a value of what it is compared with", span,
             'unknown name', did_you_mean(name, known) or f'the values are {vocabulary}')
 
-    def _constant(self, name: str, span: Span) -> Literal:
-        """Return the number of a constant that a bound names."""
-        declaration = self._scope.find(name)
-        if declaration is None:
-            refuse(f"'{name}' is not declared", span, 'unknown name in this bound',
-                   did_you_mean(name, self._scope.known()))
-        value = declaration.term.value
-        if isinstance(value, Broken):
-            raise CompileError([])
-        if not isinstance(value, Literal):
-            refuse('a bound is a number or a constant', span, f"'{name}' is neither")
-        return value
-
     # Meaning
 
     def _meaning(self, node: Number | Boolean | Prefix | Infix | Call | Conditional,
@@ -278,7 +289,7 @@ class Elaborator:
         if node.operator == '-':
             return arithmetic.minus(operand), None
         argument = truth(operand, f"'{node.operator}'")
-        past = window(node.bound, self._constant)
+        past = window(node.bound)
         return _past(node, past, argument), None
 
     def _infix(self, node: Infix, left: Term, right: Term) -> tuple[Value, Vocabulary | None]:
@@ -307,7 +318,7 @@ class Elaborator:
         p, q = _both_true(left, right, name)
         if node.operator in _CONNECTIVES:
             return Binary(_CONNECTIVES[node.operator], p, q)
-        past = window(node.bound, self._constant)
+        past = window(node.bound)
         if self._is_lustre and past.low > 0:
             self._problems.warning(
                 "with a lower bound above 0 FRET's own Lustre library means something else",
@@ -368,9 +379,11 @@ def _bare_pre(operand: Term) -> Formula:
     return Previous(Constant(zero, argument.type), argument)
 
 
-def _delay(operator: str, cell: Feedback) -> Formula:
+def _delay(operator: str, cell: Cell) -> Cell:
     # Feedback is false at the first step: Y's own value there, and not Z's.
-    return Binary(BinaryOperator.OR, FTP, cell) if operator == 'Z' else cell
+    if operator != 'Z' or isinstance(cell, Literal):
+        return cell
+    return Binary(BinaryOperator.OR, FTP, cell)
 
 
 def _past(node: Prefix, past: Window, argument: Formula) -> Formula:

@@ -18,10 +18,13 @@ from typing import assert_never
 from fret_monitor.diagnostics import refuse
 from fret_monitor.diagnostics import Text
 from fret_monitor.syntax.bundle import Language
+from fret_monitor.syntax.cocospec import parse_cocospec
+from fret_monitor.syntax.expression import Equations
 from fret_monitor.syntax.expression import Expression
+from fret_monitor.syntax.smv import parse_smv
 
 
-def read_formula(language: Language, text: Text) -> Expression:
+def read_formula(language: Language, text: Text) -> Expression | Equations:
     """
     Return the tree of a property or definition.
 
@@ -35,10 +38,8 @@ def read_formula(language: Language, text: Text) -> Expression:
                'write the formula as ptltl, and the sentence as title')
     match language:
         case Language.PTLTL:
-            from fret_monitor.syntax.smv import parse_smv
             return parse_smv(text)
         case Language.COCOSPEC:
-            from fret_monitor.syntax.cocospec import parse_cocospec
             return parse_cocospec(text)
         case _:
             assert_never(language)

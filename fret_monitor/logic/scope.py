@@ -68,10 +68,6 @@ class Scope:
         """Return what declares `name`, None where nothing does."""
         return self.names.get(name) or _PREDEFINED.get(name)
 
-    def extended(self, names: Mapping[str, Declaration]) -> 'Scope':
-        """Return this scope with more names; they hide its own."""
-        return Scope({**self.names, **names})
-
     @cached_property
     def owners(self) -> dict[str, list[str]]:
         """For each name of a value, the inputs that have it."""
@@ -81,6 +77,12 @@ class Scope:
                 for value, _ in item.term.vocabulary.values:
                     found.setdefault(value, []).append(name)
         return found
+
+    @cached_property
+    def vocabularies(self) -> dict[str, Vocabulary]:
+        """The names of values, for each name that has some."""
+        return {name: item.term.vocabulary for name, item in self.names.items()
+                if item.term.vocabulary is not None}
 
     def help_for(self, name: str) -> str:
         """Return what to do about a name that nothing declares."""

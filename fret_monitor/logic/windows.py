@@ -13,10 +13,7 @@
 # limitations under the License.
 """Bounds as written (`[0,10]`, `[<n]`) to the windows of distances that they mean."""
 
-from collections.abc import Callable
-
 from fret_monitor.diagnostics import refuse
-from fret_monitor.diagnostics import Span
 from fret_monitor.logic.formula import ALWAYS
 from fret_monitor.logic.formula import Window
 from fret_monitor.logic.numbers import Literal
@@ -30,11 +27,9 @@ MAX_BOUND = 2 ** 31 - 1
 _FRETS_EMPTY = Window(0, -1)
 
 
-def window(bound: Bound | None, named: Callable[[str, Span], Literal]) -> Window:
+def window(bound: Bound | None) -> Window:
     """
     Return the window of a bound; that of no bound is the whole past.
-
-    `named` gives the value of a constant's name, or refuses it.
 
     Raises
     ------
@@ -44,9 +39,9 @@ def window(bound: Bound | None, named: Callable[[str, Span], Literal]) -> Window
     """
     if bound is None:
         return ALWAYS
-    low = _steps(bound, bound.low, named)
+    low = _steps(bound, bound.low)
     if bound.relation == '[]':
-        return _closed(bound, low, _steps(bound, bound.high or '', named))
+        return _closed(bound, low, _steps(bound, bound.high or ''))
     result = {
         '<=': Window(0, low),
         '<': Window(0, low - 1),
@@ -82,8 +77,8 @@ def _short(steps: int) -> str:
     return str(steps) if steps < 10 ** 20 else 'more than 10^20'
 
 
-def _steps(bound: Bound, text: str, named: Callable[[str, Span], Literal]) -> int:
-    literal = _literal(bound, text.strip(), named)
+def _steps(bound: Bound, text: str) -> int:
+    literal = _literal(bound, text)
     if literal.is_real or literal.value.denominator != 1:
         whole = literal.value.denominator == 1
         refuse('a bound counts steps, so it is a whole number', bound.span,
@@ -92,9 +87,7 @@ def _steps(bound: Bound, text: str, named: Callable[[str, Span], Literal]) -> in
     return literal.value.numerator
 
 
-def _literal(bound: Bound, text: str, named: Callable[[str, Span], Literal]) -> Literal:
-    if text[:1].isalpha() or text[:1] in ('_', '"'):
-        return named(text, bound.span)
+def _literal(bound: Bound, text: str) -> Literal:
     try:
         return parse_number(text)
     except NumberError as error:

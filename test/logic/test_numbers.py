@@ -1,0 +1,261 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Literals are exact, and are rounded once."""
+
+from collections.abc import Callable
+import ctypes
+from fractions import Fraction
+import math
+import struct
+import time
+
+from hypothesis import example
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+from fret_monitor.logic.formula import BinaryOperator
+from fret_monitor.logic.formula import Constant
+from fret_monitor.logic.numbers import absolute
+from fret_monitor.logic.numbers import constant
+from fret_monitor.logic.numbers import fold
+from fret_monitor.logic.numbers import LIMIT_BITS
+from fret_monitor.logic.numbers import Literal
+from fret_monitor.logic.numbers import negated
+from fret_monitor.logic.numbers import NumberError
+from fret_monitor.logic.numbers import parse_number
+from fret_monitor.logic.numbers import RANGES
+from fret_monitor.logic.numbers import stored
+from fret_monitor.logic.numbers import to_float32
+from fret_monitor.logic.numbers import to_float64
+from fret_monitor.manifest import ValueType
+
+MAX32 = Fraction(2 ** 24 - 1) * 2 ** 104
+MAX64 = Fraction(2 ** 53 - 1) * 2 ** 971
+
+
+def bits32(value: float) -> int:
+    """Return the float32 of exactly this value, as its bits."""
+    single = struct.pack('<f', value)
+    assert struct.unpack('<f', single)[0] == value or math.isnan(value)
+    return int(struct.unpack('<I', single)[0])
+
+
+def float32_of(bits: int) -> float:
+    """Return the float32 with these bits."""
+    return float(struct.unpack('<f', struct.pack('<I', bits))[0])
+
+
+def whole(value: int) -> Literal:
+    """Return the literal of a whole number."""
+    return Literal(Fraction(value), False)
+
+
+@pytest.mark.parametrize(('text', 'value', 'is_real'), [
+    ('15', Fraction(15), False),
+    ('007', Fraction(7), False),
+    ('15.0', Fraction(15), True),
+    ('15.', Fraction(15), True),
+    ('.5', Fraction(1, 2), True),
+    ('1e3', Fraction(1000), True),
+    ('1E+3', Fraction(1000), True),
+    ('3.5e-2', Fraction(35, 1000), True),
+    ('0.1', Fraction(1, 10), True),
+    ('-3', Fraction(-3), False),
+    ('+3', Fraction(3), False),
+    ('0e999999999999', Fraction(0), True),
+    ('1.' + '0' * 5000, Fraction(1), True),
+    ('0' * 5000 + '1', Fraction(1), False),
+])
+def test_a_number_is_read_exactly(text: str, value: Fraction, is_real: bool) -> None:
+    assert parse_number(text) == Literal(value, is_real)
+
+
+@pytest.mark.parametrize('text', [
+    '', '.', 'e3', '1e', '1.5.2', '0x10', '1_000', 'nan', 'inf', '1 2', '--1', '\u0661', '1e3.5'])
+def test_what_is_no_number_is_refused(text: str) -> None:
+    with pytest.raises(NumberError, match='not a number'):
+        parse_number(text)
+
+
+@pytest.mark.parametrize('text', [
+    '1e999999999', '1e-999999999', '9' * 100_000, '0.' + '0' * 100_000 + '1', '1e1300', '1e-1300',
+    '1' + '0' * 200 + 'e' + '9' * 5000])
+def test_a_huge_number_is_refused_and_costs_nothing(text: str) -> None:
+    begin = time.monotonic()
+    with pytest.raises(NumberError, match='needs more than 4,096 bits'):
+        parse_number(text)
+    assert time.monotonic() - begin < 0.2
+
+
+def test_only_the_real_zero_has_a_sign() -> None:
+    assert math.copysign(1, float(stored(parse_number('-0.0'), ValueType.FLOAT64))) == -1
+    assert math.copysign(1, float(stored(parse_number('-0'), ValueType.FLOAT64))) == 1
+    assert math.copysign(1, float(stored(parse_number('-0e5'), ValueType.FLOAT32))) == -1
+    assert negated(negated(parse_number('0.0'))) == parse_number('0.0')
+    assert absolute(parse_number('-0.0')) == parse_number('0.0')
+
+
+@given(st.fractions())
+@example(Fraction(1, 10))
+@example(Fraction(2 ** 53 + 1))
+@example(Fraction(1, 2 ** 1075))
+@example(Fraction(1, 2 ** 1074))
+@example(Fraction(3, 2 ** 1075))
+@example(-Fraction(1, 2 ** 1080))
+@example(Fraction(2 ** 53 - 1, 2 ** 1075))
+@example(MAX64)
+def test_rounding_to_float64_is_that_of_python(value: Fraction) -> None:
+    assert struct.pack('<d', to_float64(value)) == struct.pack('<d', float(value))
+
+
+@given(st.integers(0, 0x7f7fffff))
+@example(0)
+@example(1)
+@example(0x007fffff)
+@example(0x00800000)
+@example(0x3f800000)
+@example(0x7f7ffffe)
+def test_rounding_to_float32_goes_to_the_nearest_and_from_a_tie_to_even(bits: int) -> None:
+    low = Fraction(float32_of(bits))
+    high = Fraction(float32_of(bits + 1)) if bits + 1 < 0x7f800000 else Fraction(2) ** 128
+    middle = (low + high) / 2
+    speck = Fraction(1, 2 ** 400)
+    assert bits32(to_float32(low)) == bits
+    assert bits32(to_float32(middle - speck)) == bits
+    if bits + 1 < 0x7f800000:
+        assert bits32(to_float32(middle)) == bits + bits % 2
+        assert bits32(to_float32(middle + speck)) == bits + 1
+        assert bits32(to_float32(-middle - speck)) == bits + 1 + 2 ** 31
+
+
+def test_float32_is_not_reached_by_way_of_float64() -> None:
+    # Just above a tie of float32, and nearer to the tie than float64 can tell.
+    value = Fraction(1) + Fraction(1, 2 ** 24) + Fraction(1, 2 ** 60)
+    twice = ctypes.c_float(float(value)).value
+    assert to_float32(value) == 1 + 2 ** -23
+    assert twice == 1.0
+
+
+@pytest.mark.parametrize(('round_it', 'greatest', 'half_step', 'name'), [
+    (to_float32, MAX32, Fraction(2) ** 103, 'float32'),
+    (to_float64, MAX64, Fraction(2) ** 970, 'float64'),
+])
+def test_what_rounds_to_infinity_is_refused(
+        round_it: Callable[[Fraction], float], greatest: Fraction, half_step: Fraction,
+        name: str) -> None:
+    assert Fraction(round_it(greatest)) == greatest
+    assert Fraction(round_it(greatest + half_step - 1)) == greatest
+    for sign in (1, -1):
+        with pytest.raises(NumberError, match=f'too large for {name}'):
+            round_it(sign * (greatest + half_step))
+        with pytest.raises(NumberError, match=f'too large for {name}'):
+            round_it(sign * Fraction(2) ** 4000)
+
+
+def test_what_is_too_small_rounds_to_a_zero_of_its_sign() -> None:
+    for round_it in (to_float32, to_float64):
+        for sign in (1, -1):
+            tiny = round_it(sign * Fraction(1, 2 ** 2000))
+            assert tiny == 0
+            assert math.copysign(1, tiny) == sign
+
+
+@pytest.mark.parametrize('kind', [kind for kind in ValueType if kind.is_integer])
+def test_a_whole_number_is_kept_within_its_type(kind: ValueType) -> None:
+    low, high = RANGES[kind]
+    assert (high - low + 1).bit_length() - 1 == int(kind.value.lstrip('uint'))
+    assert (low == 0) == kind.value.startswith('u')
+    for value in (low, high):
+        assert stored(whole(value), kind) == value
+    for value in (low - 1, high + 1):
+        with pytest.raises(NumberError, match=f'not between {low} and {high}'):
+            stored(whole(value), kind)
+
+
+def test_a_fraction_is_no_integer() -> None:
+    with pytest.raises(NumberError, match='not a whole number'):
+        constant(parse_number('1.5'), ValueType.INT64)
+    assert constant(parse_number('2.0'), ValueType.INT64) == Constant(2, ValueType.INT64)
+
+
+SMALL = st.builds(
+    Literal, st.fractions(min_value=-50, max_value=50, max_denominator=20), st.just(True)
+) | st.builds(whole, st.integers(-50, 50))
+
+
+@given(SMALL, SMALL)
+def test_arithmetic_of_literals_is_exact(left: Literal, right: Literal) -> None:
+    a, b = left.value, right.value
+    is_real = left.is_real or right.is_real
+    assert fold(BinaryOperator.ADD, left, right) == Literal(a + b, is_real)
+    assert fold(BinaryOperator.SUB, left, right) == Literal(a - b, is_real)
+    assert fold(BinaryOperator.MUL, left, right) == Literal(a * b, is_real)
+    assert fold(BinaryOperator.MIN, left, right) == Literal(min(a, b), is_real)
+    assert fold(BinaryOperator.MAX, left, right) == Literal(max(a, b), is_real)
+    if b and is_real:
+        assert fold(BinaryOperator.DIV, left, right) == Literal(a / b, True)
+        assert float(fold(BinaryOperator.MOD, left, right).value) == pytest.approx(
+            float(a - b * math.trunc(a / b)))
+
+
+@pytest.mark.parametrize(('a', 'b', 'quotient', 'rest'), [
+    (7, 2, 3, 1), (-7, 2, -3, -1), (7, -2, -3, 1), (-7, -2, 3, -1), (7, 0, 0, 0), (0, 0, 0, 0)])
+def test_whole_literals_divide_as_integers_do(a: int, b: int, quotient: int, rest: int) -> None:
+    assert fold(BinaryOperator.DIV, whole(a), whole(b)) == whole(quotient)
+    assert fold(BinaryOperator.MOD, whole(a), whole(b)) == whole(rest)
+
+
+def test_a_real_literal_is_not_divided_by_zero() -> None:
+    for operator in (BinaryOperator.DIV, BinaryOperator.MOD):
+        with pytest.raises(NumberError, match='division by zero'):
+            fold(operator, parse_number('1.0'), whole(0))
+    with pytest.raises(NumberError, match='division by zero'):
+        fold(BinaryOperator.POW, parse_number('0.0'), whole(-1))
+
+
+def test_powers_of_literals_are_exact() -> None:
+    assert fold(BinaryOperator.POW, whole(3), whole(4)) == whole(81)
+    assert fold(BinaryOperator.POW, whole(0), whole(0)) == whole(1)
+    assert fold(BinaryOperator.POW, parse_number('2.0'), whole(-2)).value == Fraction(1, 4)
+    huge = 10 ** 300
+    assert fold(BinaryOperator.POW, whole(-1), whole(huge + 1)) == whole(-1)
+    assert fold(BinaryOperator.POW, whole(-1), whole(huge)) == whole(1)
+    assert fold(BinaryOperator.POW, whole(1), whole(huge)) == whole(1)
+    assert fold(BinaryOperator.POW, whole(0), whole(huge)) == whole(0)
+
+
+@pytest.mark.parametrize(('base', 'exponent'), [
+    ('2', '4096'), ('2', '9999999999'), ('1.0000001', '99999'), ('0.5', '99999999999'),
+    ('10', '1234'), ('3.0', '-99999999')])
+def test_a_huge_power_is_refused_and_costs_nothing(base: str, exponent: str) -> None:
+    begin = time.monotonic()
+    with pytest.raises(NumberError, match='bits'):
+        fold(BinaryOperator.POW, parse_number(base), parse_number(exponent))
+    assert time.monotonic() - begin < 0.2
+
+
+def test_sums_and_products_of_literals_stay_within_the_limit() -> None:
+    big = whole(2 ** (LIMIT_BITS - 1))
+    assert fold(BinaryOperator.SUB, big, whole(1)).value == 2 ** (LIMIT_BITS - 1) - 1
+    with pytest.raises(NumberError, match='bits'):
+        fold(BinaryOperator.ADD, big, big)
+    with pytest.raises(NumberError, match='bits'):
+        fold(BinaryOperator.MUL, big, whole(4))
+
+
+def test_a_literal_is_shown_as_a_person_writes_it() -> None:
+    assert str(parse_number('15')) == '15'
+    assert str(parse_number('0.25')) == '0.25'
+    assert str(parse_number('1e1200')) == 'a huge number'
