@@ -27,8 +27,6 @@ import math
 from random import Random
 from typing import Any, TypeVar
 
-from hypothesis import strategies as st
-
 from fret_monitor.logic.formula import ALWAYS
 from fret_monitor.logic.formula import Binary
 from fret_monitor.logic.formula import BinaryOperator
@@ -59,6 +57,7 @@ from fret_monitor.manifest import Policy
 from fret_monitor.manifest import Report
 from fret_monitor.manifest import Severity
 from fret_monitor.manifest import ValueType
+from hypothesis import strategies as st
 
 Draw = Callable[[int], int]
 Trace = dict[str, list[Any]]

@@ -29,14 +29,13 @@ import sys
 import tempfile
 from typing import Any
 
-from strategies import Trace
-
 from fret_monitor.codegen.module import CModule
 from fret_monitor.codegen.module import generate
 from fret_monitor.logic.specification import Specification
 from fret_monitor.manifest import ValueType
 from fret_monitor.program.layout import lay_out
 from fret_monitor.program.lower import lower
+from strategies import Trace
 
 HERE = Path(__file__).resolve().parent
 CSRC = HERE.parent.parent / 'csrc'

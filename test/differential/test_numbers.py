@@ -27,16 +27,6 @@ from differential.compiled import clang
 from differential.compiled import Compiled
 from differential.compiled import FLAGS
 from differential.compiled import gcc
-import pytest
-from strategies import all_values
-from strategies import becomes
-from strategies import finite_values
-from strategies import limits
-from strategies import property_of
-from strategies import specification_of
-from strategies import TERM_TYPES
-from strategies import to_float32
-
 from fret_monitor.logic.evaluate import evaluate
 from fret_monitor.logic.formula import Binary
 from fret_monitor.logic.formula import BinaryOperator
@@ -50,6 +40,15 @@ from fret_monitor.logic.formula import UnaryOperator
 from fret_monitor.logic.formula import Variable
 from fret_monitor.logic.specification import Property
 from fret_monitor.manifest import ValueType
+import pytest
+from strategies import all_values
+from strategies import becomes
+from strategies import finite_values
+from strategies import limits
+from strategies import property_of
+from strategies import specification_of
+from strategies import TERM_TYPES
+from strategies import to_float32
 
 INT64, UINT64 = ValueType.INT64, ValueType.UINT64
 FLOAT32, FLOAT64 = ValueType.FLOAT32, ValueType.FLOAT64
@@ -210,9 +209,9 @@ def relations() -> list[tuple[Formula, list[Any]]]:
               for value in finite_values(kind)]
     plain = [Binary(operator, a, b) for a, b in pairs
              for operator in BinaryOperator if operator.is_relation]
+    items: list[Formula] = [*plain, *(Unary(UnaryOperator.NOT, item) for item in plain)]
     trace = columns()
-    return [(item, evaluate(item, trace))
-            for item in (*plain, *(Unary(UnaryOperator.NOT, item) for item in plain))]
+    return [(item, evaluate(item, trace)) for item in items]
 
 
 @with_each_compiler

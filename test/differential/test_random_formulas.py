@@ -17,21 +17,6 @@
 from random import Random
 
 from differential.compiled import Compiled
-from hypothesis import given
-from hypothesis import settings
-from hypothesis import strategies as st
-import pytest
-from strategies import FormulaMaker
-from strategies import formulas
-from strategies import INPUTS
-from strategies import property_of
-from strategies import random_inputs
-from strategies import random_property
-from strategies import random_trace
-from strategies import specification_of
-from strategies import Trace
-from strategies import traces
-
 from fret_monitor.logic.evaluate import verdicts
 from fret_monitor.logic.formula import Binary
 from fret_monitor.logic.formula import BinaryOperator
@@ -48,6 +33,20 @@ from fret_monitor.logic.formula import Window
 from fret_monitor.logic.formula import Yesterday
 from fret_monitor.logic.specification import Property
 from fret_monitor.manifest import ValueType
+from hypothesis import given
+from hypothesis import settings
+from hypothesis import strategies as st
+import pytest
+from strategies import FormulaMaker
+from strategies import formulas
+from strategies import INPUTS
+from strategies import property_of
+from strategies import random_inputs
+from strategies import random_property
+from strategies import random_trace
+from strategies import specification_of
+from strategies import Trace
+from strategies import traces
 
 HUGE = 2 ** 31 - 1
 P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)
@@ -103,8 +102,10 @@ def variant(rng: Random, shared: list[Formula]) -> Formula:
     """Join shared formulas anew, in either order, negated or not."""
     a, b = (rng.choice([item, Unary(UnaryOperator.NOT, item)]) for item in rng.sample(shared, 2))
     operator = rng.choice([item for item in BinaryOperator if item.is_boolean])
-    return rng.choice([Binary(operator, a, b), Binary(operator, b, a), Yesterday(a),
-                       Since(Window(0, 3), a, b), Triggered(Window(2, 8), b, a)])
+    variants: list[Formula] = [
+        Binary(operator, a, b), Binary(operator, b, a), Yesterday(a),
+        Since(Window(0, 3), a, b), Triggered(Window(2, 8), b, a)]
+    return rng.choice(variants)
 
 
 @settings(max_examples=40, deadline=None)

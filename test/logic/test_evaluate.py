@@ -21,16 +21,6 @@ import math
 import struct
 from typing import Any
 
-from hypothesis import given
-from hypothesis import settings
-from hypothesis import strategies as st
-import pytest
-from strategies import all_values
-from strategies import finite_values
-from strategies import formulas
-from strategies import INPUTS
-from strategies import traces
-
 from fret_monitor.logic.evaluate import Equations
 from fret_monitor.logic.evaluate import evaluate
 from fret_monitor.logic.evaluate import evaluate_all
@@ -60,6 +50,15 @@ from fret_monitor.logic.formula import WeakYesterday
 from fret_monitor.logic.formula import Window
 from fret_monitor.logic.formula import Yesterday
 from fret_monitor.manifest import ValueType
+from hypothesis import given
+from hypothesis import settings
+from hypothesis import strategies as st
+import pytest
+from strategies import all_values
+from strategies import finite_values
+from strategies import formulas
+from strategies import INPUTS
+from strategies import traces
 
 BOOL, INT64, UINT64 = ValueType.BOOL, ValueType.INT64, ValueType.UINT64
 FLOAT32, FLOAT64 = ValueType.FLOAT32, ValueType.FLOAT64
