@@ -650,13 +650,13 @@ static void store_row(
 
 uint64_t fm_evaluator_rows(
   struct fm_evaluator * evaluator, const void * const * columns, uint64_t n_rows,
-  int64_t first_stamp, bool * verdicts)
+  bool * verdicts)
 {
   const uint32_t n_requirements = evaluator->monitor->n_requirements;
   uint64_t announced = 0;
   for (uint64_t row = 0; row < n_rows; ++row) {
     store_row(evaluator, columns, row);
-    announced += fm_evaluator_tick(evaluator, (int64_t)((uint64_t)first_stamp + row), NULL);
+    announced += fm_evaluator_tick(evaluator, 0, NULL);
     if (verdicts != NULL && n_requirements > 0) {
       memcpy(verdicts, evaluator->verdicts, n_requirements * sizeof(bool));
       verdicts += n_requirements;

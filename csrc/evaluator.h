@@ -156,12 +156,12 @@ FM_EXPORT uint32_t fm_evaluator_tick(
 
 /// Take many rows of a trace at once: for each, store a value of every input that has a column,
 /// then fm_evaluator_tick. `columns` holds n_inputs pointers, each to n_rows values of the input's
-/// type (bool: bytes), or NULL: the input stays as it is. Row k has the stamp first_stamp + k.
-/// `verdicts` gets n_requirements flags a row, row after row, or is NULL. Returns how many
-/// violations were announced. O(n_rows x operations).
+/// type (bool: bytes), or NULL: the input stays as it is. `verdicts` gets n_requirements flags a
+/// row, row after row, or is NULL. Returns how many violations were announced.
+/// O(n_rows x operations).
 FM_EXPORT uint64_t fm_evaluator_rows(
   struct fm_evaluator * evaluator, const void * const * columns, uint64_t n_rows,
-  int64_t first_stamp, bool * verdicts);
+  bool * verdicts);
 
 /// Start all groups afresh: cells, first time point, step numbers, last verdicts (onset), and
 /// what counts as received anew. The inputs' values and the counters stay. O(state bytes).

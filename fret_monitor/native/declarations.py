@@ -154,7 +154,7 @@ uint32_t fm_evaluator_tick(
   struct fm_evaluator * evaluator, int64_t stamp, struct fm_violation * out);
 uint64_t fm_evaluator_rows(
   struct fm_evaluator * evaluator, const void * const * columns, uint64_t n_rows,
-  int64_t first_stamp, bool * verdicts);
+  bool * verdicts);
 void fm_evaluator_reset(struct fm_evaluator * evaluator);
 bool fm_evaluator_ready(const struct fm_evaluator * evaluator, uint32_t group);
 uint64_t fm_evaluator_steps(const struct fm_evaluator * evaluator, uint32_t group);

@@ -241,7 +241,7 @@ class Evaluator:
             raise ValueError(f'{len(kept)} columns for {len(self._next)} inputs')
         verdicts = bytearray(count * len(self.monitor.manifest.requirements))
         self._library.fm_evaluator_rows(
-            self.pointer, ffi.new('const void *[]', [*kept, ffi.NULL]), count, 0,
+            self.pointer, ffi.new('const void *[]', [*kept, ffi.NULL]), count,
             ffi.from_buffer('bool[]', verdicts))
         return verdicts
 
