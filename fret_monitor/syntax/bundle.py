@@ -17,15 +17,52 @@ The bundle as written: every scalar with its place, checked for shape, with no m
 
 `read_bundle` takes a file and returns a frozen `Bundle`, with its `signals` files merged in; all
 problems of shape are told in one `CompileError`. What names and formulas mean, and whether types
-fit, is for `logic`.
+fit, is for `logic`. `survey_bundle` returns what can be used of a bundle that has problems, so
+that the problems of its formulas can be told in the same run.
 """
 
+from collections.abc import Callable
+from collections.abc import Iterable
+from collections.abc import Iterator
 from dataclasses import dataclass
+from dataclasses import replace
 from enum import Enum
 from fractions import Fraction
+from pathlib import Path
+import re
 
-from fret_monitor.diagnostics import Source, Text
-from fret_monitor.manifest import Policy, Report, Severity
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.diagnostics import Problems
+from fret_monitor.diagnostics import refuse
+from fret_monitor.diagnostics import Source
+from fret_monitor.diagnostics import Span
+from fret_monitor.diagnostics import Text
+from fret_monitor.manifest import Policy
+from fret_monitor.manifest import Report
+from fret_monitor.manifest import Severity
+from fret_monitor.syntax.words import Fault
+from fret_monitor.syntax.words import handler_fault
+from fret_monitor.syntax.words import is_integer
+from fret_monitor.syntax.words import is_number
+from fret_monitor.syntax.words import name_fault
+from fret_monitor.syntax.words import number_fault
+from fret_monitor.syntax.words import PLAIN_TYPES
+from fret_monitor.syntax.words import shown
+from fret_monitor.syntax.words import topic_fault
+from fret_monitor.syntax.words import type_fault
+from fret_monitor.syntax.yaml_repair import quoted_line
+from fret_monitor.syntax.yaml_repair import tell_misread
+from fret_monitor.syntax.yaml_shape import kind_of
+from fret_monitor.syntax.yaml_shape import mapping_of
+from fret_monitor.syntax.yaml_shape import Shape
+from fret_monitor.syntax.yaml_shape import tell_choice
+from fret_monitor.syntax.yaml_shape import text_of
+from fret_monitor.syntax.yaml_tree import Mapping
+from fret_monitor.syntax.yaml_tree import Node
+from fret_monitor.syntax.yaml_tree import read_tree
+from fret_monitor.syntax.yaml_tree import Scalar
+from fret_monitor.syntax.yaml_tree import Sequence
+from fret_monitor.syntax.yaml_tree import Unread
 
 
 class Language(Enum):
@@ -102,6 +139,7 @@ class Bundle:
     A whole bundle. `sources` are the files it was read from, the bundle itself first.
 
     `name` is the file's stem. `period` is in seconds, exact, None but with the policy periodic.
+    `unreadable` are names that are declared in a way that was refused (see `survey_bundle`).
     """
 
     name: str
@@ -115,3 +153,626 @@ class Bundle:
     policy: Policy
     period: Fraction | None
     requirements: tuple[Requirement, ...]
+    unreadable: frozenset[str] = frozenset()
+
+
+FORMAT = '1'
+MAX_BYTES = 16 * 2 ** 20
+STALE = ('violate',)
+
+_SHORTEST = Fraction(1, 10 ** 9)  # seconds: ROS counts time in nanoseconds
+_LONGEST = Fraction(10 ** 9)
+_FORMULA_KEYS = tuple(language.value for language in Language)
+_FORMULA_SLIPS = {
+    'formula': 'ptltl', 'smv': 'ptltl', 'ltl': 'ptltl', 'mtl': 'ptltl', 'ptmtl': 'ptltl',
+    'pastltl': 'ptltl', 'lustre': 'cocospec', 'text': 'fretish', 'sentence': 'fretish',
+    'name': 'id', 'reqid': 'id',
+}
+_SIGNALS_KEYS = ('format', 'title', 'description', 'constants', 'inputs')
+_BUNDLE_KEYS = (
+    'format', 'component', 'title', 'description', 'signals', 'constants', 'inputs',
+    'definitions', 'evaluation', 'report', 'severity', 'requirements')
+_INPUT_KEYS = ('topic', 'type', 'field', 'initial', 'values', 'qos', 'timeout', 'stale')
+_REQUIREMENT_KEYS = ('id', *_FORMULA_KEYS, 'title', 'rationale', 'report', 'severity')
+_QOS = {
+    'reliability': ('reliable', 'best_effort'),
+    'durability': ('volatile', 'transient_local'),
+    'history': ('keep_last', 'keep_all'),
+    'depth': (),
+}
+_COMMENT = re.compile(r'[ \t]+(#[^\r\n]*)')
+_EXAMPLE = '''\
+format: 1
+inputs:
+  speed: {topic: speed, type: std_msgs/msg/Float32}
+requirements:
+  - id: R1
+    ptltl: "H (speed <= 2.0)"'''
+
+
+def read_bundle(path: Path) -> Bundle:
+    """
+    Read a bundle from a file, with its `signals` files.
+
+    Raises
+    ------
+    CompileError
+        with all problems of all files, if there are any.
+    """
+    problems = Problems()
+    bundle = survey_bundle(path, problems)
+    problems.raise_errors()
+    assert bundle is not None, 'a bundle that cannot be read has a problem'
+    return bundle
+
+
+def parse_bundle(source: Source, directory: Path) -> Bundle:
+    """
+    Read a bundle from a text; `signals` files are looked for in `directory`.
+
+    Raises
+    ------
+    CompileError
+        with all problems of all files, if there are any.
+    """
+    problems = Problems()
+    bundle = _Reader(directory, problems).bundle(source)
+    problems.raise_errors()
+    assert bundle is not None, 'a bundle that cannot be read has a problem'
+    return bundle
+
+
+def survey_bundle(path: Path, problems: Problems) -> Bundle | None:
+    """
+    Read what can be used of a bundle, and add what is wrong with it to `problems`.
+
+    The names that were declared but cannot be used are in `Bundle.unreadable`: formulas that use
+    them have no problem of their own. Returns None where nothing can be used.
+    """
+    try:
+        source = read_source(path)
+    except CompileError as error:
+        problems.extend(error.diagnostics)
+        return None
+    return _Reader(path.parent, problems).bundle(source)
+
+
+def read_source(path: Path) -> Source:
+    """
+    Read a text file of at most 16 MiB in UTF-8, with or without a byte order mark.
+
+    Raises
+    ------
+    CompileError
+        if there is no such file, or it is something else.
+    """
+    try:
+        with path.open('rb') as file:
+            data = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        refuse(_unreadable(path, error))
+    if len(data) > MAX_BYTES:
+        refuse(f'{shown(str(path))} is larger than {MAX_BYTES // 2 ** 20} MiB')
+    return _decoded(path, data)
+
+
+def _unreadable(path: Path, error: OSError | ValueError) -> str:
+    name = shown(str(path))
+    match error:
+        case FileNotFoundError():
+            return f'there is no file {name}'
+        case IsADirectoryError():
+            return f'{name} is a directory, not a file'
+        case OSError():
+            return f'{name} cannot be read: {error.strerror}'
+        case _:
+            return f'{name} is not the name of a file'
+
+
+def _decoded(path: Path, data: bytes) -> Source:
+    try:
+        return Source(str(path), data.decode('utf-8').removeprefix('\ufeff'))
+    except UnicodeDecodeError as error:
+        good = data[:error.start].decode('utf-8')
+        rest = data[error.start:].decode('utf-8', 'replace')
+    is_wide = data.startswith((b'\xff\xfe', b'\xfe\xff'))
+    source = Source(str(path), good + rest)
+    refuse('the file is not in UTF-8', Span(source, len(good), len(good) + 1),
+           'it is in UTF-16' if is_wide else 'this byte begins no character',
+           'save it as UTF-8')
+
+
+class _Reader:
+    """Reads one bundle: what it finds goes into the bundle or, told, into the problems."""
+
+    def __init__(self, directory: Path, problems: Problems) -> None:
+        self._directory = directory
+        self._problems = problems
+        self._declared: dict[str, Text] = {}
+        self._unreadable: set[str] = set()
+
+    def bundle(self, source: Source) -> Bundle | None:
+        """Read a bundle, None where nothing of it can be used."""
+        mapping = self._root(source, 'the bundle', _EXAMPLE)
+        if mapping is None or not self._has_format(mapping, is_required=True):
+            return None
+        shape = Shape(mapping, 'a bundle', _BUNDLE_KEYS, self._problems)
+        read = self._contents(source, shape)
+        shared = self._signals(source, shape)
+        definitions = tuple(self._definitions(shape))
+        inputs = (*read.inputs, *(item for part in shared for item in part.inputs))
+        self._check_topics(inputs)
+        return replace(
+            read,
+            sources=(source, *(part.sources[0] for part in shared)),
+            constants=(*read.constants, *(item for part in shared for item in part.constants)),
+            inputs=inputs,
+            definitions=definitions,
+            requirements=tuple(self._requirements(shape)),
+            unreadable=frozenset(self._unreadable),
+        )
+
+    def _root(self, source: Source, what: str, example: str) -> Mapping | None:
+        problems = Problems()
+        root = read_tree(source, problems)
+        self._problems.extend(problems.errors)
+        if isinstance(root, Mapping):
+            return root
+        if root is None and not problems.errors or isinstance(root, Scalar) and root.is_missing:
+            self._problems.error(f'{what} is empty', Span(source, 0, 0),
+                                 help=f'it begins like this:\n{example}')
+        elif root is not None:
+            mapping_of(root, what, self._problems, f'it begins like this:\n{example}')
+        return None
+
+    def _has_format(self, mapping: Mapping, is_required: bool) -> bool:
+        """Return whether this is a format we read; of another nothing more can be said."""
+        for key, node in mapping.entries:
+            if key.value == 'format':
+                text = text_of(node, "'format'", self._problems)
+                if text is not None and text.value != FORMAT:
+                    self._problems.error(f'format {shown(text.value)} is not known', text.span,
+                                         f'this version reads format {FORMAT}', 'format: 1')
+                return text is None or text.value == FORMAT
+        if is_required:
+            self._problems.error("the bundle does not say its 'format'", mapping.span,
+                                 'write this line first', 'format: 1')
+        return True
+
+    def _contents(self, source: Source, shape: Shape) -> Bundle:
+        """Read all but signals, definitions and requirements."""
+        policy, period = self._evaluation(shape)
+        return Bundle(
+            name=Path(source.name).stem,
+            sources=(source,),
+            component=shape.text('component'),
+            title=shape.free_text('title'),
+            description=shape.free_text('description'),
+            constants=tuple(self._constants(shape)),
+            inputs=tuple(self._inputs(shape)),
+            definitions=(),
+            policy=policy,
+            period=period,
+            requirements=(),
+        )
+
+    def _evaluation(self, shape: Shape) -> tuple[Policy, Fraction | None]:
+        node = shape.node('evaluation')
+        mapping = mapping_of(node, "'evaluation'", self._problems, 'policy: every_message')
+        if mapping is None:
+            return Policy.EVERY_MESSAGE, None
+        part = Shape(mapping, "'evaluation'", ('policy', 'period', 'rate'), self._problems)
+        text = part.text('policy')
+        words = [policy.value for policy in Policy]
+        if text is not None and text.value not in words:
+            tell_choice(text, 'policy', words, self._problems)
+        is_known = part.lacks('policy') or text is not None and text.value in words
+        policy = Policy(text.value) if text and is_known else Policy.EVERY_MESSAGE
+        return policy, self._period(part, policy, is_known)
+
+    def _period(self, part: Shape, policy: Policy, is_known: bool) -> Fraction | None:
+        """Read `period` or `rate`; both are read so that both are checked."""
+        period = part.positive('period', 'seconds', _SHORTEST, _LONGEST)
+        rate = part.positive('rate', 'steps a second (Hz)', 1 / _LONGEST, 1 / _SHORTEST)
+        keys = [key for key in (part.key('period'), part.key('rate')) if key]
+        if len(keys) == 2:
+            self._problems.error("'period' and 'rate' say the same", keys[1].span,
+                                 f"'{keys[0].value}' is there already", 'remove one of them')
+        elif keys and is_known and policy is not Policy.PERIODIC:
+            self._problems.error(
+                f"'{keys[0].value}' goes with the policy periodic only", keys[0].span,
+                f'the policy is {policy.value}', 'policy: periodic')
+        elif part.lacks('period', 'rate') and policy is Policy.PERIODIC:
+            self._problems.error("the policy periodic needs a 'period' or a 'rate'", part.span,
+                                 help='period: 0.1   # seconds')
+        if policy is not Policy.PERIODIC:
+            return None
+        return 1 / rate if rate is not None else period
+
+    def _constants(self, shape: Shape) -> Iterator[ConstantEntry]:
+        for name, node in self._named(shape, 'constants', 'cc_t: 15.0'):
+            problems = Problems()
+            self._declare(name, problems)
+            text = text_of(node, f'the constant {shown(name.value)}', problems)
+            if text is not None and text.value.lower() not in ('true', 'false'):
+                _tell(number_fault(text.value), text, problems)
+            if self._is_usable(name, node, problems) and text is not None:
+                yield ConstantEntry(name.text, text)
+
+    def _named(self, shape: Shape, key: str, example: str) -> Iterator[tuple[Scalar, Node]]:
+        """Yield what stands under `constants`, `inputs` or `definitions`."""
+        mapping = mapping_of(shape.node(key), f"'{key}'", self._problems, example)
+        return iter(mapping.entries if mapping else ())
+
+    def _declare(self, name: Scalar, problems: Problems) -> None:
+        """Take a name; `a.b` and FRET's `a_DOT_b` are one."""
+        fault = name_fault(name.value)
+        first = self._declared.setdefault(name.value.replace('.', '_DOT_'), name.text)
+        if fault is not None:
+            problems.error(fault.reason, name.span, 'not a name', fault.help)
+        elif first is not name.text:
+            problems.error(
+                f'{shown(name.value)} is declared twice', name.span,
+                f'first in {first.source.name}, line {first.span.line}'
+                if first.source is not name.span.source else f'first in line {first.span.line}',
+                'choose another name for one of them')
+
+    def _is_usable(self, name: Scalar, node: Node, problems: Problems) -> bool:
+        """Pass on the problems of an entry; return whether it has none."""
+        self._problems.extend(problems.errors)
+        is_usable = not problems.errors and not isinstance(node, Unread)
+        if not is_usable:
+            self._unreadable.add(name.value)
+        return is_usable
+
+    def _inputs(self, shape: Shape) -> Iterator[InputEntry]:
+        for name, node in self._named(
+                shape, 'inputs', 'speed: {topic: speed, type: std_msgs/msg/Float32}'):
+            problems = Problems()
+            self._declare(name, problems)
+            what = f'the input {shown(name.value)}'
+            mapping = mapping_of(node, what, problems,
+                                 f'{name.value}: {{topic: speed, type: std_msgs/msg/Float32}}')
+            entry = _input(name, mapping, problems) if mapping else None
+            if self._is_usable(name, node, problems) and entry is not None:
+                yield entry
+
+    def _check_topics(self, inputs: Iterable[InputEntry]) -> None:
+        """Hold together what inputs on one topic say of it."""
+        first: dict[str, InputEntry] = {}
+        for item in inputs:
+            if item.topic is not None:
+                self._check_topic(item, item.topic, first.setdefault(item.topic.value, item))
+
+    def _check_topic(self, item: InputEntry, topic: Text, first: InputEntry) -> None:
+        for key, aspect in _TOPIC_ASPECTS:
+            if aspect(item) != aspect(first):
+                self._problems.error(
+                    f"inputs on one topic must agree in '{key}'", topic.span,
+                    f'{shown(first.name.value)} has another, line {first.name.span.line}')
+
+    def _definitions(self, shape: Shape) -> Iterator[Definition]:
+        for name, node in self._named(shape, 'definitions', 'fast: speed > 2.0'):
+            problems = Problems()
+            self._declare(name, problems)
+            language, text = _definition(name, node, problems)
+            if self._is_usable(name, node, problems) and text is not None:
+                yield Definition(name.text, language, text)
+
+    def _requirements(self, shape: Shape) -> Iterator[Requirement]:
+        node = shape.node('requirements')
+        report = shape.choice('report', Report, Report.EVERY_STEP)
+        severity = shape.choice('severity', Severity, Severity.ERROR)
+        ids: dict[str, Requirement] = {}
+        handlers: dict[str, Requirement] = {}
+        for item in self._requirement_nodes(shape, node):
+            found = _requirement(item, report, severity, self._problems)
+            if found is not None:
+                self._check_id(found, ids, handlers)
+                if found.text is not _NO_TEXT:
+                    yield found
+
+    def _requirement_nodes(self, shape: Shape, node: Node | None) -> Iterator[Mapping]:
+        if isinstance(node, Sequence) and node.items:
+            for item in node.items:
+                mapping = _requirement_node(item, self._problems)
+                if mapping is not None:
+                    yield mapping
+        elif isinstance(node, Sequence) or isinstance(node, Scalar) and node.is_missing or (
+                node is None and shape.lacks('requirements')):
+            self._problems.error('a bundle has at least one requirement',
+                                 node.span if node else shape.span, 'there is none',
+                                 'requirements:\n  - id: R1\n    ptltl: "H (speed <= 2.0)"')
+        elif node is not None and not isinstance(node, Unread):
+            self._problems.error("'requirements' is a list", node.span, f'this is {kind_of(node)}',
+                                 '- id: R1\n  ptltl: "H (speed <= 2.0)"')
+
+    def _check_id(self, item: Requirement, ids: dict[str, Requirement],
+                  handlers: dict[str, Requirement]) -> None:
+        same = ids.setdefault(item.id.value, item)
+        clash = handlers.setdefault(item.handler, item)
+        if same is not item:
+            self._problems.error(f'the id {shown(item.id.value)} is given twice', item.id.span,
+                                 f'first in line {same.id.span.line}')
+        elif clash is not item:
+            self._problems.error(
+                f'two ids give one handler, {shown(item.handler)}', item.id.span,
+                f'{shown(clash.id.value)} in line {clash.id.span.line} gives it too',
+                "letters, digits and '_' tell ids apart; other characters do not")
+
+    def _signals(self, source: Source, shape: Shape) -> list[Bundle]:
+        """Read the `signals` files, each as a bundle that has inputs and constants only."""
+        found: list[Bundle] = []
+        read = {Path(source.name).resolve()}
+        for text in self._signals_names(shape.node('signals')):
+            path = self._directory / text.value
+            if _resolved(path) in read:
+                self._problems.error('this file is read already', text.span)
+                continue
+            read.add(_resolved(path))
+            part = self._signals_file(path, text)
+            if part is not None:
+                found.append(part)
+        return found
+
+    def _signals_names(self, node: Node | None) -> Iterator[Text]:
+        nodes = node.items if isinstance(node, Sequence) else (node,) if node else ()
+        for item in nodes:
+            text = text_of(item, "a file of 'signals'", self._problems)
+            if text is not None:
+                yield text
+
+    def _signals_file(self, path: Path, text: Text) -> Bundle | None:
+        try:
+            source = read_source(path)
+        except CompileError as error:
+            for item in error.diagnostics:
+                self._problems.extend([item if item.span else replace(item, span=text.span)])
+            return None
+        mapping = self._root(source, 'the signals file', _SIGNALS_EXAMPLE)
+        if mapping is None or not self._has_format(mapping, is_required=False):
+            return None
+        return self._contents(
+            source, Shape(mapping, 'a signals file', _SIGNALS_KEYS, self._problems))
+
+
+_SIGNALS_EXAMPLE = '''\
+inputs:
+  speed: {topic: speed, type: std_msgs/msg/Float32}'''
+_NO_TEXT = Text('', Source('', ''), [0])
+
+
+def _resolved(path: Path) -> Path:
+    try:
+        return path.resolve()
+    except (OSError, ValueError, RuntimeError):
+        return path
+
+
+def _tell(fault: Fault | None, text: Text, problems: Problems, label: str = '') -> None:
+    if fault is not None:
+        problems.error(fault.reason, text.span, label, fault.help)
+
+
+def _qos_of(item: InputEntry) -> object:
+    return sorted((key.value, value.value) for key, value in item.qos)
+
+
+_TOPIC_ASPECTS: tuple[tuple[str, Callable[[InputEntry], object]], ...] = (
+    ('type', lambda item: item.type.value if item.type else None),
+    ('qos', _qos_of),
+    ('timeout', lambda item: item.timeout),
+    ('stale', lambda item: item.stale),
+)
+
+
+def _input(name: Scalar, mapping: Mapping, problems: Problems) -> InputEntry:
+    shape = Shape(mapping, 'an input', _INPUT_KEYS, problems,
+                  {'message': 'type', 'message_type': 'type', 'msg': 'type', 'path': 'field'})
+    entry = InputEntry(
+        name=name.text,
+        topic=_checked(shape, 'topic', topic_fault, problems),
+        type=_checked(shape, 'type', type_fault, problems),
+        field=shape.text('field'),
+        initial=shape.text('initial'),
+        values=tuple(_values(shape.node('values'), problems)),
+        qos=tuple(_qos(shape.node('qos'), problems)),
+        timeout=shape.positive('timeout', 'seconds', _SHORTEST, _LONGEST),
+        stale=_stale(shape, problems),
+    )
+    _check_input(entry, shape, problems)
+    return entry
+
+
+def _checked(shape: Shape, key: str, find_fault: Callable[[str], Fault | None],
+             problems: Problems) -> Text | None:
+    text = shape.text(key)
+    if text is not None:
+        _tell(find_fault(text.value), text, problems)
+    return text
+
+
+def _check_input(entry: InputEntry, shape: Shape, problems: Problems) -> None:
+    """Look at what the keys of an input need of one another."""
+    if shape.lacks('type'):
+        problems.error(
+            f'the input {shown(entry.name.value)} has no type', entry.name.span,
+            help='type: float64' if shape.lacks('topic') else 'type: std_msgs/msg/Float32')
+    if entry.field and entry.type and entry.type.value in PLAIN_TYPES:
+        problems.error(f"'{entry.type.value}' has no fields", entry.field.span,
+                       'a field of nothing', "remove 'field', or name a message type")
+    stale = shape.key('stale')
+    if stale and shape.lacks('timeout'):
+        problems.error("'stale' needs a 'timeout'", stale.span, 'stale after how long?',
+                       'timeout: 0.5   # seconds')
+
+
+def _stale(shape: Shape, problems: Problems) -> str | None:
+    text = shape.text('stale')
+    if text is not None and text.value not in STALE:
+        tell_choice(text, 'stale', STALE, problems)
+    return text.value if text else None
+
+
+def _values(node: Node | None, problems: Problems) -> Iterator[ValueEntry]:
+    mapping = mapping_of(node, "'values'", problems, 'values: {IDLE: 0, LANDING: 1}')
+    if mapping is None:
+        return
+    if not mapping.entries:
+        problems.error("'values' names no value", mapping.span,
+                       help='values: {IDLE: 0, LANDING: 1}')
+    found = [entry for key, item in mapping.entries if (entry := _value(key, item, problems))]
+    _check_values(found, problems)
+    yield from found
+
+
+def _value(key: Scalar, node: Node, problems: Problems) -> ValueEntry | None:
+    """Read one name of a value: what is in quotes, or no number, is a string."""
+    _tell(name_fault(key.value), key.text, problems)
+    if isinstance(node, Scalar) and node.style:
+        return ValueEntry(key.text, node.text, is_string=True)
+    text = text_of(node, f'the value {shown(key.value)}', problems)
+    if text is None:
+        return None
+    if is_number(text.value) and not is_integer(text.value):
+        problems.error('a value with a name is a whole number or a string', text.span,
+                       'this is neither')
+    return ValueEntry(key.text, text, is_string=not is_number(text.value))
+
+
+def _check_values(entries: list[ValueEntry], problems: Problems) -> None:
+    strings: dict[str, ValueEntry] = {}
+    for item in entries:
+        if item.is_string != entries[0].is_string:
+            first = entries[0].name.value
+            problems.error("'values' are all numbers, or all strings", item.value.span,
+                           f'unlike {shown(first)}')
+            return
+        same = strings.setdefault(item.value.value, item) if item.is_string else item
+        if same is not item:
+            problems.error('two names for one string', item.value.span,
+                           f'{shown(same.name.value)} stands for it already')
+
+
+def _qos(node: Node | None, problems: Problems) -> Iterator[tuple[Text, Text]]:
+    mapping = mapping_of(node, "'qos'", problems, 'qos: {reliability: best_effort, depth: 10}')
+    if mapping is None:
+        return
+    shape = Shape(mapping, "'qos'", _QOS, problems)
+    for key, words in _QOS.items():
+        name, text = shape.key(key), shape.text(key)
+        if name is None or text is None:
+            continue
+        if words and text.value not in words:
+            tell_choice(text, key, words, problems)
+        elif not words and not (is_integer(text.value) and 0 < _whole(text.value) < 2 ** 31):
+            problems.error(f"'{key}' is a number of messages, at least 1", text.span)
+        else:
+            yield name.text, text
+
+
+def _whole(text: str) -> int:
+    return int(text) if len(text) < 20 else 0
+
+
+def _definition(name: Scalar, node: Node, problems: Problems) -> tuple[Language, Text | None]:
+    if not isinstance(node, Mapping):
+        return Language.PTLTL, _formula(name, node, problems)
+    if node.is_flow and not any(key.value in _FORMULA_KEYS for key, _ in node.entries):
+        return Language.PTLTL, _formula(name, node, problems)
+    shape = Shape(node, f'the definition {shown(name.value)}', _FORMULA_KEYS, problems,
+                  _FORMULA_SLIPS)
+    return _one_formula(shape, f'the definition {shown(name.value)}', shape.span, problems)
+
+
+def _one_formula(shape: Shape, what: str, place: Span,
+                 problems: Problems) -> tuple[Language, Text | None]:
+    """Read the formula under the one key that names a language."""
+    keys = [key for name in _FORMULA_KEYS if (key := shape.key(name))]
+    keys.sort(key=lambda key: key.span.start)
+    if not keys and shape.lacks(*_FORMULA_KEYS):
+        problems.error(f'{what} has no formula', place, 'one of ' + ', '.join(_FORMULA_KEYS),
+                       'ptltl: "H (speed <= 2.0)"')
+    for key in keys[1:]:
+        problems.error(f'{what} has two formulas', key.span,
+                       f"'{keys[0].value}' is there already", 'remove one of them')
+    if not keys:
+        return Language.PTLTL, None
+    node = shape.node(keys[0].value)
+    assert node is not None, 'a key has a node'
+    return Language(keys[0].value), _formula(keys[0], node, problems)
+
+
+def _formula(key: Scalar, node: Node, problems: Problems) -> Text | None:
+    """Read a formula, and see that YAML left it as it was written."""
+    source = key.span.source
+    if isinstance(node, Unread):
+        return None
+    if not isinstance(node, Scalar):
+        if source.text[node.span.start] in '[{':
+            tell_misread(source, node.span.start, problems)
+        else:
+            problems.error('a formula is a text', node.span, f'this is {kind_of(node)}')
+        return None
+    comment = None if node.style else _COMMENT.match(source.text, max(
+        node.span.end, key.span.end + (1 if node.is_missing else 0)))
+    if not node.value.strip():
+        problems.error('there is no formula', key.span,
+                       "a '#' starts a comment: put the formula in quotes" if comment else
+                       'nothing is written behind it')
+        return None
+    if comment:
+        written = ' '.join(node.value.split())
+        problems.error(
+            "'#' starts a comment in YAML and ends the formula",
+            Span(source, comment.start(1), comment.end(1)), 'not part of the formula: put the '
+            'formula in quotes', quoted_line(source, node.span.start, written) + '  ' + comment[1])
+        return None
+    return node.text
+
+
+def _requirement_node(node: Node, problems: Problems) -> Mapping | None:
+    if isinstance(node, Scalar) and node.is_missing:
+        problems.error('this requirement is empty', node.span,
+                       help='- id: R1\n  ptltl: "H (speed <= 2.0)"')
+        return None
+    return mapping_of(node, 'a requirement', problems,
+                      '- id: R1\n  ptltl: "H (speed <= 2.0)"')
+
+
+def _requirement(mapping: Mapping, report: Report, severity: Severity,
+                 problems: Problems) -> Requirement | None:
+    """
+    Read a requirement, with the bundle's `report` and `severity` where it has none.
+
+    Returns None without an id, and `_NO_TEXT` for a formula that cannot be used.
+    """
+    shape = Shape(mapping, 'a requirement', _REQUIREMENT_KEYS, problems, _FORMULA_SLIPS)
+    name = _id(shape, problems)
+    what = f'the requirement {shown(name.value)}' if name else 'this requirement'
+    place = name.span if name else shape.span
+    language, text = _one_formula(shape, what, place, problems)
+    found = Requirement(
+        id=name or _NO_TEXT,
+        language=language,
+        text=text or _NO_TEXT,
+        title=shape.free_text('title'),
+        rationale=shape.free_text('rationale'),
+        report=shape.choice('report', Report, report),
+        severity=shape.choice('severity', Severity, severity),
+    )
+    return found if name else None
+
+
+def _id(shape: Shape, problems: Problems) -> Text | None:
+    if shape.lacks('id'):
+        problems.error("a requirement has an 'id'", shape.span, 'this one has none', 'id: R1')
+    text = shape.text('id')
+    if text is None:
+        return None
+    if not text.value.isprintable() or text.value != text.value.strip():
+        problems.error('an id is one line, with no blank at its ends', text.span)
+        return None
+    found = Requirement(text, Language.PTLTL, text, '', '', Report.EVERY_STEP, Severity.ERROR)
+    _tell(handler_fault(found.handler), text, problems)
+    return text
