@@ -1,0 +1,316 @@
+#!/usr/bin/env python3
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Watch a quadrotor being watched: monitor, logger and vehicle as three processes over DDS.
+
+    python3 demo.py
+
+The vehicle of `quadrotor.py` flies with a fault. What was published is afterwards evaluated once
+more, by the reference semantics; the demo succeeds (exit status 0) if the logger told of exactly
+the violations that this finds, in that order.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
+from pathlib import Path
+from queue import Empty
+from queue import SimpleQueue
+import re
+import signal
+import struct
+import subprocess
+import sys
+from tempfile import TemporaryDirectory
+from threading import Thread
+from time import monotonic
+from time import sleep
+
+from fret_monitor import build
+from fret_monitor.logic.evaluate import verdicts
+from fret_monitor.logic.specification import Property
+from fret_monitor.logic.specification import Specification
+from fret_monitor.manifest import Report
+
+HERE = Path(__file__).resolve().parent
+BUNDLE = HERE.parent / 'config' / 'quadrotor.yaml'
+NODE = 'import sys; from fret_monitor.ros.{0} import main; sys.argv[0] = "{0}"; sys.exit(main())'
+
+START_PATIENCE = 60.0  # s; the first start compiles
+FLIGHT_PATIENCE = 50.0  # s
+END_PATIENCE = 10.0  # s
+
+VIOLATED = re.compile(r'(\S+) violated at ([0-9.]+): (.*)')
+FLYING = re.compile(r'\s*([0-9.]+) s   wind\s+([0-9.]+) m/s   current\s+([0-9.]+) A(?:   (.*))?')
+
+
+class Failure(Exception):
+    """The demo did not go as it had to."""
+
+
+class Process:
+    """A child whose lines are read as they come."""
+
+    def __init__(self, name: str, command: list[str], environment: dict[str, str]) -> None:
+        """Start it, in a session of its own: Ctrl-C is for the demo, which ends its children."""
+        self.name = name
+        self.lines: SimpleQueue[str] = SimpleQueue()
+        self._child = subprocess.Popen(
+            command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, text=True, errors='replace', start_new_session=True)
+        self._reader = Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self._child.stdout is not None
+        for line in self._child.stdout:
+            self.lines.put(line.rstrip('\n'))
+
+    def is_running(self) -> bool:
+        """Whether it has not ended yet."""
+        return self._child.poll() is None
+
+    def wait_for(self, words: str, patience: float) -> str:
+        """Return the first line that holds `words`; raises `Failure` if none comes."""
+        end = monotonic() + patience
+        heard: list[str] = []
+        while monotonic() < end and (self.is_running() or not self.lines.empty()):
+            try:
+                heard.append(self.lines.get(timeout=0.1))
+            except Empty:
+                continue
+            if words in heard[-1]:
+                return heard[-1]
+        raise Failure('\n'.join([f'the {self.name} did not start:', *heard]))
+
+    def new_lines(self) -> Iterator[str]:
+        """Yield what it has said since the last time."""
+        while not self.lines.empty():
+            yield self.lines.get()
+
+    def end(self, number: int = signal.SIGINT) -> int:
+        """Ask it to end, and see to it that it does; return its exit status."""
+        try:
+            if self.is_running():
+                self._child.send_signal(number)
+            status = self._child.wait(END_PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._child.kill()
+            status = self._child.wait()
+        self._reader.join(END_PATIENCE)
+        return status
+
+
+class Story:
+    """Tells on the terminal what happens."""
+
+    def __init__(self) -> None:
+        """Use colours if a person is watching."""
+        self._colours = sys.stdout.isatty() and 'NO_COLOR' not in os.environ
+
+    def say(self, text: str = '', colour: int | None = None) -> None:
+        """Write a line."""
+        is_plain = colour is None or not self._colours
+        print(text if is_plain else f'\033[{colour}m{text}\033[0m', flush=True)
+
+    def fly(self, time: float, wind: float, current: float, event: str) -> None:
+        """Write a line of the flight."""
+        self.say(f'  {time:5.1f} s  wind {_bar(wind, 16)} {wind:4.1f} m/s'
+                 f'   current {_bar(current, 32)} {current:4.1f} A   {event}'.rstrip(),
+                 36 if event else None)
+
+    def violate(self, name: str, time: str, sentence: str) -> None:
+        """Write that a requirement is violated."""
+        self.say(f'  *****  VIOLATED  {name}  at t = {time}', 31)
+        self.say(f'         {sentence}', 31)
+
+
+def _bar(value: float, most: float, width: int = 16) -> str:
+    filled = round(width * min(1.0, max(0.0, value / most)))
+    return '#' * filled + '.' * (width - filled)
+
+
+def main() -> int:
+    """Run the demo; return the exit status."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupt)
+    story = Story()
+    try:
+        with TemporaryDirectory(prefix='fret_monitor_demo_') as folder:
+            log = Path(folder) / 'flight.csv'
+            log.touch()
+            announced = _perform(story, log)
+            return _judge(story, announced, log)
+    except Failure as failure:
+        story.say(f'FAILED: {failure}', 31)
+        return 1
+    except KeyboardInterrupt:
+        story.say('interrupted')
+        return 130
+
+
+def _interrupt(number: int, frame: object) -> None:
+    raise KeyboardInterrupt
+
+
+def _perform(story: Story, log: Path) -> list[str]:
+    """Run the three processes; return the ids of the violations that the logger told, in order."""
+    story.say('A quadrotor flies through wind. These are its requirements:')
+    specification = build.read(BUNDLE).specification
+    for item in specification.properties:
+        story.say(f'  {item.id}  {item.title}')
+    story.say()
+    with _process('monitor', f'spec:={BUNDLE}') as monitor, \
+            _process('logger', f'spec:={BUNDLE}') as logger:
+        story.say('  monitor: ' + _message(monitor.wait_for('watching', START_PATIENCE)))
+        story.say('  logger:  ' + _message(logger.wait_for('listening', START_PATIENCE)))
+        with _process('vehicle', 'fault:=true', f'log:={log}') as vehicle:
+            story.say('  vehicle: ready, with a fault in its battery guard')
+            story.say()
+            announced = _follow(story, vehicle, logger)
+            _expect_quiet_end(vehicle)
+        _expect_quiet_end(logger)
+        announced += _tell_violations(story, logger)
+        _expect_quiet_end(monitor)
+    return announced
+
+
+@contextmanager
+def _process(name: str, *parameters: str) -> Iterator[Process]:
+    """Start a node with these parameters, and end it, whatever happens."""
+    command = [sys.executable, str(HERE / 'quadrotor.py')] if name == 'vehicle' \
+        else [sys.executable, '-c', NODE.format(name)]
+    arguments = [word for item in parameters for word in ('-p', item)]
+    process = Process(name, [*command, '--ros-args', *arguments], _environment())
+    try:
+        yield process
+    finally:
+        process.end(signal.SIGTERM)
+
+
+def _environment() -> dict[str, str]:
+    """Return one in which nobody else on this machine or network hears the demo, or disturbs it."""
+    return {
+        **os.environ,
+        'ROS_DOMAIN_ID': str(1 + os.getpid() % 100),
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        'RCUTILS_CONSOLE_OUTPUT_FORMAT': '[{severity}] {message}',
+        'RCUTILS_COLORIZED_OUTPUT': '0',
+        'PYTHONUNBUFFERED': '1',
+    }
+
+
+def _follow(story: Story, vehicle: Process, logger: Process) -> list[str]:
+    """Tell of the flight until it is over; return the ids of the violations told."""
+    announced: list[str] = []
+    end = monotonic() + FLIGHT_PATIENCE
+    quiet_since = monotonic()
+    count = 0
+    while vehicle.is_running() or monotonic() < quiet_since + 1.0:
+        if monotonic() > end:
+            raise Failure('the vehicle did not land')
+        if vehicle.is_running():
+            quiet_since = monotonic()
+        for line in vehicle.new_lines():
+            count += _tell_flight(story, line, count)
+        announced += _tell_violations(story, logger)
+        sleep(0.05)
+    return announced
+
+
+def _tell_flight(story: Story, line: str, count: int) -> int:
+    """Tell what happens, and each fifth line where nothing does; return 1 for a line of flight."""
+    found = FLYING.fullmatch(line)
+    if found is None:
+        story.say(f'  vehicle: {_message(line)}')
+        return 0
+    time, wind, current, event = found.groups()
+    if event or count % 5 == 0:
+        story.fly(float(time), float(wind), float(current), event or '')
+    return 1
+
+
+def _tell_violations(story: Story, logger: Process) -> list[str]:
+    announced = []
+    for line in logger.new_lines():
+        found = VIOLATED.search(line)
+        if found:
+            story.violate(*found.groups())
+            announced.append(found.group(1))
+        else:
+            story.say(f'  logger: {_message(line)}')
+    return announced
+
+
+def _message(line: str) -> str:
+    return re.sub(r'^\[[A-Z]+\] ', '', line)
+
+
+def _expect_quiet_end(process: Process) -> None:
+    status = process.end()
+    if status != 0:
+        raise Failure('\n'.join(
+            [f'the {process.name} ended with status {status}:', *process.new_lines()]))
+
+
+def _judge(story: Story, announced: list[str], log: Path) -> int:
+    """Compare what was announced with what the reference semantics says of the flight."""
+    flight = [line.split(',') for line in log.read_text(encoding='utf-8').splitlines()]
+    expected = _expected(build.read(BUNDLE).specification, flight)
+    story.say()
+    story.say(f'{len(flight)} messages were published. By the reference semantics they violate:')
+    for time, name in expected:
+        story.say(f'  {name}  at {time} s of the flight')
+    if not expected or announced != [name for _, name in expected]:
+        raise Failure(f"announced was: {', '.join(announced) or 'nothing'}")
+    story.say('That is what was announced, and nothing else.', 32)
+    return 0
+
+
+def _expected(specification: Specification, flight: list[list[str]]) -> list[tuple[str, str]]:
+    """Return (time, id) of what a flight has to announce, in the order of the messages."""
+    rows = list(_steps(specification, flight))
+    trace = {item.name: [row[item.name] for _, row in rows] for item in specification.signals}
+    found = []
+    for place, item in enumerate(specification.properties):
+        truth = verdicts(item.formula, trace, item.feedback)
+        found += [(step, place) for step in range(len(rows)) if _is_announced(item, truth, step)]
+    return [(rows[step][0], specification.properties[place].id) for step, place in sorted(found)]
+
+
+def _steps(specification: Specification,
+           flight: list[list[str]]) -> Iterator[tuple[str, dict[str, float]]]:
+    """Yield time and values of each step: a message, once all inputs have a value."""
+    fed = {f'/{item.topic}': item.name for item in specification.signals}
+    values: dict[str, float] = {}
+    for time, topic, value in flight:
+        values[fed[topic]] = _as_float32(float(value))
+        if len(values) == len(fed):
+            yield time, dict(values)
+
+
+def _as_float32(value: float) -> float:
+    rounded: float = struct.unpack('<f', struct.pack('<f', value))[0]
+    return rounded
+
+
+def _is_announced(item: Property, truth: list[bool], step: int) -> bool:
+    was_true = step == 0 or truth[step - 1]
+    return not truth[step] and (was_true or item.report is Report.EVERY_STEP)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,48 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Fixtures of the tests with ROS 2; without rclpy there are none of them."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from ros.harness import Partner
+
+collect_ignore_glob: list[str] = []
+try:
+    import rclpy  # noqa: F401
+except ImportError:
+    collect_ignore_glob.append('*')
+
+
+def _joined(domain: int) -> Iterator['Partner']:
+    from ros.harness import Partner
+    made = Partner(domain)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def partner(domain: int) -> Iterator['Partner']:
+    """Return a node of the test's own in a domain of its own."""
+    yield from _joined(domain)
+
+
+@pytest.fixture
+def stranger(domain: int) -> Iterator['Partner']:
+    """Return another one, which the middleware takes for another process."""
+    yield from _joined(domain)

@@ -1,0 +1,203 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Real nodes in real processes, and somebody in the same domain who talks and listens to them."""
+
+from collections import Counter
+from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+from tempfile import TemporaryFile
+from threading import Thread
+from time import monotonic
+from time import sleep
+from typing import Any
+
+import fret_monitor
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+import rclpy.node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import QoSProfile
+from rclpy.qos import ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Empty
+from std_srvs.srv import Trigger
+
+PATIENCE = 30.0  # s; these machines are busy
+START = 'import sys; from fret_monitor.ros.{0} import main; sys.argv[0] = "{0}"; sys.exit(main())'
+READY = {'monitor': 'watching', 'logger': 'listening'}
+
+RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE,
+                     durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def wait_until(is_true: Callable[[], bool], what: str, patience: float = PATIENCE) -> None:
+    """Wait until something is true; fail with the words if that takes too long."""
+    end = monotonic() + patience
+    while not is_true():
+        assert monotonic() < end, f'waited in vain: {what}'
+        sleep(0.01)
+
+
+class NodeProcess:
+    """One of the two executables, started as a user would."""
+
+    def __init__(self, name: str, *arguments: str, environment: dict[str, str] | None = None,
+                 folder: Path | None = None) -> None:
+        """Start it with these ROS arguments; ROS_DOMAIN_ID and the like are the caller's."""
+        self.name = name
+        self._file = TemporaryFile()
+        source = str(Path(fret_monitor.__file__).parent.parent)
+        paths = [source, *filter(None, [os.environ.get('PYTHONPATH')])]
+        self.process = subprocess.Popen(
+            [sys.executable, '-c', START.format(name), '--ros-args', *arguments],
+            stdin=subprocess.DEVNULL, stdout=self._file, stderr=subprocess.STDOUT, cwd=folder,
+            env={**os.environ, 'PYTHONPATH': os.pathsep.join(paths), **(environment or {})})
+
+    @property
+    def output(self) -> str:
+        """What it has written so far, to both streams."""
+        size = os.fstat(self._file.fileno()).st_size
+        return os.pread(self._file.fileno(), size, 0).decode(errors='replace')
+
+    def wait_for(self, words: str, patience: float = PATIENCE) -> None:
+        """Wait until it has written these words."""
+        end = monotonic() + patience
+        while words not in self.output:
+            assert self.process.poll() is None, f'{self.name} ended:\n{self.output}'
+            assert monotonic() < end, f'{self.name} never wrote {words!r}:\n{self.output}'
+            sleep(0.01)
+
+    def end(self, number: int = signal.SIGINT, patience: float = PATIENCE) -> int:
+        """Send a signal and return the exit status; fail if it does not end in time."""
+        self.process.send_signal(number)
+        return self.status(patience)
+
+    def status(self, patience: float = PATIENCE) -> int:
+        """Wait for its end and return the exit status."""
+        try:
+            return self.process.wait(patience)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            raise AssertionError(f'{self.name} did not end:\n{self.output}') from None
+
+    def kill(self) -> None:
+        """See to it that nothing is left."""
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        self._file.close()
+
+
+@contextmanager
+def started(name: str, *arguments: str, environment: dict[str, str] | None = None,
+            folder: Path | None = None) -> Iterator[NodeProcess]:
+    """Start a node, wait until it works, and see to it that it ends; well, if the test is well."""
+    node = NodeProcess(name, *arguments, environment=environment, folder=folder)
+    try:
+        node.wait_for(READY[name])
+        yield node
+        if node.process.poll() is None:
+            assert node.end() == 0, node.output
+        assert 'Traceback' not in node.output, node.output
+    finally:
+        node.kill()
+
+
+class Partner:
+    """A node of the test's own: publishes, and counts violations."""
+
+    def __init__(self, domain: int, namespace: str = '/') -> None:
+        """Join a domain."""
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain,
+                   signal_handler_options=SignalHandlerOptions.NO)
+        self.node = rclpy.node.Node('partner', namespace=namespace, context=self.context)
+        self.heard: Counter[str] = Counter()
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self._is_closing = False
+        self._thread = Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        while not self._is_closing:
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def close(self) -> None:
+        """Leave."""
+        self._is_closing = True
+        self._thread.join()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+    def publisher(self, message: Any, topic: str, profile: QoSProfile = RELIABLE) -> Publisher:
+        """Advertise a topic."""
+        return self.node.create_publisher(message, topic, profile)
+
+    def listen(self, *handlers: str, prefix: str = 'copilot/handlerprop') -> None:
+        """Count what comes on handlers, given by what their names end in, once they are there."""
+        def listener(name: str) -> Callable[[Empty], None]:
+            def count(_: Empty) -> None:
+                self.heard[name] += 1
+            return count
+
+        for name in handlers:
+            subscription = self.node.create_subscription(
+                Empty, prefix + name, listener(name), RELIABLE)
+            wait_until(lambda subscription=subscription: subscription.get_publisher_count() > 0,
+                       f'a publisher of handler {name}')
+
+    def wait_for_listener(self, *publishers: Publisher) -> None:
+        """Wait until a monitor listens as the publishers' offer allows, old subscriptions gone."""
+        for publisher in publishers:
+            offered = publisher.qos_profile.reliability
+            wait_until(
+                lambda publisher=publisher, offered=offered: any(
+                    item.qos_profile.reliability is offered
+                    for item in self.node.get_subscriptions_info_by_topic(publisher.topic_name)
+                    if item.node_name == 'fret_monitor'),
+                f'a listener on {publisher.topic_name}')
+            wait_until(lambda publisher=publisher: publisher.get_subscription_count() > 0,
+                       f'a match on {publisher.topic_name}')
+        # The reader knows the writer a moment later than the writer the reader.
+        sleep(0.3)
+
+    def expect(self, expected: dict[str, int]) -> None:
+        """Wait until as many violations came as expected, and a while longer for none more."""
+        wanted = Counter({name: number for name, number in expected.items() if number})
+        end = monotonic() + PATIENCE
+        while +self.heard != wanted and monotonic() < end:
+            sleep(0.01)
+        sleep(0.3)
+        assert +self.heard == wanted
+
+    def reset(self, service: str = 'fret_monitor/reset') -> str:
+        """Call the service and return its message."""
+        client = self.node.create_client(Trigger, service)
+        assert client.wait_for_service(PATIENCE)
+        answer = client.call_async(Trigger.Request())
+        wait_until(answer.done, 'an answer to the reset')
+        assert answer.result().success
+        return str(answer.result().message)

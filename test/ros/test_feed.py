@@ -1,0 +1,225 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The feed over real DDS: who is heard, in which order, and how often."""
+
+from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
+import random
+from time import sleep
+from typing import Any
+
+from fret_monitor.ros.feed import Feed
+import pytest
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import QoSProfile
+from rclpy.qos import ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from ros.harness import BEST_EFFORT
+from ros.harness import LATCHED
+from ros.harness import Partner
+from ros.harness import RELIABLE
+from ros.harness import wait_until
+from std_msgs.msg import Float32
+from std_msgs.msg import Int32
+
+LATCHED_BEST_EFFORT = QoSProfile(
+    depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Listener:
+    """A node with a feed, and all that came out of it."""
+
+    def __init__(self, context: Context, topics: str, fixed: dict[str, str | int]) -> None:
+        self.node = Node('fret_monitor', context=context)
+        self.feed = Feed(self.node)
+        self.got: list[tuple[str, int]] = []
+        for topic in topics:
+            self.feed.subscribe(topic, 'std_msgs/msg/Int32', Int32, self._keep(topic), fixed)
+        self.feed.start()
+
+    def _keep(self, topic: str) -> Callable[[bytes, int], None]:
+        def keep(data: bytes, stamp: int) -> None:
+            self.got.append((topic, deserialize_message(data, Int32).data))
+        return keep
+
+    def numbers(self, publisher: int) -> list[int]:
+        """Return what one of several publishers sent; they count in thousands of their own."""
+        return [number for _, number in self.got if number // 1000 == publisher]
+
+
+@contextmanager
+def listening(partner: Partner, topics: str = 'x',
+              fixed: dict[str, str | int] | None = None) -> Iterator[Listener]:
+    listener = Listener(partner.context, topics, fixed or {})
+    try:
+        yield listener
+        assert listener.feed.failure is None
+    finally:
+        listener.feed.close()
+        listener.node.destroy_node()
+
+
+def send(publishers: list[Publisher], begin: int = 0, end: int = 30, pause: float = 0.01) -> None:
+    for number in range(begin, end):
+        for place, publisher in enumerate(publishers):
+            publisher.publish(Int32(data=1000 * place + number))
+        sleep(pause)
+
+
+@pytest.mark.parametrize('offer', [RELIABLE, BEST_EFFORT, LATCHED, LATCHED_BEST_EFFORT],
+                         ids=['reliable', 'best effort', 'latched', 'latched best effort'])
+@pytest.mark.parametrize('is_late', [False, True], ids=['early', 'late'])
+def test_a_publisher_is_heard_once_each_message_whatever_it_offers(
+    partner: Partner, offer: QoSProfile, is_late: bool,
+) -> None:
+    if is_late:
+        with listening(partner) as listener:
+            sleep(0.5)
+            publisher = partner.publisher(Int32, 'x', offer)
+            partner.wait_for_listener(publisher)
+            send([publisher])
+            wait_until(lambda: len(listener.got) >= 30, 'thirty messages')
+            sleep(0.3)
+            assert listener.numbers(0) == list(range(30))
+    else:
+        publisher = partner.publisher(Int32, 'x', offer)
+        with listening(partner) as listener:
+            partner.wait_for_listener(publisher)
+            send([publisher])
+            wait_until(lambda: len(listener.got) >= 30, 'thirty messages')
+            sleep(0.3)
+            assert listener.numbers(0) == list(range(30))
+
+
+def test_no_message_is_lost_or_stepped_twice_when_the_subscription_is_made_anew(
+    partner: Partner,
+) -> None:
+    first = partner.publisher(Int32, 'x', RELIABLE)
+    with listening(partner) as listener:
+        partner.wait_for_listener(first)
+        send([first], 0, 10)
+        second = partner.publisher(Int32, 'x', BEST_EFFORT)
+        send([first, second], 10, 300)
+        wait_until(lambda: len(listener.numbers(0)) >= 300, 'all of the first publisher')
+        sleep(0.3)
+        heard = listener.numbers(1)
+        assert listener.numbers(0) == list(range(300))
+        # The second is heard from where it was found, and without a gap.
+        assert heard == list(range(heard[0], 1300))
+        assert heard[0] < 1200
+
+
+def test_what_a_latched_publisher_said_before_is_heard_once(partner: Partner) -> None:
+    publisher = partner.publisher(Int32, 'x', LATCHED)
+    send([publisher], 0, 5)
+    with listening(partner) as listener:
+        wait_until(lambda: len(listener.got) >= 5, 'what was said before')
+        send([publisher], 5, 10)
+        wait_until(lambda: len(listener.got) >= 10, 'what is said now')
+        sleep(2.5)  # beyond the end of the old subscription
+        assert listener.numbers(0) == list(range(10))
+
+
+def test_an_old_message_does_not_come_after_a_newer_one(partner: Partner) -> None:
+    with listening(partner) as listener:
+        sleep(0.3)
+        publisher = partner.publisher(Int32, 'x', LATCHED)
+        send([publisher], 0, 100)
+        wait_until(lambda: bool(listener.got) and listener.got[-1][1] == 99, 'the last one')
+        sleep(0.3)
+        assert listener.numbers(0) == sorted(set(listener.numbers(0)))
+
+
+def test_a_latched_and_a_best_effort_publisher_are_both_heard(partner: Partner) -> None:
+    publishers = [partner.publisher(Int32, 'x', LATCHED), partner.publisher(Int32, 'x', BEST_EFFORT)]
+    with listening(partner) as listener:
+        wait_until(lambda: publishers[0].get_subscription_count() > 0
+                   and publishers[1].get_subscription_count() > 0, 'both matched')
+        sleep(0.5)
+        send(publishers)
+        wait_until(lambda: len(listener.got) >= 60, 'sixty messages')
+        assert [listener.numbers(place) for place in (0, 1)] == [
+            list(range(30)), list(range(1000, 1030))]
+
+
+def test_messages_of_several_topics_come_in_the_order_in_which_they_were_sent(
+    partner: Partner,
+) -> None:
+    publishers = {topic: partner.publisher(Int32, topic) for topic in 'xyz'}
+    chance = random.Random(1)
+    with listening(partner, 'xyz') as listener:
+        partner.wait_for_listener(*publishers.values())
+        sent = [(chance.choice('xyz'), number) for number in range(3000)]
+        for topic, number in sent:
+            publishers[topic].publish(Int32(data=number))
+            if number % 10 == 0:
+                sleep(0.002)
+        wait_until(lambda: len(listener.got) >= len(sent), 'all messages')
+        assert listener.got == sent
+
+
+def test_a_quality_that_the_bundle_asks_for_stays_and_who_is_not_heard_is_told(
+    partner: Partner, capfd: pytest.CaptureFixture[str],
+) -> None:
+    best_effort, reliable = (partner.publisher(Int32, 'x', offer)
+                             for offer in (BEST_EFFORT, RELIABLE))
+    with listening(partner, fixed={'reliability': 'reliable'}) as listener:
+        partner.wait_for_listener(reliable)
+        sleep(0.5)
+        send([best_effort, reliable])
+        wait_until(lambda: len(listener.got) >= 30, 'the reliable ones')
+        sleep(0.3)
+        assert (listener.numbers(0), listener.numbers(1)) == ([], list(range(1000, 1030)))
+    told = capfd.readouterr().err
+    assert told.count('/partner is not heard on /x: it offers best effort, volatile') == 1
+
+
+def test_a_publisher_of_another_type_is_told_once_with_both_types(
+    partner: Partner, stranger: Partner, capfd: pytest.CaptureFixture[str],
+) -> None:
+    publisher = partner.publisher(Int32, 'x')
+    with listening(partner) as listener:
+        partner.wait_for_listener(publisher)
+        # One process cannot have two types on a topic, even in one context.
+        other = stranger.publisher(Float32, 'x')
+        sleep(1.0)
+        other.publish(Float32(data=1.0))
+        send([publisher], 0, 3)
+        wait_until(lambda: len(listener.got) == 3, 'three messages')
+    told = capfd.readouterr().err
+    assert told.count('publishes std_msgs/msg/Float32 on /x, where the bundle says '
+                      'std_msgs/msg/Int32') == 1
+
+
+def test_an_error_in_a_callback_stops_the_feed_and_is_kept(partner: Partner) -> None:
+    def fail(data: bytes, stamp: int) -> None:
+        raise RuntimeError('oh')
+
+    node: Any = Node('fret_monitor', context=partner.context)
+    feed = Feed(node)
+    feed.subscribe('x', 'std_msgs/msg/Int32', Int32, fail, {})
+    publisher = partner.publisher(Int32, 'x')
+    feed.start()
+    partner.wait_for_listener(publisher)
+    publisher.publish(Int32(data=1))
+    wait_until(lambda: feed.failure is not None, 'the failure')
+    feed.close()
+    node.destroy_node()
+    assert str(feed.failure) == 'oh'

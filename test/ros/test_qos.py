@@ -1,0 +1,72 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+from itertools import product
+
+from fret_monitor.ros.qos import DEFAULT_DEPTH
+from fret_monitor.ros.qos import hears
+from fret_monitor.ros.qos import wanted_profile
+import pytest
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import HistoryPolicy
+from rclpy.qos import qos_check_compatible
+from rclpy.qos import QoSCompatibility
+from rclpy.qos import QoSProfile
+from rclpy.qos import ReliabilityPolicy
+
+RELIABILITY = (ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT)
+DURABILITY = (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL)
+OFFERS = [QoSProfile(depth=1, reliability=reliability, durability=durability)
+          for reliability, durability in product(RELIABILITY, DURABILITY)]
+
+
+def kinds(profile: QoSProfile) -> tuple[ReliabilityPolicy, DurabilityPolicy]:
+    return profile.reliability, profile.durability
+
+
+def test_without_a_publisher_the_least_is_asked_for() -> None:
+    assert kinds(wanted_profile((), {})) == (
+        ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
+
+
+@pytest.mark.parametrize('offers', list(product(OFFERS, OFFERS)))
+def test_every_publisher_is_heard_and_as_well_as_it_can(
+    offers: tuple[QoSProfile, QoSProfile],
+) -> None:
+    wanted = wanted_profile(offers, {})
+    assert all(hears(wanted, offer) for offer in offers)
+    for better in OFFERS:
+        if all(hears(better, offer) for offer in offers):
+            # The policies are ordered: reliable, 1, before best effort, 2; transient local, 1.
+            assert wanted.reliability.value <= better.reliability.value
+            assert wanted.durability.value <= better.durability.value
+
+
+@pytest.mark.parametrize(('offer', 'request_'), list(product(OFFERS, OFFERS)))
+def test_who_hears_whom_is_what_the_middleware_says(
+    offer: QoSProfile, request_: QoSProfile,
+) -> None:
+    compatibility, _ = qos_check_compatible(offer, request_)
+    assert hears(request_, offer) is (compatibility != QoSCompatibility.ERROR)
+
+
+def test_what_the_bundle_says_is_not_decided_by_publishers() -> None:
+    fixed = {'reliability': 'best_effort', 'durability': 'volatile', 'depth': 3,
+             'history': 'keep_all'}
+    wanted = wanted_profile([OFFERS[1]], fixed)
+    assert kinds(wanted) == (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
+    assert wanted.history is HistoryPolicy.KEEP_ALL
+    assert wanted_profile([], {'depth': 3}).depth == 3
+    assert wanted_profile([], {}).depth == DEFAULT_DEPTH
+    assert kinds(wanted_profile([], {'reliability': 'reliable'}))[0] is ReliabilityPolicy.RELIABLE
