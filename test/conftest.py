@@ -23,7 +23,14 @@ import shutil
 import subprocess
 import tempfile
 
+from hypothesis import HealthCheck
+from hypothesis import settings
 import pytest
+
+# Time says more of the machine, which others share, than of the code.
+settings.register_profile(
+    'fret_monitor', deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile('fret_monitor')
 
 ROOT = Path(__file__).resolve().parent.parent
 _WORKER = 'PYTEST_XDIST_WORKER'
