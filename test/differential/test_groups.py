@@ -26,13 +26,6 @@ from dataclasses import replace
 from random import Random
 from typing import Any
 
-import pytest
-from strategies import INPUTS
-from strategies import random_inputs
-from strategies import random_property
-from strategies import random_trace
-from strategies import specification_of
-
 from fret_monitor.build import build_specification
 from fret_monitor.logic.evaluate import verdicts
 from fret_monitor.logic.formula import postorder
@@ -44,6 +37,12 @@ from fret_monitor.manifest import Policy
 from fret_monitor.manifest import Report
 from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.runtime.evaluator import Violation
+import pytest
+from strategies import INPUTS
+from strategies import random_inputs
+from strategies import random_property
+from strategies import random_trace
+from strategies import specification_of
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,154 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Generated C is clean: no warning from gcc and clang, nothing for the sanitizers to find."""
+
+from pathlib import Path
+from random import Random
+import shutil
+import subprocess
+from typing import Any
+
+from differential.compiled import c_module
+from differential.compiled import clang
+from differential.compiled import compile_c
+from differential.compiled import CSRC
+from differential.compiled import gcc
+from differential.compiled import HERE
+from differential.compiled import WARNINGS
+from differential.compiled import write_module
+from fret_monitor.codegen.module import CModule
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import Historically
+from fret_monitor.logic.formula import Once
+from fret_monitor.logic.formula import Since
+from fret_monitor.logic.formula import Triggered
+from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.formula import Window
+from fret_monitor.manifest import ValueType
+import pytest
+from strategies import INPUTS
+from strategies import property_of
+from strategies import random_inputs
+from strategies import random_property
+from strategies import specification_of
+
+P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)
+SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-g', '-O1')
+COMPILERS = {'gcc': gcc, 'clang': clang}
+
+
+def every_window() -> list[Formula]:
+    """Return each operator with windows that need each kind of cell and of delay line."""
+    ends = [(0, None), (0, 0), (0, -1), (0, 200), (0, 300), (0, 70_000), (9, None), (300, None),
+            (1, 1), (8, 8), (33, 33), (64, 64), (65, 65), (65, 300), (1000, 2000)]
+    windows = [Window(low, high) for low, high in ends]
+    return [formula for window in windows for formula in (
+        Once(window, P), Historically(window, P), Since(window, P, Q), Triggered(window, P, Q))]
+
+
+def random_module(seed: int, count: int, size: int) -> CModule:
+    """Return C for all windows and random formulas on all types of inputs."""
+    rng = Random(seed)
+    properties = [property_of(f'W-{number}', item) for number, item in enumerate(every_window())]
+    properties += [random_property(rng, f'R-{number}', random_inputs(rng), size=size,
+                                   loops=2 if number % 4 == 0 else 0)
+                   for number in range(count)]
+    return c_module(specification_of(properties, INPUTS))
+
+
+@pytest.mark.parametrize('standard', ['c99', 'c11'])
+@pytest.mark.parametrize('name', COMPILERS)
+def test_generated_c_compiles_without_a_warning(name: str, standard: str, tmp_path: Path) -> None:
+    compiler = COMPILERS[name]()
+    if compiler is None:
+        pytest.skip(f'needs {name}')
+    # No expression nests deeper than 32 (DESIGN 7), which clang can hold it to.
+    extra = ('-fbracket-depth=32',) if name == 'clang' else ()
+    sources = write_module(random_module(1, 40, 25), tmp_path)
+    for level in ('-O0', '-O1', '-O2', '-O3'):
+        for source in sources:
+            compile_c([*compiler, f'-std={standard}', level, *WARNINGS, *extra, f'-I{CSRC}',
+                       f'-I{tmp_path}', '-c', source, '-o', tmp_path / 'out.o'])
+
+
+def drive(module: CModule, folder: Path, *command: str) -> str:
+    """Compile the monitor with `drive.c` and run it; return what it printed."""
+    program = folder / 'drive'
+    sources = write_module(module, folder)
+    compile_c([*command, '-std=c99', '-ffp-contract=off', f'-DMONITOR={module.symbol}',
+               f'-I{CSRC}', f'-I{folder}', *sources, HERE / 'drive.c', '-lm', '-o', program])
+    result = subprocess.run([program], capture_output=True, text=True, check=False, timeout=300)
+    assert result.returncode == 0, result.stderr[-4000:]
+    assert result.stderr == ''
+    return result.stdout
+
+
+def has_sanitizers(folder: Path) -> bool:
+    """Tell whether gcc can link and run a program with sanitizers here."""
+    (folder / 'empty.c').write_text('int main(void) {return 0;}\n')
+    found = gcc()
+    if found is None:
+        return False
+    built = subprocess.run([*found, *SANITIZERS, folder / 'empty.c', '-o', folder / 'empty'],
+                           capture_output=True, check=False)
+    return built.returncode == 0 and subprocess.run(
+        [folder / 'empty'], capture_output=True, check=False).returncode == 0
+
+
+@pytest.mark.parametrize(('seed', 'size'), [(1, 12), (2, 40)])
+def test_no_value_makes_generated_c_do_what_is_undefined(seed: int, size: int,
+                                                         tmp_path: Path) -> None:
+    if not has_sanitizers(tmp_path):
+        pytest.skip('needs gcc with the address and undefined-behaviour sanitizers')
+    module = random_module(seed, 60, size)
+    found: Any = gcc()
+    digest = drive(module, tmp_path, *found, *SANITIZERS)
+    assert digest == drive(module, tmp_path, *found, '-O3')
+    if clang():
+        assert digest == drive(module, tmp_path, *clang() or (), '-O2')
+
+
+def test_the_sanitizers_would_see_a_state_that_is_too_small(tmp_path: Path) -> None:
+    if not has_sanitizers(tmp_path):
+        pytest.skip('needs gcc with the address and undefined-behaviour sanitizers')
+    module = random_module(1, 1, 4)
+    found: Any = gcc()
+    text = (HERE / 'drive.c').read_text().replace('monitor->state_bytes', '1')
+    (tmp_path / 'small.c').write_text(text)
+    compile_c([*found, *SANITIZERS, f'-DMONITOR={module.symbol}', f'-I{CSRC}', f'-I{tmp_path}',
+               *write_module(module, tmp_path), tmp_path / 'small.c', '-lm', '-o',
+               tmp_path / 'small'])
+    result = subprocess.run([tmp_path / 'small'], capture_output=True, text=True, check=False)
+    assert result.returncode != 0
+    assert 'heap-buffer-overflow' in result.stderr
+
+
+def test_the_library_exports_prefixed_names_alone(tmp_path: Path) -> None:
+    nm, found = shutil.which('nm'), gcc()
+    if nm is None or found is None:
+        pytest.skip('needs gcc and nm')
+    module = random_module(1, 40, 10)
+    compile_c([*found, '-std=c99', '-fPIC', '-shared', '-fvisibility=hidden', f'-I{CSRC}',
+               f'-I{tmp_path}', *write_module(module, tmp_path), '-lm', '-o',
+               tmp_path / 'monitor.so'])
+    listed = subprocess.run([nm, '-D', '--defined-only', tmp_path / 'monitor.so'],
+                            capture_output=True, text=True, check=True)
+    names = [line.split()[-1] for line in listed.stdout.splitlines()]
+    assert module.symbol in names
+    assert all(name.startswith(f'{module.name}_') for name in names)
+
+
+def test_the_same_specification_gives_the_same_bytes() -> None:
+    assert random_module(5, 30, 20) == random_module(5, 30, 20)
