@@ -1,0 +1,462 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Formulas as text, in FRET's SMV syntax and in CoCoSpec: to be read, and to be read back.
+
+Reading what is printed (`parse_smv` or `parse_cocospec`, then `elaborate` in the scope of the
+formula's inputs) gives the same formula: conversions are left out, for the rules of types put
+them back, and numbers are written so that their context rounds them to the same value. Three
+things are not in the languages: a `Feedback` (printed as `pre` of its equation), an empty window
+other than `[0,-1]` (printed as that), and the difference of `<->` and `=` in CoCoSpec.
+
+Parentheses go beyond what our precedence asks for, so that people and other tools, which have
+other precedences, read the same: `(H p) & q`, `(p & q) | r`. A shared formula is printed once
+for each use, which can be exponential: give a limit where formulas of any origin are shown.
+"""
+
+from collections.abc import Mapping
+from collections.abc import Sequence
+from enum import auto
+from enum import Enum
+from fractions import Fraction
+import re
+from typing import assert_never
+from typing import ClassVar
+from typing import Final
+from typing import NamedTuple
+from typing import TypeAlias
+
+from fret_monitor.logic.formula import Binary
+from fret_monitor.logic.formula import BinaryOperator
+from fret_monitor.logic.formula import Choice
+from fret_monitor.logic.formula import Constant
+from fret_monitor.logic.formula import Conversion
+from fret_monitor.logic.formula import Feedback
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import FTP
+from fret_monitor.logic.formula import Historically
+from fret_monitor.logic.formula import Once
+from fret_monitor.logic.formula import Previous
+from fret_monitor.logic.formula import Since
+from fret_monitor.logic.formula import Triggered
+from fret_monitor.logic.formula import Unary
+from fret_monitor.logic.formula import UnaryOperator
+from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.formula import WeakYesterday
+from fret_monitor.logic.formula import Window
+from fret_monitor.logic.formula import Yesterday
+from fret_monitor.logic.numbers import NumberError
+from fret_monitor.logic.numbers import to_float32
+from fret_monitor.manifest import ValueType
+from fret_monitor.syntax import cocospec
+from fret_monitor.syntax import smv
+
+Values: TypeAlias = Mapping[str, Sequence[tuple[str, int | str]]]
+"""The names of an input's values, as in `Signal.values`, by the input's name."""
+
+_CUT: Final = ' ...'
+
+
+def to_smv(formula: Formula, limit: int | None = None, values: Values | None = None) -> str:
+    """
+    Return a formula in FRET's SMV syntax, on one line.
+
+    A text longer than `limit` characters is cut to that length and ends with ` ...`. With
+    `values`, the numbers that an input is compared with are written as their names.
+    """
+    return _render(formula, _Smv(values or {}), limit)
+
+
+def to_cocospec(formula: Formula, limit: int | None = None, values: Values | None = None) -> str:
+    """
+    Return a formula in CoCoSpec, on one line.
+
+    A text longer than `limit` characters is cut to that length and ends with ` ...`. With
+    `values`, the numbers that an input is compared with are written as their names.
+    """
+    return _render(formula, _CocoSpec(values or {}), limit)
+
+
+class _Shape(Enum):
+    """How a formula looks from outside, which decides about parentheses."""
+
+    ATOM = auto()
+    NOT = auto()
+    TEMPORAL = auto()
+    SIGNED = auto()
+    POWER = auto()
+    PRODUCT = auto()
+    SUM = auto()
+    RELATION = auto()
+    CONNECTIVE = auto()
+
+
+_ANY = frozenset(_Shape)
+_ATOM = frozenset({_Shape.ATOM})
+_LITERAL = _ATOM | {_Shape.NOT}
+_FACTOR = _ATOM | {_Shape.SIGNED, _Shape.POWER}
+_PRODUCT = _FACTOR | {_Shape.PRODUCT}
+_NUMBER = _PRODUCT | {_Shape.SUM}
+_OPERAND = _LITERAL | {_Shape.RELATION}
+_CHAIN = _ANY - {_Shape.TEMPORAL}
+
+
+class _Part(NamedTuple):
+    """A formula within another, and the shapes that need no parentheses there."""
+
+    node: Formula
+    bare: frozenset[_Shape] = _ANY
+
+
+_Pieces: TypeAlias = list[str | _Part]
+
+
+def _render(root: Formula, style: '_Style', limit: int | None) -> str:
+    done: list[str] = []
+    length = 0
+    stack: _Pieces = [_Part(root)]
+    while stack:
+        item = stack.pop()
+        if isinstance(item, str):
+            done.append(item)
+            length += len(item)
+            if limit is not None and length > limit:
+                break
+            continue
+        node = _unconverted(item.node)
+        pieces = style.pieces(node)
+        if style.shape(node) not in item.bare:
+            pieces = ['(', *pieces, ')']
+        stack.extend(reversed(pieces))
+    text = ''.join(done)
+    return text if not stack and (limit is None or length <= limit) else _cut(text, limit or 0)
+
+
+def _cut(text: str, limit: int) -> str:
+    return text[:max(limit - len(_CUT), 0)].rstrip() + _CUT
+
+
+def _unconverted(node: Formula) -> Formula:
+    while isinstance(node, Conversion):
+        node = node.argument
+    return node
+
+
+_SUMS = frozenset({BinaryOperator.ADD, BinaryOperator.SUB})
+_PRODUCTS = frozenset({BinaryOperator.MUL, BinaryOperator.DIV, BinaryOperator.MOD})
+_EXTREMES = frozenset({BinaryOperator.MIN, BinaryOperator.MAX})
+_EQUALITIES = frozenset({BinaryOperator.EQ, BinaryOperator.NE})
+
+
+class _Style:
+    """What both languages have in common; each node becomes pieces, its parts not yet printed."""
+
+    operators: ClassVar[Mapping[BinaryOperator, str]]
+    truths: ClassVar[tuple[str, str]]
+    negation: ClassVar[str]
+    reserved: ClassVar[frozenset[str]]
+
+    def __init__(self, values: Values) -> None:
+        self._values = values
+
+    def shape(self, node: Formula) -> _Shape:
+        match node:
+            case Constant(value):
+                is_signed = not isinstance(value, bool) and _is_negative(value)
+                return _Shape.SIGNED if is_signed else _Shape.ATOM
+            case Unary(UnaryOperator.NOT):
+                return _Shape.NOT
+            case Unary(UnaryOperator.NEG):
+                return _Shape.SIGNED
+            case Binary():
+                return self._binary_shape(node)
+            case _:
+                return _Shape.ATOM
+
+    def _binary_shape(self, node: Binary) -> _Shape:
+        if node.operator in _EXTREMES:
+            return _Shape.ATOM
+        if node.operator in _SUMS:
+            return _Shape.SUM
+        if node.operator in _PRODUCTS:
+            return _Shape.PRODUCT
+        if node.operator is BinaryOperator.POW:
+            return _Shape.POWER
+        is_number = node.operator.is_relation and node.left.type is not ValueType.BOOL
+        return _Shape.RELATION if is_number else _Shape.CONNECTIVE
+
+    def pieces(self, node: Formula) -> _Pieces:
+        match node:
+            case Constant():
+                return [self._constant(node)]
+            case Variable():
+                return [self._name(node.name)]
+            case Feedback():
+                return [f'pre({node.name})']
+            case Conversion():
+                return [_Part(node.argument)]
+            case Unary():
+                return self._unary(node)
+            case Binary():
+                return self._binary(node)
+            case Choice():
+                yes, no = self._alike(node.yes, node.no)
+                return self._choice(node, yes, no)
+            case Previous():
+                initial, argument = self._alike(node.initial, node.argument)
+                return _call(f'pre{_kind(node)}', initial, argument)
+            case Yesterday() | WeakYesterday() | Once() | Historically() | Since() | Triggered():
+                return ['FTP'] if node is FTP else self._temporal(node)
+            case _:
+                assert_never(node)
+
+    def _constant(self, node: Constant) -> str:
+        if isinstance(node.value, bool):
+            return self.truths[node.value]
+        return _number(node)
+
+    def _name(self, name: str) -> str:
+        if re.fullmatch(_PLAIN, name) and name not in self.reserved:
+            return name
+        return '"' + re.sub(r'(["\\])', r'\\\1', name) + '"'
+
+    def _unary(self, node: Unary) -> _Pieces:
+        match node.operator:
+            case UnaryOperator.NOT:
+                return [self.negation, _Part(node.argument, _ATOM)]
+            case UnaryOperator.NEG:
+                return ['-', _Part(node.argument, _ATOM)]
+            case UnaryOperator.ABS:
+                return _call(f'abs{_kind(node)}', _Part(node.argument))
+            case _:
+                assert_never(node.operator)
+
+    def _binary(self, node: Binary) -> _Pieces:
+        if node.operator in _EXTREMES:
+            return _call(f'{node.operator.value}{_kind(node)}', _Part(node.left),
+                         _Part(node.right))
+        left, right = self._sides(node)
+        return [left, f' {self.operators[node.operator]} ', right]
+
+    def _sides(self, node: Binary) -> tuple[_Part | str, _Part | str]:
+        match self._binary_shape(node):
+            case _Shape.RELATION:
+                return self._alike(node.left, node.right, _NUMBER)
+            case _Shape.SUM:
+                return _Part(node.left, _NUMBER), _Part(node.right, _PRODUCT)
+            case _Shape.PRODUCT:
+                return _Part(node.left, _PRODUCT), _Part(node.right, _FACTOR)
+            case _Shape.POWER:
+                return _Part(node.left, _ATOM), _Part(node.right, _ATOM)
+            case _:
+                return self._connected(node)
+
+    def _connected(self, node: Binary) -> tuple[_Part, _Part]:
+        if node.operator in _EQUALITIES or node.operator is BinaryOperator.IFF:
+            return _Part(node.left, _ATOM), _Part(node.right, _ATOM)
+        is_chain = (node.operator in (BinaryOperator.AND, BinaryOperator.OR)
+                    and isinstance(node.left, Binary) and node.left.operator is node.operator)
+        return _Part(node.left, _CHAIN if is_chain else _OPERAND), _Part(node.right, _OPERAND)
+
+    def _alike(self, left: Formula, right: Formula,
+               bare: frozenset[_Shape] = _ANY) -> tuple[_Part | str, _Part | str]:
+        """Return two that are compared or chosen from, a number as the name it has beside."""
+        return (self._value(left, right) or _Part(left, bare),
+                self._value(right, left) or _Part(right, bare))
+
+    def _value(self, node: Formula, beside: Formula) -> str | None:
+        if not self._values or not isinstance(node, Constant) or not node.type.is_integer:
+            return None
+        for variable in _sources(beside):
+            for name, value in self._values.get(variable.name, ()):
+                if self._number_of(variable, value) == node.value:
+                    return self._name(name)
+        return None
+
+    def _number_of(self, variable: Variable, value: int | str) -> int:
+        if isinstance(value, int):
+            return value
+        return [item for _, item in self._values[variable.name]].index(value)
+
+    def _choice(self, node: Choice, yes: _Part | str, no: _Part | str) -> _Pieces:
+        raise NotImplementedError
+
+    def _temporal(self, node: Formula) -> _Pieces:
+        raise NotImplementedError
+
+
+_PLAIN = re.compile(r'[A-Za-z_$][\w$]*(?:[.%][\w$]+)*', re.ASCII)
+
+
+def _call(function: str, *arguments: _Part | str) -> _Pieces:
+    pieces: _Pieces = [f'{function}(']
+    for argument in arguments:
+        pieces += [argument, ', ']
+    return [*pieces[:-1], ')']
+
+
+def _kind(node: Formula) -> str:
+    """Return the end of FRET's typed spelling of a function."""
+    if node.type is ValueType.BOOL:
+        return 'Bool'
+    return 'Real' if node.type.is_float else 'Int'
+
+
+def _sources(node: Formula) -> list[Variable]:
+    """Return the inputs whose values a term has: it is one, or `pre` or a choice of some."""
+    found = []
+    stack = [node]
+    seen: set[Formula] = set()
+    while stack:
+        item = stack.pop()
+        if item in seen:
+            continue
+        seen.add(item)
+        match item:
+            case Variable():
+                found.append(item)
+            case Conversion(argument):
+                stack.append(argument)
+            case Previous(initial, argument):
+                stack += [argument, initial]
+            case Choice(_, yes, no):
+                stack += [no, yes]
+    return found
+
+
+class _Smv(_Style):
+
+    operators: ClassVar = {item: item.value for item in BinaryOperator}
+    truths = ('FALSE', 'TRUE')
+    negation = '!'
+    reserved = smv.RESERVED
+
+    def shape(self, node: Formula) -> _Shape:
+        match node:
+            case Once() | Historically() | Yesterday():
+                return _Shape.TEMPORAL
+            case WeakYesterday():
+                return _Shape.ATOM if node is FTP else _Shape.TEMPORAL
+            case Since() | Triggered():
+                return _Shape.CONNECTIVE
+            case _:
+                return super().shape(node)
+
+    def _choice(self, node: Choice, yes: _Part | str, no: _Part | str) -> _Pieces:
+        return _call('ite', _Part(node.condition), yes, no)
+
+    def _temporal(self, node: Formula) -> _Pieces:
+        match node:
+            case Yesterday():
+                return ['Y ', _Part(node.argument, _LITERAL)]
+            case WeakYesterday():
+                return ['Z ', _Part(node.argument, _LITERAL)]
+            case Once():
+                return [f'O{_bound(node.window)} ', _Part(node.argument, _LITERAL)]
+            case Historically():
+                return [f'H{_bound(node.window)} ', _Part(node.argument, _LITERAL)]
+            case Since():
+                return [_Part(node.left, _LITERAL), f' S{_bound(node.window)} ',
+                        _Part(node.right, _LITERAL)]
+            case Triggered():
+                return [_Part(node.left, _LITERAL), f' T{_bound(node.window)} ',
+                        _Part(node.right, _LITERAL)]
+            case _:
+                raise AssertionError(f'not temporal: {node}')
+
+
+def _bound(window: Window) -> str:
+    if window.is_unbounded:
+        return ''
+    if window.is_empty:
+        return '[0,-1]'
+    return f'[>={window.low}]' if window.high is None else f'[{window.low},{window.high}]'
+
+
+class _CocoSpec(_Style):
+
+    operators: ClassVar = {
+        **{item: item.value for item in BinaryOperator},
+        BinaryOperator.AND: 'and',
+        BinaryOperator.OR: 'or',
+        BinaryOperator.IMPLIES: '=>',
+        BinaryOperator.IFF: '=',
+        BinaryOperator.NE: '<>',
+    }
+    truths = ('false', 'true')
+    negation = 'not '
+    reserved = cocospec.RESERVED
+
+    def shape(self, node: Formula) -> _Shape:
+        return _Shape.CONNECTIVE if isinstance(node, Choice) else super().shape(node)
+
+    def _choice(self, node: Choice, yes: _Part | str, no: _Part | str) -> _Pieces:
+        return ['if ', _Part(node.condition), ' then ', yes, ' else ', no]
+
+    def _temporal(self, node: Formula) -> _Pieces:
+        match node:
+            case Yesterday():
+                return _call('YtoPre', _Part(node.argument))
+            case WeakYesterday():
+                return _call('ZtoPre', _Part(node.argument))
+            case Once():
+                return _timed('O', node.window, _Part(node.argument))
+            case Historically():
+                return _timed('H', node.window, _Part(node.argument))
+            case Since(window, left, Binary(BinaryOperator.AND, both, right)) if both is left:
+                return _timed('SI', window, _Part(right), _Part(left))
+            case Since():
+                return _timed('S', node.window, _Part(node.right), _Part(node.left))
+            case Triggered():
+                return _timed('T', node.window, _Part(node.right), _Part(node.left))
+            case _:
+                raise AssertionError(f'not temporal: {node}')
+
+
+def _timed(function: str, window: Window, *arguments: _Part) -> _Pieces:
+    if window.is_unbounded:
+        return _call(function, *arguments)
+    if window.is_empty:
+        return _call(f'{function}T', '-1', '0', *arguments)
+    if window.high is None:
+        return _call(f'{function}T', str(window.low), 'GreaterThanOrEqual', *arguments)
+    return _call(f'{function}T', str(window.high), str(window.low), *arguments)
+
+
+def _is_negative(value: int | float) -> bool:
+    return str(value).startswith('-')
+
+
+def _number(node: Constant) -> str:
+    """Return a number so that its context reads it as the same constant."""
+    if isinstance(node.value, int):
+        return str(node.value)
+    text = _shortest_float32(node.value) if node.type is ValueType.FLOAT32 else repr(node.value)
+    match = re.fullmatch(r'(.*?)e([+-])0*([0-9]+)', text)
+    if match:
+        # FRET reads no zero before, and needs no plus.
+        return f'{match[1]}e{match[2].strip("+")}{match[3]}'
+    return text if '.' in text else f'{text}.0'
+
+
+def _shortest_float32(value: float) -> str:
+    for digits in range(1, 9):
+        text = f'{value:.{digits}g}'
+        try:
+            if to_float32(Fraction(text)) == value:
+                return text
+        except NumberError:
+            continue
+    return f'{value:.9g}'
