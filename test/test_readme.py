@@ -1,0 +1,98 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The pages a user reads say what happens: their commands are run, and their files written.
+
+A fenced block whose first line is a comment with the name of a file is that file. In a block
+marked `console`, a line after `$ ` is a command, and what follows is its output, in which `...`
+stands for anything.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+import os
+from pathlib import Path
+import re
+import subprocess
+import sys
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))]
+FENCE = re.compile(r'^```(\w*)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+FILE = re.compile(r'# (\S+\.(?:yaml|csv|c|py))\n')
+
+if not PAGES[0].is_file():
+    pytest.skip('needs the source tree', allow_module_level=True)
+
+
+@dataclass(frozen=True)
+class Session:
+    """A command of a page and what it is said to print."""
+
+    line: int
+    command: str
+    output: str
+
+
+def sessions(text: str, start: int) -> Iterator[Session]:
+    """Yield the commands of one block, which starts at a line of the page."""
+    for part in re.split(r'^\$ ', text, flags=re.MULTILINE)[1:]:
+        command, _, output = part.partition('\n')
+        yield Session(start, command, output)
+
+
+def matches(said: str, printed: str) -> bool:
+    """Say whether what was printed is what the page says, `...` being anything."""
+    def pattern_of(line: str) -> str:
+        return '.*'.join(re.escape(piece) for piece in line.rstrip().split('...'))
+
+    pattern = r'[ ]*\n'.join(map(pattern_of, said.rstrip().splitlines()))
+    return re.fullmatch(pattern, printed.rstrip(), re.DOTALL) is not None
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_the_commands_of_a_page_print_what_it_says(page: Path, repository: Path) -> None:
+    text = page.read_text(encoding='utf-8')
+    environment = {
+        **os.environ, 'NO_COLOR': '1', 'COLUMNS': '80',
+        'PATH': f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}',
+    }
+    for block in FENCE.finditer(text):
+        if named := FILE.match(block[2]):
+            (repository / named[1]).write_text(block[2], encoding='utf-8')
+        if block[1] != 'console':
+            continue
+        for each in sessions(block[2], text.count('\n', 0, block.start()) + 1):
+            done = subprocess.run(
+                ['bash', '-c', each.command], cwd=repository, env=environment, text=True,
+                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                check=False)
+            assert matches(each.output, done.stdout), (
+                f'{page.name}, block at line {each.line}\n$ {each.command}\n{done.stdout}')
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_the_links_of_a_page_lead_to_files(page: Path) -> None:
+    links = re.findall(r'\]\((?!\w+:|#)([^)#]+)', page.read_text(encoding='utf-8'))
+    assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+def test_anything_may_stand_for_dots_and_nothing_else() -> None:
+    assert matches('a ... c\nd\n', 'a bb c  \nd\n')
+    assert matches('...\nend', 'one\ntwo\nend\n')
+    assert not matches('a c', 'a bb c')
+    assert not matches('a\n', 'a\nb\n')
