@@ -232,10 +232,11 @@ class _Build:
         except OSError:
             if self._is_whole():
                 return
-            # What is there is damaged. It is moved, not emptied: somebody may have it loaded.
-            self._folder.rename(unfinished.with_name(f'{unfinished.name}-damaged'))
+            # What is there is damaged. It is moved out of the way, not emptied in its place.
+            damaged = unfinished.with_name(f'{unfinished.name}-damaged')
+            self._folder.rename(damaged)
             unfinished.rename(self._folder)
-            shutil.rmtree(unfinished.with_name(f'{unfinished.name}-damaged'), ignore_errors=True)
+            _remove(damaged)
 
 
 def _refuse_foreign(folder: Path) -> None:
@@ -254,10 +255,17 @@ def _sweep(root: Path) -> None:
     """Remove what processes that died midway left behind."""
     for left in root.glob(f'{_UNFINISHED}*'):
         try:
-            if time.time() - left.stat().st_mtime > _LITTER_AGE:
-                shutil.rmtree(left, ignore_errors=True)
+            if time.time() - left.lstat().st_mtime > _LITTER_AGE:
+                _remove(left)
         except OSError:
             continue  # somebody else was quicker
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def _is_full(root: Path) -> bool:

@@ -36,6 +36,10 @@ CData: TypeAlias = Any  # what cffi hands out has types of C, none of Python
 
 _FLAGS = ffi.RTLD_NOW | ffi.RTLD_LOCAL
 _C_LIBRARY: Any = ffi.dlopen(None)
+# Looked up now: cffi looks a function up at its first use, and that would wipe out what dlerror
+# has to say.
+_dlopen, _dlsym, _dlclose, _dlerror = (
+    _C_LIBRARY.dlopen, _C_LIBRARY.dlsym, _C_LIBRARY.dlclose, _C_LIBRARY.dlerror)
 
 
 class Library:
@@ -45,21 +49,21 @@ class Library:
         """Open it; raises `LibraryError` if it is missing or no library for this machine."""
         self.path = path
         # With a slash in it, so that no other folder is searched.
-        handle = _C_LIBRARY.dlopen(os.fsencode(os.path.abspath(path)), _FLAGS)
+        handle = _dlopen(os.fsencode(os.path.abspath(path)), _FLAGS)
         if handle == ffi.NULL:
             raise LibraryError(f'cannot load {path}: {_reason()}')
-        self._handle = ffi.gc(handle, _C_LIBRARY.dlclose)
+        self._handle = ffi.gc(handle, _dlclose)
 
     def find(self, symbol: str) -> CData:
         """Return the address of an exported name; raises `LibraryError` if there is none."""
-        address = _C_LIBRARY.dlsym(self._handle, symbol.encode())
+        address = _dlsym(self._handle, symbol.encode())
         if address == ffi.NULL:
             raise LibraryError(f"{self.path} does not export '{symbol}'")
         return address
 
 
 def _reason() -> str:
-    message = _C_LIBRARY.dlerror()
+    message = _dlerror()
     return 'unknown error' if message == ffi.NULL else _text(message)
 
 

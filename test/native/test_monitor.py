@@ -1,0 +1,156 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A compiled bundle is loaded if it is the one of its manifest, and refused in words if not."""
+
+from dataclasses import replace
+import gc
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+
+from fret_monitor.manifest import Manifest
+from fret_monitor.manifest import ManifestInput
+from fret_monitor.manifest import ManifestRequirement
+from fret_monitor.manifest import ValueType
+from fret_monitor.native import build_library
+from fret_monitor.native import evaluator_library
+from fret_monitor.native import LibraryError
+from fret_monitor.native import load
+from fret_monitor.native import load_evaluator
+from native import toys
+import pytest
+
+
+def library(text: str | None = None) -> Path:
+    return build_library({'toy.c': text or toys.source()}, name='toy')
+
+
+def test_a_library_that_fits_its_manifest_is_loaded() -> None:
+    monitor = load(library(), toys.manifest())
+    assert monitor.state_bytes == 16
+    assert monitor.pointer.n_requirements == 2
+
+
+def test_the_same_library_is_loaded_twice() -> None:
+    first, second = load(library(), toys.manifest()), load(library(), toys.manifest())
+    del first
+    gc.collect()
+    assert second.pointer.n_inputs == 2
+
+
+def test_libraries_with_the_same_symbol_live_side_by_side() -> None:
+    first = load(library(), toys.manifest())
+    other = toys.source(source_hash='ab')
+    second = load(library(other), replace(toys.manifest(), source_hash='ab'))
+    assert first.pointer != second.pointer
+
+
+def test_a_library_that_is_missing_is_told(tmp_path: Path) -> None:
+    with pytest.raises(LibraryError, match='cannot load .*No such file'):
+        load(tmp_path / 'libgone.so', toys.manifest())
+
+
+def test_a_relative_path_is_searched_for_nowhere_else(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(LibraryError, match='cannot load'):
+        load(Path('libm.so.6'), toys.manifest())
+    shutil.copy(library(), 'libtoy.so')
+    assert load(Path('libtoy.so'), toys.manifest()).state_bytes == 16
+
+
+@pytest.mark.parametrize('content', [b'', b'text', b'\x7fELF', b'\x7fELF' + bytes(2000)])
+def test_a_file_that_is_no_library_is_told(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / 'libtoy.so').write_bytes(content)
+    with pytest.raises(LibraryError, match='cannot load'):
+        load(tmp_path / 'libtoy.so', toys.manifest())
+
+
+def test_a_library_without_the_symbol_is_told() -> None:
+    with pytest.raises(LibraryError, match="does not export 'fm_toy_monitor'"):
+        load(evaluator_library(), toys.manifest())
+
+
+def test_a_monitor_is_no_evaluator() -> None:
+    with pytest.raises(LibraryError, match="does not export 'fm_evaluator_rows'"):
+        load_evaluator(library())
+
+
+@pytest.mark.parametrize(('old', 'new', 'told'), [
+    ('FM_ABI, 2', '7, 2', 'compiled for interface 7, this version has 1'),
+    ('return &MONITOR', '(void)MONITOR; return NULL', 'describes no monitor'),
+    ('"HASH"', '"0123456789abcdef"', 'made of other sources, 0123456789ab instead of unknown'),
+    ('{"flag"', '{"lamp"', "input 0 is 'lamp' instead of 'flag'"),
+    ('FM_INT16', 'FM_UINT16', "input 'level' is not of type int16"),
+    ('FM_ABI, 2, 2, 2', 'FM_ABI, 1, 2, 2', 'has 1 inputs instead of 2'),
+    ('FM_ABI, 2, 2, 2', 'FM_ABI, 2, 1, 2', 'has 1 groups instead of 2'),
+    ('FM_ABI, 2, 2, 2', 'FM_ABI, 2, 2, 1', 'has 1 requirements instead of 2'),
+    ('"LAMP"', '"LAMB"', "requirement 0 is 'LAMB' instead of 'LAMP'"),
+    ('{"LAMP", 0}', '{"LAMP", 1}', "requirement 'LAMP' is in another group"),
+    ('{FIRST_TWO, 2, FIRST', '{FIRST_TWO, 1, FIRST', 'group 1 reads other inputs'),
+    ('FIRST_TWO + 1, 1', 'FIRST_TWO, 1', 'group 1 holds other requirements'),
+])
+def test_a_library_that_is_not_the_one_of_its_manifest_is_refused(
+    old: str, new: str, told: str,
+) -> None:
+    assert old in toys.SOURCE
+    text = toys.SOURCE.replace(old, new).replace('LIMIT', '10').replace('HASH', '')
+    with pytest.raises(LibraryError, match='does not fit its manifest') as caught:
+        load(library(text), toys.manifest())
+    assert told in str(caught.value)
+
+
+def swapped(manifest: Manifest) -> Manifest:
+    return replace(manifest, requirements=manifest.requirements[::-1])
+
+
+def test_the_order_of_inputs_and_requirements_counts() -> None:
+    with pytest.raises(LibraryError, match="requirement 0 is 'LAMP' instead of 'COOL'"):
+        load(library(), swapped(toys.manifest()))
+    inputs: tuple[ManifestInput, ...] = toys.manifest().inputs
+    with pytest.raises(LibraryError, match="input 0 is 'flag' instead of 'level'"):
+        load(library(), replace(toys.manifest(), inputs=inputs[::-1]))
+
+
+def test_names_may_hold_any_character() -> None:
+    name = 'Größe-1 "π" \\ ü'
+    quoted = ''.join(f'\\{byte:03o}' for byte in name.encode())
+    requirements: tuple[ManifestRequirement, ...] = toys.manifest().requirements
+    manifest = replace(toys.manifest(), requirements=(
+        replace(requirements[0], id=name), requirements[1]))
+    assert load(library(toys.source().replace('LAMP', quoted)), manifest)
+
+
+def test_a_type_of_the_manifest_is_the_one_of_the_header() -> None:
+    inputs = toys.manifest().inputs
+    changed = replace(inputs[1], value_type=ValueType.FLOAT64)
+    with pytest.raises(LibraryError, match="input 'level' is not of type float64"):
+        load(library(), replace(toys.manifest(), inputs=(inputs[0], changed)))
+
+
+def test_loading_needs_neither_parser_nor_compiler() -> None:
+    script = (
+        'import sys\nimport fret_monitor.native, fret_monitor.runtime\n'
+        'heavy = {"lark", "yaml", "pycparser", "cffi", "rclpy"} & set(sys.modules)\n'
+        'levels = ("syntax", "logic", "program", "codegen", "build", "ros", "cli")\n'
+        'heavy |= {name for name in sys.modules for level in levels\n'
+        '          if name.startswith(f"fret_monitor.{level}")}\n'
+        'print(sorted(heavy))')
+    done = subprocess.run(
+        [sys.executable, '-c', script], capture_output=True, text=True, check=True,
+        env={'PYTHONPATH': ':'.join(filter(None, sys.path))})
+    assert done.stdout.strip() == '[]'
