@@ -24,6 +24,8 @@ the violations that this finds, in that order.
 """
 
 from collections.abc import Iterator
+from collections.abc import Mapping
+from collections.abc import Set
 from contextlib import contextmanager
 import os
 from pathlib import Path
@@ -35,12 +37,15 @@ import struct
 import subprocess
 import sys
 from tempfile import TemporaryDirectory
+from textwrap import fill
 from threading import Thread
 from time import monotonic
 from time import sleep
+from time import time
 
 from fret_monitor import build
 from fret_monitor.logic.evaluate import verdicts
+from fret_monitor.logic.formula import variables
 from fret_monitor.logic.specification import Property
 from fret_monitor.logic.specification import Specification
 from fret_monitor.manifest import Report
@@ -120,22 +125,33 @@ class Story:
     def __init__(self) -> None:
         """Use colours if a person is watching."""
         self._colours = sys.stdout.isatty() and 'NO_COLOR' not in os.environ
+        self._take_off = time()
 
     def say(self, text: str = '', colour: int | None = None) -> None:
         """Write a line."""
         is_plain = colour is None or not self._colours
         print(text if is_plain else f'\033[{colour}m{text}\033[0m', flush=True)
 
-    def fly(self, time: float, wind: float, current: float, event: str) -> None:
+    def begin(self) -> None:
+        """Take it that the flight begins now."""
+        self._take_off = time()
+
+    def paragraph(self, head: str, text: str, colour: int | None = None) -> None:
+        """Write a text below its head, wrapped."""
+        self.say(fill(text, 96, initial_indent=head, subsequent_indent=' ' * len(head)), colour)
+
+    def fly(self, seconds: float, wind: float, current: float, event: str) -> None:
         """Write a line of the flight."""
-        self.say(f'  {time:5.1f} s  wind {_bar(wind, 16)} {wind:4.1f} m/s'
+        self.say(f'  {seconds:5.1f} s  wind {_bar(wind, 16)} {wind:4.1f} m/s'
                  f'   current {_bar(current, 32)} {current:4.1f} A   {event}'.rstrip(),
                  36 if event else None)
 
-    def violate(self, name: str, time: str, sentence: str) -> None:
+    def violate(self, name: str, stamp: str, sentence: str) -> None:
         """Write that a requirement is violated."""
-        self.say(f'  *****  VIOLATED  {name}  at t = {time}', 31)
-        self.say(f'         {sentence}', 31)
+        flown = float(stamp) - self._take_off
+        self.say(f'  ***** {name} VIOLATED at {flown:.1f} s of the flight '
+                 f'(ROS time {stamp})', 31)
+        self.paragraph('        ', sentence, 31)
 
 
 def _bar(value: float, most: float, width: int = 16) -> str:
@@ -171,7 +187,7 @@ def _perform(story: Story, log: Path) -> list[str]:
     story.say('A quadrotor flies through wind. These are its requirements:')
     specification = build.read(BUNDLE).specification
     for item in specification.properties:
-        story.say(f'  {item.id}  {item.title}')
+        story.paragraph(f'  {item.id}  ', item.title)
     story.say()
     with _process('monitor', f'spec:={BUNDLE}') as monitor, \
             _process('logger', f'spec:={BUNDLE}') as logger:
@@ -237,9 +253,11 @@ def _tell_flight(story: Story, line: str, count: int) -> int:
     if found is None:
         story.say(f'  vehicle: {_message(line)}')
         return 0
-    time, wind, current, event = found.groups()
+    seconds, wind, current, event = found.groups()
+    if count == 0:
+        story.begin()
     if event or count % 5 == 0:
-        story.fly(float(time), float(wind), float(current), event or '')
+        story.fly(float(seconds), float(wind), float(current), event or '')
     return 1
 
 
@@ -272,8 +290,8 @@ def _judge(story: Story, announced: list[str], log: Path) -> int:
     expected = _expected(build.read(BUNDLE).specification, flight)
     story.say()
     story.say(f'{len(flight)} messages were published. By the reference semantics they violate:')
-    for time, name in expected:
-        story.say(f'  {name}  at {time} s of the flight')
+    for seconds, name in expected:
+        story.say(f'  {name}  at {seconds} s of the flight')
     if not expected or announced != [name for _, name in expected]:
         raise Failure(f"announced was: {', '.join(announced) or 'nothing'}")
     story.say('That is what was announced, and nothing else.', 32)
@@ -282,24 +300,27 @@ def _judge(story: Story, announced: list[str], log: Path) -> int:
 
 def _expected(specification: Specification, flight: list[list[str]]) -> list[tuple[str, str]]:
     """Return (time, id) of what a flight has to announce, in the order of the messages."""
-    rows = list(_steps(specification, flight))
-    trace = {item.name: [row[item.name] for _, row in rows] for item in specification.signals}
+    fed = {f'/{item.topic}': item.name for item in specification.signals}
     found = []
     for place, item in enumerate(specification.properties):
+        read = {variable.name for variable in variables(item.formula)}
+        steps = list(_steps(flight, fed, read))
+        trace = {name: [values[name] for _, values in steps] for name in read}
         truth = verdicts(item.formula, trace, item.feedback)
-        found += [(step, place) for step in range(len(rows)) if _is_announced(item, truth, step)]
-    return [(rows[step][0], specification.properties[place].id) for step, place in sorted(found)]
+        found += [(steps[step][0], place) for step in range(len(steps))
+                  if _is_announced(item, truth, step)]
+    return [(flight[number][0], specification.properties[place].id)
+            for number, place in sorted(found)]
 
 
-def _steps(specification: Specification,
-           flight: list[list[str]]) -> Iterator[tuple[str, dict[str, float]]]:
-    """Yield time and values of each step: a message, once all inputs have a value."""
-    fed = {f'/{item.topic}': item.name for item in specification.signals}
+def _steps(flight: list[list[str]], fed: Mapping[str, str],
+           read: Set[str]) -> Iterator[tuple[int, dict[str, float]]]:
+    """Yield each message with which a requirement steps: any, once all it reads has a value."""
     values: dict[str, float] = {}
-    for time, topic, value in flight:
+    for number, (_, topic, value) in enumerate(flight):
         values[fed[topic]] = _as_float32(float(value))
-        if len(values) == len(fed):
-            yield time, dict(values)
+        if values.keys() >= read:
+            yield number, dict(values)
 
 
 def _as_float32(value: float) -> float:

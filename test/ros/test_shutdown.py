@@ -1,0 +1,136 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Both nodes end on SIGINT and SIGTERM, every time, idle and flooded, and without a word."""
+
+from collections.abc import Iterator
+from pathlib import Path
+import signal
+from threading import Event
+from threading import Thread
+from time import sleep
+
+import pytest
+from ros.harness import NodeProcess
+from ros.harness import Partner
+from ros.harness import READY
+from std_msgs.msg import Empty
+from std_msgs.msg import Float32
+
+TIMES = 20
+AT_ONCE = 4
+PATIENCE = 5.0  # s; two of them on an idle machine, and this one starts others meanwhile
+
+BUNDLE = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+requirements:
+  - {id: R1, ptltl: x < 0.5}
+"""
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> Path:
+    path = tmp_path / 'bundle.yaml'
+    path.write_text(BUNDLE)
+    return path
+
+
+@pytest.fixture
+def flood(partner: Partner) -> Iterator[None]:
+    """Publish at several kHz, half of it violations, for the monitor and for the logger."""
+    values = partner.publisher(Float32, 'x')
+    violations = partner.publisher(Empty, 'copilot/handlerpropR1')
+    is_over = Event()
+
+    def pour() -> None:
+        number = 0
+        while not is_over.is_set():
+            for _ in range(10):
+                number += 1
+                values.publish(Float32(data=float(number % 2)))
+                violations.publish(Empty())
+            sleep(0.002)
+
+    thread = Thread(target=pour, daemon=True)
+    thread.start()
+    yield
+    is_over.set()
+    thread.join()
+
+
+def end_all(name: str, number: signal.Signals, bundle: Path) -> None:
+    for _ in range(TIMES // AT_ONCE):
+        nodes = [NodeProcess(name, '-p', f'spec:={bundle}', '-r', f'__node:=node{place}')
+                 for place in range(AT_ONCE)]
+        try:
+            for node in nodes:
+                node.wait_for(READY[name])
+            sleep(0.1)
+            for node in nodes:
+                node.process.send_signal(number)
+            for node in nodes:
+                assert node.status(PATIENCE) == 0, node.output
+                told = [line for line in node.output.splitlines()
+                        if not line.startswith(('[INFO]', '[ERROR]')) or 'context' in line]
+                assert told == []
+        finally:
+            for node in nodes:
+                node.kill()
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('name', ['monitor', 'logger'])
+def test_an_idle_node_ends_quietly(
+    name: str, number: signal.Signals, bundle: Path, domain: int,
+) -> None:
+    end_all(name, number, bundle)
+
+
+@pytest.mark.usefixtures('flood')
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('name', ['monitor', 'logger'])
+def test_a_busy_node_ends_quietly(name: str, number: signal.Signals, bundle: Path) -> None:
+    end_all(name, number, bundle)
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('name', ['monitor', 'logger'])
+def test_a_node_that_is_still_starting_ends_quietly(
+    name: str, number: signal.Signals, bundle: Path, domain: int,
+) -> None:
+    # Python itself needs a moment (the wheels start it twice); before that no program of
+    # Python's has a say. From then on any moment will do.
+    for delay in (0.25, 0.35, 0.45, 0.55, 0.7, 0.9):
+        node = NodeProcess(name, '-p', f'spec:={bundle}')
+        try:
+            sleep(delay)
+            assert node.end(number, PATIENCE) == 0, f'after {delay} s:\n{node.output}'
+            assert 'Traceback' not in node.output
+        finally:
+            node.kill()
+
+
+def test_a_second_signal_does_not_disturb_the_end(bundle: Path, domain: int) -> None:
+    node = NodeProcess('monitor', '-p', f'spec:={bundle}')
+    try:
+        node.wait_for(READY['monitor'])
+        for number in (signal.SIGINT, signal.SIGINT, signal.SIGTERM):
+            node.process.send_signal(number)
+            sleep(0.01)
+        assert node.status(PATIENCE) == 0
+        assert 'Traceback' not in node.output
+    finally:
+        node.kill()
