@@ -155,7 +155,7 @@ def relation(operator: BinaryOperator, left: Term, right: Term, name: str, place
         return Binary(_MIRRORED[mirrored.operator], mirrored.right, mirrored.left)
     if isinstance(b, Literal):
         return _against(operator, a, b, right, place, problems)
-    return _typed(operator, promoted(a), promoted(b))
+    return _typed(operator, a, b)
 
 
 def _equality(operator: BinaryOperator, left: Term, right: Term, name: str) -> Formula:
@@ -167,11 +167,11 @@ def _equality(operator: BinaryOperator, left: Term, right: Term, name: str) -> F
 
 
 def _typed(operator: BinaryOperator, a: Formula, b: Formula) -> Formula:
-    # INT64 and UINT64 stay as they are: the relation compares them by value.
-    if a.type.is_float or b.type.is_float:
-        kind = settled([a, b])
+    kind = settled([a, b])
+    if kind.is_float:
         return Binary(operator, convert(a, kind), convert(b, kind))
-    return Binary(operator, a, b)
+    # INT64 and UINT64 stay as they are: the relation compares them by value.
+    return Binary(operator, promoted(a), promoted(b))
 
 
 def _holds(operator: BinaryOperator, a: Literal, b: Literal) -> bool:

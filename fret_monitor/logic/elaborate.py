@@ -29,7 +29,6 @@ formula. The rules of types and numbers are in docs/numbers.md:
 
 from collections.abc import Iterable
 from collections.abc import Mapping
-from typing import Any
 from typing import TypeAlias
 
 from fret_monitor.diagnostics import CompileError
@@ -69,6 +68,7 @@ from fret_monitor.syntax.bundle import Requirement
 from fret_monitor.syntax.expression import Equations
 from fret_monitor.syntax.expression import Expression
 from fret_monitor.syntax.expression import Name
+from fret_monitor.syntax.message import find_message as find_installed
 
 _MANY = 8
 _Trees: TypeAlias = Mapping[str, Expression | Equations | None]
@@ -90,7 +90,7 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None
         with all mistakes of the bundle.
     """
     reading = _Reading()
-    signals = reading.read_inputs(bundle, find_message or _installed)
+    signals = reading.read_inputs(bundle, find_message or find_installed)
     reading.read_definitions(bundle.definitions)
     properties = [reading.read_requirement(item) for item in bundle.requirements]
     reading.problems.raise_errors()
@@ -127,11 +127,6 @@ def elaborate(tree: Expression | Equations, scope: Scope, problems: Problems | N
     if problems is not None:
         problems.extend(found.warnings)
     return formula_of(term)
-
-
-def _installed(name: str) -> Any:
-    from fret_monitor.syntax import message
-    return message.find_message(name)
 
 
 def _references(tree: Expression | Equations | None,

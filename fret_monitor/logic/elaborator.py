@@ -215,7 +215,7 @@ class Elaborator:
 
     def _named(self, node: Expression, operands: list[Term]) -> list[Term]:
         """Give names of values their meaning, and tell of names that have none."""
-        group = _sharing(node)
+        group = () if node in self._cells else _sharing(node)
         shared = [operands[i] for i in group]
         vocabulary = next((term.vocabulary for term in shared if term.vocabulary), None)
         parts = self._operands(node)

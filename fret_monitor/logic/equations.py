@@ -242,7 +242,7 @@ class _Node:
                     stack.extend(reversed(children(node)[-2:]))
                 case _:
                     return gives_truth(node)
-        return False
+        return True
 
     def _feedback_name(self, delay: '_Delay') -> str:
         """Return a name that no other feedback of the bundle has."""

@@ -90,7 +90,7 @@ class Scope:
             owner = self.owners[name][0]
             return f"it is a value of '{owner}': compare the two, as in {owner} = {name}"
         if name in FUNCTIONS:
-            return f"it is a function: write {name}({FUNCTIONS[name].forms[0]})"
+            return f'it is a function: write {name}({FUNCTIONS[name].forms[0]})'
         return did_you_mean(name, dict.fromkeys(self.known())) or (
             'declare it under inputs, constants or definitions')
 

@@ -19,8 +19,8 @@ cannot be used is told in the problems, and what stands on it is broken silently
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
-from typing import Any
 
 from fret_monitor.diagnostics import CompileError
 from fret_monitor.diagnostics import did_you_mean
@@ -44,8 +44,10 @@ from fret_monitor.manifest import ValueType
 from fret_monitor.syntax.bundle import ConstantEntry
 from fret_monitor.syntax.bundle import InputEntry
 from fret_monitor.syntax.bundle import ValueEntry
+from fret_monitor.syntax.message import MessageLayout
+from fret_monitor.syntax.message import resolve_field
 
-FindMessage = Callable[[str], Any]
+FindMessage = Callable[[str], MessageLayout]
 
 _PLAIN = {kind.value: kind for kind in ValueType}
 _TEXT = 'string'
@@ -115,9 +117,17 @@ def _type(entry: InputEntry,
     name = entry.type.value
     if '/' not in name:
         return _scalar(name, entry.type, _PLAIN), None, ()
-    from fret_monitor.syntax.message import resolve_field
-    field = resolve_field(find_message(name), entry.field, entry.type)
-    return _scalar(field.type_name, entry.field or entry.type, _PLAIN), name, field.path
+    layout = _layout(name, entry.type, find_message)
+    field = resolve_field(layout, entry.field, entry.type)
+    return _scalar(field.type_name, entry.field or entry.type, _PLAIN), layout.name, field.path
+
+
+def _layout(name: str, text: Text, find_message: FindMessage) -> MessageLayout:
+    try:
+        return find_message(name)
+    except CompileError as error:
+        raise CompileError([item if item.span else replace(item, span=text.span)
+                            for item in error.diagnostics]) from None
 
 
 def _scalar(name: str, text: Text, plain: dict[str, ValueType]) -> ValueType | None:

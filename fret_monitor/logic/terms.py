@@ -212,12 +212,8 @@ def promoted(formula: Formula) -> Formula:
 
 
 def convert(formula: Formula, kind: ValueType) -> Formula:
-    """Return a number in the type `kind`, one of INT64, UINT64, FLOAT64, or its own."""
-    if formula.type is kind:
-        return formula
-    if kind is ValueType.UINT64 and formula.type is not ValueType.INT64:
-        return Conversion(Conversion(formula, ValueType.INT64), kind)
-    return Conversion(formula, kind)
+    """Return a number in the type `kind`: INT64, FLOAT64, or its own."""
+    return formula if formula.type is kind else Conversion(formula, kind)
 
 
 def cast(term: Term, value: Number, kind: ValueType) -> Formula:

@@ -20,11 +20,6 @@ import math
 import struct
 import time
 
-from hypothesis import example
-from hypothesis import given
-from hypothesis import strategies as st
-import pytest
-
 from fret_monitor.logic.formula import BinaryOperator
 from fret_monitor.logic.formula import Constant
 from fret_monitor.logic.numbers import absolute
@@ -40,6 +35,10 @@ from fret_monitor.logic.numbers import stored
 from fret_monitor.logic.numbers import to_float32
 from fret_monitor.logic.numbers import to_float64
 from fret_monitor.manifest import ValueType
+from hypothesis import example
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
 
 MAX32 = Fraction(2 ** 24 - 1) * 2 ** 104
 MAX64 = Fraction(2 ** 53 - 1) * 2 ** 971
