@@ -39,46 +39,57 @@
 /// Bit k of a word, k < 64.
 static inline bool fm_bit(uint64_t word, unsigned k) {return ((word >> k) & 1u) != 0u;}
 
-/// Counters. The state is one unsigned integer, 0 at the start; bound + 1 fits into it.
+/// Counters. The state is one unsigned integer that can hold bound + 1; a cell may start anywhere
+/// up to bound + 1. No cell branches: what a robot measures is hard to predict.
 ///
-/// once_within    O[0,bound] p: for how many steps it stays true without another p.
-/// always_within  H[0,bound] p: for how many steps it stays false without another !p.
-/// since_within   p S[0,bound] q: for how many steps it stays true on p alone.
-/// once_before    O[bound,inf) p: 1 + the steps since the first p, up to bound + 1; 0 is never.
-/// since_before   p S[bound,inf) q: 1 + the steps since the oldest q that p has held after.
+/// The first three keep what the age would be at the next step, up to bound + 1.
+/// once_within    O[0,bound] p: age is the steps since the last p; starts at bound + 1, and true
+///                until step m without any p from bound - m.
+/// always_within  H[0,bound] p: age is the steps since the last !p; starts likewise.
+/// since_within   p S[0,bound] q: age is the steps since the last q that p has held after; starts
+///                at bound + 1.
+/// once_before    O[bound,inf) p: 1 + the steps since the first p, up to bound + 1; 0 is never,
+///                and the start.
+/// since_before   p S[bound,inf) q: 1 + the steps since the oldest q that p has held after; 0 is
+///                none, and the start.
 #define FM_COUNTER_CELLS(suffix, type) \
-  static inline type fm_down_ ## suffix(type counter) \
+  static inline type fm_if_ ## suffix(bool p, type value) \
   { \
-    return (type)(counter - (counter != 0u)); \
+    return (type)(value & (type)(0u - (unsigned)p)); \
   } \
-  static inline type fm_up_ ## suffix(type counter, type bound) \
+  static inline type fm_older_ ## suffix(type age, type bound) \
   { \
-    return (type)(counter + (counter <= bound)); \
+    return (type)(age + 1u - (age > bound)); \
   } \
-  static inline bool fm_once_within_ ## suffix(type * counter, type bound, bool p) \
+  static inline bool fm_once_within_ ## suffix(type * next, type bound, bool p) \
   { \
-    *counter = p ? (type)(bound + 1u) : fm_down_ ## suffix(*counter); \
-    return *counter != 0u; \
+    const type age = fm_if_ ## suffix(!p, *next); \
+    *next = fm_older_ ## suffix(age, bound); \
+    return age <= bound; \
   } \
-  static inline bool fm_always_within_ ## suffix(type * counter, type bound, bool p) \
+  static inline bool fm_always_within_ ## suffix(type * next, type bound, bool p) \
   { \
-    *counter = p ? fm_down_ ## suffix(*counter) : (type)(bound + 1u); \
-    return *counter == 0u; \
+    const type age = fm_if_ ## suffix(p, *next); \
+    *next = fm_older_ ## suffix(age, bound); \
+    return age > bound; \
   } \
-  static inline bool fm_since_within_ ## suffix(type * counter, type bound, bool p, bool q) \
+  static inline bool fm_since_within_ ## suffix(type * next, type bound, bool p, bool q) \
   { \
-    const type kept = p ? fm_down_ ## suffix(*counter) : (type)0u; \
-    *counter = q ? (type)(bound + 1u) : kept; \
-    return *counter != 0u; \
+    const type kept = (type)(*next | (type)~fm_if_ ## suffix(p, (type)~0u)); \
+    const type age = fm_if_ ## suffix(!q, kept); \
+    *next = fm_older_ ## suffix(age, bound); \
+    return age <= bound; \
   } \
   static inline bool fm_once_before_ ## suffix(type * counter, type bound, bool p) \
   { \
-    *counter = *counter != 0u ? fm_up_ ## suffix(*counter, bound) : (type)p; \
+    const type before = *counter; \
+    *counter = (type)(before + (((before != 0u) | p) & (before <= bound))); \
     return *counter > bound; \
   } \
   static inline bool fm_since_before_ ## suffix(type * counter, type bound, bool p, bool q) \
   { \
-    *counter = (p & (*counter != 0u)) ? fm_up_ ## suffix(*counter, bound) : (type)q; \
+    const type before = fm_if_ ## suffix(p, *counter); \
+    *counter = (type)(before + (((before != 0u) | q) & (before <= bound))); \
     return *counter > bound; \
   }
 

@@ -108,12 +108,12 @@ class PartWriter:
             yield f'  const {C_TYPES[word.type]} {name} = s->{name};'
             yield f'  {_wide(word)} next_{word.number} = 0u;'
         yield from self._equations()
-        if words or self._is_last:
-            yield ''
-        for word in words:
-            yield f'  s->{field(word)} = {_narrow(word, f"next_{word.number}")};'
+        ending = [f'  s->{field(word)} = {_narrow(word, f"next_{word.number}")};'
+                  for word in words]
         if self._is_last:
-            yield from self._last()
+            ending.extend(self._last())
+        if ending:
+            yield from ('', *ending)
 
     def _words(self) -> list[StateField]:
         numbers = {slot.word for slot in self._layout.bits.values() if slot.part == self._part}
@@ -273,6 +273,8 @@ class PartWriter:
         return _arithmetic(operator, left, right, operation.types[0])
 
     def _old_bit(self, index: int) -> c.Expression:
+        if index not in self._layout.bits:
+            return c.Atom(f's->flag_{index}')
         slot = self._layout.bits[index]
         return c.Call('fm_bit', (c.Atom(f'bits_{slot.word}'), c.Atom(f'{slot.bit}u')))
 
@@ -314,7 +316,9 @@ class PartWriter:
 
     def _after(self, index: int) -> Iterator[str]:
         operation = self._group.equations[index].operation
-        if index in self._layout.bits and not isinstance(operation, FirstStep):
+        if (FieldKind.FLAG, index) in self._fields:
+            yield f'  s->flag_{index} = {c.text(self._next_value(index, operation))};'
+        elif index in self._layout.bits and not isinstance(operation, FirstStep):
             yield self._next_bit(index, operation)
         elif isinstance(operation, PreviousNumber):
             yield f'  s->number_{index} = {c.text(self._operand(operation.argument))};'
@@ -322,10 +326,17 @@ class PartWriter:
     def _next_bit(self, index: int, operation: Operation) -> str:
         slot = self._layout.bits[index]
         word = self._fields[FieldKind.BITS, slot.word]
-        value = self._operand(operation.argument) if isinstance(operation, Delay) \
-            else self._inlined[index]
-        shown = c.text(c.Cast(_wide(word), value))
+        shown = c.text(c.Cast(_wide(word), self._next_value(index, operation)))
         return f'  next_{slot.word} |= {shown} << {slot.bit};'
+
+    def _next_value(self, index: int, operation: Operation) -> c.Expression:
+        match operation:
+            case FirstStep():
+                return c.Atom('false')
+            case Delay():
+                return self._operand(operation.argument)
+            case _:
+                return self._inlined[index]
 
     def _verdicts(self, index: int) -> Iterator[str]:
         for number, operand in zip(self._group.properties, self._group.verdicts, strict=True):

@@ -16,7 +16,7 @@
 Where state lives, and what a step costs: memory and work, known before anything runs.
 
 A group's equations are cut into parts (one C function each, so that C compilers stay fast on large
-bundles). The bits of a part are packed into words; counters are as narrow as their bounds allow;
+bundles). Up to eight bits of a part are a byte each, more are packed into words; counters are as narrow as their bounds allow;
 fields are ordered by size, so that a struct has no holes.
 """
 
@@ -31,6 +31,7 @@ from fret_monitor.diagnostics import Problems
 from fret_monitor.manifest import ValueType
 from fret_monitor.program.monitor_program import AlwaysSoFar
 from fret_monitor.program.monitor_program import AlwaysWithin
+from fret_monitor.program.monitor_program import CounterCell
 from fret_monitor.program.monitor_program import Delay
 from fret_monitor.program.monitor_program import FirstStep
 from fret_monitor.program.monitor_program import Literal
@@ -51,6 +52,8 @@ from fret_monitor.program.monitor_program import TriggeredEver
 MAX_STATE_BYTES = 16 * 1024 * 1024
 PART_EQUATIONS = 256
 SHIFT_REGISTER_BITS = 64
+# A byte is read and written in less time than a bit of a word, which waits for its neighbours.
+FEW_BITS = 8
 
 _SIZES = {
     ValueType.BOOL: 1, ValueType.INT8: 1, ValueType.UINT8: 1, ValueType.INT16: 2,
@@ -64,6 +67,7 @@ class FieldKind(Enum):
     """What a field of the state holds; the value is the stem of its name in C."""
 
     BITS = 'bits'
+    FLAG = 'flag'
     COUNTER = 'counter'
     LINE = 'line'
     RING = 'ring'
@@ -79,7 +83,7 @@ class StateField:
     A field of a group's state struct.
 
     `number` is that of the word (BITS), the length (POSITION), the index of the feedback
-    equation, or the equation. `length` is 0 for a scalar, else that of an array.
+    equation (FEEDBACK), or that of the equation. `length` is 0 for a scalar, else that of an array.
     `initial` is the value at the start, for all elements.
     """
 
@@ -106,7 +110,7 @@ class BitSlot:
 
 @dataclass(frozen=True)
 class GroupLayout:
-    """A group's fields in the order of the struct, and where each bit cell lies."""
+    """A group's fields in the order of the struct, and where each packed bit lies."""
 
     group: StepGroup
     fields: tuple[StateField, ...]
@@ -144,7 +148,7 @@ def lay_out(group: StepGroup) -> GroupLayout:
     """Place the state of a group."""
     parts = tuple(_parts(group))
     bits = _place_bits(group, parts)
-    fields = [*_words(group, bits), *_cells(group), *_shared(group, parts)]
+    fields = [*_words(group, bits), *_flags(group, bits), *_cells(group), *_shared(group, parts)]
     fields.sort(key=lambda field: (-_SIZES[field.type], field.kind.value, field.number))
     return GroupLayout(group, tuple(fields), bits, parts)
 
@@ -238,6 +242,8 @@ def _place_bits(group: StepGroup, parts: tuple[range, ...]) -> dict[int, BitSlot
     word = 0
     for number, part in enumerate(parts):
         cells = [i for i in part if _is_bit(group.equations[i].operation)]
+        if len(cells) <= FEW_BITS:
+            continue
         for position, index in enumerate(cells):
             slots[index] = BitSlot(word + position // 64, position % 64, number)
         word += -(-len(cells) // 64)
@@ -252,6 +258,13 @@ def _words(group: StepGroup, bits: dict[int, BitSlot]) -> Iterator[StateField]:
     for word, content in words.items():
         initial = sum(1 << bit for bit, is_set in content if is_set)
         yield StateField(FieldKind.BITS, word, _holding((1 << len(content)) - 1), 0, initial)
+
+
+def _flags(group: StepGroup, bits: dict[int, BitSlot]) -> Iterator[StateField]:
+    for index, equation in enumerate(group.equations):
+        if _is_bit(equation.operation) and index not in bits:
+            initial = _initial_bit(equation.operation)
+            yield StateField(FieldKind.FLAG, index, ValueType.BOOL, 0, initial)
 
 
 def _initial_bit(operation: Operation) -> bool:
@@ -273,14 +286,26 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
     for index, equation in enumerate(group.equations):
         operation = equation.operation
         match operation:
-            case OnceWithin() | AlwaysWithin() | OnceBefore() | SinceWithin() | SinceBefore():
-                yield StateField(FieldKind.COUNTER, index, _holding(operation.bound + 1))
+            case OnceWithin() | AlwaysWithin() | SinceWithin() | OnceBefore() | SinceBefore():
+                kind = _holding(operation.bound + 1)
+                yield StateField(FieldKind.COUNTER, index, kind, 0, _start(operation))
             case PreviousNumber():
                 yield StateField(FieldKind.NUMBER, index, equation.type, 0, operation.initial)
             case Delay() if operation.steps > 1:
                 yield _line(index, operation)
             case _:
                 pass
+
+
+def _start(cell: CounterCell) -> int:
+    """Return a counter's value at the start: see csrc/fret_cells.h."""
+    match cell:
+        case OnceWithin() | AlwaysWithin():
+            return cell.bound + 1 - cell.head
+        case SinceWithin():
+            return cell.bound + 1
+        case _:
+            return 0
 
 
 def _line(index: int, delay: Delay) -> StateField:

@@ -25,6 +25,12 @@ Windows come down to a few cells (n = b - a):
     O[a,b] p   = O[0,n] (p, a steps ago)
     p S[a,b] q = p S[0,n] ((q, a steps ago) & H[0,a-1] p)
 and H and T are the same with everything negated.
+
+What FRET writes around the first time point costs nothing: with FTP at step 0
+    p & (q | r)                for (p & q) | (p & r)       (its triggers)
+    Z p                        for Y p | FTP
+    O[0,b] p from a started counter   for O[0,b] (FTP | p)
+    H[0,b] p from a started counter   for H[0,b] p & H[0,m] !FTP, m <= b   (its persisted)
 """
 
 from dataclasses import replace
@@ -144,6 +150,10 @@ class _GroupBuilder:
         self._found: dict[tuple[object, ...], Operand] = {}
         self._index = index
         self._feedback = feedback
+        # What some operands are known to be: a conjunction, `t >= m`, `O[0,b] p`.
+        self._conjuncts: dict[Operand, tuple[Operand, Operand]] = {}
+        self._elapsed: dict[Operand, int] = {}
+        self._windows: dict[Operand, OnceWithin] = {}
 
     def define(self, roots: list[Formula]) -> None:
         """Make the equations of all terms under the roots."""
@@ -271,17 +281,55 @@ class _GroupBuilder:
     def _and(self, operator: BinaryOperator, left: Operand, right: Operand,
              negated: bool) -> Operand:
         """Return `left & right`; `negated` if what was written is its negation."""
-        if FALSE in (left, right) or left == ~right:
-            return FALSE
-        if left in (TRUE, right):
-            return right
-        if right == TRUE:
-            return left
+        known = _known_conjunction(left, right)
+        if known is None:
+            known = self._simpler(left, right)
+        if known is not None:
+            return known
         written = {BinaryOperator.AND: (left, right), BinaryOperator.OR: (~left, ~right),
                    BinaryOperator.IMPLIES: (left, ~right)}[operator]
         operation = ApplyBinary(operator, *written, (_BOOL, _BOOL))
-        operand = self._share(('and', *sorted((left, right))), negated, operation)
-        return ~operand if negated else operand
+        operand = self._either(('and', *sorted((left, right))), negated, operation)
+        self._conjuncts[operand] = (left, right)
+        return operand
+
+    def _simpler(self, left: Operand, right: Operand) -> Operand | None:
+        """Return `left & right` where it comes down to fewer terms, else None."""
+        for one, other in ((left, right), (right, left)):
+            found = self._after_start(one, other)
+            if found is not None:
+                return found
+        return self._factored(left, right)
+
+    def _factored(self, left: Operand, right: Operand) -> Operand | None:
+        """Return the negation of `a & (b | c)` for that of `(a & b) | (a & c)`."""
+        for one in self._conjuncts.get(~left, ()):
+            for other in self._conjuncts.get(~right, ()):
+                if one == other:
+                    rest = (_other(self._conjuncts[~left], one),
+                            _other(self._conjuncts[~right], one))
+                    either = self._connective(BinaryOperator.OR, *rest)
+                    return ~self._connective(BinaryOperator.AND, one, either)
+        return None
+
+    def _after_start(self, term: Operand, late: Operand) -> Operand | None:
+        """Return `term & late` where `late` is `t >= m` and the term's cell can start so."""
+        steps = self._elapsed.get(late)
+        window = self._windows.get(~term)
+        if steps is not None and window is not None and steps <= window.bound + 1:
+            is_dual = isinstance(self.equations[term.value].operation, AlwaysWithin)
+            return ~self._window(replace(window, head=max(window.head, steps)), is_dual)
+        if steps == 1 and not term.is_constant:
+            return self._not_at_first(term)
+        return None
+
+    def _not_at_first(self, term: Operand) -> Operand | None:
+        """Return `term & !FTP` if the term is what a value was one step ago, negated or not."""
+        cell = self.equations[term.value].operation
+        if not isinstance(cell, Delay) or cell.steps != 1:
+            return None
+        argument = ~cell.argument if term.negated else cell.argument
+        return self._delay(1, argument)
 
     def _xor(self, left: Operand, right: Operand, negated: bool) -> Operand:
         """Return `left xor right`; `negated` if what was written is its negation."""
@@ -368,7 +416,19 @@ class _GroupBuilder:
     # -- terms with state -------------------------------------------------------------------
 
     def _first_step(self) -> Operand:
-        return self._share(('first',), False, FirstStep())
+        operand = self._share(('first',), False, FirstStep())
+        self._elapsed[~operand] = 1
+        return operand
+
+    def _from_step(self, steps: int) -> Operand:
+        """Return `t >= steps`."""
+        if steps == 0:
+            return TRUE
+        if steps == 1:
+            return ~self._first_step()
+        operand = self._before(steps, TRUE)
+        self._elapsed[operand] = steps
+        return operand
 
     def _previous(self, node: Previous) -> Operand:
         initial, argument = self.operand[node.initial], self.operand[node.argument]
@@ -395,7 +455,7 @@ class _GroupBuilder:
         if argument == FALSE:
             return FALSE
         if argument == TRUE:
-            return ~self._first_step() if steps == 1 else self._before(steps, TRUE)
+            return self._from_step(steps)
         # A negated argument is delayed bare: the negation goes to what is read.
         operation = Delay(steps, argument.negated, Operand(argument.value))
         operand = self._number(('delay', steps, argument.negated, argument.value), operation,
@@ -414,7 +474,7 @@ class _GroupBuilder:
         if window.is_empty or argument == FALSE:
             return FALSE
         if argument == TRUE:
-            return self._before(window.low, TRUE) if window.low else TRUE
+            return self._from_step(window.low)
         if window.high is None:
             return self._before(window.low, argument) if window.low \
                 else self._once_ever(argument, dual)
@@ -431,8 +491,27 @@ class _GroupBuilder:
     def _once_within(self, bound: int, argument: Operand, dual: bool) -> Operand:
         if bound == 0 or argument.is_constant:
             return argument
-        operation = AlwaysWithin(bound, ~argument) if dual else OnceWithin(bound, argument)
-        return self._either(('within', bound, argument), dual, operation)
+        if self._elapsed.get(~argument) == 1:
+            return ~self._from_step(bound + 1)
+        rest = self._beside_first_step(argument)
+        if rest is None:
+            return self._window(OnceWithin(bound, argument), dual)
+        return self._connective(BinaryOperator.OR, self._window(OnceWithin(bound, rest), dual),
+                                ~self._from_step(bound + 1))
+
+    def _beside_first_step(self, argument: Operand) -> Operand | None:
+        """Return p if the argument is `FTP | p`, else None."""
+        for item in self._conjuncts.get(~argument, ()):
+            if self._elapsed.get(item) == 1:
+                return ~_other(self._conjuncts[~argument], item)
+        return None
+
+    def _window(self, cell: OnceWithin, dual: bool) -> Operand:
+        """Return what a cell computes; with `dual` it is written as H, the result negated."""
+        operation = AlwaysWithin(cell.bound, ~cell.argument, cell.head) if dual else cell
+        operand = self._either(('within', cell), dual, operation)
+        self._windows[operand] = cell
+        return operand
 
     def _either(self, key: tuple[object, ...], dual: bool, operation: Operation) -> Operand:
         """Return what `key` stands for; `operation` computes it, or with `dual` its negation."""
@@ -467,6 +546,18 @@ class _GroupBuilder:
             return right
         return self._share(('since within', bound, left, right), False,
                            SinceWithin(bound, left, right))
+
+
+def _known_conjunction(left: Operand, right: Operand) -> Operand | None:
+    if FALSE in (left, right) or left == ~right:
+        return FALSE
+    if left in (TRUE, right):
+        return right
+    return left if right == TRUE else None
+
+
+def _other(pair: tuple[Operand, Operand], one: Operand) -> Operand:
+    return pair[1] if pair[0] == one else pair[0]
 
 
 def _self_comparison(operator: BinaryOperator, type: ValueType) -> Operand | None:

@@ -161,18 +161,28 @@ class TriggeredEver:
 
 @dataclass(frozen=True)
 class OnceWithin:
-    """`O[0,bound] p`, bound > 0. One counter: for how many steps it stays true without p."""
+    """
+    `O[0,bound] p`, and true at the first `head` steps anyway; 0 < bound, head <= bound + 1.
+
+    One counter: steps since the last p.
+    """
 
     bound: int
     argument: Operand
+    head: int = 0
 
 
 @dataclass(frozen=True)
 class AlwaysWithin:
-    """`H[0,bound] p`, bound > 0. One counter: for how many steps it stays false with p."""
+    """
+    `H[0,bound] p`, but false at the first `head` steps; 0 < bound, head <= bound + 1.
+
+    One counter: steps since the last !p.
+    """
 
     bound: int
     argument: Operand
+    head: int = 0
 
 
 @dataclass(frozen=True)
