@@ -236,9 +236,9 @@ class Evaluator:
         ValueError
             if a column has another type or length.
         """
+        if len(columns) != len(self._next):
+            raise ValueError(f'{len(columns)} columns for {len(self._next)} inputs')
         kept = [self._column(index, column, count) for index, column in enumerate(columns)]
-        if len(kept) != len(self._next):
-            raise ValueError(f'{len(kept)} columns for {len(self._next)} inputs')
         verdicts = bytearray(count * len(self.monitor.manifest.requirements))
         self._library.fm_evaluator_rows(
             self.pointer, ffi.new('const void *[]', [*kept, ffi.NULL]), count,

@@ -98,4 +98,4 @@ def test_every_struct_of_the_declarations_is_compared() -> None:
 def test_the_binding_is_what_cffi_makes_of_the_declarations() -> None:
     pytest.importorskip('cffi')
     kept = Path(declarations.__file__).with_name('binding.py').read_text(encoding='utf-8')
-    assert kept.endswith(declarations.binding_text()), 'python3 -m fret_monitor.native.declarations'
+    assert kept.endswith(declarations.binding_text()), declarations.__doc__

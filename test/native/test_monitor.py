@@ -59,7 +59,7 @@ def test_libraries_with_the_same_symbol_live_side_by_side() -> None:
 
 
 def test_a_library_that_is_missing_is_told(tmp_path: Path) -> None:
-    with pytest.raises(LibraryError, match='cannot load .*No such file'):
+    with pytest.raises(LibraryError, match=r'cannot load .*No such file'):
         load(tmp_path / 'libgone.so', toys.manifest())
 
 
