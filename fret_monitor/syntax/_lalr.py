@@ -167,11 +167,14 @@ def _refuse_text(language: Language, word: str, span: Span) -> NoReturn:
 
 def _number_help(word: str) -> str:
     if match := re.fullmatch(r'0+([0-9]+)', word):
-        return f'write {match[1]}'
+        return f'write {_short(match[1])}'
     if match := re.fullmatch(r'([0-9]+)\.', word):
-        return f'write {match[1]}.0 or {match[1]}'
-    if match := re.match(r'([0-9]+)(_?[A-Za-z]\w*)$', word):
-        return f'a number has no unit; write {match[1]}, or put an operator before {match[2]}'
+        return f'write {_short(match[1])}.0'
+    if re.fullmatch(r'0[xX][0-9a-fA-F]{1,16}', word):
+        return f'write {int(word, 16)}'
+    if match := re.fullmatch(r'([0-9]+)(_?[A-Za-z]\w*)', word):
+        number, unit = map(_short, match.groups())
+        return f'a number has no unit; write {number}, or put an operator before {unit}'
     return ''
 
 

@@ -1,0 +1,70 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Trees of formulas for tests: as texts with all parentheses, and random ones."""
+
+from typing import assert_never
+
+from fret_monitor.diagnostics import Source
+from fret_monitor.diagnostics import Span
+from fret_monitor.diagnostics import Text
+from fret_monitor.syntax.expression import Boolean
+from fret_monitor.syntax.expression import Bound
+from fret_monitor.syntax.expression import Call
+from fret_monitor.syntax.expression import Conditional
+from fret_monitor.syntax.expression import Expression
+from fret_monitor.syntax.expression import Infix
+from fret_monitor.syntax.expression import Name
+from fret_monitor.syntax.expression import Number
+from fret_monitor.syntax.expression import Prefix
+
+
+def text(value: str) -> Text:
+    """Return a text that is all of a source."""
+    return Text.whole(Source('<formula>', value))
+
+
+def written(span: Span) -> str:
+    """Return what stands at a span."""
+    return span.source.text[span.start:span.end]
+
+
+def show(node: Expression) -> str:
+    """Write a tree with all parentheses, operators spelled as the tree has them."""
+    match node:
+        case Name():
+            return node.text
+        case Number():
+            return node.text
+        case Boolean():
+            return str(node.value)
+        case Prefix():
+            return f'({node.operator}{_bound(node.bound)} {show(node.argument)})'
+        case Infix():
+            operator = f'{node.operator}{_bound(node.bound)}'
+            return f'({show(node.left)} {operator} {show(node.right)})'
+        case Call():
+            return f'{node.function}({", ".join(map(show, node.arguments))})'
+        case Conditional():
+            return f'(if {show(node.condition)} then {show(node.yes)} else {show(node.no)})'
+        case _:
+            assert_never(node)
+
+
+def _bound(bound: Bound | None) -> str:
+    if bound is None:
+        return ''
+    if bound.relation == '[]':
+        return f'[{bound.low},{bound.high}]'
+    return f'[{bound.relation}{bound.low}]'
