@@ -61,6 +61,7 @@ def run(name: str, make_node: Callable[[], FedNode], stop: StopRequest) -> int:
         return 1
     finally:
         rclpy.try_shutdown()
+        stop.end()
 
 
 def _tell_usage(name: str, argument: str) -> int:

@@ -35,7 +35,7 @@ class StopRequest:
     """
     Remembers that the process has been asked to end.
 
-    Until `interruptible` or `watching` is entered a signal ends the process at once, with status
+    Until `interruptible` is entered a signal ends the process at once, with status
     0: nothing has been started then that would need an end. Make it in the main thread.
     """
 
@@ -50,8 +50,8 @@ class StopRequest:
         """
         Let a signal raise `SystemExit` inside this block, so that it can clean up behind it.
 
-        A signal that comes later is only remembered in `requested`: whoever shares a terminal
-        with `ros2 launch` gets SIGINT twice.
+        A signal that comes later is only remembered in `requested`, for the main loop to see:
+        whoever shares a terminal with `ros2 launch` gets SIGINT twice.
         """
         self._handle(self._raise)
         try:
@@ -59,9 +59,10 @@ class StopRequest:
         finally:
             self._handle(self._remember)
 
-    def watching(self) -> None:
-        """From here on only remember a signal: the main loop looks at `requested`."""
-        self._handle(self._remember)
+    def end(self) -> None:
+        """Ignore signals from here on, at the end: Python itself would die of one."""
+        for number in _SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
 
     def _handle(self, handler: 'signal._HANDLER') -> None:
         for number in _SIGNALS:
