@@ -24,8 +24,9 @@ setup-test:
 demo: setup
 	@$(PYTHON) examples/demo.py
 
+# Two workers, one of which has the tests with ROS 2 for itself.
 test: setup-test
-	@$(PYTHON) -m pytest $(TESTS)
+	@$(PYTHON) -m pytest -n 2 --dist loadgroup $(TESTS)
 
 lint: setup-test
 	@$(PYTHON) -m pytest --quiet test/test_lint.py test/test_layers.py test/test_house.py

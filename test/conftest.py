@@ -41,6 +41,8 @@ _DOMAINS = range(1, 101)
 
 def pytest_configure(config: pytest.Config) -> None:
     """Keep ROS's log and our build cache out of the user's home, and DDS on this machine."""
+    # Known without pytest-xdist too.
+    config.addinivalue_line('markers', 'xdist_group(name): whose tests one worker has to itself')
     if _WORKER in os.environ:
         return
     config.stash[_HOME] = tempfile.mkdtemp(prefix='fret_monitor-test-')
@@ -53,6 +55,15 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     """Remove what `pytest_configure` made."""
     if _HOME in config.stash:
         shutil.rmtree(config.stash[_HOME], ignore_errors=True)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let one worker of pytest-xdist have all tests that watch processes against the clock."""
+    for item in items:
+        place = item.path.relative_to(ROOT / 'test')
+        if place.parts[0] in ('ros', 'test_colcon.py'):
+            item.add_marker(pytest.mark.xdist_group('ros'))
 
 
 @pytest.fixture
