@@ -34,6 +34,7 @@ from typing import TypeAlias
 from fret_monitor.diagnostics import CompileError
 from fret_monitor.diagnostics import Diagnostic
 from fret_monitor.diagnostics import Problems
+from fret_monitor.diagnostics import Source
 from fret_monitor.diagnostics import Span
 from fret_monitor.diagnostics import Text
 from fret_monitor.logic.elaborator import Elaborator
@@ -76,20 +77,22 @@ _Trees: TypeAlias = Mapping[str, Expression | Equations | None]
 __all__ = ['Scope', 'elaborate', 'scope_of', 'specify']
 
 
-def specify(bundle: Bundle, find_message: FindMessage | None = None
-            ) -> tuple[Specification, tuple[Diagnostic, ...]]:
+def specify(bundle: Bundle, find_message: FindMessage | None = None,
+            problems: Problems | None = None) -> tuple[Specification, tuple[Diagnostic, ...]]:
     """
     Return what a bundle means, and the warnings about it.
 
     `find_message` gives the layout of a message type by its name; the default looks where ROS
-    packages install them.
+    packages install them. `problems` are those that `survey_bundle` found, to be told together
+    with the ones found here.
 
     Raises
     ------
     CompileError
         with all mistakes of the bundle.
     """
-    reading = _Reading()
+    reading = _Reading(problems or Problems())
+    reading.skip(bundle.unreadable)
     signals = reading.read_inputs(bundle, find_message or find_installed)
     reading.read_definitions(bundle.definitions)
     properties = [reading.read_requirement(item) for item in bundle.requirements]
@@ -146,11 +149,17 @@ def _references(tree: Expression | Equations | None,
 class _Reading:
     """One run over a bundle: what its names mean so far, and the problems found."""
 
-    def __init__(self) -> None:
-        self.problems = Problems()
+    def __init__(self, problems: Problems) -> None:
+        self.problems = problems
         self._names: dict[str, Declaration] = {}
         self._scope = Scope(self._names)
         self._feedback: dict[Feedback, Formula] = {}
+
+    def skip(self, names: Iterable[str]) -> None:
+        """Leave out names whose declarations were refused: nothing more is told of them."""
+        nowhere = Span(Source('', ''), 0, 0)
+        self._names.update((name, Declaration(Role.INPUT, Term(Broken(), nowhere)))
+                           for name in names)
 
     def read_inputs(self, bundle: Bundle, find_message: FindMessage) -> list[Signal | None]:
         """Declare constants and inputs; return the inputs in order, None for a broken one."""
@@ -199,7 +208,7 @@ class _Reading:
 
     def _tell_cycle(self, way: list[str], uses: Mapping[str, Mapping[str, Span]]) -> None:
         shown = way if len(way) <= _MANY else [*way[:_MANY - 1], '...', way[-1]]
-        self.problems.error(f"the definition '{way[0]}' stands on itself", uses[way[0]][way[1]],
+        self.problems.error(f"the definition '{way[0]}' uses itself", uses[way[0]][way[1]],
                             ' -> '.join(shown))
 
     def read_requirement(self, item: Requirement) -> Property | None:

@@ -188,7 +188,9 @@ class Elaborator:
                 stack.append((node, True))
                 stack.extend((part, False) for part in reversed(parts))
         term = self._done[root]
-        return self._settle(term, []) if isinstance(term.value, Undeclared) else term
+        if isinstance(term.value, Undeclared):
+            return self._settle(term.value, term.span, None)
+        return term
 
     def _operands(self, node: Expression) -> tuple[Expression, ...]:
         parts = children(node)
@@ -222,8 +224,11 @@ class Elaborator:
         named = list(operands)
         for i in group:
             named[i] = self._value(parts[i], operands[i], vocabulary)
-        return [self._settle(term, shared if i in group else [])
-                if isinstance(term.value, Undeclared) else term
+        # Beside a name that was told of, an unknown one may well be a value of it.
+        is_cascade = any(operands[i].is_broken and isinstance(parts[i], Name) for i in group)
+        return [term if not isinstance(term.value, Undeclared)
+                else Term(Broken(), term.span) if is_cascade and i in group
+                else self._settle(term.value, term.span, vocabulary if i in group else None)
                 for i, term in enumerate(named)]
 
     def _value(self, node: Expression, term: Term, vocabulary: Vocabulary | None) -> Term:
@@ -239,26 +244,24 @@ class Elaborator:
         number = Literal(Fraction(vocabulary.numbers[node.text]), False)
         return Term(number, node.span, vocabulary)
 
-    def _settle(self, term: Term, beside: Sequence[Term]) -> Term:
+    def _settle(self, value: Undeclared, span: Span, vocabulary: Vocabulary | None) -> Term:
         """Tell of an undeclared name, once, and return it broken."""
-        assert isinstance(term.value, Undeclared)
-        name = term.value.name
-        vocabulary = next((it.vocabulary for it in beside if it.vocabulary), None)
-        is_cascade = name in self._scope.owners and any(it.is_broken for it in beside)
-        if name not in self._told and not is_cascade:
-            self._told.add(name)
-            self._tell_unknown(name, term.span, vocabulary)
-        return Term(Broken(), term.span)
+        if value.name not in self._told:
+            self._told.add(value.name)
+            self._tell_unknown(value.name, span, vocabulary)
+        return Term(Broken(), span)
 
     def _tell_unknown(self, name: str, span: Span, vocabulary: Vocabulary | None) -> None:
         if vocabulary is None:
             self._problems.error(f"'{name}' is not declared", span, 'unknown name',
                                  self._scope.help_for(name))
             return
+        owners = self._scope.owners.get(name)
         known = dict.fromkeys([*vocabulary.numbers, *self._scope.known()])
+        help_ = f"it is a value of '{owners[0]}'" if owners else did_you_mean(name, known)
         self._problems.error(
             f"'{name}' is neither declared nor a value of what it is compared with", span,
-            'unknown name', did_you_mean(name, known) or f'the values are {vocabulary}')
+            'unknown name', help_ or f'the values are {vocabulary}')
 
     # Meaning
 
@@ -357,7 +360,7 @@ class Elaborator:
         declaration = self._scope.find(node.function)
         if declaration is not None:
             refuse(f"'{node.function}' is no function", node.function_span,
-                   f'this is {declaration.role.value}', f'write {node.function} alone')
+                   f'this is {declaration.role.value}', f'write {node.function}')
         refuse(f"there is no function '{node.function}'", node.function_span, '',
                did_you_mean(node.function, FUNCTIONS)
                or 'there are ' + ', '.join(sorted(FUNCTIONS)))

@@ -276,7 +276,7 @@ class _Node:
     def _tell_cycle(self, way: list[str]) -> None:
         equation = self._equations[way[0]]
         self._problems.error(
-            f"the equation of '{way[0]}' stands on itself at one step",
+            f"the equation of '{way[0]}' uses its own value at the same step",
             references(equation.expression, {}, False)[way[1]], ' -> '.join(way),
             'look at the step before: initial -> pre x')
 

@@ -57,11 +57,9 @@ class Literal:
 
     def __str__(self) -> str:
         """Return it as a person would write it, shortened where it is long."""
-        if self.value.denominator == 1:
-            text = str(self.value.numerator) if abs(self.value) < 10 ** 40 else 'a huge number'
-        else:
-            text = f'{float(self.value):g}' if abs(self.value) < 10 ** 300 else 'a huge number'
-        return text
+        if self.value.denominator == 1 and abs(self.value) < 10 ** 20:
+            return str(self.value.numerator)
+        return f'{float(self.value):g}' if abs(self.value) < 10 ** 308 else 'a huge number'
 
 
 class Range(NamedTuple):

@@ -144,8 +144,16 @@ def _values(entry: InputEntry, kind: ValueType | None) -> tuple[tuple[str, int |
         refuse(f"the input '{entry.name}' is text, and monitors read numbers",
                (entry.type or entry.name).span, 'a string needs names for its values',
                'values: {IDLE: "idle", LANDING: "landing"}')
-    return tuple((item.name.value, item.value.value if kind is None else _value(item, kind))
+    return tuple((item.name.value, _string(item) if kind is None else _value(item, kind))
                  for item in entry.values)
+
+
+def _string(item: ValueEntry) -> str:
+    """Return the string that a name of a text input stands for."""
+    if not item.is_string:
+        refuse(f"'{item.name}' cannot be a value of text", item.value.span, 'this is a number',
+               f'{item.name}: "{item.value}"')
+    return item.value.value
 
 
 def _value(item: ValueEntry, kind: ValueType) -> int:
@@ -205,5 +213,5 @@ def _initial_text(text: str, values: tuple[tuple[str, int | str], ...], place: T
 
 def _initial_truth(text: str, place: Text) -> bool:
     if text.lower() not in _TRUTHS:
-        refuse('this initial value cannot be of type bool', place.span, '', 'true or false')
+        refuse('this initial value cannot be of type bool', place.span, '', 'write true or false')
     return text.lower() == 'true'

@@ -643,8 +643,10 @@ class TestLustre:
 
     @pytest.mark.parametrize(('text', 'told'), [
         ('a = b and p; b = not a;',
-         [("the equation of 'a' stands on itself at one step", 'b', 'a -> b -> a')]),
-        ('a = O(a);', [("the equation of 'a' stands on itself at one step", 'a', 'a -> a')]),
+         [("the equation of 'a' uses its own value at the same step", 'b',
+           'a -> b -> a')]),
+        ('a = O(a);',
+         [("the equation of 'a' uses its own value at the same step", 'a', 'a -> a')]),
         ('node n(p: int) returns (ok: bool); let ok = true; tel',
          [("'p: int' takes numbers", 'p', 'this is true or false')]),
         ('node n(f32: int) returns (ok: bool); let ok = true; tel',
