@@ -87,8 +87,10 @@ class Language:
 
     `pattern` cuts the text, by the groups NUMBER, NAME, QUOTED, OPERATOR, COMMENT and BAD; what
     it matches in no group is left out. `words` and `operators` give kind and one spelling;
-    `refused` are words with what to write instead; `write` says how this language spells the
-    logical operators. `explain` may say more about a lexeme that does not fit.
+    `refused` are words and characters with what to write instead; `foreign` are words of other
+    languages, with the same, that are names here and are spoken of only where they do not fit.
+    `write` says how this language spells the logical operators. `explain` may say more about a
+    lexeme that does not fit.
     """
 
     grammar: str
@@ -98,6 +100,7 @@ class Language:
     words: Mapping[str, tuple[str, str]]
     operators: Mapping[str, tuple[str, str]]
     refused: Mapping[str, str]
+    foreign: Mapping[str, str]
     write: Mapping[str, str]
     explain: Callable[[Text, Sequence[Lexeme], int], Diagnostic | None]
 
@@ -236,11 +239,10 @@ def _refuse_lexeme(language: Language, text: Text, lexemes: Sequence[Lexeme], in
     if found.type == END and opened:
         refuse(f"'{_written(text, opened[-1])}' is not closed", opened[-1].span, 'opened here')
     if found.type in OPERAND_STARTS and lexemes[index - 1].type in OPERAND_ENDS:
-        refuse('an operator is missing', found.span,
-               f"expected an operator before '{_written(text, found)}'")
+        _refuse_missing_operator(language, text, lexemes[index - 1], found)
     title = 'the formula ends too early' if found.type == END else (
         f"'{_written(text, found)}' does not fit here")
-    refuse(title, found.span, _expectation(expected, opened))
+    refuse(title, found.span, _expectation(expected, lexemes[:index], opened))
 
 
 def _opened(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -272,6 +274,16 @@ def _refuse_missing_operand(text: Text, lexemes: Sequence[Lexeme], index: int) -
     refuse('an operand is missing', found.span, f"{wanted} before '{_written(text, found)}'")
 
 
+def _refuse_missing_operator(language: Language, text: Text, before: Lexeme,
+                             found: Lexeme) -> NoReturn:
+    for lexeme in (before, found):
+        if lexeme.type == 'NAME' and lexeme.text in language.foreign:
+            refuse(f"'{lexeme.text}' is no operator here", lexeme.span, 'not in this language',
+                   language.foreign[lexeme.text])
+    refuse('an operator is missing', found.span,
+           f"expected an operator before '{_written(text, found)}'")
+
+
 def _written(text: Text, lexeme: Lexeme) -> str:
     return _short(text.value[lexeme.start:lexeme.end])
 
@@ -288,9 +300,12 @@ _SHOWN = {
 }
 
 
-def _expectation(expected: frozenset[str], opened: Sequence[Lexeme]) -> str:
+def _expectation(expected: frozenset[str], before: Sequence[Lexeme],
+                 opened: Sequence[Lexeme]) -> str:
     # LALR tables merge states: a closing bracket may be named where none is open.
     out_of_place = frozenset() if opened else frozenset({'RPAR', 'COMMA'})
+    if all(lexeme.type != 'IF' for lexeme in before):
+        out_of_place |= {'THEN', 'ELSE'}
     after_operand = 'INFIX' in expected
     if after_operand:
         out_of_place |= {'LPAR', 'EQUAL'}

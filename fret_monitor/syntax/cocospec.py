@@ -81,17 +81,20 @@ PRECEDENCE = Precedence(
 
 _WRITE = {'and': 'and', 'or': 'or', 'not': 'not', 'implies': '=>', 'iff': '=', 'xor': 'xor',
           'unequal': '<>'}
-_CLOCKS = 'a monitor has one clock, its step: leave it out'
 _REFUSED = {
-    **{word: f'write {word.lower()}'
-       for key in ('and', 'or', 'not', 'xor') for word in (key.upper(), key.capitalize())},
-    'implies': 'write =>', 'iff': 'write =', '%': 'the remainder is mod: x mod 3',
-    'fby': 'write initial -> pre x', **dict.fromkeys(('when', 'current', 'merge'), _CLOCKS),
+    '%': 'the remainder is mod: x mod 3',
+    '{': 'only bool, int and real are known',
+}
+_CLOCKS = 'a monitor has one clock, its step: leave it out'
+_FOREIGN = {
+    **{word: f'write {_WRITE[word.lower()]}'
+       for word in ('AND', 'And', 'OR', 'Or', 'NOT', 'Not', 'XOR', 'Xor', 'implies', 'iff')},
+    'fby': 'write initial -> pre x',
+    **dict.fromkeys(('when', 'current', 'merge'), _CLOCKS),
     **dict.fromkeys(('assert', 'assume', 'guarantee', 'contract'),
                     'a requirement is one formula, and each guarantee a requirement of its own'),
     'const': 'write constants under constants: in the bundle',
     'type': 'only bool, int and real are known',
-    '{': 'only bool, int and real are known',
 }
 # FRET's names of relations, as it writes them in OT(0.5, LessThan, p).
 _RELATIONS = {'LessThan': '<', 'LessThanOrEqual': '<=', 'Equal': '=', 'GreaterThan': '>',
@@ -111,7 +114,7 @@ _ARITY = {**dict.fromkeys(_SINCE, 2), **dict.fromkeys(_TIMED_PAST, 3),
           **dict.fromkeys(_TIMED_SINCE, 4)}
 
 RESERVED = frozenset({*_WORDS, *(word for word in _REFUSED if word.isalpha()), *_ARITY, 'FTP'})
-"""Words that cannot name an input, constant or definition in this language."""
+"""Words that are no names in this language, unless in quotes."""
 
 
 def _pattern() -> re.Pattern[str]:
@@ -250,7 +253,7 @@ def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
 
 
 _LANGUAGE = _lalr.Language('cocospec.lark', _Builder(PRECEDENCE), ('formula', 'program'),
-                           _pattern(), _WORDS, _OPERATORS, _REFUSED, _WRITE, _explain)
+                           _pattern(), _WORDS, _OPERATORS, _REFUSED, _FOREIGN, _WRITE, _explain)
 
 
 def parse_cocospec(text: Text) -> Expression | Equations:
@@ -259,26 +262,39 @@ def parse_cocospec(text: Text) -> Expression | Equations:
 
     Raises `CompileError` with the place of the first error.
     """
-    lexemes = _rename(text, _lalr.scan(_LANGUAGE, text))
-    start = 'program' if _is_program(lexemes) else 'formula'
+    lexemes = _lalr.scan(_LANGUAGE, text)
+    is_node = _is_node([lexeme.type for lexeme in lexemes])
+    lexemes = _rename(text, lexemes, frozenset() if is_node else _NODE_WORDS)
+    start = 'program' if is_node or _is_equations(lexemes) else 'formula'
     tree: Expression | Equations = _lalr.parse(_LANGUAGE, text, lexemes, start)
     return tree
 
 
-def _rename(text: Text, lexemes: list[Lexeme]) -> list[Lexeme]:
-    """Make names of the operators H, O, Y and Z where no operand follows: Lustre's are names."""
+_NODE_WORDS = frozenset({'NODE', 'FUNCTION', 'RETURNS', 'VAR', 'LET', 'TEL'})
+
+
+def _is_node(kinds: Sequence[str]) -> bool:
+    has_head = kinds[:1] in (['NODE'], ['FUNCTION']) and kinds[2:3] == ['LPAR']
+    return has_head or ('LET' in kinds and 'TEL' in kinds)
+
+
+def _is_equations(lexemes: Sequence[Lexeme]) -> bool:
+    kinds = [lexeme.type for lexeme in lexemes]
+    return 'SEMI' in kinds and kinds[:2] == ['NAME', 'EQUAL']
+
+
+def _rename(text: Text, lexemes: list[Lexeme], names: frozenset[str]) -> list[Lexeme]:
+    """
+    Make names of the kinds in `names`, and of H, O, Y and Z where no operand follows.
+
+    They are names in Lustre, and `node` or `var` can be an input's.
+    """
     kinds = [_lalr.END, *(lexeme.type for lexeme in lexemes), _lalr.END]
     return [lexeme._replace(type='NAME', text=text.value[lexeme.start:lexeme.end])
-            if lexeme.type in ('PAST', 'DELAY') and _is_name(before, after) else lexeme
+            if lexeme.type in names or _is_letter(before, lexeme.type, after) else lexeme
             for before, lexeme, after in zip(kinds, lexemes, kinds[2:])]
 
 
-def _is_name(before: str, after: str) -> bool:
-    return before in ('NODE', 'FUNCTION') or after not in _lalr.OPERAND_STARTS
-
-
-def _is_program(lexemes: Sequence[Lexeme]) -> bool:
-    kinds = [lexeme.type for lexeme in lexemes]
-    if 'NODE' in kinds or 'FUNCTION' in kinds or 'LET' in kinds:
-        return True
-    return 'SEMI' in kinds and kinds[:2] == ['NAME', 'EQUAL']
+def _is_letter(before: str, kind: str, after: str) -> bool:
+    is_name = before in ('NODE', 'FUNCTION') or after not in _lalr.OPERAND_STARTS
+    return kind in ('PAST', 'DELAY') and is_name

@@ -184,3 +184,25 @@ def postorder(root: Expression) -> Iterator[Expression]:
             continue
         stack.append((node, True))
         stack.extend((child, False) for child in reversed(children(node)))
+
+
+_SPELLED = {
+    '.': '_DOT_', '%': '_PRC_', '#': '_HSH_', '$': '_DOL_', '&': '_AMP_', '@': '_ATS_',
+    '!': '_BNG_', '?': '_QUS_', '-': '_HYP_', '*': '_AST_', '=': '_EQU_', '^': '_CRT_',
+    ' ': '_SPC_', '+': '_PLS_', ';': '_SEM_', ':': '_CLN_', ',': '_CMA_', '/': '_FSL_',
+    '\\': '_BSL_', '|': '_VBR_', '~': '_TLD_', '<': '_LAN_', '>': '_RAN_', '(': '_LPR_',
+    ')': '_RPR_', '{': '_LCB_', '}': '_RCB_', '[': '_LSQ_', ']': '_RSQ_', "'": '_SQT_',
+    '"': '_DQT_', '`': '_BQT_',
+}
+
+
+def fret_name(name: str) -> str:
+    """
+    Return a name as FRET writes it in formulas: `a.b` is `a_DOT_b` there.
+
+    Two names that give the same one are the same for FRET. A name with other special characters
+    than `.` and `%` stands in quotes in FRET, which writes those too: `_DQT_a_SPC_b_DQT_`.
+    """
+    spelled = ''.join(_SPELLED.get(char, char) for char in name)
+    is_quoted = any(char in _SPELLED for char in name if char not in '.%$')
+    return f'_DQT_{spelled}_DQT_' if is_quoted else spelled

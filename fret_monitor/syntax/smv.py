@@ -76,20 +76,24 @@ PRECEDENCE = Precedence(
 _WRITE = {'and': '&', 'or': '|', 'not': '!', 'implies': '->', 'iff': '<->', 'xor': 'xor',
           'unequal': '!='}
 _REFUSED = {
-    **{word: f'write {_WRITE[key]}' for key in ('and', 'or', 'not', 'implies', 'iff')
-       for word in (key, key.upper(), key.capitalize())},
+    **{word: f'write {_WRITE[word]}' for word in ('and', 'or', 'not')},
     **dict.fromkeys(('if', 'then', 'else'), 'write ite(condition, yes, no), or if -> then'),
     'pre': 'write Y for a Boolean, preInt(init, x) or preReal(init, x) for a number',
     '%': 'the remainder is mod: x mod 3',
     ';': 'a formula of this language ends without a semicolon',
     '{': 'write an enumeration as (x = A | x = B)',
 }
-# What FRET's grammar knows besides: operators of the future, and those of CoCoSpec.
-_FUTURE = frozenset({'X', 'G', 'F', 'U', 'V', 'R', 'UI'})
+_PAST = 'this is an operator of the future, and a monitor sees only the past: H O Y Z, S T SI'
+_FOREIGN = {
+    **{word: f'write {_WRITE[word.lower()]}'
+       for word in ('AND', 'And', 'OR', 'Or', 'NOT', 'Not', 'implies', 'IMPLIES', 'iff', 'IFF')},
+    # FRET's grammar has these too.
+    **dict.fromkeys(('X', 'G', 'F', 'U', 'V', 'R', 'UI'), _PAST),
+}
 _COCOSPEC = frozenset({'YtoPre', 'ZtoPre', 'OT', 'HT', 'ST', 'SIT', 'TT'})
 
 RESERVED = frozenset({*_WORDS, *(word for word in _REFUSED if word.isalpha()), *_COCOSPEC, 'FTP'})
-"""Words that cannot name an input, constant or definition in this language."""
+"""Words that are no names in this language, unless in quotes."""
 
 _HTML = {'<': '(?:<|&lt;)', '>': '(?:>|&gt;)', '&': '(?:&amp;|&(?!(?:lt|gt|amp);))'}
 
@@ -140,11 +144,6 @@ class _Builder(_lalr.Builder):
 def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
     found = lexemes[index]
     before = lexemes[index - 1] if index else found
-    for lexeme in (before, found):
-        if lexeme.type == 'NAME' and lexeme.text in _FUTURE:
-            return Diagnostic(f"'{lexeme.text}' is an operator of the future", lexeme.span,
-                              'not in this language',
-                              'a monitor sees only the past: H O Y Z, S T SI')
     if found.type == 'SINCE':
         return Diagnostic(f"'{found.text}' stands between two operands", found.span,
                           'an operand is missing before it', f'write p {found.text} q; '
@@ -171,7 +170,7 @@ def _explain_bracket(before: Lexeme, found: Lexeme) -> Diagnostic | None:
 
 
 _LANGUAGE = _lalr.Language('smv.lark', _Builder(PRECEDENCE), ('start',), _pattern(r'\s'), _WORDS,
-                           _OPERATORS, _REFUSED, _WRITE, _explain)
+                           _OPERATORS, _REFUSED, _FOREIGN, _WRITE, _explain)
 _TAGGED = _pattern(r'\s|</?[bi]>')
 
 
