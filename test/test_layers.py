@@ -22,12 +22,16 @@ import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+import os
 from pathlib import Path
+import subprocess
+import sys
 
 import fret_monitor
 import pytest
 
 PACKAGE = Path(fret_monitor.__file__).parent
+PYTHONPATH = os.pathsep.join([str(PACKAGE.parent), os.environ.get('PYTHONPATH', '')])
 
 LEVELS = {
     'fret_monitor': 0,
@@ -225,3 +229,17 @@ def test_the_nodes_load_the_parsers_only_when_they_need_them() -> None:
         and LEVELS[place(each.imported)] not in {*LEAN_LEVELS, 8}
     ]
     assert not wrong, told(wrong)
+
+
+@pytest.mark.parametrize('face', ['native', 'runtime', 'ros.monitor_node', 'ros.logger_node'])
+def test_loading_does_load_no_parser(face: str) -> None:
+    # The same said of a real process, in which nothing escapes that is imported by name.
+    if face.startswith('ros.'):
+        pytest.importorskip('rclpy')
+    script = f'import sys, fret_monitor.{face}; print(*sys.modules)'
+    done = subprocess.run([sys.executable, '-c', script], text=True, check=True,
+                          capture_output=True, env={**os.environ, 'PYTHONPATH': PYTHONPATH})
+    loaded = set(done.stdout.split())
+    heavy = {'lark', 'fret_monitor.build', 'fret_monitor.logic', 'fret_monitor.syntax'}
+    assert f'fret_monitor.{face}' in loaded
+    assert loaded & heavy == set()
