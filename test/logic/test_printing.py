@@ -59,8 +59,10 @@ NUMBERS = (Variable('i', ValueType.INT32), Variable('u', ValueType.UINT64),
            Variable('f', ValueType.FLOAT32), Variable('d', ValueType.FLOAT64))
 MODE = Variable('mode', ValueType.UINT8)
 STATE = Variable('state', ValueType.INT32)
-VALUES: dict[str, tuple[tuple[str, int | str], ...]] = {'mode': (('IDLE', 0), ('LANDING', 3), ('H', 4)),
-          'state': (('ready', 'ready'), ('off', 'powered off'), ('down', 'powered off'))}
+VALUES: dict[str, tuple[tuple[str, int | str], ...]] = {
+    'mode': (('IDLE', 0), ('LANDING', 3), ('H', 4)),
+    'state': (('ready', 'ready'), ('off', 'powered off'), ('down', 'powered off')),
+}
 SCOPE = scope_of((*BOOLEANS, *NUMBERS, MODE, STATE), values=VALUES)
 p, q, r = BOOLEANS
 
