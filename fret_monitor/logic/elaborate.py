@@ -258,7 +258,7 @@ class _Reading:
     def _reached(self, formula: Formula) -> tuple[tuple[Feedback, Formula], ...]:
         """Return the equations behind the feedback that a formula reaches, all the way."""
         found: dict[Feedback, Formula] = {}
-        todo = [formula]
+        todo = [formula] if self._feedback else []
         while todo:
             for node in postorder([todo.pop()]):
                 if isinstance(node, Feedback) and node not in found:

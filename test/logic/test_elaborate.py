@@ -51,6 +51,7 @@ from fret_monitor.logic.formula import Variable
 from fret_monitor.logic.formula import WeakYesterday
 from fret_monitor.logic.formula import Window
 from fret_monitor.logic.formula import Yesterday
+from fret_monitor.logic.functions import FUNCTIONS
 from fret_monitor.logic.numbers import RANGES
 from fret_monitor.logic.numbers import to_float32
 from fret_monitor.manifest import ValueType
@@ -690,3 +691,89 @@ class TestSize:
     def test_a_long_chain_of_equations_costs_no_recursion(self) -> None:
         chain = ''.join(f'e{k} = not e{k + 1};' for k in range(3000)) + 'e3000 = p; ok = e0;'
         assert len(postorder([lustre(chain)])) == 3001
+
+
+class TestRandomTexts:
+    """Whatever is written gets a well-typed formula, or mistakes with their places."""
+
+    NAMES = ('p', 'q', 'state', 'mode', 'LANDING', 'ON', 'AUTO', 'nobody', 'three', 'tenth', 'yes',
+             'big', 'LANDED', 'FTP', 'TRUE', '1', '0', '2.5', '-3', '1e40', '1e400',
+             '9223372036854775808', '18446744073709551616', *NUMBERS)
+    SIGNS = ('+', '-', '*', '/', 'mod', '^', '<', '<=', '=', '!=', '&', '|', '->', 'S', 'SI[1,2]')
+    PREFIXES = ('!', '-', 'H', 'O[<3]', 'Y', 'Z')
+
+    def text(self, generator: random.Random, depth: int) -> str:
+        """Return a random text in SMV, of right syntax."""
+        if depth == 0 or generator.random() < 0.2:
+            return generator.choice(self.NAMES)
+        parts = [self.text(generator, depth - 1) for _ in range(3)]
+        match generator.randrange(4):
+            case 0:
+                return f'({generator.choice(self.PREFIXES)} {parts[0]})'
+            case 1:
+                name = generator.choice(sorted(FUNCTIONS))
+                return f'{name}({", ".join(parts[:generator.choice([1, 2, 2, 3])])})'
+            case _:
+                return f'({parts[0]} {generator.choice(self.SIGNS)} {parts[1]})'
+
+    def test_a_text_is_understood_or_refused_with_a_place(self) -> None:
+        generator = random.Random(20)
+        understood = 0
+        for _ in range(2000):
+            text = self.text(generator, generator.choice([1, 2, 3]))
+            try:
+                check_types(smv(text))
+                understood += 1
+            except CompileError as error:
+                assert error.diagnostics, text
+                assert all(item.span for item in error.diagnostics), text
+        assert 200 < understood < 1800
+
+    def number(self, generator: random.Random, depth: int) -> str:
+        """Return a random term of whole numbers, in Lustre."""
+        if depth == 0 or generator.random() < 0.25:
+            return generator.choice(['i8', 'u8', 'i64', 'u64', '1', '2', 'three', 'f32', '0.5'])
+        a, b = self.number(generator, depth - 1), self.number(generator, depth - 1)
+        match generator.randrange(5):
+            case 0:
+                return f'({a} {generator.choice(["+", "-", "*"])} {b})'
+            case 1:
+                return f'({a} -> pre {b})'
+            case 2:
+                return f'(if p then {a} else {b})'
+            case 3:
+                return f'({a} -> pre {generator.choice(["x", "y"])} + {b})'
+            case _:
+                return f'({a} -> pre({b} - {generator.choice(["x", "y"])}))'
+
+    def test_equations_through_pre_close_in_the_type_of_their_feedback(self) -> None:
+        generator = random.Random(21)
+        closed = 0
+        for _ in range(500):
+            text = (f'x = {self.number(generator, 3)}; y = {self.number(generator, 3)}; '
+                    'ok = x < y or YtoPre(ok);')
+            feedback: dict[Feedback, Formula] = {}
+            formula = lustre(text, feedback)
+            roots = [formula, *feedback.values()]
+            for root in roots:
+                check_types(root)
+            for cell, equation in feedback.items():
+                assert cell.type is equation.type, text
+            reached = {node for node in postorder(roots) if isinstance(node, Feedback)}
+            assert reached <= set(feedback), text
+            closed += len(reached)
+        assert closed > 500
+
+    def test_whole_numbers_compute_as_in_mathematics(self) -> None:
+        generator = random.Random(22)
+        values = {'i8': -5, 'u8': 3, 'i16': 7, 'u32': 11, 'i64': -2}
+        for _ in range(300):
+            text = generator.choice([*values, '4', '-6'])
+            for _ in range(generator.randrange(6)):
+                text = f'({text} {generator.choice("+-*")} {generator.choice([*values, "9"])})'
+            sign = generator.choice(['<', '<=', '>', '>=', '=', '!='])
+            limit = generator.randrange(-40, 40)
+            (verdict,) = evaluate(smv(f'{text} {sign} {limit}'),
+                                  {name: [value] for name, value in values.items()})
+            expected = PYTHON[sign](eval(text, {}, values), limit)
+            assert verdict == expected, text
