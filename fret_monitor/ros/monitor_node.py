@@ -25,12 +25,14 @@ from typing import Any
 from fret_monitor.manifest import Manifest, ManifestInput, Policy
 from fret_monitor.ros.compiled import open_monitor, Opened
 from fret_monitor.ros.fed_node import FedNode
+from fret_monitor.ros.feed import Deliver
 from fret_monitor.ros.fields import message_class, MessageReader, MessageTypeError
 from fret_monitor.ros.handlers import Handlers
 from fret_monitor.ros.parameters import MONITOR_PARAMETERS, read_settings, Refusal
 from fret_monitor.runtime import Evaluator
 
 from rclpy.exceptions import InvalidTopicNameException
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from std_srvs.srv import Trigger
 
 
@@ -72,8 +74,9 @@ class MonitorNode(FedNode):
                 self.feed.subscribe(
                     topic.name, topic.message_type, reader.message_class,
                     self._deliver(reader), dict(topic.qos))
-        except InvalidTopicNameException as error:
-            raise Refusal(f'not a topic name: {error}') from None
+        except (InvalidTopicNameException, _rclpy.RCLError) as error:
+            # A remapping may make a name that is none, or lead topics of two types together.
+            raise Refusal(f'cannot subscribe or advertise: {error}') from None
         if opened.policy is Policy.PERIODIC:
             assert opened.period is not None
             self.create_timer(float(opened.period), self._tick)
@@ -82,20 +85,29 @@ class MonitorNode(FedNode):
         self.feed.start()
         self.get_logger().info(_announcement(opened))
 
-    def _deliver(self, reader: MessageReader) -> Any:
+    def _deliver(self, reader: MessageReader) -> Deliver:
         """Return the callback for a topic: store what the message holds, then step."""
         evaluator, topic, lock = self._evaluator, reader.topic, self._lock
         uses_received = not self.get_parameter('use_sim_time').value
 
         def deliver(data: bytes, received: int) -> None:
             with lock:
-                if reader.read(data, evaluator):
-                    stamp = received if uses_received else self._now()
-                    violations = evaluator.message(topic, stamp)
-                    if violations:
-                        self._handlers.announce(violations)
+                if not reader.read(data, evaluator):
+                    self._tell_undecodable(topic)
+                    return
+                stamp = received if uses_received else self._now()
+                violations = evaluator.message(topic, stamp)
+                if violations:
+                    self._handlers.announce(violations)
 
         return deliver
+
+    def _tell_undecodable(self, topic: int) -> None:
+        if self._evaluator.topic_counts(topic).undecodable == 1:
+            mapped = self._evaluator.monitor.manifest.topics[topic]
+            self.get_logger().error(
+                f'a message on {self.resolve_topic_name(mapped.name)} cannot be decoded as '
+                f'{mapped.message_type}; such messages are counted and are no step')
 
     def _tick(self) -> None:
         with self._lock:

@@ -191,7 +191,7 @@ class Partner:
         while +self.heard != wanted and monotonic() < end:
             sleep(0.01)
         sleep(0.3)
-        assert +self.heard == wanted
+        assert dict(+self.heard) == dict(wanted)
 
     def reset(self, service: str = 'fret_monitor/reset') -> str:
         """Call the service and return its message."""

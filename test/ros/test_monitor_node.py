@@ -1,0 +1,292 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The monitor as a process over real DDS: every violation that is due is announced, none else."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+import random
+from time import sleep
+from typing import Any
+
+from fret_monitor import build
+from fret_monitor.logic.evaluate import Value
+from fret_monitor.manifest import Policy
+import pytest
+from rclpy.publisher import Publisher
+from ros.harness import BEST_EFFORT
+from ros.harness import LATCHED
+from ros.harness import NodeProcess
+from ros.harness import Partner
+from ros.harness import started
+from ros.harness import wait_until
+from ros.reference import expected
+from ros.reference import Message
+from std_msgs.msg import Bool
+from std_msgs.msg import Empty
+from std_msgs.msg import Float32
+from std_msgs.msg import Int32
+from std_msgs.msg import String
+
+sensor_msgs = pytest.importorskip('sensor_msgs.msg')
+
+BUNDLE = """
+format: 1
+inputs:
+  x: {topic: topic/x, type: std_msgs/msg/Float32}
+  n: {topic: n, type: std_msgs/msg/Int32}
+  p: {topic: p, type: std_msgs/msg/Bool, field: data}
+requirements:
+  - {id: R-1, ptltl: "x < 0.7 -> O[0,3] (n > 1)"}
+  - {id: R-2, ptltl: "(p S[1,4] (n > 1)) | FTP"}
+  - {id: R-3, ptltl: "H (x < 2.0)"}
+  - {id: R-4, ptltl: "Y (x > 0.3) | n != 2", report: onset}
+  - {id: R-5, ptltl: "p"}
+"""
+HANDLERS = ('R_1', 'R_2', 'R_3', 'R_4', 'R_5')
+TYPES = {'x': Float32, 'n': Int32, 'p': Bool}
+TOPICS = {'x': 'topic/x', 'n': 'n', 'p': 'p'}
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> Path:
+    return write(tmp_path, BUNDLE)
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / 'bundle.yaml'
+    path.write_text(text, encoding='utf-8')
+    return path
+
+
+def random_messages(count: int, seed: int) -> list[Message]:
+    chance = random.Random(seed)
+
+    def value(name: str) -> Value:
+        choices: dict[str, list[Value]] = {
+            'x': [0.0, 0.25, 0.5, 0.75, 1.0], 'n': [0, 1, 2, 3], 'p': [False, True, True]}
+        return chance.choice(choices[name])
+
+    names = [chance.choice('xnp') for _ in range(count)]
+    return [(TOPICS[name], {name: value(name)}) for name in names]
+
+
+class Talker:
+    """Publishes messages on the topics of `BUNDLE`."""
+
+    def __init__(self, partner: Partner, prefix: str = '', **offers: Any) -> None:
+        self.publishers: dict[str, Publisher] = {
+            name: partner.publisher(TYPES[name], prefix + TOPICS[name],
+                                    *filter(None, [offers.get(name)]))
+            for name in TYPES}
+        partner.wait_for_listener(*self.publishers.values())
+
+    def say(self, messages: list[Message]) -> None:
+        for number, (_, fed) in enumerate(messages):
+            for name, value in fed.items():
+                self.publishers[name].publish(TYPES[name](data=value))
+            if number % 10 == 9:
+                sleep(0.01)
+
+
+@contextmanager
+def monitoring(partner: Partner, *arguments: str, handlers: tuple[str, ...] = HANDLERS,
+               environment: dict[str, str] | None = None) -> Iterator[NodeProcess]:
+    with started('monitor', *arguments, environment=environment) as node:
+        partner.listen(*handlers)
+        yield node
+
+
+@pytest.mark.parametrize('policy', [
+    Policy.EVERY_MESSAGE, Policy.RELEVANT_MESSAGE, Policy.ALL_INPUTS])
+def test_every_violation_is_announced_and_none_else(
+    policy: Policy, partner: Partner, bundle: Path,
+) -> None:
+    messages = random_messages(600, seed=3)
+    wanted = expected(bundle, messages, policy)
+    assert len({*wanted.values()}) > 3  # the requirements tell of different things
+    with monitoring(partner, '-p', f'spec:={bundle}', '-p', f'policy:={policy.value}') as node:
+        Talker(partner).say(messages)
+        partner.expect(wanted)
+        assert f'watching 5 requirements on 3 inputs of 3 topics, policy {policy.value}' \
+            in node.output
+
+
+def test_publishers_of_every_quality_are_heard_by_one_monitor(
+    partner: Partner, bundle: Path,
+) -> None:
+    messages = random_messages(300, seed=4)
+    with monitoring(partner, '-p', f'spec:={bundle}'):
+        Talker(partner, x=BEST_EFFORT, n=LATCHED).say(messages)
+        partner.expect(expected(bundle, messages))
+
+
+def test_a_reset_starts_afresh_and_keeps_the_values(partner: Partner, bundle: Path) -> None:
+    first, second = random_messages(100, seed=5), random_messages(100, seed=6)
+    last = {name: value for _, fed in first for name, value in fed.items()}
+    with monitoring(partner, '-p', f'spec:={bundle}'):
+        talker = Talker(partner)
+        talker.say([*first, (TOPICS['x'], {'x': 3.0})])
+        counts = expected(bundle, [*first, (TOPICS['x'], {'x': 3.0})])
+        partner.expect(counts)
+        assert partner.reset().startswith('restarted 4 step groups')
+        partner.heard.clear()
+        # A second start in which all inputs have their values from the first message on
+        known = {**last, 'x': 3.0}
+        messages = [(second[0][0], {**known, **second[0][1]}), *second[1:]]
+        talker.say(second)
+        partner.expect(expected(bundle, messages))
+
+
+def test_topics_and_handlers_lie_in_the_namespace_and_can_be_remapped(
+    partner: Partner, bundle: Path,
+) -> None:
+    messages = random_messages(100, seed=7)
+    with started('monitor', '-p', f'spec:={bundle}', '-r', '__ns:=/robot/one',
+                 '-r', 'topic/x:=/elsewhere/x'):
+        partner.listen(*HANDLERS, prefix='/robot/one/copilot/handlerprop')
+        publishers = {
+            'x': partner.publisher(Float32, '/elsewhere/x'),
+            'n': partner.publisher(Int32, '/robot/one/n', BEST_EFFORT),
+            'p': partner.publisher(Bool, '/robot/one/p')}
+        partner.wait_for_listener(*publishers.values())
+        for _, fed in messages:
+            for name, value in fed.items():
+                publishers[name].publish(TYPES[name](data=value))
+                sleep(0.002)
+        partner.expect(expected(bundle, messages))
+        assert 'restarted' in partner.reset('/robot/one/fret_monitor/reset')
+
+
+def test_bytes_that_are_no_message_are_no_step_and_told_once(
+    partner: Partner, bundle: Path,
+) -> None:
+    messages = random_messages(40, seed=8)
+    with monitoring(partner, '-p', f'spec:={bundle}') as node:
+        talker = Talker(partner)
+        for message in messages:
+            talker.publishers['x'].publish(b'\0\1\0\0')  # a header, and no number
+            talker.say([message])
+        partner.expect(expected(bundle, messages))
+        node.wait_for('/topic/x cannot be decoded as std_msgs/msg/Float32')
+        assert node.output.count('cannot be decoded') == 1
+
+
+JOINTS = """
+format: 1
+inputs:
+  elbow: {topic: joints, type: sensor_msgs/msg/JointState, field: "position[1]"}
+  wrist: {topic: joints, type: sensor_msgs/msg/JointState, field: "position[2]"}
+  age: {topic: joints, type: sensor_msgs/msg/JointState, field: header.stamp.sec}
+  state: {topic: state, type: std_msgs/msg/String, values: {IDLE: "idle", MOVING: "moving"}}
+requirements:
+  - {id: ELBOW, ptltl: "elbow < 1.0"}
+  - {id: BOTH, ptltl: "elbow < wrist"}
+  - {id: AGE, ptltl: "age < 10"}
+  - {id: STILL, ptltl: "state = IDLE -> elbow < 1.0"}
+"""
+
+
+def test_inputs_of_one_topic_share_a_step_and_what_cannot_be_used_is_left_out(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    bundle = write(tmp_path, JOINTS)
+    with monitoring(partner, '-p', f'spec:={bundle}',
+                    handlers=('ELBOW', 'BOTH', 'AGE', 'STILL')):
+        joints = partner.publisher(sensor_msgs.JointState, 'joints')
+        state = partner.publisher(String, 'state')
+        partner.wait_for_listener(joints, state)
+
+        def move(second: int, *position: float) -> None:
+            message = sensor_msgs.JointState(position=position)
+            message.header.stamp.sec = second
+            joints.publish(message)
+            sleep(0.05)
+
+        move(20, 0.0, 0.5)  # no wrist yet: two requirements step, AGE is violated
+        partner.expect({'AGE': 1})
+        move(0, 0.0, 2.0, 1.0)  # ELBOW and BOTH
+        partner.expect({'AGE': 1, 'ELBOW': 1, 'BOTH': 1})
+        move(0, 0.0)  # neither elbow nor wrist: both stay, and so do the violations
+        partner.expect({'AGE': 1, 'ELBOW': 2, 'BOTH': 2})
+        state.publish(String(data='broken'))  # not among the values: a step all the same
+        partner.expect({'AGE': 1, 'ELBOW': 3, 'BOTH': 3})
+        state.publish(String(data='moving'))
+        partner.expect({'AGE': 1, 'ELBOW': 4, 'BOTH': 4})
+        state.publish(String(data='idle'))
+        partner.expect({'AGE': 1, 'ELBOW': 5, 'BOTH': 5, 'STILL': 1})
+
+
+def test_with_the_policy_periodic_steps_come_with_time(partner: Partner, bundle: Path) -> None:
+    with monitoring(partner, '-p', f'spec:={bundle}', '-p', 'policy:=periodic',
+                    '-p', 'rate:=20.0'):
+        Talker(partner).publishers['p'].publish(Bool(data=False))
+        wait_until(lambda: partner.heard['R_5'] > 0, 'the first violation')
+        before = partner.heard['R_5']
+        sleep(2.0)
+        assert 30 <= partner.heard['R_5'] - before <= 45
+        assert {*partner.heard} == {'R_5'}
+
+
+def test_a_publisher_of_another_type_is_told(partner: Partner, bundle: Path) -> None:
+    with monitoring(partner, '-p', f'spec:={bundle}') as node:
+        partner.publisher(Int32, 'topic/x')
+        node.wait_for('/partner publishes std_msgs/msg/Int32 on /topic/x, where the bundle says '
+                      'std_msgs/msg/Float32')
+
+
+def test_what_was_compiled_runs_without_a_compiler(
+    partner: Partner, bundle: Path, tmp_path: Path,
+) -> None:
+    build.write(build.generate_monitor(build.read(bundle)), tmp_path / 'library')
+    environment = {'PATH': str(tmp_path / 'empty'), 'ROS_HOME': str(tmp_path / 'home'), 'CC': ''}
+    messages = random_messages(100, seed=9)
+    library = f"library:={tmp_path / 'library'}"
+    with monitoring(partner, '-p', library, environment=environment), \
+            started('logger', '-p', library, environment=environment) as logger:
+        Talker(partner).say(messages)
+        wanted = expected(bundle, messages)
+        partner.expect(wanted)
+        for handler, count in wanted.items():
+            name = handler.replace('_', '-')
+            wait_until(lambda name=name, count=count: logger.output.count(
+                f'{name} violated at') == count, f'{count} lines for {name}')
+    assert not (tmp_path / 'home' / 'fret_monitor').exists()
+
+
+def test_the_logger_tells_id_sentence_and_time_by_severity(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    bundle = write(tmp_path, BUNDLE + """
+  - {id: R-6, title: "x shall be small", ptltl: "x < 2.0", severity: warn}
+""")
+    with started('logger', '-p', f'spec:={bundle}', environment={
+            'RCUTILS_CONSOLE_OUTPUT_FORMAT': '{severity} {message}'}) as node:
+        wide = partner.publisher(Empty, 'copilot/handlerpropR_6')
+        plain = partner.publisher(Empty, 'copilot/handlerpropR_5')
+        wait_until(lambda: wide.get_subscription_count() > 0
+                   and plain.get_subscription_count() > 0, 'a logger that listens')
+        sleep(0.3)
+        now = int(partner.node.get_clock().now().nanoseconds / 1e9)
+        wide.publish(Empty())
+        plain.publish(Empty())
+        node.wait_for('R-6 violated')
+        node.wait_for('R-5 violated')
+        lines = {line.split()[1]: line for line in node.output.splitlines()}
+        assert lines['R-6'].startswith('WARN R-6 violated at ')
+        assert lines['R-6'].endswith(': x shall be small')
+        assert lines['R-5'].startswith('ERROR R-5 violated at ')
+        assert lines['R-5'].endswith(': p')
+        assert abs(float(lines['R-6'].split()[4].rstrip(':')) - now) < 20
