@@ -32,7 +32,6 @@ from fret_monitor.ros.parameters import MONITOR_PARAMETERS, read_settings, Refus
 from fret_monitor.runtime import Evaluator
 
 from rclpy.exceptions import InvalidTopicNameException
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from std_srvs.srv import Trigger
 
 
@@ -64,6 +63,7 @@ class MonitorNode(FedNode):
     def _begin(self, opened: Opened) -> None:
         manifest = opened.monitor.manifest
         refuse_inputs_off_ros(manifest)
+        self._refuse_merged_topics(manifest)
         readers = _readers(manifest)
         self._evaluator = Evaluator(
             opened.monitor, policy=opened.policy, library=opened.evaluator)
@@ -74,8 +74,7 @@ class MonitorNode(FedNode):
                 self.feed.subscribe(
                     topic.name, topic.message_type, reader.message_class,
                     self._deliver(reader), dict(topic.qos))
-        except (InvalidTopicNameException, _rclpy.RCLError) as error:
-            # A remapping may make a name that is none, or lead topics of two types together.
+        except InvalidTopicNameException as error:  # the namespace or a remapping may be wrong
             raise Refusal(f'cannot subscribe or advertise: {error}') from None
         if opened.policy is Policy.PERIODIC:
             assert opened.period is not None
@@ -84,6 +83,17 @@ class MonitorNode(FedNode):
             self.get_logger().warning(warning)
         self.feed.start()
         self.get_logger().info(_announcement(opened))
+
+    def _refuse_merged_topics(self, manifest: Manifest) -> None:
+        """Refuse remappings that lead two topics together: a message would be two steps."""
+        names: dict[str, str] = {}
+        for topic in manifest.topics:
+            full = self.resolve_topic_name(topic.name)
+            other = names.setdefault(full, topic.name)
+            if other != topic.name:
+                raise Refusal(
+                    f"'{other}' and '{topic.name}' are both remapped to {full}; if they are one "
+                    f'topic, give the inputs that they feed one `topic:` in the bundle')
 
     def _deliver(self, reader: MessageReader) -> Deliver:
         """Return the callback for a topic: store what the message holds, then step."""

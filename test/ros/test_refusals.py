@@ -1,0 +1,213 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a node does not start with: told on one screen, status 1, and nothing left behind."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from fret_monitor import build
+from fret_monitor.ros.logger_node import LoggerNode
+from fret_monitor.ros.monitor_node import MonitorNode
+from fret_monitor.ros.parameters import Refusal
+import pytest
+from rclpy.context import Context
+from rclpy.parameter import Parameter
+from ros.harness import NodeProcess
+from ros.harness import Partner
+
+BUNDLE = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+  y: {topic: y, type: std_msgs/msg/Int32}
+requirements:
+  - {id: R1, ptltl: x < 0.5 & y > 3}
+"""
+WRONG = BUNDLE.replace('y > 3', 'z > 3')
+
+
+@pytest.fixture
+def context(partner: Partner) -> Iterator[Context]:
+    """Return a context in which no node of ours is left in the end."""
+    yield partner.context
+    assert partner.node.get_node_names() == ['partner']
+
+
+def write(folder: Path, text: str = BUNDLE) -> Path:
+    path = folder / 'bundle.yaml'
+    path.write_text(text, encoding='utf-8')
+    return path
+
+
+def refusal(context: Context, *remappings: str, **parameters: object) -> str:
+    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+    arguments = ['--ros-args', *(word for rule in remappings for word in ('-r', rule))]
+    with pytest.raises(Refusal) as found:
+        MonitorNode(context=context, parameter_overrides=overrides, cli_args=arguments)
+    return str(found.value)
+
+
+def test_nothing_to_monitor_is_told_with_what_to_write(context: Context) -> None:
+    assert refusal(context) == (
+        'error: nothing to monitor: name a bundle with -p spec:=FILE, '
+        'or a compiled one with -p library:=FOLDER')
+
+
+def test_all_problems_of_the_parameters_are_told_together(context: Context) -> None:
+    told = refusal(context, spec=12, policy='sometimes', period=-1, rate='often', libary='x')
+    assert told.splitlines() == [
+        "error: there is no parameter 'libary': did you mean 'library'?",
+        "error: parameter 'spec' is 12, and has to be a path; quote it: -p 'spec:=\"12\"'",
+        "error: parameter 'policy' is 'sometimes', and has to be one of every_message, "
+        'relevant_message, all_inputs, periodic',
+        "error: parameter 'period' is -1, and has to be a number above 0 (seconds, say 0.1)",
+        "error: parameter 'rate' is 'often', and has to be a number above 0 "
+        '(steps a second, say 10.0)']
+
+
+@pytest.mark.parametrize(('name', 'value'), [
+    ('period', float('inf')), ('period', float('nan')), ('rate', 0), ('rate', True)])
+def test_a_period_is_a_number_above_zero(context: Context, name: str, value: object) -> None:
+    assert 'has to be a number above 0' in refusal(context, spec='x', **{name: value})
+
+
+def test_period_and_rate_do_not_go_together(context: Context) -> None:
+    assert 'give one of them' in refusal(context, spec='x', period=0.1, rate=10)
+
+
+def test_a_period_needs_the_policy_periodic_and_that_a_period(
+    context: Context, tmp_path: Path,
+) -> None:
+    bundle = str(write(tmp_path))
+    assert 'a period goes with the policy periodic' in refusal(context, spec=bundle, period=0.1)
+    assert 'the policy periodic needs a period' in refusal(
+        context, spec=bundle, policy='periodic')
+
+
+def test_a_bundle_that_is_not_there_is_told_by_its_name(context: Context, tmp_path: Path) -> None:
+    told = refusal(context, spec='no.yaml')
+    assert told == "error: there is no file 'no.yaml'"
+
+
+def test_a_wrong_bundle_is_told_as_check_tells_it(context: Context, tmp_path: Path) -> None:
+    bundle = write(tmp_path, WRONG)
+    told = refusal(context, spec=str(bundle))
+    assert told.startswith(f'{bundle}:7:31: error: ')
+    assert '^' in told
+
+
+def test_inputs_off_ros_are_refused_with_the_lines_to_write(
+    context: Context, tmp_path: Path,
+) -> None:
+    bundle = write(tmp_path, """
+format: 1
+inputs:
+  x: {type: uint8}
+  y: {type: std_msgs/msg/Int32}
+  z: {topic: z, type: std_msgs/msg/Bool}
+  w: {topic: w, type: float64}
+requirements:
+  - {id: R1, ptltl: x < 5 & y > 3 & z & w < 0.5}
+""")
+    assert refusal(context, spec=str(bundle)).splitlines()[1:] == [
+        '', '  inputs:',
+        '    x:', '      topic: x', '      type: std_msgs/msg/UInt8',
+        '    y:', '      topic: y', '      type: std_msgs/msg/Int32',
+        '    w:', '      topic: w', '      type: std_msgs/msg/Float64']
+
+
+def test_topics_that_are_remapped_to_one_are_refused(context: Context, tmp_path: Path) -> None:
+    told = refusal(context, 'y:=x', spec=str(write(tmp_path)))
+    assert told.startswith("error: 'x' and 'y' are both remapped to /x; ")
+
+
+def compiled(folder: Path, text: str = BUNDLE) -> str:
+    bundle = write(folder, text)
+    build.write(build.generate_monitor(build.read(bundle)), folder / 'library')
+    return str(folder / 'library')
+
+
+def test_a_folder_without_a_compiled_bundle_is_told(context: Context, tmp_path: Path) -> None:
+    assert 'holds no compiled bundle' in refusal(context, library=str(tmp_path))
+
+
+def test_a_library_of_another_bundle_is_refused(context: Context, tmp_path: Path) -> None:
+    library = compiled(tmp_path)
+    bundle = write(tmp_path, BUNDLE.replace('0.5', '0.6'))
+    told = refusal(context, library=library, spec=str(bundle))
+    assert 'was not compiled from' in told
+    assert f'fret-monitor compile {bundle} --output {library}' in told
+
+
+def test_a_library_that_does_not_fit_its_manifest_is_refused(
+    context: Context, tmp_path: Path,
+) -> None:
+    library = Path(compiled(tmp_path))
+    manifest = library / 'manifest.json'
+    manifest.write_text(manifest.read_text().replace('"id": "R1"', '"id": "R2"'))
+    assert "requirement 0 is 'R1' instead of 'R2'" in refusal(context, library=str(library))
+
+
+def test_what_would_need_compiling_anew_is_refused(context: Context, tmp_path: Path) -> None:
+    library = compiled(tmp_path)
+    assert 'with that policy in the bundle' in refusal(
+        context, library=library, policy='periodic', period=1.0)
+    assert 'the period is compiled into the bundle' in refusal(
+        context, library=library, period=1.0)
+
+
+def test_a_message_type_that_is_not_installed_is_told(context: Context, tmp_path: Path) -> None:
+    library = Path(compiled(tmp_path))
+    manifest = library / 'manifest.json'
+    manifest.write_text(manifest.read_text().replace('std_msgs/msg/Int32', 'my_msgs/msg/Int32'))
+    assert 'install the package my_msgs' in refusal(context, library=str(library))
+
+
+def test_the_logger_refuses_what_the_monitor_does(context: Context, tmp_path: Path) -> None:
+    overrides = [Parameter('spec', value=str(write(tmp_path, WRONG)))]
+    with pytest.raises(Refusal, match='error: '):
+        LoggerNode(context=context, parameter_overrides=overrides, cli_args=['--ros-args'])
+
+
+def test_parameters_that_are_read_only_once_are_not_changed_later(
+    context: Context, tmp_path: Path,
+) -> None:
+    node = MonitorNode(context=context, cli_args=['--ros-args'],
+                       parameter_overrides=[Parameter('spec', value=str(write(tmp_path)))])
+    try:
+        result = node.set_parameters([Parameter('spec', value='other.yaml')])[0]
+        assert (result.successful, 'start the node anew' in result.reason) == (False, True)
+        assert node.set_parameters([Parameter('use_sim_time', value=True)])[0].successful
+    finally:
+        node.destroy_node()
+
+
+@pytest.mark.parametrize('name', ['monitor', 'logger'])
+@pytest.mark.parametrize(('arguments', 'told'), [
+    (['-p', 'spec:=no.yaml'], 'error: '),
+    (['-p', 'spec'], "error: Failed to parse ROS arguments: Couldn't parse parameter"),
+    (['--', 'bundle.yaml'], "error: unexpected argument 'bundle.yaml'\nusage: ros2 run"),
+    (['--sepc'], "error: unknown ROS arguments ['--sepc']"),
+])
+def test_a_process_that_refuses_ends_with_status_one_and_a_clear_word(
+    name: str, arguments: list[str], told: str, domain: int, tmp_path: Path,
+) -> None:
+    node = NodeProcess(name, *arguments, folder=tmp_path)
+    try:
+        assert node.status() == 1
+        assert told in node.output
+        assert 'Traceback' not in node.output
+    finally:
+        node.kill()
