@@ -119,6 +119,7 @@ def test_a_prefix_operator_binds_tighter_than_all_infix_ones(prefix: str) -> Non
     ('/* a */ p (* b *) and -- c\n q -- d', '(p & q)'),
     ('"a b" > 1', '(a b > 1)'),
     ('(O((( input_signal <= 5 ))));', '(O (input_signal <= 5))'),
+    ('p = q;', '(p = q)'),
     ('current > 3 and type = node', '((current > 3) & (type = node))'),
     ('var = let', '(var = let)'),
 ])
