@@ -14,6 +14,7 @@
 
 """A compiled bundle is loaded if it is the one of its manifest, and refused in words if not."""
 
+import ctypes
 from dataclasses import replace
 import gc
 from pathlib import Path
@@ -56,6 +57,12 @@ def test_libraries_with_the_same_symbol_live_side_by_side() -> None:
     other = toys.source(source_hash='ab')
     second = load(library(other), replace(toys.manifest(), source_hash='ab'))
     assert first.pointer != second.pointer
+
+
+def test_the_names_of_a_library_stay_its_own() -> None:
+    monitor = load(library(), toys.manifest())
+    assert not hasattr(ctypes.CDLL(None), toys.SYMBOL)
+    assert hasattr(ctypes.CDLL(str(monitor.library.path)), toys.SYMBOL)
 
 
 def test_a_library_that_is_missing_is_told(tmp_path: Path) -> None:
