@@ -181,13 +181,13 @@ _QOS = {
     'depth': (),
 }
 _COMMENT = re.compile(r'[ \t]+(#[^\r\n]*)')
-_EXAMPLE = '''\
+_EXAMPLE = """\
 format: 1
 inputs:
   speed: {topic: speed, type: std_msgs/msg/Float32}
 requirements:
   - id: R1
-    ptltl: "H (speed <= 2.0)"'''
+    ptltl: "H (speed <= 2.0)\""""
 
 
 def read_bundle(path: Path) -> Bundle:
@@ -413,9 +413,7 @@ class _Reader:
         elif first is not name.text:
             problems.error(
                 f'{shown(name.value)} is declared twice', name.span,
-                f'first in {first.source.name}, line {first.span.line}'
-                if first.source is not name.span.source else f'first in line {first.span.line}',
-                'choose another name for one of them')
+                f'first in {_line_of(first, name.span)}', 'choose another name for one of them')
 
     def _is_usable(self, name: Scalar, node: Node, problems: Problems) -> bool:
         """Pass on the problems of an entry; return whether it has none."""
@@ -449,7 +447,8 @@ class _Reader:
             if aspect(item) != aspect(first):
                 self._problems.error(
                     f"inputs on one topic must agree in '{key}'", topic.span,
-                    f'{shown(first.name.value)} has another, line {first.name.span.line}')
+                    f'{shown(first.name.value)} in {_line_of(first.name, topic.span)} '
+                    'says otherwise')
 
     def _definitions(self, shape: Shape) -> Iterator[Definition]:
         for name, node in self._named(shape, 'definitions', 'fast: speed > 2.0'):
@@ -536,9 +535,7 @@ class _Reader:
             source, Shape(mapping, 'a signals file', _SIGNALS_KEYS, self._problems))
 
 
-_SIGNALS_EXAMPLE = '''\
-inputs:
-  speed: {topic: speed, type: std_msgs/msg/Float32}'''
+_SIGNALS_EXAMPLE = 'inputs:\n  speed: {topic: speed, type: std_msgs/msg/Float32}'
 _NO_TEXT = Text('', Source('', ''), [0])
 
 
@@ -547,6 +544,12 @@ def _resolved(path: Path) -> Path:
         return path.resolve()
     except (OSError, ValueError, RuntimeError):
         return path
+
+
+def _line_of(text: Text, here: Span) -> str:
+    """Say in which line a text stands, with its file where that is another."""
+    file = '' if text.source is here.source else f'{text.source.name}, '
+    return f'{file}line {text.span.line}'
 
 
 def _tell(fault: Fault | None, text: Text, problems: Problems, label: str = '') -> None:
@@ -709,7 +712,9 @@ def _formula(key: Scalar, node: Node, problems: Problems) -> Text | None:
     if isinstance(node, Unread):
         return None
     if not isinstance(node, Scalar):
-        if source.text[node.span.start] in '[{':
+        if not (node.items if isinstance(node, Sequence) else node.entries):
+            problems.error('there is no formula', key.span, f'this is {kind_of(node)}, and empty')
+        elif source.text[node.span.start] in '[{':
             tell_misread(source, node.span.start, problems)
         else:
             problems.error('a formula is a text', node.span, f'this is {kind_of(node)}')

@@ -22,6 +22,7 @@ instead. The rules for topics are those of `rcl` and `rmw`, for types those of `
 from fractions import Fraction
 import re
 from typing import NamedTuple
+from unicodedata import normalize
 
 from fret_monitor.diagnostics import did_you_mean
 from fret_monitor.manifest import ValueType
@@ -89,7 +90,8 @@ def name_fault(name: str) -> Fault | None:
 
 
 def _identifier(name: str) -> str:
-    word = re.sub(r'[^A-Za-z0-9_]+', '_', name[:_MAX_SHOWN]).strip('_') or 'signal'
+    plain = normalize('NFKD', name[:_MAX_SHOWN]).encode('ascii', 'ignore').decode()
+    word = re.sub(r'[^A-Za-z0-9_]+', '_', plain).strip('_') or 'signal'
     word = f'x{word}' if word[0].isdigit() else word
     return word if name_fault(word) is None else f'{word}_value'
 
@@ -106,7 +108,8 @@ def topic_fault(topic: str) -> Fault | None:
     if topic.startswith('~') and topic != '~' and not topic.startswith('~/'):
         return Fault("'~' is followed by '/'", f'topic: ~/{topic[1:]}')
     if topic.endswith('/'):
-        return Fault("a topic does not end with '/'", f'topic: {topic.rstrip("/")}'.strip())
+        right = topic.rstrip('/')
+        return Fault("a topic does not end with '/'", f'topic: {right}' if right else '')
     if '//' in topic:
         return Fault("a topic has no '//'", f'topic: {re.sub("/+", "/", topic)}')
     for token in plain.removeprefix('/').split('/'):
@@ -117,7 +120,7 @@ def topic_fault(topic: str) -> Fault | None:
 
 def _token_fault(token: str) -> Fault:
     if token[0].isdigit():
-        return Fault(f"a part of a topic does not begin with a digit: {shown(token)}")
+        return Fault(f'a part of a topic does not begin with a digit: {shown(token)}')
     return Fault(f"a topic has letters, digits, '_' and '/' only: {shown(token)}")
 
 
@@ -155,6 +158,8 @@ def type_fault(name: str) -> Fault | None:
 
 def _plain_type_fault(name: str) -> Fault:
     reason = f'{shown(name)} is not a type'
+    if _MESSAGE.fullmatch(name) and name.lower() in PLAIN_TYPES:
+        return Fault(reason, f'type: std_msgs/msg/{name}')
     if name.lower() in PLAIN_TYPES or name.lower() in _ALSO_KNOWN:
         return Fault(reason, f'type: {_ALSO_KNOWN.get(name.lower(), name.lower())}')
     if _MESSAGE.fullmatch(name):

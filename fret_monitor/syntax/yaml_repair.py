@@ -19,6 +19,7 @@ A formula such as `!p & q`, `a: b` or `[x] > 3` means something else to YAML, or
 gets the line to paste; the reader goes on behind the value.
 """
 
+from collections.abc import Iterator
 import re
 
 from fret_monitor.diagnostics import Problems
@@ -27,9 +28,15 @@ from fret_monitor.diagnostics import Span
 import yaml
 
 _MAX_REPAIRS = 50
+_MAX_LINES = 30  # that a value in braces goes on for
+_MAX_PASTED = 2000
+_MAX_READ = 2 ** 26  # characters in all, so that many repairs of a huge file end soon
 
 _VALUE_LINE = re.compile(
     r"""[ \t]*(?:-[ ]+)*(?P<key>[A-Za-z_][^:#'"\[\]{},]*|"[^"]*"|'[^']*')[ \t]*:[ \t]+(?=\S)""")
+_CLOSERS = {'(': ')', '[': ']', '{': '}'}
+_FLOW_KEY = re.compile(r'[{,][ \t]*[A-Za-z_]\w*[ \t]*:[ \t]+(?=\S)')
+_NEXT_KEY = re.compile(r',[ \t]*[A-Za-z_]\w*[ \t]*:(?:[ \t]|$)')
 
 _MARKS = {
     '!': 'starts a tag', '&': 'starts an anchor', '*': 'starts an alias', '#': 'starts a comment',
@@ -41,7 +48,7 @@ _MARKS = {
 
 
 def tell_misread(source: Source, start: int, problems: Problems) -> None:
-    """Tell that the value at `start` needs quotes, with the line to paste."""
+    """Tell that the value that starts at `start` needs quotes, with the line to paste."""
     written = value_as_written(source, start)
     first = source.text[start]
     quotes = first in '"\''
@@ -49,43 +56,75 @@ def tell_misread(source: Source, start: int, problems: Problems) -> None:
         title = 'there is text behind a closing quote'
     elif first in _MARKS:
         title = f"'{first}' {_MARKS[first]} in YAML"
+    elif re.search(r':(?:\s|$)', written):
+        title = "a ':' ends a key in YAML"
     else:
         title = 'YAML cannot read this as text'
     label = 'put quotes around all of it' if quotes else 'put it in quotes'
-    end = _line_end(source.text, start)
+    end = min(_line_end(source.text, start), _value_end(source, start))
     problems.error(title, Span(source, start, start + len(source.text[start:end].rstrip())),
                    label, quoted_line(source, start, written))
 
 
 def value_as_written(source: Source, start: int) -> str:
     """Return what the user seems to have meant as the value that starts at `start`."""
-    end = _line_end(source.text, start)
-    lines = [source.text[start:end].strip()]
+    lines = source.text[start:_value_end(source, start)].splitlines()
+    return ' '.join(line.strip() for line in lines if line.strip())
+
+
+def _value_end(source: Source, start: int) -> int:
+    """Return where the value ends that starts at `start`, by indentation or within braces."""
+    if _is_in_braces(source, start):
+        return start + _flow_length(source.text[start:_line_end(source.text, start)])
     base = _indentation(source.line(source.position(start)[0]))
+    end = found = _line_end(source.text, start)
     while end < len(source.text):
-        begin = end + 1
-        end = _line_end(source.text, begin)
+        begin, end = end + 1, _line_end(source.text, end + 1)
         line = source.text[begin:end]
-        if not line.strip() or _indentation(line) <= base or line.lstrip().startswith('#'):
+        if line.strip() and (_indentation(line) <= base or line.lstrip().startswith('#')):
             break
-        lines.append(line.strip())
-    return _without_closers(' '.join(lines))
+        found = end if line.strip() else found
+    return found
 
 
-def _without_closers(value: str) -> str:
-    """Cut a value off where a bracket closes that was opened before it."""
-    depth = 0
-    for place, char in enumerate(value):
-        depth += char in '([{'
-        depth -= char in ')]}'
-        if depth < 0 and char != ')':
-            return value[:place].rstrip()
-        depth = max(depth, 0)
-    return value
+def _is_in_braces(source: Source, start: int) -> bool:
+    """Return whether a brace is open at `start`, in its line or in those it is indented under."""
+    number = source.position(start)[0]
+    before = source.line(number)[:source.position(start)[1] - 1]
+    base = _indentation(before) if before.strip() else start
+    first = max(number - _MAX_LINES, 1)
+    while number > first and base > 0:
+        number -= 1
+        line = source.line(number)
+        before = f'{line}\n{before}'
+        if line.strip() and _indentation(line) < base:
+            break
+    return any(before.count(left) > before.count(right) for left, right in ('{}', '[]'))
+
+
+def _flow_length(rest: str) -> int:
+    """Return how long a value within braces is: up to the brace that closes, or the next key."""
+    opened: list[str] = []
+    for place, char in enumerate(rest):
+        if char in '([{':
+            opened.append(_CLOSERS[char])
+        elif opened and char == opened[-1]:
+            opened.pop()
+        elif char in ']}' or char == ',' and not opened and _NEXT_KEY.match(rest, place):
+            return len(rest[:place].rstrip())
+    return len(rest.rstrip().removesuffix(',').rstrip())
+
+
+def _closed(value: str) -> str:
+    """Return the brackets that are closed as often as they are opened."""
+    return ''.join(left for left, right in _CLOSERS.items()
+                   if value.count(left) <= value.count(right))
 
 
 def quoted_line(source: Source, start: int, value: str) -> str:
-    """Return `key: "value"` for the value at `start`, to be pasted."""
+    """Return `key: "value"` for the value at `start`, to be pasted; '' for a very long one."""
+    if len(value) > _MAX_PASTED:
+        return ''
     line_start = source.text.rfind('\n', 0, start) + 1
     match = _VALUE_LINE.match(source.text, line_start)
     before = source.text[line_start:start].strip() if match and match.end() == start else ''
@@ -117,19 +156,18 @@ class Repair:
         self._source = source
         self._problems = problems
         self._shift = 1 if source.text.startswith('\ufeff') else 0
-        self._repairs = 0
         self.text = source.text[self._shift:]
         self.unread: frozenset[int] = frozenset()
 
     def mend(self, error: yaml.YAMLError, last_scalar: int) -> bool:
         """Tell the error; return whether the text was changed so that it can be read anew."""
-        place = self._place(error)
-        if place >= len(self._source.text):
-            place = max(len(self._source.text) - 1, 0)
+        place = min(self._place(error), max(len(self._source.text) - 1, 0))
         if self._is_tab(place):
             return False
-        start = self._value_start(error, place, last_scalar)
-        if start is None or start in self.unread or self._repairs >= _MAX_REPAIRS:
+        starts = self._value_starts(error, place, last_scalar)
+        start = next((item for item in starts if item not in self.unread), None)
+        limit = min(_MAX_REPAIRS, _MAX_READ // max(len(self.text), 1))
+        if start is None or len(self.unread) >= limit:
             self._tell(error, place)
             return False
         self._tell_value(error, start, place)
@@ -150,17 +188,37 @@ class Repair:
                                  'use spaces here')
         return match is not None
 
-    def _value_start(self, error: yaml.YAMLError, place: int, last_scalar: int) -> int | None:
-        """Return where the value begins that is to blame, None where it is none."""
+    def _value_starts(self, error: yaml.YAMLError, place: int,
+                      last_scalar: int) -> Iterator[int]:
+        """Yield where the values begin that can be to blame, the likeliest first."""
         context = getattr(error, 'context', None) or ''
         mark = getattr(error, 'context_mark', None)
+        last = place
         if mark and any(word in context for word in ('anchor', 'alias', 'tag', 'scalar', 'flow')):
-            place = mark.index + self._shift
+            place = min(mark.index + self._shift, last)
         elif self._line(last_scalar) != self._line(place) and 'mapping values' in str(error):
             place = last_scalar  # a plain text of several lines that has a colon
+        if 'flow' in context:
+            yield from self._within_braces(place, last)
         line_start = self._source.text.rfind('\n', 0, place) + 1
         match = _VALUE_LINE.match(self._source.text, line_start)
-        return match.end() if match and match.end() <= place else None
+        if match and match.end() <= place:
+            yield match.end()
+
+    def _within_braces(self, opened: int, place: int) -> Iterator[int]:
+        """Yield where the value begins before `place`, if it is within what was `opened`."""
+        line_start = self._source.text.rfind('\n', 0, place) + 1
+        if self._source.text[opened] == '[':  # what is to blame is the list itself
+            keys = _FLOW_KEY.finditer(
+                self._source.text, self._source.text.rfind('\n', 0, opened) + 1, opened)
+            yield from (key.end() for key in keys if key.end() == opened)
+            return
+        keys = _FLOW_KEY.finditer(self._source.text, max(opened, line_start), place + 1)
+        yield from [key.end() for key in keys][-1:]
+        match = _VALUE_LINE.match(self._source.text, line_start)
+        if match and opened < line_start and match.end() <= place and _indentation(
+                match[0]) > _indentation(self._source.line(self._line(opened))):
+            yield match.end()
 
     def _line(self, place: int) -> int:
         return self._source.position(place)[0]
@@ -171,6 +229,14 @@ class Repair:
         if text[start] in '"\'' and 'end of stream' in problem:
             self._problems.error('this quote is not closed',
                                  Span(self._source, start, start + 1), 'opened here')
+        elif text[start] in '[{' and text[start] not in _closed(
+                value_as_written(self._source, start)):
+            self._problems.error(f"this '{text[start]}' is not closed",
+                                 Span(self._source, start, start + 1), 'opened here')
+        elif _FLOW_KEY.match(text, start):
+            self._problems.error('these braces cannot be read',
+                                 Span(self._source, start, start + 1),
+                                 'look at the brackets, commas and colons within them')
         elif 'escape' in problem:
             self._problems.error(
                 "a '\\' in double quotes starts an escape, and this is none",
@@ -186,23 +252,31 @@ class Repair:
             tell_misread(self._source, start, self._problems)
 
     def _blank(self, start: int) -> None:
-        """Replace a value, and the lines that go on with it, by a plain word and blanks."""
-        end = _line_end(self._source.text, start)
-        base = _indentation(self._source.line(self._line(start)))
-        while end < len(self._source.text):
-            line_end = _line_end(self._source.text, end + 1)
-            line = self._source.text[end + 1:line_end]
-            if line.strip() and _indentation(line) <= base:
-                break
-            end = line_end
-        old = self.text[start - self._shift:end - self._shift]
-        new = 'x' + ''.join(char if char in '\r\n' else ' ' for char in old[1:])
-        self.text = self.text[:start - self._shift] + new + self.text[end - self._shift:]
+        """Replace a value, with the lines that go on with it, by a plain word and blanks."""
+        begin, end = start - self._shift, _value_end(self._source, start) - self._shift
+        blanks = ''.join(char if char in '\r\n' else ' ' for char in self.text[begin + 1:end])
+        self.text = f'{self.text[:begin]}x{blanks}{self.text[end:]}'
         self.unread |= {start}
-        self._repairs += 1
 
     def _tell(self, error: yaml.YAMLError, place: int) -> None:
-        problem = getattr(error, 'problem', None) or 'cannot be read'
-        self._problems.error('not valid YAML', Span(self._source, place, place + 1),
-                             problem.replace('did not find', 'no').replace('<', '').replace(
-                                 '>', ''))
+        problem = getattr(error, 'problem', None) or 'this cannot be read'
+        context = getattr(error, 'context', None) or ''
+        mark = getattr(error, 'context_mark', None)
+        if mark and ('simple key' in context or 'flow' in context):
+            place = mark.index + self._shift
+        label = next((label for part, label in _PROBLEMS if part in f'{context} {problem}'),
+                     problem)
+        self._problems.error('not valid YAML', Span(self._source, place, place + 1), label)
+
+
+# What libyaml and PyYAML say, and what a user makes more of.
+_PROBLEMS = (
+    ('flow sequence', 'this list is not closed'),
+    ('flow mapping', 'this brace is not closed'),
+    ("expected ':'", "there is no ':' behind this key"),
+    ('expected key', 'a key was expected here: is it indented as those above?'),
+    ('expected <block end>', 'a key was expected here: is it indented as those above?'),
+    ('mapping values', "a ':' is not allowed here"),
+    ("expected '-'", "a '-' was expected here: is it indented as those above?"),
+    ('document start', 'there is text behind the end of the document'),
+)

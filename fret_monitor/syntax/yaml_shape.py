@@ -32,6 +32,8 @@ from fret_monitor.diagnostics import Text
 from fret_monitor.syntax.words import exact
 from fret_monitor.syntax.words import number_fault
 from fret_monitor.syntax.words import shown
+from fret_monitor.syntax.yaml_repair import quoted_line
+from fret_monitor.syntax.yaml_repair import value_as_written
 from fret_monitor.syntax.yaml_tree import Mapping
 from fret_monitor.syntax.yaml_tree import Node
 from fret_monitor.syntax.yaml_tree import Scalar
@@ -61,11 +63,11 @@ class Shape:
         if key.value in self._known:
             return
         slip = slips.get(key.value)
-        help = (f"did you mean '{slip}'?" if slip else did_you_mean(key.value, self._known)
+        hint = (f"did you mean '{slip}'?" if slip else did_you_mean(key.value, self._known)
                 or 'known are ' + ', '.join(self._known))
-        self._meant.update(name for name in self._known if f"'{name}'" in help)
+        self._meant.update(name for name in self._known if f"'{name}'" in hint)
         self._problems.error(f'{self.what} has no key {shown(key.value)}', key.span,
-                             'not known', help)
+                             'not known', hint)
 
     def lacks(self, *keys: str) -> bool:
         """Return whether none of the keys is there, nor anything that was meant to be one."""
@@ -113,6 +115,8 @@ class Shape:
         if fault is not None:
             self._problems.error(f"'{key}' is a number of {unit}: {fault.reason}", text.span,
                                  help=fault.help or f'{key}: 0.1')
+        elif value is not None and value <= 0:
+            self._problems.error(f"'{key}' must be greater than 0", text.span)
         elif value is None or not least <= value <= most:
             self._problems.error(
                 f"'{key}' is out of range", text.span, f'a number of {unit} from '
@@ -129,9 +133,11 @@ def _tell_comma(mapping: Mapping, known: tuple[str, ...], problems: Problems) ->
     for (before, cut), (key, node) in zip(mapping.entries, mapping.entries[1:], strict=False):
         if (isinstance(node, Scalar) and node.is_missing and key.value not in known
                 and isinstance(cut, Scalar) and not cut.style):
-            problems.error('a comma ends a value in braces',
-                           Span(key.span.source, cut.span.start, key.span.end),
-                           f'put the value of {shown(before.value)} in quotes')
+            source, start = cut.span.source, cut.span.start
+            problems.error(
+                'a comma ends a value in braces', Span(source, start, key.span.end),
+                f'put the value of {shown(before.value)} in quotes',
+                quoted_line(source, start, value_as_written(source, start)))
             return True
     return False
 

@@ -35,7 +35,7 @@ _INDENTATION_TRIES = 64
 # One piece of a plain or quoted scalar: a line's end with the blanks around it, or text.
 _FOLD = re.compile(rf'[ \t]*{_BREAK}(?:[ \t]|{_BREAK})*')
 _CONTINUED = re.compile(rf'\\{_BREAK}(?:[ \t]|{_BREAK})*')
-_ESCAPE = re.compile(r"\\x[0-9A-Fa-f]{2}|\\u[0-9A-Fa-f]{4}|\\U[0-9A-Fa-f]{8}|\\.")
+_ESCAPE = re.compile(r'\\x[0-9A-Fa-f]{2}|\\u[0-9A-Fa-f]{4}|\\U[0-9A-Fa-f]{8}|\\.')
 _RUN = re.compile(r"[^ \t\r\n\x85\u2028\u2029'\\]+")
 _BLOCK_HEADER = re.compile(rf'[|>][-+0-9]*[ \t]*(?:#[^\r\n\x85\u2028\u2029]*)?(?:{_BREAK}|$)')
 

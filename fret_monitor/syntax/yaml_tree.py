@@ -109,9 +109,9 @@ def read_tree(source: Source, problems: Problems) -> Node | None:
         try:
             builder.build(_events(repair.text))
         except yaml.YAMLError as error:
-            if not repair.mend(error, builder.last_scalar):
-                return None
-            continue
+            if repair.mend(error, builder.last_scalar):
+                continue
+            builder.root = None
         problems.extend(builder.problems.errors)
         return builder.root
 
@@ -273,7 +273,8 @@ class _Builder:
             self._anchors.add(event.anchor)
         match = _MARK.match(self.source.text, span.start)
         mark, rest = match.groups() if match else ('', '')
-        if mark.startswith('!!') or not rest and not isinstance(event, yaml.ScalarEvent):
+        is_text = isinstance(event, yaml.ScalarEvent)
+        if mark.startswith('!!') or not is_text and (event.anchor or not rest):
             kind = 'tags' if mark.startswith('!') else 'anchors'
             self.problems.error(f'a bundle has no {kind}',
                                 Span(self.source, span.start, span.start + len(mark)),
