@@ -193,7 +193,8 @@ def find_message(type_name: str, search: Sequence[Path] | None = None,
     for prefix in prefixes:
         path = _folder(prefix, package) / f'{name}.msg'
         if path.is_file():
-            return _read(path, package, prefixes, path.stat().st_mtime_ns)
+            state = path.stat()
+            return _read(path, package, prefixes, (state.st_mtime_ns, state.st_size))
     _refuse_missing(package, name, prefixes, place)
 
 
@@ -202,7 +203,7 @@ def _folder(prefix: Path, package: str) -> Path:
 
 
 @lru_cache(maxsize=1024)
-def _read(path: Path, package: str, prefixes: tuple[Path, ...], changed: int) -> MessageLayout:
+def _read(path: Path, package: str, prefixes: tuple[Path, ...], changed: tuple[int, int]) -> MessageLayout:
     """Read a definition; `changed` makes a file that was written anew another one."""
     try:
         with path.open('rb') as file:
@@ -350,7 +351,7 @@ def resolve_field(layout: MessageLayout, path_text: Text | None,
     path: list[str | int] = []
     types: list[FieldType] = []
     inside = layout
-    for match in _steps(path_text, layout):
+    for match in list(_steps(path_text, layout)):
         if types:
             inside = _inside(inside, types[-1], path_text, match)
         types.append(_step(inside, match, path_text))
