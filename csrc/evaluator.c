@@ -78,6 +78,7 @@ struct fm_evaluator
   void * state;
   uint64_t clock;  // stores so far
   uint32_t n_topics;
+  uint32_t n_waiting;  // groups that read an input without a value
   enum fm_policy policy;
 };
 
@@ -283,6 +284,7 @@ static void count_readers(struct fm_evaluator * evaluator)
   const struct fm_monitor * monitor = evaluator->monitor;
   for (uint32_t g = 0; g < monitor->n_groups; ++g) {
     evaluator->groups[g].unset = monitor->groups[g].n_inputs;
+    evaluator->n_waiting += monitor->groups[g].n_inputs > 0 ? 1u : 0u;
     for (uint32_t k = 0; k < monitor->groups[g].n_inputs; ++k) {
       evaluator->inputs[monitor->groups[g].inputs[k]].n_readers += 1;
     }
@@ -443,7 +445,9 @@ static void note_value(struct fm_evaluator * evaluator, struct input_cell * inpu
   if (!input->has_value) {
     input->has_value = true;
     for (uint32_t k = 0; k < input->n_readers; ++k) {
-      evaluator->groups[input->readers[k]].unset -= 1;
+      struct group_cell * group = &evaluator->groups[input->readers[k]];
+      group->unset -= 1;
+      evaluator->n_waiting -= group->unset == 0 ? 1u : 0u;
     }
   }
 }
@@ -561,11 +565,11 @@ static void judge(
   cell->previous = verdict;
 }
 
-static void step_group(struct fm_evaluator * evaluator, uint32_t g, struct report * report)
+// Judge the verdicts of a group's step, and count it.
+static void account(struct fm_evaluator * evaluator, uint32_t g, struct report * report)
 {
   const struct fm_group * group = &evaluator->monitor->groups[g];
   struct group_cell * cell = &evaluator->groups[g];
-  group->step(evaluator->state, evaluator->input_values, evaluator->verdicts);
   for (uint32_t k = 0; k < group->n_requirements; ++k) {
     judge(evaluator, group->requirements[k], cell->steps, report);
   }
@@ -574,8 +578,27 @@ static void step_group(struct fm_evaluator * evaluator, uint32_t g, struct repor
   cell->awaited = group->n_inputs;
 }
 
+static void step_group(struct fm_evaluator * evaluator, uint32_t g, struct report * report)
+{
+  evaluator->monitor->groups[g].step(
+    evaluator->state, evaluator->input_values, evaluator->verdicts);
+  account(evaluator, g, report);
+}
+
+static void step_all_groups(struct fm_evaluator * evaluator, struct report * report)
+{
+  evaluator->monitor->step(evaluator->state, evaluator->input_values, evaluator->verdicts);
+  for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
+    account(evaluator, g, report);
+  }
+}
+
 static void step_ready_groups(struct fm_evaluator * evaluator, struct report * report)
 {
+  if (evaluator->n_waiting == 0 && evaluator->monitor->step != NULL) {
+    step_all_groups(evaluator, report);
+    return;
+  }
   for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
     if (evaluator->groups[g].unset == 0) {
       step_group(evaluator, g, report);

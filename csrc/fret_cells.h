@@ -39,46 +39,50 @@
 /// Bit k of a word, k < 64.
 static inline bool fm_bit(uint64_t word, unsigned k) {return ((word >> k) & 1u) != 0u;}
 
-/// Counters. The state is one unsigned integer that can hold bound + 1; a cell may start anywhere
-/// up to bound + 1. No cell branches: what a robot measures is hard to predict.
+/// Counters. The state is one unsigned integer that can hold bound + 1. No cell branches: what a
+/// robot measures is hard to predict.
 ///
-/// The first three keep what the age would be at the next step, up to bound + 1.
-/// once_within    O[0,bound] p: age is the steps since the last p; starts at bound + 1, and true
-///                until step m without any p from bound - m.
-/// always_within  H[0,bound] p: age is the steps since the last !p; starts likewise.
-/// since_within   p S[0,bound] q: age is the steps since the last q that p has held after; starts
-///                at bound + 1.
+/// The first three keep how fresh something is: the type's greatest number where it happens, one
+/// less at each step after, down to 0, which is never. The state is the freshness at the next
+/// step; bound is less than the type's greatest number.
+/// once_within    O[0,bound] p: the freshness of p; starts at 0, and true until step m without
+///                any p from greatest - bound + m.
+/// always_within  H[0,bound] p: the freshness of !p; starts likewise.
+/// since_within   p S[0,bound] q: the freshness of q, lost where p is false; starts at 0.
 /// once_before    O[bound,inf) p: 1 + the steps since the first p, up to bound + 1; 0 is never,
 ///                and the start.
 /// since_before   p S[bound,inf) q: 1 + the steps since the oldest q that p has held after; 0 is
 ///                none, and the start.
 #define FM_COUNTER_CELLS(suffix, type) \
-  static inline type fm_if_ ## suffix(bool p, type value) \
+  static inline type fm_ones_if_ ## suffix(bool p) \
   { \
-    return (type)(value & (type)(0u - (unsigned)p)); \
+    return (type)(0u - (unsigned)p); \
   } \
-  static inline type fm_older_ ## suffix(type age, type bound) \
+  static inline type fm_fading_ ## suffix(type freshness) \
   { \
-    return (type)(age + 1u - (age > bound)); \
+    return (type)(freshness - (freshness > 0u)); \
+  } \
+  static inline bool fm_is_within_ ## suffix(type freshness, type bound) \
+  { \
+    const type least = (type)~bound; \
+    return freshness >= least; \
   } \
   static inline bool fm_once_within_ ## suffix(type * next, type bound, bool p) \
   { \
-    const type age = fm_if_ ## suffix(!p, *next); \
-    *next = fm_older_ ## suffix(age, bound); \
-    return age <= bound; \
+    const type freshness = (type)(*next | fm_ones_if_ ## suffix(p)); \
+    *next = fm_fading_ ## suffix(freshness); \
+    return fm_is_within_ ## suffix(freshness, bound); \
   } \
   static inline bool fm_always_within_ ## suffix(type * next, type bound, bool p) \
   { \
-    const type age = fm_if_ ## suffix(p, *next); \
-    *next = fm_older_ ## suffix(age, bound); \
-    return age > bound; \
+    return !fm_once_within_ ## suffix(next, bound, !p); \
   } \
   static inline bool fm_since_within_ ## suffix(type * next, type bound, bool p, bool q) \
   { \
-    const type kept = (type)(*next | (type)~fm_if_ ## suffix(p, (type)~0u)); \
-    const type age = fm_if_ ## suffix(!q, kept); \
-    *next = fm_older_ ## suffix(age, bound); \
-    return age <= bound; \
+    const type kept = (type)(*next & fm_ones_if_ ## suffix(p)); \
+    const type freshness = (type)(kept | fm_ones_if_ ## suffix(q)); \
+    *next = fm_fading_ ## suffix(freshness); \
+    return fm_is_within_ ## suffix(freshness, bound); \
   } \
   static inline bool fm_once_before_ ## suffix(type * counter, type bound, bool p) \
   { \
@@ -88,7 +92,7 @@ static inline bool fm_bit(uint64_t word, unsigned k) {return ((word >> k) & 1u) 
   } \
   static inline bool fm_since_before_ ## suffix(type * counter, type bound, bool p, bool q) \
   { \
-    const type before = fm_if_ ## suffix(p, *counter); \
+    const type before = (type)(*counter & fm_ones_if_ ## suffix(p)); \
     *counter = (type)(before + (((before != 0u) | q) & (before <= bound))); \
     return *counter > bound; \
   }

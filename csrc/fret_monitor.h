@@ -30,6 +30,15 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/// For functions that are to be part of their callers.
+#ifndef FM_INLINE
+#if defined(__GNUC__)
+#define FM_INLINE static inline __attribute__((always_inline))
+#else
+#define FM_INLINE static inline
+#endif
+#endif
+
 /// What a library shows to others; all else is built with hidden visibility.
 #ifndef FM_EXPORT
 #if defined(__GNUC__)
@@ -103,6 +112,9 @@ struct fm_monitor
   const struct fm_requirement * requirements;
   const char * name;
   const char * source_hash;  // SHA-256 of the generated C, as in the manifest, or ""
+  /// Step all groups, as their own functions would one after the other, in less time.
+  /// NULL: there is one group only, or no such function. Complexity and failure as there.
+  void (* step)(void * state, const void * inputs, bool * verdicts);
 };
 
 #endif  // FRET_MONITOR_H_

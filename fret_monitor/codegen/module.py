@@ -19,6 +19,8 @@ Same program, same bytes. Large programs are spread over several files of simila
 compilers can work on them side by side.
 """
 
+from collections.abc import Callable
+from collections.abc import Iterable
 from collections.abc import Iterator
 from dataclasses import dataclass
 import hashlib
@@ -36,6 +38,7 @@ from fret_monitor.program.layout import StateField
 from fret_monitor.program.monitor_program import MonitorProgram
 
 _FILE_EQUATIONS = 3000
+_BLOCK_EQUATIONS = 600
 _HASH_FIELD = '@SOURCE-HASH@'
 
 
@@ -159,6 +162,13 @@ class _ModuleWriter:
             yield f'void {names.group_function(number, "step")}('
             yield '  void * state, const void * inputs, bool * verdicts);'
         yield ''
+        yield '// Runs of step groups, for the step of all.'
+        for groups in self._files():
+            for block in self._blocks(groups):
+                yield f'void {names.block_function(block[0])}('
+                yield f'  {names.state_struct} * state, const {names.inputs_struct} * inputs,'
+                yield '  bool * verdicts);'
+        yield ''
 
     # -- sources ------------------------------------------------------------------------------
 
@@ -168,21 +178,15 @@ class _ModuleWriter:
             lines = list(self._opening(number))
             for group in groups:
                 lines.extend(self._group(group))
+            for block in self._blocks(groups):
+                lines.extend(self._block(block[0], block))
             if number == 0:
                 lines.extend(self._all_groups())
                 lines.extend(self._description())
             yield self._names.source(number), lines
 
-    def _files(self) -> Iterator[list[int]]:
-        groups: list[int] = []
-        size = 0
-        for number, layout in enumerate(self._layouts):
-            if groups and size + len(layout.group.equations) > _FILE_EQUATIONS:
-                yield groups
-                groups, size = [], 0
-            groups.append(number)
-            size += len(layout.group.equations)
-        yield groups
+    def _files(self) -> list[list[int]]:
+        return list(_runs(range(len(self._layouts)), self._size, _FILE_EQUATIONS))
 
     def _opening(self, number: int) -> Iterator[str]:
         yield f'// {self._names.source(number)}: the monitors of {safe(self._program.name)}.'
@@ -225,49 +229,59 @@ class _ModuleWriter:
         yield f'  {struct} * const s = &(({full} *){state})->group_{number};'
 
     def _single_step(self, number: int, layout: GroupLayout) -> Iterator[str]:
-        yield f'void {self._names.group_function(number, "step")}('
-        yield '  void * state, const void * inputs, bool * verdicts)'
-        yield '{'
         body = list(PartWriter(self._program, layout, 0, self._names).lines())
-        yield from self._unpack(number, body)
+        yield from self._function('FM_INLINE', self._names.group_function(number, 'body'),
+                                  number, body)
+        yield from self._entry(number, (self._names.group_function(number, 'body'),))
+
+    def _function(self, kind: str, name: str, number: int, body: list[str]) -> Iterator[str]:
+        """Yield a function that works on a group's state `s` and the inputs `in`."""
+        yield f'{kind} void {name}('
+        yield (f'  {self._names.group_struct(number)} * s, const {self._names.inputs_struct} * in,'
+               ' bool * verdicts)')
+        yield '{'
+        for parameter, use in (('s', 's->'), ('in', 'in->'), ('verdicts', 'verdicts[')):
+            if not _mentions(body, use):
+                yield f'  (void){parameter};'
         yield from body
-        yield '}'
-        yield ''
+        yield from ('}', '')
 
-    def _unpack(self, number: int, body: list[str]) -> Iterator[str]:
-        if _mentions(body, 's->'):
-            yield from self._locate(number, 'state')
-        else:
-            yield '  (void)state;'
-        if _mentions(body, 'in->'):
-            yield f'  const {self._names.inputs_struct} * const in = inputs;'
-        else:
-            yield '  (void)inputs;'
-
-    def _step_of_parts(self, number: int, layout: GroupLayout) -> Iterator[str]:
-        struct = self._names.group_struct(number)
-        for part, _ in enumerate(layout.parts):
-            body = list(PartWriter(self._program, layout, part, self._names).lines())
-            yield f'static void {self._names.part_function(number, part)}('
-            yield f'  {struct} * s, const {self._names.inputs_struct} * in, bool * verdicts)'
-            yield '{'
-            for name, use in (('s', 's->'), ('in', 'in->'), ('verdicts', 'verdicts[')):
-                if not _mentions(body, use):
-                    yield f'  (void){name};'
-            yield from body
-            yield '}'
-            yield ''
-        yield from self._call_parts(number, layout)
-
-    def _call_parts(self, number: int, layout: GroupLayout) -> Iterator[str]:
+    def _entry(self, number: int, functions: tuple[str, ...]) -> Iterator[str]:
         yield f'void {self._names.group_function(number, "step")}('
         yield '  void * state, const void * inputs, bool * verdicts)'
         yield '{'
         yield from self._locate(number, 'state')
+        yield from (f'  {function}(s, inputs, verdicts);' for function in functions)
+        yield from ('}', '')
+
+    def _step_of_parts(self, number: int, layout: GroupLayout) -> Iterator[str]:
+        functions = []
         for part, _ in enumerate(layout.parts):
-            yield f'  {self._names.part_function(number, part)}(s, inputs, verdicts);'
-        yield '}'
-        yield ''
+            body = list(PartWriter(self._program, layout, part, self._names).lines())
+            functions.append(self._names.part_function(number, part))
+            yield from self._function('static', functions[-1], number, body)
+        yield from self._entry(number, tuple(functions))
+
+    def _blocks(self, groups: list[int]) -> Iterator[list[int]]:
+        """Cut a file's groups into runs that are stepped by one function each."""
+        return _runs(groups, self._size, _BLOCK_EQUATIONS)
+
+    def _size(self, group: int) -> int:
+        return len(self._layouts[group].group.equations)
+
+    def _block(self, first: int, groups: list[int]) -> Iterator[str]:
+        names = self._names
+        yield f'void {names.block_function(first)}('
+        yield f'  {names.state_struct} * state, const {names.inputs_struct} * inputs,'
+        yield '  bool * verdicts)'
+        yield '{'
+        for group in groups:
+            if len(self._layouts[group].parts) == 1:
+                yield f'  {names.group_function(group, "body")}(&state->group_{group}, inputs, ' \
+                      'verdicts);'
+            else:
+                yield f'  {names.group_function(group, "step")}(state, inputs, verdicts);'
+        yield from ('}', '')
 
     def _all_groups(self) -> Iterator[str]:
         names = self._names
@@ -280,9 +294,21 @@ class _ModuleWriter:
         yield f'  {names.state_struct} * state, const {names.inputs_struct} * inputs,'
         yield '  bool * verdicts)'
         yield '{'
-        for number, _ in enumerate(self._layouts):
-            yield f'  {names.group_function(number, "step")}(state, inputs, verdicts);'
+        for groups in self._files():
+            for block in self._blocks(groups):
+                yield f'  {names.block_function(block[0])}(state, inputs, verdicts);'
         yield from ('}', '')
+        if self._is_many:
+            yield f'static void {names.prefix}_step_any('
+            yield '  void * state, const void * inputs, bool * verdicts)'
+            yield '{'
+            yield f'  {names.prefix}_step(state, inputs, verdicts);'
+            yield from ('}', '')
+
+    @property
+    def _is_many(self) -> bool:
+        """Whether stepping all groups at once saves anything."""
+        return len(self._layouts) > 1
 
     # -- description --------------------------------------------------------------------------
 
@@ -300,7 +326,8 @@ class _ModuleWriter:
         table = 'inputs' if self._program.signals else 'NULL'
         yield f'    {table}, groups, requirements,'
         yield f'    "{names.prefix}",'
-        yield f'    "{_HASH_FIELD}"'
+        yield f'    "{_HASH_FIELD}",'
+        yield f'    {f"{names.prefix}_step_any" if self._is_many else "NULL"}'
         yield '  };'
         yield '  return &monitor;'
         yield '}'
@@ -336,6 +363,20 @@ class _ModuleWriter:
         for number, item in enumerate(self._program.properties):
             yield f'    {{{_string(item.id)}, {owner[number]}u}},'
         yield '  };'
+
+
+def _runs(groups: Iterable[int], size: Callable[[int], int],
+          limit: int) -> Iterator[list[int]]:
+    """Cut a sequence of groups into runs of at most `limit` equations, or of one group."""
+    run: list[int] = []
+    total = 0
+    for group in groups:
+        if run and total + size(group) > limit:
+            yield run
+            run, total = [], 0
+        run.append(group)
+        total += size(group)
+    yield run
 
 
 def _declaration(item: StateField) -> str:

@@ -139,6 +139,10 @@ class Names:
         """Return the function that computes a part of a group's step."""
         return f'{self.prefix}_group_{group}_part_{part}'
 
+    def block_function(self, first: int) -> str:
+        """Return the function that steps a run of groups, by the first of them."""
+        return f'{self.prefix}_groups_from_{first}'
+
 
 def field(state: StateField) -> str:
     """Return the name of a field of a group's state."""

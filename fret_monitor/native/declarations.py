@@ -84,6 +84,7 @@ struct fm_monitor
   const struct fm_requirement * requirements;
   const char * name;
   const char * source_hash;
+  void (* step)(void * state, const void * inputs, bool * verdicts);
 };
 
 enum fm_policy

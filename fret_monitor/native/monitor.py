@@ -24,6 +24,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 import os
 from pathlib import Path
+import struct
 from typing import Any
 from typing import TypeAlias
 
@@ -48,6 +49,8 @@ class Library:
     def __init__(self, path: Path) -> None:
         """Open it; raises `LibraryError` if it is missing or no library for this machine."""
         self.path = path
+        if _is_cut_short(path):
+            raise LibraryError(f'cannot load {path}: the file is cut short')
         # With a slash in it, so that no other folder is searched.
         handle = _dlopen(os.fsencode(os.path.abspath(path)), _FLAGS)
         if handle == ffi.NULL:
@@ -60,6 +63,27 @@ class Library:
         if address == ffi.NULL:
             raise LibraryError(f"{self.path} does not export '{symbol}'")
         return address
+
+
+def _is_cut_short(path: Path) -> bool:
+    """
+    Return whether an ELF file ends before its section headers, which stand last.
+
+    dlopen maps such a file without a word, and the process dies of SIGBUS later.
+    """
+    try:
+        with path.open('rb') as file:
+            head = file.read(64)
+            size = os.fstat(file.fileno()).st_size
+    except OSError:
+        return False  # dlopen says what is wrong
+    if len(head) < 64 or head[:4] != b'\x7fELF':
+        return False
+    order = '<' if head[5] == 1 else '>'
+    # e_shoff, e_shentsize and e_shnum of the System V ABI, with 32 or 64 bits.
+    fields = 'I10xHH' if head[4] == 1 else 'Q10xHH'
+    begin, width, count = struct.unpack_from(order + fields, head, 0x20 if head[4] == 1 else 0x28)
+    return int(begin + width * count) > size
 
 
 def _reason() -> str:

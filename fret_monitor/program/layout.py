@@ -288,7 +288,7 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
         match operation:
             case OnceWithin() | AlwaysWithin() | SinceWithin() | OnceBefore() | SinceBefore():
                 kind = _holding(operation.bound + 1)
-                yield StateField(FieldKind.COUNTER, index, kind, 0, _start(operation))
+                yield StateField(FieldKind.COUNTER, index, kind, 0, _start(operation, kind))
             case PreviousNumber():
                 yield StateField(FieldKind.NUMBER, index, equation.type, 0, operation.initial)
             case Delay() if operation.steps > 1:
@@ -297,15 +297,12 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
                 pass
 
 
-def _start(cell: CounterCell) -> int:
+def _start(cell: CounterCell, kind: ValueType) -> int:
     """Return a counter's value at the start: see csrc/fret_cells.h."""
-    match cell:
-        case OnceWithin() | AlwaysWithin():
-            return cell.bound + 1 - cell.head
-        case SinceWithin():
-            return cell.bound + 1
-        case _:
-            return 0
+    if isinstance(cell, OnceWithin | AlwaysWithin) and cell.head:
+        greatest = (1 << 8 * _SIZES[kind]) - 1
+        return greatest - cell.bound + cell.head - 1
+    return 0
 
 
 def _line(index: int, delay: Delay) -> StateField:

@@ -35,8 +35,10 @@ from fret_monitor.native.monitor import Library
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import TYPECODES
 
-ROWS = 8192
-_ALIGNMENT = 16
+# Enough rows that a processor cannot learn them by heart, and few enough for its cache.
+_ROWS = 1 << 17
+_BYTES = 4 << 20
+_WORD = 8
 _ROUND_NANOSECONDS = 20_000_000
 _LASTING = 200
 _SIGNATURE = ('uint64_t (*)(const struct fm_monitor *, void *, const void *, uint64_t, uint64_t, '
@@ -70,24 +72,23 @@ def lasting_inputs(monitor: Monitor, levels: Levels, seed: int = 0) -> Inputs:
 
 def _fill(monitor: Monitor, levels: Levels,
           choose: Callable[[Sequence[Any], Any], Any]) -> Inputs:
-    stride = int(monitor.pointer.inputs_bytes)
-    memory = ffi.new('char[]', ROWS * stride + _ALIGNMENT)
+    stride = -(-int(monitor.pointer.inputs_bytes) // _WORD) * _WORD
+    count = min(_ROWS, max(1, _BYTES // stride))
+    rows = bytearray(count * stride)
     for index, (item, values) in enumerate(zip(monitor.manifest.inputs, levels, strict=True)):
-        column = _column(item, values, choose)
-        width = column.itemsize
+        column = _column(item, values, choose, count)
         cells = column.tobytes()
         offset = int(monitor.pointer.inputs[index].offset)
-        for row in range(ROWS):
-            start = row * stride + offset
-            ffi.buffer(memory)[start:start + width] = cells[row * width:(row + 1) * width]
-    return Inputs(memory, stride, ROWS)
+        for byte in range(column.itemsize):
+            rows[offset + byte::stride] = cells[byte::column.itemsize]
+    return Inputs(ffi.from_buffer(rows), stride, count)
 
 
 def _column(item: ManifestInput, values: Sequence[bool | int | float],
-            choose: Callable[[Sequence[Any], Any], Any]) -> 'array[Any]':
+            choose: Callable[[Sequence[Any], Any], Any], count: int) -> 'array[Any]':
     column = array(TYPECODES[item.value_type])
     last: Any = None
-    for _ in range(ROWS):
+    for _ in range(count):
         last = choose(values, last)
         column.append(last)
     return column
@@ -104,9 +105,9 @@ class StepTimer:
         self._time: Any = ffi.cast(_SIGNATURE, self._library.find('fm_benchmark'))
         self._monitor = monitor
         self._inputs = inputs
-        self._state = ffi.new('max_align_t[]', monitor.state_bytes // _ALIGNMENT + 1)
+        self._state = ffi.new('uint64_t[]', monitor.state_bytes // _WORD + 1)
         self._verdicts = ffi.new('bool[]', max(1, len(monitor.manifest.requirements)))
-        for group in range(len(monitor.manifest.groups)):
+        for group in range(monitor.pointer.n_groups):
             monitor.pointer.groups[group].reset(self._state)
         self._repeats = max(1, round(_ROUND_NANOSECONDS / max(1, self._pass())))
 

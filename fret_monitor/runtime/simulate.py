@@ -26,6 +26,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 import csv
 from dataclasses import dataclass
+from difflib import get_close_matches
 from itertools import islice
 import os
 from pathlib import Path
@@ -35,7 +36,6 @@ import tempfile
 from typing import Any
 from typing import TextIO
 
-from fret_monitor.diagnostics import did_you_mean
 from fret_monitor.diagnostics import refuse
 from fret_monitor.diagnostics import Source
 from fret_monitor.diagnostics import Span
@@ -182,7 +182,7 @@ class _Trace:
     def _find(self, heading: list[str]) -> list[int]:
         missing = [item.name for item in self._inputs if item.name not in heading]
         if missing:
-            hints = (did_you_mean(name, heading) for name in missing)
+            hints = (_did_you_mean(name, heading) for name in missing)
             self._refuse(1, None, f'the trace has no column for {_listed(missing)}',
                          next(filter(None, hints), 'a column is headed by the name of its input'))
         for item in self._inputs:
@@ -219,9 +219,10 @@ class _Trace:
                 for item, place in zip(self._inputs, self._places, strict=True)]
 
     def _column(self, rows: list[_Row], item: ManifestInput, place: int) -> 'array[Any]':
-        values = array(TYPECODES[item.value_type])
-        names = {name: number for number, (name, _) in enumerate(item.values)} if item.is_string \
-            else dict(item.values)
+        values: array[Any] = array(TYPECODES[item.value_type])
+        names: dict[str, Any] = dict(item.values)
+        if item.is_string:
+            names = {name: number for number, name in enumerate(names)}
         for row in rows:
             cell = row.cells[place].strip()
             try:
@@ -249,6 +250,11 @@ class _Trace:
         source = Source(self._name, '\n' * (line - 1) + shown)
         offset = line - 1 + start
         refuse(title, Span(source, offset, offset + max(1, width)), '', help)
+
+
+def _did_you_mean(name: str, heading: list[str]) -> str:
+    near = get_close_matches(name, heading, 1)
+    return f"the column '{near[0]}' is close to '{name}'" if near else ''
 
 
 def _value(cell: str, item: ManifestInput) -> int | float:
