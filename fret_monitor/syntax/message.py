@@ -203,8 +203,9 @@ def _folder(prefix: Path, package: str) -> Path:
 
 
 @lru_cache(maxsize=1024)
-def _read(path: Path, package: str, prefixes: tuple[Path, ...], changed: tuple[int, int]) -> MessageLayout:
-    """Read a definition; `changed` makes a file that was written anew another one."""
+def _read(path: Path, package: str, prefixes: tuple[Path, ...],
+          state: tuple[int, int]) -> MessageLayout:
+    """Read a definition; `state` makes a file that was written anew another one."""
     try:
         with path.open('rb') as file:
             text = file.read(_MAX_BYTES).decode('utf-8', 'replace')
