@@ -28,12 +28,6 @@
 extern "C" {
 #endif
 
-#if defined(__GNUC__)
-#define FM_EXPORT __attribute__((visibility("default")))
-#else
-#define FM_EXPORT
-#endif
-
 /// When a step happens.
 enum fm_policy
 {

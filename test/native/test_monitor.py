@@ -87,6 +87,14 @@ def test_a_file_that_is_no_library_is_told(tmp_path: Path, content: bytes) -> No
         load(tmp_path / 'libtoy.so', toys.manifest())
 
 
+@pytest.mark.parametrize('part', [0.001, 0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.999])
+def test_a_library_that_is_cut_short_is_told_and_kills_nobody(tmp_path: Path, part: float) -> None:
+    whole = library().read_bytes()
+    (tmp_path / 'libtoy.so').write_bytes(whole[:int(part * len(whole))])
+    with pytest.raises(LibraryError, match='cannot load'):
+        load(tmp_path / 'libtoy.so', toys.manifest())
+
+
 def test_a_library_without_the_symbol_is_told() -> None:
     with pytest.raises(LibraryError, match="does not export 'fm_toy_monitor'"):
         load(evaluator_library(), toys.manifest())
