@@ -260,7 +260,7 @@ def parse_cocospec(text: Text) -> Expression | Equations:
     """
     Return the tree of a formula, or the equations of a node or of `a = p; b = a and q;`.
 
-    One `p = q;` alone is a formula, a comparison. Raises `CompileError` with the place of the
+    `p = q;` is an equation, `p = q` a comparison. Raises `CompileError` with the place of the
     first error.
     """
     lexemes = _lalr.scan(_LANGUAGE, text)
@@ -280,9 +280,8 @@ def _is_node(kinds: Sequence[str]) -> bool:
 
 
 def _is_equations(lexemes: Sequence[Lexeme]) -> bool:
-    # `p = q;` alone is a comparison: Ogma lets a formula end with a semicolon.
     kinds = [lexeme.type for lexeme in lexemes]
-    return 'SEMI' in kinds[:-1] and kinds[:2] == ['NAME', 'EQUAL']
+    return 'SEMI' in kinds and kinds[:2] == ['NAME', 'EQUAL']
 
 
 def _rename(text: Text, lexemes: list[Lexeme], names: frozenset[str]) -> list[Lexeme]:

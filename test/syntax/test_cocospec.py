@@ -119,7 +119,7 @@ def test_a_prefix_operator_binds_tighter_than_all_infix_ones(prefix: str) -> Non
     ('/* a */ p (* b *) and -- c\n q -- d', '(p & q)'),
     ('"a b" > 1', '(a b > 1)'),
     ('(O((( input_signal <= 5 ))));', '(O (input_signal <= 5))'),
-    ('p = q;', '(p = q)'),
+    ('p = q', '(p = q)'),
     ('current > 3 and type = node', '((current > 3) & (type = node))'),
     ('var = let', '(var = let)'),
 ])
@@ -207,6 +207,7 @@ def test_the_result_of_equations_is_the_last_one() -> None:
     assert node.result.name == 'b'
     assert node.declarations == ()
     assert [it.name for it in equations('a = x > 3; b = a and q').equations] == ['a', 'b']
+    assert equations('a = p and pre a;').result.name == 'a'
 
 
 @pytest.mark.parametrize('name', ['H', 'O', 'Y', 'Z', 'S', 'SI', 'T'])
