@@ -370,6 +370,14 @@ def test_integers_are_compared_with_whole_literals_by_value(name: str, beyond: i
             assert [item.title for item in problems.warnings] == expected
 
 
+def test_a_literal_beyond_a_type_is_a_constant_of_the_other_one() -> None:
+    i64, u64 = NUMBERS['i64'], NUMBERS['u64']
+    assert smv('i64 < 9223372036854775808') is binary('<', i64, number(2 ** 63, UINT64))
+    assert smv('i64 < 1e40 | -7 <= u64') is binary(
+        '|', binary('<', wide(i64, FLOAT64), number(1e40, FLOAT64)),
+        binary('<=', number(-7, INT64), u64))
+
+
 class TestPowers:
     """`^` has rules of its own."""
 
@@ -633,6 +641,8 @@ class TestLustre:
          'let s = 0.0 -> pre s + f32; ok = s > 1.0; tel', FLOAT64),
         ('node n(f32: real) returns (ok: bool); var s: int; '
          'let s = 0 -> pre s + 1; ok = s > 1; tel', INT64),
+        ('s = f32 -> if p then pre s + 1 else pre s; ok = s > 1;', FLOAT32),
+        ('s = if preReal(0, s) > 1 then f32 else f32; ok = s > 1;', FLOAT64),
         ('s = p -> q and pre s;', BOOL),
     ])
     def test_feedback_has_the_type_that_its_equation_agrees_with(

@@ -251,6 +251,16 @@ requirements:
             assert all(cell in known for cell in cells)
 
 
+def test_feedback_behind_feedback_is_handed_out() -> None:
+    result = specified("""
+inputs:
+  p: {type: bool}
+requirements:
+  - {id: A, cocospec: "a = p -> pre b; b = not p -> pre c; c = p -> pre a; ok = a;"}
+""")
+    assert {cell.name for cell, _ in result.properties[0].feedback} == {'A.a', 'A.b', 'A.c'}
+
+
 def test_feedback_of_like_names_is_told_apart() -> None:
     result = specified("""
 inputs:
