@@ -111,6 +111,13 @@ static void (* const RESETS[])(void *) = {
 static void (* const STEPS[])(void *, const void *, bool *) = {
   step_0, step_1, step_2, step_3, step_4, step_5, step_6, step_7};
 
+static void step_all(void * state, const void * values, bool * verdicts)
+{
+  for (uint32_t g = 0; g < monitor.n_groups; ++g) {
+    step_of(g, state, values, verdicts);
+  }
+}
+
 static void make_inputs(void)
 {
   monitor.n_inputs = random_below(MAX_INPUTS + 1);
@@ -178,6 +185,7 @@ static void make_monitor(void)
   monitor.inputs = inputs;
   monitor.groups = groups;
   monitor.requirements = requirements;
+  monitor.step = random_below(2) == 0 ? step_all : NULL;
   options.monitor = &monitor;
   options.topics = topics;
   options.policy = random_below(FM_PERIODIC + 1);
@@ -482,7 +490,8 @@ static void run(void)
   make_monitor();
   memset(&model, 0, sizeof model);
   model_reset();
-  struct fm_violation * out = malloc((monitor.n_requirements + (monitor.n_requirements == 0)) * sizeof *out);
+  const size_t room = monitor.n_requirements > 0 ? monitor.n_requirements : 1;
+  struct fm_violation * out = malloc(room * sizeof *out);
   void * memory = malloc((size_t)fm_evaluator_bytes(&options));
   struct fm_evaluator * evaluator = fm_evaluator_init(memory, &options);
   AGREE("accepting the monitor", evaluator != NULL);

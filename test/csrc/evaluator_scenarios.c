@@ -90,6 +90,16 @@ static void step_2(void * state, const void * inputs, bool * verdicts)
   cells->steps[2] += 1;
 }
 
+static uint32_t n_common_steps = 0;
+
+static void step_all(void * state, const void * inputs, bool * verdicts)
+{
+  n_common_steps += 1;
+  step_0(state, inputs, verdicts);
+  step_1(state, inputs, verdicts);
+  step_2(state, inputs, verdicts);
+}
+
 static const struct fm_input INPUTS[] = {
   {"flag", (uint32_t)offsetof(struct inputs, flag), FM_BOOL},
   {"level", (uint32_t)offsetof(struct inputs, level), FM_FLOAT64},
@@ -107,7 +117,7 @@ static const struct fm_group GROUPS[] = {
 static const struct fm_requirement REQUIREMENTS[] = {{"A", 0}, {"B", 1}, {"C", 0}, {"D", 2}};
 static const struct fm_monitor MONITOR = {
   FM_ABI, N_INPUTS, 3, N_REQUIREMENTS, sizeof(struct state), sizeof(struct inputs),
-  INPUTS, GROUPS, REQUIREMENTS, "scenarios", ""
+  INPUTS, GROUPS, REQUIREMENTS, "scenarios", "", step_all
 };
 
 static const uint32_t FEEDS_FLAG[] = {FLAG};
@@ -294,6 +304,40 @@ static void a_row_is_a_step_under_every_policy(void)
   }
 }
 
+static void all_groups_are_stepped_in_one_call_once_all_are_ready(void)
+{
+  struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
+  n_common_steps = 0;
+  (void)level_message(evaluator, 50.0);
+  (void)level_message(evaluator, 50.0);
+  CHECK(n_common_steps == 0 && stepped(evaluator, 0, 2, 2));
+  CHECK(flag_message(evaluator, false) == 3 && n_common_steps == 1 && stepped(evaluator, 1, 3, 3));
+  CHECK(is_violation(0, A, 0, 100) && is_violation(1, C, 0, 100) && is_violation(2, B, 2, 100));
+  CHECK(fm_evaluator_tick(evaluator, 5, out) == 2 && n_common_steps == 2);
+}
+
+static void other_messages_step_some_groups_by_themselves(void)
+{
+  struct fm_evaluator * evaluator = with_policy(FM_RELEVANT_MESSAGE);
+  (void)level_message(evaluator, 1.0);
+  n_common_steps = 0;
+  (void)flag_message(evaluator, true);
+  CHECK(n_common_steps == 0 && stepped(evaluator, 1, 1, 2));
+}
+
+static void groups_are_stepped_one_by_one_without_a_common_step(void)
+{
+  struct fm_monitor monitor = MONITOR;
+  struct fm_evaluator_options options = options_of(FM_EVERY_MESSAGE);
+  monitor.step = NULL;
+  options.monitor = &monitor;
+  struct fm_evaluator * evaluator = make(&options);
+  (void)level_message(evaluator, 1.0);
+  (void)flag_message(evaluator, true);
+  (void)level_message(evaluator, 50.0);
+  CHECK(stepped(evaluator, 2, 3, 3) && is_violation(0, B, 2, 200));
+}
+
 static void a_tick_starts_the_wait_of_all_inputs_anew(void)
 {
   struct fm_evaluator * evaluator = with_policy(FM_ALL_INPUTS);
@@ -455,7 +499,7 @@ static const struct fm_input TYPED[] = {
   INPUT(i64, FM_INT64), INPUT(u8, FM_UINT8), INPUT(u16, FM_UINT16), INPUT(u32, FM_UINT32),
   INPUT(u64, FM_UINT64), INPUT(f32, FM_FLOAT32), INPUT(f64, FM_FLOAT64)};
 static const struct fm_monitor TYPES = {
-  FM_ABI, 11, 0, 0, 0, sizeof(struct all_types), TYPED, NULL, NULL, "types", ""};
+  FM_ABI, 11, 0, 0, 0, sizeof(struct all_types), TYPED, NULL, NULL, "types", "", NULL};
 
 static struct fm_evaluator * with_types(void)
 {
@@ -708,6 +752,9 @@ static const struct scenario SCENARIOS[] = {
   SCENARIO(all_inputs_waits_for_a_value_even_where_there_is_an_initial_one),
   SCENARIO(a_period_is_a_step_and_a_message_is_none),
   SCENARIO(a_row_is_a_step_under_every_policy),
+  SCENARIO(all_groups_are_stepped_in_one_call_once_all_are_ready),
+  SCENARIO(other_messages_step_some_groups_by_themselves),
+  SCENARIO(groups_are_stepped_one_by_one_without_a_common_step),
   SCENARIO(a_tick_starts_the_wait_of_all_inputs_anew),
   SCENARIO(an_initial_value_makes_a_group_ready),
   SCENARIO(a_message_that_cannot_be_decoded_is_counted_and_is_no_step),
