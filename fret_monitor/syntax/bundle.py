@@ -41,12 +41,14 @@ from fret_monitor.manifest import Policy
 from fret_monitor.manifest import Report
 from fret_monitor.manifest import Severity
 from fret_monitor.syntax.words import Fault
+from fret_monitor.syntax.words import fret_spelling
 from fret_monitor.syntax.words import handler_fault
 from fret_monitor.syntax.words import is_integer
-from fret_monitor.syntax.words import is_number
+from fret_monitor.syntax.words import looks_like_number
 from fret_monitor.syntax.words import name_fault
 from fret_monitor.syntax.words import number_fault
 from fret_monitor.syntax.words import PLAIN_TYPES
+from fret_monitor.syntax.words import quoted_name_fault
 from fret_monitor.syntax.words import shown
 from fret_monitor.syntax.words import topic_fault
 from fret_monitor.syntax.words import type_fault
@@ -399,15 +401,16 @@ class _Reader:
             if self._is_usable(name, node, problems) and text is not None:
                 yield ConstantEntry(name.text, text)
 
-    def _named(self, shape: Shape, key: str, example: str) -> Iterator[tuple[Scalar, Node]]:
+    def _named(self, shape: Shape, key: str, example: str) -> Iterator[tuple['_Name', Node]]:
         """Yield what stands under `constants`, `inputs` or `definitions`."""
         mapping = mapping_of(shape.node(key), f"'{key}'", self._problems, example)
-        return iter(mapping.entries if mapping else ())
+        for name, node in mapping.entries if mapping else ():
+            yield _name(name), node
 
-    def _declare(self, name: Scalar, problems: Problems) -> None:
-        """Take a name; `a.b` and FRET's `a_DOT_b` are one."""
-        fault = name_fault(name.value)
-        first = self._declared.setdefault(name.value.replace('.', '_DOT_'), name.text)
+    def _declare(self, name: '_Name', problems: Problems) -> None:
+        """Take a name; two may not differ in FRET's spelling only (`a.b` and `a_DOT_b`)."""
+        fault = (quoted_name_fault if name.is_quoted else name_fault)(name.value)
+        first = self._declared.setdefault(fret_spelling(name.value), name.text)
         if fault is not None:
             problems.error(fault.reason, name.span, 'not a name', fault.help)
         elif first is not name.text:
@@ -415,7 +418,7 @@ class _Reader:
                 f'{shown(name.value)} is declared twice', name.span,
                 f'first in {_line_of(first, name.span)}', 'choose another name for one of them')
 
-    def _is_usable(self, name: Scalar, node: Node, problems: Problems) -> bool:
+    def _is_usable(self, name: '_Name', node: Node, problems: Problems) -> bool:
         """Pass on the problems of an entry; return whether it has none."""
         self._problems.extend(problems.errors)
         is_usable = not problems.errors and not isinstance(node, Unread)
@@ -569,7 +572,36 @@ _TOPIC_ASPECTS: tuple[tuple[str, Callable[[InputEntry], object]], ...] = (
 )
 
 
-def _input(name: Scalar, mapping: Mapping, problems: Problems) -> InputEntry:
+@dataclass(frozen=True, eq=False)
+class _Name:
+    """
+    A name that is declared, as formulas know it.
+
+    FRET's names in quotes (`"hello world"`) have their quotes in the bundle's key as well.
+    """
+
+    text: Text
+    key: Scalar
+    is_quoted: bool
+
+    @property
+    def value(self) -> str:
+        return self.text.value
+
+    @property
+    def span(self) -> Span:
+        return self.key.span
+
+
+def _name(key: Scalar) -> _Name:
+    value = key.value
+    if len(value) < 2 or not value.startswith('"') or not value.endswith('"'):
+        return _Name(key.text, key, False)
+    inner = Text(value[1:-1], key.text.source, key.text.offsets[1:len(value)])
+    return _Name(inner, key, True)
+
+
+def _input(name: _Name, mapping: Mapping, problems: Problems) -> InputEntry:
     shape = Shape(mapping, 'an input', _INPUT_KEYS, problems,
                   {'message': 'type', 'message_type': 'type', 'msg': 'type', 'path': 'field'})
     entry = InputEntry(
@@ -637,10 +669,13 @@ def _value(key: Scalar, node: Node, problems: Problems) -> ValueEntry | None:
     text = text_of(node, f'the value {shown(key.value)}', problems)
     if text is None:
         return None
-    if is_number(text.value) and not is_integer(text.value):
+    is_string = not looks_like_number(text.value)
+    if not is_string and not is_integer(text.value):
+        fault = number_fault(text.value)
         problems.error('a value with a name is a whole number or a string', text.span,
-                       'this is neither')
-    return ValueEntry(key.text, text, is_string=not is_number(text.value))
+                       'this is neither', fault.help if fault and fault.help else
+                       f'{key.value}: "{text.value}"   # if it is a string')
+    return ValueEntry(key.text, text, is_string)
 
 
 def _check_values(entries: list[ValueEntry], problems: Problems) -> None:
@@ -678,11 +713,11 @@ def _whole(text: str) -> int:
     return int(text) if len(text) < 20 else 0
 
 
-def _definition(name: Scalar, node: Node, problems: Problems) -> tuple[Language, Text | None]:
+def _definition(name: _Name, node: Node, problems: Problems) -> tuple[Language, Text | None]:
     if not isinstance(node, Mapping):
-        return Language.PTLTL, _formula(name, node, problems)
+        return Language.PTLTL, _formula(name.key, node, problems)
     if node.is_flow and not any(key.value in _FORMULA_KEYS for key, _ in node.entries):
-        return Language.PTLTL, _formula(name, node, problems)
+        return Language.PTLTL, _formula(name.key, node, problems)
     shape = Shape(node, f'the definition {shown(name.value)}', _FORMULA_KEYS, problems,
                   _FORMULA_SLIPS)
     return _one_formula(shape, f'the definition {shown(name.value)}', shape.span, problems)

@@ -30,9 +30,11 @@ from fret_monitor.manifest import ValueType
 MAX_TOPIC = 247  # rmw: 255 less 8 that are kept for the prefixes of DDS
 HANDLER_TOPIC = 'copilot/'
 
-_IDENTIFIER = re.compile(r'[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z_][A-Za-z0-9_]*)*')
-_NUMBER = re.compile(r'[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?')
-_INTEGER = re.compile(r'[+-]?[0-9]+')
+# Names and numbers are those of formulas: FRET's names may have points and percent signs inside.
+_IDENTIFIER = re.compile(r'[A-Za-z_$][A-Za-z0-9_$]*(?:[.%][A-Za-z0-9_$]+)*')
+_NUMBER = re.compile(r'[+-]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]+)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?')
+_INTEGER = re.compile(r'[+-]?(?:0|[1-9][0-9]*)')
+_LIKE_NUMBER = re.compile(r'[+-]?\.?[0-9]')
 _PACKAGE = re.compile(r'(?!.*__)[a-z][a-z0-9_]*(?<!_)')
 _MESSAGE = re.compile(r'[A-Z][A-Za-z0-9]*')
 _TOPIC_TOKEN = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
@@ -76,7 +78,7 @@ def shown(text: str) -> str:
 
 
 def name_fault(name: str) -> Fault | None:
-    """Look at the name of an input, constant, definition or value."""
+    """Look at the name of an input, constant, definition or value; without its quotes."""
     if not name:
         return Fault('a name is missing')
     if _IDENTIFIER.fullmatch(name) is None:
@@ -87,6 +89,19 @@ def name_fault(name: str) -> Fault | None:
     if name in _MEANINGS:
         return Fault(f'{shown(name)} is an operator ({_MEANINGS[name]})', _other_name(name))
     return None
+
+
+def quoted_name_fault(name: str) -> Fault | None:
+    """Look at a name that stands in double quotes in formulas too, as FRET allows."""
+    if name.isprintable() and name == name.strip() and name and not set(name) & {'"', '\\'}:
+        return None
+    return Fault(f'{shown(name)} cannot be a name in quotes',
+                 'one line, without quotes and backslashes, and no blanks at its ends')
+
+
+def fret_spelling(name: str) -> str:
+    """Return a name as FRET writes it in formulas: `a.b` becomes `a_DOT_b`."""
+    return name.replace('.', '_DOT_').replace('%', '_PRC_')
 
 
 def _identifier(name: str) -> str:
@@ -173,7 +188,8 @@ def number_fault(text: str) -> Fault | None:
     if _NUMBER.fullmatch(text):
         return None
     reason = f'{shown(text)} is not a number'
-    mended = text.replace('_', '').replace(',', '.')
+    mended = re.sub(r'^([+-]?)0+(?=[0-9])', r'\1', text.replace('_', '').replace(',', '.'))
+    mended = re.sub(r'\.(?=[eE]|$)', '.0', mended)
     if text.lower().lstrip('+-.') in ('nan', 'inf', 'infinity'):
         return Fault(reason, 'a number has a value: not-a-number and infinity cannot be written')
     if re.fullmatch(r'[+-]?0[xX][0-9A-Fa-f]{1,16}', text):
@@ -183,9 +199,9 @@ def number_fault(text: str) -> Fault | None:
     return Fault(reason)
 
 
-def is_number(text: str) -> bool:
-    """Return whether a text is a number, by the grammar of formulas."""
-    return _NUMBER.fullmatch(text) is not None
+def looks_like_number(text: str) -> bool:
+    """Return whether a text begins as a number does: it is one, or a slip."""
+    return _LIKE_NUMBER.match(text) is not None
 
 
 def is_integer(text: str) -> bool:
