@@ -39,7 +39,8 @@ _PIECES = (
     '\n  - ', '\\\\', 'O[0,2]',
 )
 _TAILS = ('', '"', "'", '\n', '"\n', '\n\nb: c\n', '"}]\n', "'\r\nb: 'c'")
-_LOADERS = tuple({yaml.SafeLoader, getattr(yaml, 'CSafeLoader', yaml.SafeLoader)})
+# In one order in every process: pytest-xdist compares what its workers collect.
+_LOADERS = tuple(dict.fromkeys([yaml.SafeLoader, getattr(yaml, 'CSafeLoader', yaml.SafeLoader)]))
 
 
 def _scalars(text: str, loader: type) -> list[tuple[yaml.ScalarEvent, Text]]:
