@@ -20,7 +20,6 @@ expression that uses it. State is read from and written to the group's struct `s
 part are read from a word at its start and written back at its end.
 """
 
-from collections import Counter
 from collections.abc import Iterator
 from typing import assert_never
 
@@ -31,6 +30,8 @@ from fret_monitor.codegen.names import field
 from fret_monitor.codegen.names import Names
 from fret_monitor.codegen.names import SUFFIXES
 from fret_monitor.logic.formula import BinaryOperator
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import operands as operands_of
 from fret_monitor.logic.formula import UnaryOperator
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.manifest import ValueType
@@ -68,6 +69,7 @@ from fret_monitor.program.monitor_program import TriggeredEver
 _INLINE_DEPTH = 4
 _INLINE_WIDTH = 60
 _SHOWN_FORMULA = 70
+_SHOWN_HEIGHT = 16
 _TEXT_WIDTH = 600
 
 _RELATIONS = {BinaryOperator.LT: '<', BinaryOperator.LE: '<=', BinaryOperator.GT: '>',
@@ -93,10 +95,9 @@ class PartWriter:
         self._part = part
         self._range = layout.parts[part]
         self._names = names
-        self._fields = {(item.kind, item.number): item for item in layout.fields}
+        self._fields = layout.field_of
         self._definitions = {formula: names.definitions[name]
                              for name, formula in program.definitions}
-        self._uses = _uses(layout)
         self._inlined: dict[int, c.Expression] = {}
         self._taken: set[str] = set()
 
@@ -130,7 +131,7 @@ class PartWriter:
         for number in pending:
             yield from self._heading(number)
         if self._is_last:
-            yield from self._constant_verdicts()
+            yield from self._verdicts(-1)
 
     @property
     def _is_last(self) -> bool:
@@ -166,7 +167,7 @@ class PartWriter:
     def _note(self, index: int) -> Iterator[str]:
         equation = self._group.equations[index]
         is_plain = isinstance(equation.operation, Read | Literal | Convert)
-        if equation.formula is not None and not is_plain:
+        if equation.formula is not None and not is_plain and _is_shallow(equation.formula):
             yield from comment(to_smv(equation.formula, limit=_SHOWN_FORMULA), '  ')
 
     def _can_inline(self, index: int, expression: c.Expression) -> bool:
@@ -174,7 +175,7 @@ class PartWriter:
         if isinstance(equation.operation, Literal):
             return True
         is_pure = isinstance(equation.operation, Read | ApplyUnary | ApplyBinary | Power | Choose)
-        return is_pure and self._uses[index] == 1 and index not in self._layout.wires \
+        return is_pure and self._layout.uses[index] == 1 and index not in self._layout.wires \
             and equation.formula not in self._definitions and c.depth(expression) <= _INLINE_DEPTH \
             and len(c.text(expression)) <= _INLINE_WIDTH
 
@@ -339,14 +340,8 @@ class PartWriter:
                 return self._inlined[index]
 
     def _verdicts(self, index: int) -> Iterator[str]:
-        for number, operand in zip(self._group.properties, self._group.verdicts, strict=True):
-            if operand.value == index:
-                yield self._verdict(number, operand)
-
-    def _constant_verdicts(self) -> Iterator[str]:
-        for number, operand in zip(self._group.properties, self._group.verdicts, strict=True):
-            if operand.is_constant:
-                yield self._verdict(number, operand)
+        for number, operand in self._layout.verdicts_of.get(index, ()):
+            yield self._verdict(number, operand)
 
     def _verdict(self, number: int, operand: Operand) -> str:
         value = c.text(self._operand(operand))
@@ -380,14 +375,12 @@ def _stem(operation: Operation) -> str:
     return _STEMS.get(type(operation), 'value')
 
 
-def _uses(layout: GroupLayout) -> Counter[int]:
-    group = layout.group
-    uses: Counter[int] = Counter()
-    for equation in group.equations:
-        uses.update(item.value for item in operands(equation.operation))
-    uses.update(item.value for item in group.verdicts)
-    uses.update(item.next.value for item in group.feedback)
-    return uses
+def _is_shallow(formula: Formula) -> bool:
+    """Whether a formula can be shown in a line; one that cannot is not worth a look at it all."""
+    level = [formula]
+    for _ in range(_SHOWN_HEIGHT):
+        level = [item for node in level for item in operands_of(node)][:_SHOWN_FORMULA]
+    return not level
 
 
 def _wide(word: StateField) -> str:

@@ -21,6 +21,7 @@ fields are ordered by size, so that a struct has no holes.
 """
 
 from bisect import bisect_right
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
@@ -39,6 +40,7 @@ from fret_monitor.program.monitor_program import MonitorProgram
 from fret_monitor.program.monitor_program import OnceBefore
 from fret_monitor.program.monitor_program import OnceEver
 from fret_monitor.program.monitor_program import OnceWithin
+from fret_monitor.program.monitor_program import Operand
 from fret_monitor.program.monitor_program import operands
 from fret_monitor.program.monitor_program import Operation
 from fret_monitor.program.monitor_program import PreviousNumber
@@ -139,9 +141,28 @@ class GroupLayout:
         """The values that a later part reads."""
         return frozenset(_wires(self.group, self.parts))
 
-    def part_of(self, equation: int) -> int:
-        """Return the part an equation belongs to."""
-        return _part_of(self.parts, equation)
+    @cached_property
+    def field_of(self) -> dict[tuple[FieldKind, int], StateField]:
+        """The fields by kind and number."""
+        return {(item.kind, item.number): item for item in self.fields}
+
+    @cached_property
+    def uses(self) -> Counter[int]:
+        """How often each value is read, by equations, verdicts and feedback."""
+        group = self.group
+        uses = Counter(item.value for equation in group.equations
+                       for item in operands(equation.operation))
+        uses.update(item.value for item in group.verdicts)
+        uses.update(item.next.value for item in group.feedback)
+        return uses
+
+    @cached_property
+    def verdicts_of(self) -> dict[int, list[tuple[int, Operand]]]:
+        """The verdicts that each value gives (-1: the constants): property and operand."""
+        found: dict[int, list[tuple[int, Operand]]] = {}
+        for number, operand in zip(self.group.properties, self.group.verdicts, strict=True):
+            found.setdefault(operand.value, []).append((number, operand))
+        return found
 
 
 def lay_out(group: StepGroup) -> GroupLayout:
@@ -211,16 +232,12 @@ def _parts(group: StepGroup) -> Iterator[range]:
     yield range(start, total)
 
 
-def _part_of(parts: tuple[range, ...], equation: int) -> int:
-    return bisect_right([part.start for part in parts], equation) - 1
-
-
 def _wires(group: StepGroup, parts: tuple[range, ...]) -> Iterator[int]:
-    for index, equation in enumerate(group.equations):
-        start = parts[_part_of(parts, index)].start
-        for operand in operands(equation.operation):
-            if 0 <= operand.value < start and not _is_at_hand(group, operand.value):
-                yield operand.value
+    for part in parts:
+        for index in part:
+            for operand in operands(group.equations[index].operation):
+                if 0 <= operand.value < part.start and not _is_at_hand(group, operand.value):
+                    yield operand.value
     # Feedback is written by the last part, after everything has been read.
     yield from (item.next.value for item in group.feedback
                 if 0 <= item.next.value < parts[-1].start

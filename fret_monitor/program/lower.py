@@ -90,6 +90,7 @@ from fret_monitor.program.prune import prune
 
 _BOOL = ValueType.BOOL
 _LIMITS = {ValueType.INT64: (-2 ** 63, 2 ** 63 - 1), ValueType.UINT64: (0, 2 ** 64 - 1)}
+_FACTORING_DEPTH = 8  # `b | c` may have a factor again
 _TURNED = {BinaryOperator.GT: BinaryOperator.LT, BinaryOperator.GE: BinaryOperator.LE}
 
 
@@ -154,6 +155,7 @@ class _GroupBuilder:
         self._conjuncts: dict[Operand, tuple[Operand, Operand]] = {}
         self._elapsed: dict[Operand, int] = {}
         self._windows: dict[Operand, OnceWithin] = {}
+        self._factoring = 0
 
     def define(self, roots: list[Formula]) -> None:
         """Make the equations of all terms under the roots."""
@@ -303,6 +305,15 @@ class _GroupBuilder:
 
     def _factored(self, left: Operand, right: Operand) -> Operand | None:
         """Return the negation of `a & (b | c)` for that of `(a & b) | (a & c)`."""
+        if self._factoring == _FACTORING_DEPTH:
+            return None
+        self._factoring += 1
+        try:
+            return self._common_factor(left, right)
+        finally:
+            self._factoring -= 1
+
+    def _common_factor(self, left: Operand, right: Operand) -> Operand | None:
         for one in self._conjuncts.get(~left, ()):
             for other in self._conjuncts.get(~right, ()):
                 if one == other:
