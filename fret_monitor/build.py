@@ -22,7 +22,6 @@ from dataclasses import asdict
 from dataclasses import dataclass
 from dataclasses import replace
 from fractions import Fraction
-from functools import cached_property
 import hashlib
 from pathlib import Path
 import shutil
@@ -32,7 +31,9 @@ import time
 from fret_monitor.codegen.describe import describe
 from fret_monitor.codegen.module import CModule
 from fret_monitor.codegen.module import generate
+from fret_monitor.diagnostics import CompileError
 from fret_monitor.diagnostics import Diagnostic
+from fret_monitor.diagnostics import Problems
 from fret_monitor.diagnostics import refuse
 from fret_monitor.logic.elaborate import specify
 from fret_monitor.logic.specification import Specification
@@ -49,8 +50,8 @@ from fret_monitor.native.folder import EVALUATOR_FILE
 from fret_monitor.native.folder import is_compiled
 from fret_monitor.native.folder import library_file
 from fret_monitor.native.folder import MANIFEST_FILE
+from fret_monitor.native.monitor import CompiledMonitor
 from fret_monitor.native.monitor import load
-from fret_monitor.native.monitor import Monitor
 from fret_monitor.program.layout import check_bounds
 from fret_monitor.program.layout import GroupLayout
 from fret_monitor.program.layout import lay_out
@@ -62,16 +63,17 @@ from fret_monitor.runtime.benchmark import lasting_inputs
 from fret_monitor.runtime.benchmark import random_inputs
 from fret_monitor.runtime.benchmark import step_nanoseconds
 from fret_monitor.syntax.bundle import Bundle
-from fret_monitor.syntax.bundle import read_bundle
+from fret_monitor.syntax.bundle import survey_bundle
 
 
 @dataclass(frozen=True)
 class Reading:
-    """A bundle as understood: what it means, what was odd about it, and its hash."""
+    """A bundle as understood: what it means, what was odd about it, its hash and its files."""
 
     specification: Specification
     warnings: tuple[Diagnostic, ...]
     bundle_hash: str
+    files: tuple[Path, ...]
 
 
 @dataclass(frozen=True)
@@ -86,20 +88,6 @@ class GeneratedMonitor:
     warnings: tuple[Diagnostic, ...]
 
 
-@dataclass(frozen=True)
-class CompiledMonitor:
-    """A compiled bundle; `monitor` loads it on first use."""
-
-    manifest: Manifest
-    library: Path
-    warnings: tuple[Diagnostic, ...]
-
-    @cached_property
-    def monitor(self) -> Monitor:
-        """The loaded library; raises `LibraryError`."""
-        return load(self.library, self.manifest)
-
-
 def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = None) -> Reading:
     """
     Read a bundle and give it its meaning.
@@ -111,9 +99,14 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
     CompileError
         with all that is wrong with the bundle.
     """
-    bundle = _with_policy(read_bundle(path), policy, period)
-    specification, warnings = specify(bundle)
-    return Reading(specification, warnings, _bundle_hash(bundle, specification))
+    problems = Problems()
+    written = survey_bundle(path, problems)
+    if written is None:
+        raise CompileError(problems.errors)
+    bundle = _with_policy(written, policy, period)
+    specification, warnings = specify(bundle, problems=problems)
+    return Reading(specification, warnings, _bundle_hash(bundle, specification),
+                   tuple(Path(source.name) for source in bundle.sources))
 
 
 def _with_policy(bundle: Bundle, policy: Policy | None, period: Fraction | None) -> Bundle:
@@ -165,7 +158,8 @@ def compile_monitor(generated: GeneratedMonitor) -> CompiledMonitor:
     header, text = generated.module.header
     library = build_library(dict(generated.module.sources), name=generated.manifest.symbol,
                             headers={**runtime_headers(), header: text})
-    return CompiledMonitor(generated.manifest, library, generated.warnings)
+    warnings = tuple(warning.render() for warning in generated.warnings)
+    return CompiledMonitor(generated.manifest, library, warnings)
 
 
 def build(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
@@ -178,7 +172,7 @@ def build(path: Path, *, policy: Policy | None = None, period: Fraction | None =
 def build_specification(specification: Specification) -> CompiledMonitor:
     """Compile what is specified already; for tools and tests."""
     digest = hashlib.sha256(repr(specification.signals).encode()).hexdigest()
-    return compile_monitor(generate_monitor(Reading(specification, (), digest)))
+    return compile_monitor(generate_monitor(Reading(specification, (), digest, ())))
 
 
 def write(generated: GeneratedMonitor, directory: Path) -> None:

@@ -20,9 +20,9 @@ from argparse import Namespace
 from pathlib import Path
 import sys
 
-from fret_monitor.build import build
 from fret_monitor.runtime.simulate import simulate
 from fret_monitor.runtime.simulate import Summary
+from fret_monitor.start import start
 
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
@@ -40,9 +40,9 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
 
 def run(options: Namespace) -> int:
     """Simulate; 1 if a violation was to be failed on and there was one."""
-    compiled = build(options.bundle)
+    compiled = start(options.bundle)
     for warning in compiled.warnings:
-        print(warning.render(), file=sys.stderr)
+        print(warning, file=sys.stderr)
     summary = simulate(compiled.monitor, options.trace, options.verdicts)
     if options.verdicts is not None:
         print(_shown(summary))

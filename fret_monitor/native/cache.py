@@ -95,6 +95,24 @@ def build_library(
     return build.kept() or build.make()
 
 
+def is_kept(library: Path) -> bool:
+    """
+    Return whether a library is one that `build_library` has kept, and whole.
+
+    Raises
+    ------
+    CacheError
+        if the folder of built libraries could be written by somebody else.
+    """
+    root = cache_directory()
+    try:
+        _refuse_foreign(root)
+        seal = json.loads((library.parent / _SEAL).read_text(encoding='utf-8'))
+        return library.parent.parent == root and seal == _seal(library)
+    except (OSError, ValueError):
+        return False
+
+
 def runtime_headers() -> dict[str, str]:
     """Return the headers of csrc that generated C stands on, by file name."""
     return {file.name: file.read_text(encoding='utf-8')
@@ -212,18 +230,11 @@ class _Build:
             self._compiler, self._sources, self._library, folder=folder, timeout=self._timeout)
         for made in folder.glob('*.o'):
             made.unlink()
-        (folder / _SEAL).write_text(self._seal(folder), encoding='utf-8')
-
-    def _seal(self, folder: Path) -> str:
-        return json.dumps({
-            'library': self._library,
-            'sha256': sha256((folder / self._library).read_bytes()).hexdigest()})
+        seal = json.dumps(_seal(folder / self._library))
+        (folder / _SEAL).write_text(seal, encoding='utf-8')
 
     def _is_whole(self) -> bool:
-        try:
-            return (self._folder / _SEAL).read_text(encoding='utf-8') == self._seal(self._folder)
-        except (OSError, UnicodeDecodeError):
-            return False
+        return is_kept(self._folder / self._library)
 
     def _publish(self, unfinished: Path) -> None:
         """Give the finished folder its name, unless another process was as good meanwhile."""
@@ -237,6 +248,11 @@ class _Build:
             self._folder.rename(damaged)
             unfinished.rename(self._folder)
             _remove(damaged)
+
+
+def _seal(library: Path) -> dict[str, str]:
+    """Return what is written down of a library when it is complete."""
+    return {'library': library.name, 'sha256': sha256(library.read_bytes()).hexdigest()}
 
 
 def _refuse_foreign(folder: Path) -> None:

@@ -22,6 +22,7 @@ names and types of the inputs, ids of the requirements, groups, all in order.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 import os
 from pathlib import Path
 import struct
@@ -138,6 +139,24 @@ def load(library: Path, manifest: Manifest) -> Monitor:
         raise LibraryError(
             f'{library} does not fit its manifest ({difference}): compile the bundle again')
     return monitor
+
+
+@dataclass(frozen=True)
+class CompiledMonitor:
+    """
+    A compiled bundle that is not loaded yet; `monitor` loads it on first use.
+
+    `warnings` are what was odd about the bundle, rendered.
+    """
+
+    manifest: Manifest
+    library: Path
+    warnings: tuple[str, ...]
+
+    @cached_property
+    def monitor(self) -> Monitor:
+        """The loaded library; raises `LibraryError`."""
+        return load(self.library, self.manifest)
 
 
 def load_evaluator(library: Path) -> CData:

@@ -74,8 +74,8 @@ def open_manifest(settings: Settings) -> Manifest:
             _refuse_other_bundle(settings, settings.library, manifest)
             return manifest
         assert settings.spec is not None
-        from fret_monitor.build import generate_monitor, read
-        return generate_monitor(read(settings.spec)).manifest
+        from fret_monitor.start import start
+        return start(settings.spec).manifest
 
 
 @contextmanager
@@ -90,14 +90,14 @@ def _told() -> Iterator[None]:
 
 
 def _compile(settings: Settings, spec: Path) -> Opened:
-    from fret_monitor.build import build
+    from fret_monitor.start import start
     began, clock = time(), monotonic()
-    compiled = build(spec, policy=settings.policy, period=settings.period)
+    compiled = start(spec, policy=settings.policy, period=settings.period)
     is_new = compiled.library.stat().st_mtime >= began
     how = f'compiled in {monotonic() - clock:.1f} s' if is_new else 'found compiled'
     manifest = compiled.manifest
     return Opened(compiled.monitor, None, manifest.policy, manifest.period, f'{spec}, {how}',
-                  tuple(item.render() for item in compiled.warnings))
+                  compiled.warnings)
 
 
 def _open_library(settings: Settings, directory: Path) -> Opened:

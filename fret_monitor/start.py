@@ -1,0 +1,166 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Build a bundle, or find again what it was built to, without reading or generating anything.
+
+What a bundle becomes is decided by its files, the message definitions its inputs come from, the
+overrides, the compiler, and this package itself. A note in the folder of built libraries says
+what all of these were; it is used only if every one is as it was, and the library is whole.
+"""
+
+from collections.abc import Iterator
+from fractions import Fraction
+from hashlib import sha256
+import json
+import os
+from pathlib import Path
+import tempfile
+from typing import Any
+
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.diagnostics import Source
+from fret_monitor.diagnostics import Text
+from fret_monitor.manifest import Manifest
+from fret_monitor.manifest import ManifestError
+from fret_monitor.manifest import ManifestInput
+from fret_monitor.manifest import Policy
+from fret_monitor.native.cache import cache_directory
+from fret_monitor.native.cache import csrc_directory
+from fret_monitor.native.cache import is_kept
+from fret_monitor.native.compiler import find_compiler
+from fret_monitor.native.monitor import CompiledMonitor
+from fret_monitor.syntax.message import find_message
+from fret_monitor.syntax.message import resolve_field
+
+_NOTES = 'bundles'
+
+
+def start(path: Path, *, policy: Policy | None = None,
+          period: Fraction | None = None) -> CompiledMonitor:
+    """
+    Return a bundle compiled; `policy` and `period` (seconds) stand in for the bundle's.
+
+    Raises
+    ------
+    CompileError
+        with all that is wrong with the bundle.
+    NativeError
+        if there is no C compiler, it fails, or the cache is not safe to use.
+    """
+    note = _note(path, policy, period)
+    found = _recall(note) if note else None
+    return found or _build(path, policy, period, note)
+
+
+def _build(path: Path, policy: Policy | None, period: Fraction | None,
+           note: Path | None) -> CompiledMonitor:
+    # Imported here: parsers and generator cost more than all else at a start that needs none.
+    from fret_monitor.build import compile_monitor
+    from fret_monitor.build import generate_monitor
+    from fret_monitor.build import read
+    reading = read(path, policy=policy, period=period)
+    compiled = compile_monitor(generate_monitor(reading))
+    if note:
+        _remember(note, compiled, reading.files)
+    return compiled
+
+
+def _note(path: Path, policy: Policy | None, period: Fraction | None) -> Path | None:
+    """Return where the note on a bundle is; None if the bundle cannot even be read."""
+    try:
+        text = path.read_bytes()
+    except OSError:
+        return None
+    parts = [os.fsencode(os.path.abspath(path)), os.fsencode(path), text, repr(policy).encode(),
+             repr(period).encode(), find_compiler().identity.encode(), *_package()]
+    return cache_directory() / _NOTES / f'{_hash(b"".join(map(_framed, parts)))}.json'
+
+
+def _package() -> Iterator[bytes]:
+    """Yield what tells this version of the package from any other."""
+    package = Path(__file__).parent
+    for folder in (package, csrc_directory()):
+        for file in sorted(folder.rglob('*')):
+            if file.suffix in ('.py', '.lark', '.c', '.h'):
+                status = file.stat()
+                yield f'{file}:{status.st_size}:{status.st_mtime_ns}'.encode()
+
+
+def _framed(part: bytes) -> bytes:
+    return b'%d:%b' % (len(part), part)
+
+
+def _hash(data: bytes) -> str:
+    return sha256(data).hexdigest()
+
+
+# -- recalling ------------------------------------------------------------------------------------
+
+
+def _recall(note: Path) -> CompiledMonitor | None:
+    """Return what a note tells of, if all of it still holds."""
+    try:
+        content = json.loads(note.read_text(encoding='utf-8'))
+        manifest = Manifest.from_json(content['manifest'])
+        holds = is_kept(Path(content['library'])) and _are_same(content['files']) \
+            and all(_is_same(item) for item in manifest.inputs)
+        if not holds:
+            return None
+        return CompiledMonitor(manifest, Path(content['library']), tuple(content['warnings']))
+    except (OSError, ValueError, KeyError, TypeError, ManifestError, CompileError):
+        return None
+
+
+def _are_same(files: Any) -> bool:
+    return all(_hash(Path(name).read_bytes()) == digest for name, digest in files)
+
+
+def _is_same(item: ManifestInput) -> bool:
+    """Whether an input's message still has the field that was found, of the type it had."""
+    if item.message_type is None:
+        return True
+    layout = find_message(item.message_type)
+    wanted = Text.whole(Source('<field>', _written(item.path)))
+    found = resolve_field(layout, wanted, Text.whole(Source('<type>', item.message_type)))
+    kind = 'string' if item.is_string else item.value_type.value
+    return found.path == item.path and found.type_name == kind
+
+
+def _written(path: tuple[str | int, ...]) -> str:
+    steps = (f'[{step}]' if isinstance(step, int) else f'.{step}' for step in path)
+    return ''.join(steps).removeprefix('.')
+
+
+# -- remembering ----------------------------------------------------------------------------------
+
+
+def _remember(note: Path, compiled: CompiledMonitor, files: tuple[Path, ...]) -> None:
+    """Write a note, as a whole; without one the next start takes longer, and that is all."""
+    try:
+        if not is_kept(compiled.library):
+            return
+        content = json.dumps({
+            'manifest': compiled.manifest.to_json(),
+            'library': str(compiled.library),
+            'warnings': list(compiled.warnings),
+            'files': [[os.path.abspath(file), _hash(file.read_bytes())] for file in files],
+        })
+        note.parent.mkdir(mode=0o700, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=note.parent)
+        with open(handle, 'w', encoding='utf-8') as file:
+            file.write(content)
+        os.replace(name, note)
+    except OSError:
+        pass
