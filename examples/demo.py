@@ -218,7 +218,7 @@ def _process(name: str, *parameters: str) -> Iterator[Process]:
 
 
 def _environment() -> dict[str, str]:
-    """Return one in which nobody else on this machine or network hears the demo, or disturbs it."""
+    """Return one in which nobody else, on this machine or beyond, can disturb the demo."""
     return {
         **os.environ,
         'ROS_DOMAIN_ID': str(1 + os.getpid() % 100),

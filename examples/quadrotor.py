@@ -66,7 +66,7 @@ class Sample:
 
 
 def fly(fault: bool) -> Iterator[Sample]:
-    """Simulate the flight, a sample each `STEP`; `fault` lets the guard fail in the second gust."""
+    """Simulate the flight, a sample each `STEP`; with `fault` the guard fails in the end."""
     wind, current, hot_for, is_cut = 3.0, 3.0, 0.0, False
     for number in range(round(FLIGHT[-1][0] / STEP)):
         time = number * STEP

@@ -19,11 +19,11 @@ Start a monitor and a logger for one bundle.
     ros2 launch fret_monitor monitor.launch.py library:=compiled namespace:=robot logger:=false
 """
 
-from launch import LaunchContext
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.actions import OpaqueFunction
 from launch.conditions import IfCondition
+from launch.launch_context import LaunchContext
+from launch.launch_description import LaunchDescription
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue

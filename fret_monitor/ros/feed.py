@@ -25,6 +25,7 @@ The subscriptions are invisible to any executor. All of them belong to the feed'
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractContextManager
 from heapq import merge
 from operator import itemgetter
 from threading import Event, Thread
@@ -42,7 +43,7 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 Deliver = Callable[[bytes, int], None]
-"""Takes a serialized message and its reception time in nanoseconds; called in the feed's thread."""
+"""Takes a serialized message and its reception time (ns); called in the feed's thread."""
 
 _WAIT = 200_000_000  # ns; an idle wait without an end can outlive a shutdown
 _REVIEW_PERIOD = 0.25  # s between two looks at who publishes: 50 us a topic
@@ -82,8 +83,7 @@ class Feed:
         self._held: list[_Taken] = []
         self._sources: list[tuple[Any, _Topic]] = []
         self._wait_set: Any = None
-        self.failure: BaseException | None = None
-        """What a callback raised; nothing is delivered after that."""
+        self._kept = _Keeper()
 
     def subscribe(self, name: str, message_type: str, message_class: Any, deliver: Deliver,
                   fixed: Mapping[str, str | int]) -> None:
@@ -111,16 +111,19 @@ class Feed:
         self._topics.clear()
         self._guard.destroy_when_not_in_use()
 
+    @property
+    def failure(self) -> BaseException | None:
+        """What a callback raised, if one did; nothing is delivered after that."""
+        return self._kept.error
+
     def received(self) -> list[int]:
         """Return the number of messages delivered of each topic, in order of subscription."""
         return [topic.delivered for topic in self._topics]
 
     def _run(self) -> None:
-        try:
+        # An error that only ended the thread would leave a node that lives on and watches nothing.
+        with self._kept:
             self._loop()
-        except BaseException as error:
-            # Without this the node would live on and watch nothing.
-            self.failure = error
 
     def _loop(self) -> None:
         next_review = monotonic()
@@ -177,6 +180,17 @@ class Feed:
                 break
             batch.append(item)
         return batch
+
+
+class _Keeper(AbstractContextManager[None]):
+    """Keeps what is raised inside, instead of passing it on."""
+
+    def __init__(self) -> None:
+        self.error: BaseException | None = None
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
+        self.error = error
+        return True
 
 
 class _Topic:

@@ -33,6 +33,10 @@ class MessageTypeError(Exception):
     """A message type that is not installed here."""
 
 
+# RMWError is a RuntimeError; the others come from making Python objects of what was decoded
+_UNDECODABLE = (AssertionError, RuntimeError, SystemError, ValueError)
+
+
 class InputStore(Protocol):
     """What a reader writes to: the part of the evaluator that keeps values."""
 
@@ -76,7 +80,7 @@ class MessageReader:
         """
         try:
             message = deserialize_message(data, self.message_class)
-        except Exception:  # what is raised depends on the middleware
+        except _UNDECODABLE:
             inputs.undecodable(self.topic)
             return False
         for index, read in self._fields:

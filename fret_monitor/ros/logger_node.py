@@ -19,6 +19,7 @@ It listens to the handlers of the same bundle, so that it can run anywhere in th
 at all.
 """
 
+from contextlib import ExitStack
 from typing import Any
 
 from fret_monitor.manifest import ManifestRequirement, Severity
@@ -45,17 +46,16 @@ class LoggerNode(FedNode):
             if parameters, bundle or library are not such that it can start. Nothing is left.
         """
         super().__init__(node_name, **options)
-        try:
+        with ExitStack() as undo:
+            undo.callback(self.destroy_node)
             self._begin()
-        except BaseException:
-            self.destroy_node()
-            raise
+            undo.pop_all()
 
     def _begin(self) -> None:
         manifest = open_manifest(read_settings(self, LOGGER_PARAMETERS))
         for requirement in manifest.requirements:
             self.feed.subscribe(handler_topic(requirement), 'std_msgs/msg/Empty', Empty,
-                                 self._report(requirement), VIOLATION_REQUEST)
+                                self._report(requirement), VIOLATION_REQUEST)
         self.feed.start()
         self.get_logger().info(
             f'listening for violations of {len(manifest.requirements)} requirements: '

@@ -19,6 +19,7 @@ Callbacks store, the evaluator steps. Messages come in the feed's thread, resets
 the executor's; one lock keeps them apart.
 """
 
+from contextlib import ExitStack
 from threading import Lock
 from typing import Any
 
@@ -54,11 +55,10 @@ class MonitorNode(FedNode):
         """
         super().__init__(node_name, **options)
         self._lock = Lock()
-        try:
+        with ExitStack() as undo:
+            undo.callback(self.destroy_node)
             self._begin(open_monitor(read_settings(self, MONITOR_PARAMETERS)))
-        except BaseException:
-            self.destroy_node()
-            raise
+            undo.pop_all()
 
     def _begin(self, opened: Opened) -> None:
         manifest = opened.monitor.manifest

@@ -65,7 +65,8 @@ def read_settings(node: Node, names: tuple[str, ...]) -> Settings:
     Refusal
         if one has a value that cannot be used, or a name that is nearly one of `names`.
     """
-    given = {name: item.value for name, item in node.get_parameters_by_prefix('').items()}
+    found: Any = node.get_parameters_by_prefix('')  # annotated wrongly in Jazzy
+    given = {name: item.value for name, item in found.items()}
     problems: list[str] = []
     _look_for_slips(node, given, names, problems)
     settings = Settings(
@@ -131,7 +132,8 @@ def _positive(given: Mapping[str, Any], name: str, unit: str,
         return None
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not isfinite(value) or value <= 0:
-        problems.append(f"parameter '{name}' is {value!r}, and has to be a number above 0 ({unit})")
+        problems.append(
+            f"parameter '{name}' is {value!r}, and has to be a number above 0 ({unit})")
         return None
     return Fraction(str(value))  # the decimal number that was written
 

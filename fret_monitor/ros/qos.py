@@ -37,7 +37,9 @@ VIOLATION_QOS = QoSProfile(
     depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.VOLATILE)
 """What handlers offer."""
 
-VIOLATION_REQUEST = {'reliability': 'reliable', 'durability': 'volatile', 'depth': 1000}
+VIOLATION_REQUEST: dict[str, str | int] = {
+    'reliability': 'reliable', 'durability': 'volatile', 'depth': 1000,
+}
 """What the logger asks for, in the words of `wanted_profile`."""
 
 _RELIABILITY = {

@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Callable
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 import os
 from pathlib import Path
 import signal
@@ -38,6 +39,7 @@ from rclpy.qos import DurabilityPolicy
 from rclpy.qos import QoSProfile
 from rclpy.qos import ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
@@ -66,7 +68,7 @@ class NodeProcess:
                  folder: Path | None = None) -> None:
         """Start it with these ROS arguments; ROS_DOMAIN_ID and the like are the caller's."""
         self.name = name
-        self._file = TemporaryFile()
+        self._file = TemporaryFile()  # noqa: SIM115  closed by `kill`
         source = str(Path(fret_monitor.__file__).parent.parent)
         paths = [source, *filter(None, [os.environ.get('PYTHONPATH')])]
         self.process = subprocess.Popen(
@@ -124,6 +126,10 @@ def started(name: str, *arguments: str, environment: dict[str, str] | None = Non
         node.kill()
 
 
+def _is_matched(subscription: Subscription) -> bool:
+    return bool(subscription.get_publisher_count())
+
+
 class Partner:
     """A node of the test's own: publishes, and counts violations."""
 
@@ -166,23 +172,20 @@ class Partner:
         for name in handlers:
             subscription = self.node.create_subscription(
                 Empty, prefix + name, listener(name), RELIABLE)
-            wait_until(lambda subscription=subscription: subscription.get_publisher_count() > 0,
-                       f'a publisher of handler {name}')
+            wait_until(partial(_is_matched, subscription), f'a publisher of handler {name}')
 
     def wait_for_listener(self, *publishers: Publisher) -> None:
         """Wait until a monitor listens as the publishers' offer allows, old subscriptions gone."""
         for publisher in publishers:
-            offered = publisher.qos_profile.reliability
-            wait_until(
-                lambda publisher=publisher, offered=offered: any(
-                    item.qos_profile.reliability is offered
-                    for item in self.node.get_subscriptions_info_by_topic(publisher.topic_name)
-                    if item.node_name == 'fret_monitor'),
-                f'a listener on {publisher.topic_name}')
-            wait_until(lambda publisher=publisher: publisher.get_subscription_count() > 0,
-                       f'a match on {publisher.topic_name}')
+            wait_until(partial(self._is_heard, publisher), f'a listener to {publisher.topic_name}')
         # The reader knows the writer a moment later than the writer the reader.
         sleep(0.3)
+
+    def _is_heard(self, publisher: Publisher) -> bool:
+        listed = self.node.get_subscriptions_info_by_topic(publisher.topic_name)
+        return publisher.get_subscription_count() > 0 and any(
+            item.qos_profile.reliability is publisher.qos_profile.reliability
+            for item in listed if item.node_name == 'fret_monitor')
 
     def expect(self, expected: dict[str, int]) -> None:
         """Wait until as many violations came as expected, and a while longer for none more."""
@@ -191,7 +194,7 @@ class Partner:
         while +self.heard != wanted and monotonic() < end:
             sleep(0.01)
         sleep(0.3)
-        assert dict(+self.heard) == dict(wanted)
+        assert +self.heard == wanted, f'heard {dict(self.heard)}, due {dict(wanted)}'
 
     def reset(self, service: str = 'fret_monitor/reset') -> str:
         """Call the service and return its message."""

@@ -148,7 +148,7 @@ def test_an_old_message_does_not_come_after_a_newer_one(partner: Partner) -> Non
 
 
 def test_a_latched_and_a_best_effort_publisher_are_both_heard(partner: Partner) -> None:
-    publishers = [partner.publisher(Int32, 'x', LATCHED), partner.publisher(Int32, 'x', BEST_EFFORT)]
+    publishers = [partner.publisher(Int32, 'x', offer) for offer in (LATCHED, BEST_EFFORT)]
     with listening(partner) as listener:
         wait_until(lambda: publishers[0].get_subscription_count() > 0
                    and publishers[1].get_subscription_count() > 0, 'both matched')

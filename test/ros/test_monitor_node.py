@@ -259,10 +259,9 @@ def test_what_was_compiled_runs_without_a_compiler(
         Talker(partner).say(messages)
         wanted = expected(bundle, messages)
         partner.expect(wanted)
-        for handler, count in wanted.items():
-            name = handler.replace('_', '-')
-            wait_until(lambda name=name, count=count: logger.output.count(
-                f'{name} violated at') == count, f'{count} lines for {name}')
+        wait_until(lambda: all(
+            logger.output.count(f'{handler.replace("_", "-")} violated at') == count
+            for handler, count in wanted.items()), 'a line for each violation')
     assert not (tmp_path / 'home' / 'fret_monitor').exists()
 
 

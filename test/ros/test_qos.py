@@ -62,8 +62,9 @@ def test_who_hears_whom_is_what_the_middleware_says(
 
 
 def test_what_the_bundle_says_is_not_decided_by_publishers() -> None:
-    fixed = {'reliability': 'best_effort', 'durability': 'volatile', 'depth': 3,
-             'history': 'keep_all'}
+    fixed: dict[str, str | int] = {
+        'reliability': 'best_effort', 'durability': 'volatile', 'depth': 3,
+        'history': 'keep_all'}
     wanted = wanted_profile([OFFERS[1]], fixed)
     assert kinds(wanted) == (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
     assert wanted.history is HistoryPolicy.KEEP_ALL

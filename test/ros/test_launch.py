@@ -1,0 +1,103 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The launch file, where ROS 2's launch is installed (it is not among the wheels)."""
+
+import os
+from pathlib import Path
+import signal
+import stat
+import subprocess
+import sys
+
+import fret_monitor
+import pytest
+from ros.harness import Partner
+from ros.harness import wait_until
+
+pytest.importorskip('launch')
+pytest.importorskip('launch_ros')
+
+BUNDLE = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+requirements:
+  - {id: R1, ptltl: x < 0.5}
+"""
+SOURCE = Path(fret_monitor.__file__).parent.parent
+LAUNCH = """
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+
+service = LaunchService()
+service.include_launch_description(LaunchDescription([IncludeLaunchDescription(
+    PythonLaunchDescriptionSource(sys.argv[1]),
+    launch_arguments=[tuple(item.split(':=')) for item in sys.argv[2:]])]))
+sys.exit(service.run())
+"""
+
+
+def launch_file() -> Path:
+    for folder in (SOURCE, *(Path(prefix) / 'share' / 'fret_monitor' for prefix in
+                             [sys.prefix, *os.environ.get('AMENT_PREFIX_PATH', '').split(':')])):
+        if (folder / 'launch' / 'monitor.launch.py').is_file():
+            return folder / 'launch' / 'monitor.launch.py'
+    raise AssertionError('the launch file is nowhere')
+
+
+def install(prefix: Path) -> None:
+    """Make a prefix in which launch finds the executables of the package under test."""
+    (prefix / 'share/ament_index/resource_index/packages').mkdir(parents=True)
+    (prefix / 'share/ament_index/resource_index/packages/fret_monitor').touch()
+    (prefix / 'lib/fret_monitor').mkdir(parents=True)
+    for name in ('monitor', 'logger'):
+        script = prefix / 'lib/fret_monitor' / name
+        script.write_text(f'#!{sys.executable}\nimport sys\n'
+                          f'from fret_monitor.ros.{name} import main\nsys.exit(main())\n')
+        script.chmod(script.stat().st_mode | stat.S_IXUSR)
+
+
+@pytest.mark.parametrize(('arguments', 'nodes'), [
+    (['spec:=bundle.yaml'], {'/fret_monitor', '/fret_logger'}),
+    (['spec:=bundle.yaml', 'namespace:=robot', 'policy:=periodic', 'rate:=5', 'logger:=false'],
+     {'/robot/fret_monitor'}),
+])
+def test_launch_starts_the_nodes_and_ends_them(
+    arguments: list[str], nodes: set[str], partner: Partner, tmp_path: Path,
+) -> None:
+    (tmp_path / 'bundle.yaml').write_text(BUNDLE, encoding='utf-8')
+    install(tmp_path / 'prefix')
+    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join([str(SOURCE), *sys.path]),
+                   'AMENT_PREFIX_PATH': str(tmp_path / 'prefix')}
+    process = subprocess.Popen(
+        [sys.executable, '-c', LAUNCH, str(launch_file()), *arguments], cwd=tmp_path,
+        env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+
+    def found() -> set[str]:
+        listed = partner.node.get_node_names_and_namespaces()
+        return {f'{namespace.rstrip("/")}/{name}' for name, namespace in listed} - {'/partner'}
+
+    try:
+        wait_until(lambda: found() == nodes, f'the nodes {nodes}')
+        wait_until(lambda: partner.node.count_subscribers('/x')
+                   + partner.node.count_subscribers('/robot/x') == 1, 'the subscription')
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=30)
+        assert output.count('process has finished cleanly') == len(nodes), output
+    finally:
+        process.kill()
+        process.wait()
