@@ -96,6 +96,7 @@ def _count(number: int, noun: str) -> str:
 def _rows(generated: GeneratedMonitor) -> Iterator[tuple[str, ...]]:
     specification = generated.specification
     owned = _owned_bytes(generated)
+    values = {signal.name: signal.values for signal in specification.signals if signal.values}
     for number, item in enumerate(specification.properties):
         inputs = generated.manifest.requirements[number].inputs
         yield (
@@ -103,7 +104,7 @@ def _rows(generated: GeneratedMonitor) -> Iterator[tuple[str, ...]]:
             ', '.join(specification.signals[index].name for index in inputs) or '-',
             f'{owned[number]} B',
             _bounds(item, specification.policy, specification.period),
-            to_smv(item.formula, limit=_FORMULA_WIDTH),
+            to_smv(item.formula, _FORMULA_WIDTH, values),
         )
 
 

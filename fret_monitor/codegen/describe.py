@@ -19,6 +19,7 @@ from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.formula import postorder
 from fret_monitor.logic.formula import Variable
 from fret_monitor.logic.printing import to_smv
+from fret_monitor.logic.printing import Values
 from fret_monitor.logic.specification import Property
 from fret_monitor.logic.specification import Signal
 from fret_monitor.manifest import Manifest
@@ -38,6 +39,7 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
     """Return the manifest of a program and of the C that was made of it."""
     group_of = {number: index for index, group in enumerate(program.groups)
                 for number in group.properties}
+    values = {signal.name: signal.values for signal in program.signals if signal.values}
     signal_of = {signal.name: index for index, signal in enumerate(program.signals)}
     return Manifest(
         name=program.name,
@@ -48,7 +50,7 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         inputs=tuple(_input(signal) for signal in program.signals),
         topics=_topics(program.signals),
         groups=tuple(_group(layout) for layout in layouts),
-        requirements=tuple(_requirement(item, group_of[number], signal_of)
+        requirements=tuple(_requirement(item, group_of[number], signal_of, values)
                            for number, item in enumerate(program.properties)),
         state_bytes=state_bytes(layouts),
         bundle_hash=bundle_hash,
@@ -76,13 +78,14 @@ def _group(layout: GroupLayout) -> ManifestGroup:
                          layout.operations)
 
 
-def _requirement(item: Property, group: int, signal_of: dict[str, int]) -> ManifestRequirement:
+def _requirement(item: Property, group: int, signal_of: dict[str, int],
+                 values: Values) -> ManifestRequirement:
     return ManifestRequirement(
         id=item.id,
         handler=item.handler,
         text=item.text,
         title=item.title,
-        formula=to_smv(item.formula, limit=_LONGEST_FORMULA),
+        formula=to_smv(item.formula, _LONGEST_FORMULA, values),
         report=item.report,
         severity=item.severity,
         group=group,

@@ -243,7 +243,7 @@ class _ModuleWriter:
         for parameter, use in (('s', 's->'), ('in', 'in->'), ('verdicts', 'verdicts[')):
             if not _mentions(body, use):
                 yield f'  (void){parameter};'
-        yield from body
+        yield from body[1:] if body[:1] == [''] else body
         yield from ('}', '')
 
     def _entry(self, number: int, functions: tuple[str, ...]) -> Iterator[str]:

@@ -98,6 +98,8 @@ class PartWriter:
         self._fields = layout.field_of
         self._definitions = {formula: names.definitions[name]
                              for name, formula in program.definitions}
+        self._named = {formula: name for name, formula in reversed(program.definitions)}
+        self._values = {signal.name: signal.values for signal in program.signals if signal.values}
         self._inlined: dict[int, c.Expression] = {}
         self._taken: set[str] = set()
 
@@ -141,8 +143,12 @@ class PartWriter:
         item = self._program.properties[number]
         yield ''
         yield from comment(f'{item.id}: {item.title or item.text}'[:_TEXT_WIDTH], '  ', '', '  ')
-        formula = to_smv(item.formula, limit=_TEXT_WIDTH)
-        yield from comment(formula, '  ', '  ', '    ')
+        yield from comment(self._shown(item.formula, _TEXT_WIDTH), '  ', '  ', '    ')
+
+    def _shown(self, formula: Formula, limit: int) -> str:
+        """Return a formula as a person would write it: with the names of values and terms."""
+        names = {term: name for term, name in self._named.items() if term is not formula}
+        return to_smv(formula, limit, self._values, names)
 
     # -- equations ----------------------------------------------------------------------------
 
@@ -168,7 +174,7 @@ class PartWriter:
         equation = self._group.equations[index]
         is_plain = isinstance(equation.operation, Read | Literal | Convert)
         if equation.formula is not None and not is_plain and _is_shallow(equation.formula):
-            yield from comment(to_smv(equation.formula, limit=_SHOWN_FORMULA), '  ')
+            yield from comment(self._shown(equation.formula, _SHOWN_FORMULA), '  ')
 
     def _can_inline(self, index: int, expression: c.Expression) -> bool:
         equation = self._group.equations[index]

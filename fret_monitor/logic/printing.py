@@ -69,14 +69,16 @@ Values: TypeAlias = Mapping[str, Sequence[tuple[str, int | str]]]
 _CUT: Final = ' ...'
 
 
-def to_smv(formula: Formula, limit: int | None = None, values: Values | None = None) -> str:
+def to_smv(formula: Formula, limit: int | None = None, values: Values | None = None,
+           names: Mapping[Formula, str] | None = None) -> str:
     """
     Return a formula in FRET's SMV syntax, on one line.
 
     A text longer than `limit` characters is cut to that length and ends with ` ...`. With
-    `values`, the numbers that an input is compared with are written as their names.
+    `values`, the numbers that an input is compared with are written as their names; with `names`,
+    terms that have a name are written as it.
     """
-    return _render(formula, _Smv(values or {}), limit)
+    return _render(formula, _Smv(values or {}), limit, names)
 
 
 def to_cocospec(formula: Formula, limit: int | None = None, values: Values | None = None) -> str:
@@ -123,7 +125,8 @@ class _Part(NamedTuple):
 _Pieces: TypeAlias = list[str | _Part]
 
 
-def _render(root: Formula, style: '_Style', limit: int | None) -> str:
+def _render(root: Formula, style: '_Style', limit: int | None,
+            names: Mapping[Formula, str] | None = None) -> str:
     done: list[str] = []
     length = 0
     stack: _Pieces = [_Part(root)]
@@ -134,6 +137,9 @@ def _render(root: Formula, style: '_Style', limit: int | None) -> str:
             length += len(item)
             if limit is not None and length > limit:
                 break
+            continue
+        if names and item.node in names:
+            stack.append(names[item.node])
             continue
         node = _unconverted(item.node)
         pieces = style.pieces(node)

@@ -33,6 +33,7 @@ from fret_monitor.logic.numbers import Literal
 from fret_monitor.logic.terms import Term
 from fret_monitor.logic.terms import Vocabulary
 from fret_monitor.manifest import ValueType
+from fret_monitor.syntax.expression import fret_name
 
 _NOWHERE = Span(Source('<scope>', ''), 0, 0)
 
@@ -65,8 +66,13 @@ class Scope:
     names: Mapping[str, Declaration] = field(default_factory=dict)
 
     def find(self, name: str) -> Declaration | None:
-        """Return what declares `name`, None where nothing does."""
-        return self.names.get(name) or _PREDEFINED.get(name)
+        """Return what declares `name` (FRET writes `a_DOT_b` for `a.b`), None if nothing does."""
+        found = self.names.get(name) or self._by_spelling.get(fret_name(name))
+        return found or _PREDEFINED.get(name)
+
+    @cached_property
+    def _by_spelling(self) -> dict[str, Declaration]:
+        return {fret_name(name): item for name, item in self.names.items()}
 
     @cached_property
     def owners(self) -> dict[str, list[str]]:

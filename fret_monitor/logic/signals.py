@@ -71,6 +71,9 @@ def constant_declaration(entry: ConstantEntry, problems: Problems) -> Declaratio
 def input_declaration(entry: InputEntry, find_message: FindMessage,
                       problems: Problems) -> tuple[Signal | None, Declaration]:
     """Return an input's signal, None where it has a mistake, and what its name means."""
+    if entry.timeout is not None or entry.stale is not None:
+        problems.error(f"'timeout' and 'stale' of the input '{entry.name}' are not supported yet",
+                       entry.name.span, 'nothing would watch for its silence', 'leave them out')
     try:
         signal = _signal(entry, find_message, problems)
     except CompileError as error:

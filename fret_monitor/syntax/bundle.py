@@ -40,8 +40,8 @@ from fret_monitor.diagnostics import Text
 from fret_monitor.manifest import Policy
 from fret_monitor.manifest import Report
 from fret_monitor.manifest import Severity
+from fret_monitor.syntax.expression import fret_name
 from fret_monitor.syntax.words import Fault
-from fret_monitor.syntax.words import fret_spelling
 from fret_monitor.syntax.words import handler_fault
 from fret_monitor.syntax.words import is_integer
 from fret_monitor.syntax.words import looks_like_number
@@ -410,7 +410,7 @@ class _Reader:
     def _declare(self, name: '_Name', problems: Problems) -> None:
         """Take a name; two may not differ in FRET's spelling only (`a.b` and `a_DOT_b`)."""
         fault = (quoted_name_fault if name.is_quoted else name_fault)(name.value)
-        first = self._declared.setdefault(fret_spelling(name.value), name.text)
+        first = self._declared.setdefault(fret_name(name.value), name.text)
         if fault is not None:
             problems.error(fault.reason, name.span, 'not a name', fault.help)
         elif first is not name.text:

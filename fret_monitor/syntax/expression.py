@@ -203,6 +203,7 @@ def fret_name(name: str) -> str:
     Two names that give the same one are the same for FRET. A name with other special characters
     than `.` and `%` stands in quotes in FRET, which writes those too: `_DQT_a_SPC_b_DQT_`.
     """
+    name = name.strip('"')
     spelled = ''.join(_SPELLED.get(char, char) for char in name)
     is_quoted = any(char in _SPELLED for char in name if char not in '.%$')
     return f'_DQT_{spelled}_DQT_' if is_quoted else spelled

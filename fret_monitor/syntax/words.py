@@ -99,11 +99,6 @@ def quoted_name_fault(name: str) -> Fault | None:
                  'one line, without quotes and backslashes, and no blanks at its ends')
 
 
-def fret_spelling(name: str) -> str:
-    """Return a name as FRET writes it in formulas: `a.b` becomes `a_DOT_b`."""
-    return name.replace('.', '_DOT_').replace('%', '_PRC_')
-
-
 def _identifier(name: str) -> str:
     plain = normalize('NFKD', name[:_MAX_SHOWN]).encode('ascii', 'ignore').decode()
     word = re.sub(r'[^A-Za-z0-9_]+', '_', plain).strip('_') or 'signal'
