@@ -26,7 +26,7 @@ demo: setup
 
 # Two workers, one of which has the tests with ROS 2 for itself.
 test: setup-test
-	@$(PYTHON) -m pytest -n 2 --dist loadgroup $(TESTS)
+	@$(PYTHON) -m pytest -n 2 $(TESTS)
 
 lint: setup-test
 	@$(PYTHON) -m pytest --quiet test/test_lint.py test/test_layers.py test/test_house.py

@@ -58,7 +58,7 @@ KEYS = {
     'yaml': 'python3-yaml',
 }
 # Only where the wheels are: a ROS 2 installation has no key for these, and the tests do without.
-OPTIONAL = {'catkin_pkg', 'reelay', 'ziglang'}
+OPTIONAL = {'catkin_pkg', 'reelay', 'xdist', 'ziglang'}
 
 
 def git(*arguments: str) -> str:
