@@ -161,7 +161,8 @@ class Feed:
         case the clock was set back.
         """
         now = time_ns()
-        rounds: list[list[_Taken]] = [self._held]
+        # One of each subscription at most, so that sorting leaves the order of a topic alone
+        rounds = [sorted(self._held, key=itemgetter(0))]
         self._held = []
         for handle, topic in self._sources:
             rounds.append(self._take_all(handle, topic, now))

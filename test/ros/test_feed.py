@@ -52,7 +52,6 @@ class Listener:
         self.got: list[tuple[str, int]] = []
         for topic in topics:
             self.feed.subscribe(topic, 'std_msgs/msg/Int32', Int32, self._keep(topic), fixed)
-        self.feed.start()
 
     def _keep(self, topic: str) -> Callable[[bytes, int], None]:
         def keep(data: bytes, stamp: int) -> None:
@@ -65,10 +64,12 @@ class Listener:
 
 
 @contextmanager
-def listening(partner: Partner, topics: str = 'x',
-              fixed: dict[str, str | int] | None = None) -> Iterator[Listener]:
+def listening(partner: Partner, topics: str = 'x', fixed: dict[str, str | int] | None = None,
+              is_started: bool = True) -> Iterator[Listener]:
     listener = Listener(partner.context, topics, fixed or {})
     try:
+        if is_started:
+            listener.feed.start()
         yield listener
         assert listener.feed.failure is None
     finally:
@@ -173,6 +174,22 @@ def test_messages_of_several_topics_come_in_the_order_in_which_they_were_sent(
                 sleep(0.002)
         wait_until(lambda: len(listener.got) >= len(sent), 'all messages')
         assert listener.got == sent
+
+
+def test_the_order_is_kept_when_the_clock_was_set_back(
+    partner: Partner, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    publishers = {topic: partner.publisher(Int32, topic, BEST_EFFORT) for topic in 'xyz'}
+    with listening(partner, 'xyz', is_started=False) as listener:
+        partner.wait_for_listener(*publishers.values())
+        for number, topic in enumerate('zyx'):
+            publishers[topic].publish(Int32(data=number))
+        sleep(0.2)
+        # All that has come is from the future now, and waits for a round.
+        monkeypatch.setattr('fret_monitor.ros.feed.time_ns', lambda: 1)
+        listener.feed.start()
+        wait_until(lambda: len(listener.got) == 3, 'three messages')
+        assert listener.got == [('z', 0), ('y', 1), ('x', 2)]
 
 
 def test_a_quality_that_the_bundle_asks_for_stays_and_who_is_not_heard_is_told(
