@@ -273,12 +273,12 @@ def test_a_deep_formula_is_printed_and_read_back(write: Callable[[Formula], str]
 @pytest.mark.parametrize('limit', [0, 3, 4, 5, 20, 100, 10_000])
 def test_a_limit_holds_even_where_a_shared_formula_would_be_endless(
         write: Callable[..., str], limit: int) -> None:
-    started = time.perf_counter()
+    started = time.process_time()
     shown = write(doubled(200), limit=limit)
     assert len(shown) <= max(limit, 4)
     assert shown.endswith(' ...')
     assert write(chain(DEEP), limit=limit).endswith(' ...')
-    assert time.perf_counter() - started < 10
+    assert time.process_time() - started < 10
 
 
 def test_a_text_that_fits_the_limit_is_whole() -> None:

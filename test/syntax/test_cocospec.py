@@ -250,25 +250,25 @@ DEEP = 20_000
     ('0 -> ' * DEEP + 'p', 2 * DEEP + 1),
 ])
 def test_large_and_deep_formulas_are_read_in_a_blink(formula: str, nodes: int) -> None:
-    started = time.perf_counter()
+    started = time.process_time()
     assert sum(1 for _ in postorder(tree(formula))) == nodes
-    assert time.perf_counter() - started < TOO_LONG
+    assert time.process_time() - started < TOO_LONG
 
 
 def test_thousands_of_equations_are_read_in_a_blink() -> None:
-    started = time.perf_counter()
+    started = time.process_time()
     found = equations(''.join(f'a{i} = p and pre a{i};\n' for i in range(5000)))
     assert len(found.equations) == 5000
-    assert time.perf_counter() - started < TOO_LONG
+    assert time.process_time() - started < TOO_LONG
 
 
 @pytest.mark.parametrize('garbage', ['(', '/*', '(*', '(* ', '--', 'a = p;', 'OT(', 'if ', ';',
                                      'node N(', 'let ', '/* */ ', '1,'])
 def test_garbage_of_a_hundred_thousand_characters_is_refused_in_time(garbage: str) -> None:
-    started = time.perf_counter()
+    started = time.process_time()
     formula = (garbage * (100_000 // len(garbage) + 1))[:100_000] + ' &'
     assert len(str(error(formula))) < 2000
-    assert time.perf_counter() - started < TOO_LONG
+    assert time.process_time() - started < TOO_LONG
 
 
 TOKENS = ('p', 'x', '3', '(', ')', ',', 'and', 'or', '=>', '->', 'not', 'H', 'Y', 'S(', 'OT(',

@@ -268,9 +268,9 @@ DEEP = 20_000
     ('f(' * DEEP + 'p' + ')' * DEEP, DEEP + 1),
 ])
 def test_large_and_deep_formulas_are_read_in_a_blink(formula: str, nodes: int) -> None:
-    started = time.perf_counter()
+    started = time.process_time()
     assert sum(1 for _ in postorder(parse_smv(text(formula)))) == nodes
-    assert time.perf_counter() - started < TOO_LONG
+    assert time.process_time() - started < TOO_LONG
 
 
 @pytest.mark.parametrize('garbage', [
@@ -278,11 +278,11 @@ def test_large_and_deep_formulas_are_read_in_a_blink(formula: str, nodes: int) -
     '9' * 50 + '*', '"\\', '^-3',
 ])
 def test_garbage_of_a_hundred_thousand_characters_is_refused_in_time(garbage: str) -> None:
-    started = time.perf_counter()
+    started = time.process_time()
     formula = (garbage * (100_000 // len(garbage) + 1))[:100_000] + ' &'
     caught = error(formula)
     assert len(str(caught)) < 2000
-    assert time.perf_counter() - started < TOO_LONG
+    assert time.process_time() - started < TOO_LONG
 
 
 def test_a_bound_of_endless_arithmetic_is_refused() -> None:
