@@ -41,17 +41,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         status: int = options.run(options)
-        sys.stdout.flush()
+        print(end='', flush=True)
         return status
     except (CompileError, NativeError) as error:
         print(error if isinstance(error, CompileError) else f'error: {error}', file=sys.stderr)
         return 1
     except BrokenPipeError:
         # The reader of our output has gone: not an error, and nothing more to say.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
+        return 1
+    except OSError as error:
+        if not error.filename:
+            _drop_output()
+        place = f"use '{error.filename}'" if error.filename else 'write to standard output'
+        print(f'error: cannot {place}: {error.strerror or error}', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130
+
+
+def _drop_output() -> None:
+    """Let what is not written yet go nowhere, so that it does not fail again at the end."""
+    with open(os.devnull, 'w', encoding='utf-8') as nowhere:
+        os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
 def _parser() -> ArgumentParser:

@@ -90,10 +90,17 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None) -> Summary:
     CompileError
         if the trace cannot be used, with the place, or the verdicts cannot be written.
     """
-    if verdicts is not None and verdicts.exists() and trace.exists() and verdicts.samefile(trace):
+    if verdicts is not None and _is_same(verdicts, trace):
         refuse(f"'{verdicts}' is the trace itself", help='name another file for the verdicts')
     with _reading(trace) as file, _writing(verdicts) as out:
         return _run(Evaluator(monitor), _Trace(trace, file, monitor.manifest), out)
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    try:
+        return one.samefile(other)
+    except OSError:
+        return False  # one of them does not exist; opening it tells more
 
 
 def _run(evaluator: Evaluator, trace: '_Trace', out: TextIO) -> Summary:
@@ -117,6 +124,8 @@ def _shown(found: bytes, width: int, step: int, lines: dict[bytes, str]) -> str:
         flags = found[start:start + width]
         line = lines.get(flags)
         if line is None:
+            if len(lines) >= _BLOCK:  # no two rows need be alike
+                lines.clear()
             line = lines[flags] = ',' + ','.join(map(str, flags)) + '\n'
         shown.append(f'{step}{line}')
         step += 1
@@ -126,25 +135,30 @@ def _shown(found: bytes, width: int, step: int, lines: dict[bytes, str]) -> str:
 @contextmanager
 def _reading(path: Path) -> Iterator[TextIO]:
     try:
-        with path.open(encoding='utf-8-sig', newline='') as file:
-            yield file
+        file = path.open(encoding='utf-8-sig', newline='')
     except FileNotFoundError:
         refuse(f"there is no file '{path}'")
-    except UnicodeDecodeError:
-        refuse(f"'{path}' is not text in UTF-8")
     except OSError as error:
-        refuse(f"cannot use '{error.filename or path}': {error.strerror or error}")
+        refuse(f"cannot read '{path}': {error.strerror or error}")
+    with file:
+        yield file
 
 
 @contextmanager
 def _writing(path: Path | None) -> Iterator[TextIO]:
     if path is None:
         yield sys.stdout
-    elif path.exists() and not path.is_file():  # a pipe or device is written as it stands
-        with path.open('w', encoding='utf-8') as file:
-            yield file
-    else:
-        yield from _replacing(Path(os.path.realpath(path)))
+        return
+    try:
+        if path.exists() and not path.is_file():  # a pipe or device is written as it stands
+            with path.open('w', encoding='utf-8') as file:
+                yield file
+        else:
+            yield from _replacing(Path(os.path.realpath(path)))
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        refuse(f"cannot write '{path}': {error.strerror or error}")
 
 
 def _replacing(path: Path) -> Iterator[TextIO]:
@@ -175,9 +189,14 @@ class _Trace:
         self._places = self._find(heading)
 
     def _remembered(self, file: TextIO) -> Iterator[str]:
-        for line in file:
-            self._last = line
-            yield line
+        try:
+            for line in file:
+                self._last = line
+                yield line
+        except UnicodeDecodeError:
+            refuse(f"'{self._name}' is not text in UTF-8")
+        except OSError as error:
+            refuse(f"cannot read '{self._name}': {error.strerror or error}")
 
     def _find(self, heading: list[str]) -> list[int]:
         missing = [item.name for item in self._inputs if item.name not in heading]

@@ -1,0 +1,382 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`simulate`: a trace in a CSV file in, a row of verdicts a step out, and nothing half-done."""
+
+from collections import deque
+import csv
+from io import StringIO
+import os
+from pathlib import Path
+import resource
+import subprocess
+import sys
+import threading
+
+from cli.command import command
+from cli.command import environment
+from cli.command import HEADING
+from cli.command import Here
+from cli.command import PUMP
+from cli.command import run
+import pytest
+
+GOOD = '0,0,0,IDLE,stopped\n'
+
+
+def verdicts(here: Here, trace: str | bytes, bundle: str = PUMP) -> list[list[str]]:
+    """Simulate a trace that can be used, and return the rows of the verdicts."""
+    path = here.file('trace.csv', trace)
+    done = here.run('simulate', here.file('pump.yaml', bundle), '--trace', path)
+    assert (done.status, done.err) == (0, '')
+    return list(csv.reader(StringIO(done.out)))
+
+
+def column(here: Here, requirement: str, inputs: str, cells: list[str]) -> str:
+    """Return the verdicts of one requirement over a trace of one input, as a word of 0 and 1."""
+    bundle = f'format: 1\ninputs: {{{inputs}}}\n' \
+             f'requirements: [{{id: R, ptltl: "{requirement}"}}]\n'
+    name = inputs.split(':')[0]
+    rows = verdicts(here, '\n'.join([name, *cells]) + '\n', bundle)
+    return ''.join(row[1] for row in rows[1:])
+
+
+def refused(here: Here, trace: str | bytes) -> str:
+    """Return how a trace is refused; a file of verdicts that was there stays as it was."""
+    bundle, path = here.file('pump.yaml', PUMP), here.file('trace.csv', trace)
+    former = here.file('verdicts.csv', 'former\n')
+    done = here.run('simulate', bundle, '--trace', path, '--verdicts', former)
+    assert (done.status, done.out) == (1, '')
+    assert former.read_text() == 'former\n'
+    new = here.folder / 'new.csv'
+    assert here.run('simulate', bundle, '--trace', path, '--verdicts', new) == done
+    assert sorted(os.listdir(here.folder)) == ['pump.yaml', 'trace.csv', 'verdicts.csv']
+    return done.err.replace(str(path), 'trace.csv')
+
+
+# -- what goes out ----------------------------------------------------------------------------
+
+
+def test_a_row_a_step_is_written_with_the_ids_in_the_order_of_the_bundle(here: Here) -> None:
+    trace = here.file('trace.csv', HEADING + GOOD + '1,0.5,5,LANDING,stopped\n'
+                                                   '0,0,-128,7,moving\n')
+    done = here.run('simulate', here.file('pump.yaml', PUMP), '--trace', trace)
+    assert done.out == 'step,R-1,"R,2","R""3"\n0,0,1,1\n1,1,0,0\n2,0,1,1\n'
+    assert (done.status, done.err) == (0, '')
+
+
+def test_the_order_of_the_columns_is_free_and_other_columns_do_not_matter(here: Here) -> None:
+    trace = 'time,word,mode,time,n,x,p\n10:00,moving,0,?,4,.2,0\n,stopped,7,"a,b",5,0,0\n'
+    assert verdicts(here, trace)[1:] == [['0', '1', '1', '1'], ['1', '0', '1', '0']]
+
+
+def test_a_file_of_verdicts_gets_what_standard_output_would(here: Here) -> None:
+    bundle, trace = here.file('pump.yaml', PUMP), here.file('trace.csv', HEADING + GOOD)
+    out = here.folder / 'out.csv'
+    done = here.run('simulate', bundle, '--trace', trace, '--verdicts', out)
+    assert out.read_text() == here.run('simulate', bundle, '--trace', trace).out
+    assert done.out == '1 steps\nR-1: violated at 1 steps\nR,2: satisfied\nR"3: satisfied\n'
+    assert out.stat().st_mode & 0o777 == trace.stat().st_mode & 0o777
+    assert sorted(os.listdir(here.folder)) == ['out.csv', 'pump.yaml', 'trace.csv']
+
+
+def test_a_trace_without_rows_gives_no_verdicts(here: Here) -> None:
+    assert verdicts(here, HEADING) == [['step', 'R-1', 'R,2', 'R"3']]
+    assert verdicts(here, HEADING.rstrip()) == [['step', 'R-1', 'R,2', 'R"3']]
+
+
+@pytest.mark.parametrize('policy', [
+    'every_message', 'relevant_message', 'all_inputs', '{policy: periodic, period: 0.1}'])
+def test_a_row_is_a_step_under_every_policy(here: Here, policy: str) -> None:
+    evaluation = policy if policy.startswith('{') else f'{{policy: {policy}}}'
+    bundle = PUMP + f'  - {{id: R-4, ptltl: "p S[2,2] x > 0"}}\nevaluation: {evaluation}\n'
+    trace = HEADING + '1,1,0,0,moving\n' * 3 + '0,0,0,0,moving\n' * 2
+    rows = verdicts(here, trace, bundle)
+    assert [row[0] for row in rows[1:]] == ['0', '1', '2', '3', '4']
+    assert [row[4] for row in rows[1:]] == ['0', '0', '1', '0', '0']
+
+
+def test_violations_make_it_fail_only_when_told_so(here: Here) -> None:
+    bundle = here.file('pump.yaml', PUMP)
+    bad, good = here.file('bad.csv', HEADING + GOOD), here.file('good.csv', HEADING + '1,1,1,0,'
+                                                                'stopped\n')
+    for trace, status in ((bad, 1), (good, 0)):
+        plain = here.run('simulate', bundle, '--trace', trace)
+        strict = here.run('simulate', bundle, '--trace', trace, '--fail-on-violation')
+        assert (plain.status, strict.status) == (0, status)
+        assert strict.out == plain.out
+
+
+# -- cells ------------------------------------------------------------------------------------
+
+
+def test_truth_is_written_in_four_ways(here: Here) -> None:
+    assert column(here, 'p', 'p: {type: bool}', ['0', '1', 'true', 'false', 'True', ' 1 ']) \
+        == '011011'
+
+
+@pytest.mark.parametrize('kind', ['float32', 'float64'])
+def test_numbers_that_are_not_finite_are_ieee_numbers(here: Here, kind: str) -> None:
+    cells = ['nan', 'inf', '-inf', 'NaN', '-nan', '+Inf', '-0.0', '0', '1e400']
+    inputs = f'x: {{type: {kind}}}'
+    assert column(here, 'x > 0', inputs, cells) == '010001001'
+    assert column(here, 'x = x', inputs, cells) == '011001111'
+    assert column(here, '1 / x < 0', inputs, cells) == '000000100'
+
+
+def test_a_float32_is_rounded_once(here: Here) -> None:
+    # Just above the middle of 1 and its neighbour: by way of a float64 it would be the middle,
+    # and end at 1.
+    cells = ['1.000000059604644775390625000000000000001', '1.000000059604644775390625']
+    assert column(here, 'x = 1.00000011920928955078125', 'x: {type: float32}', cells) == '10'
+    assert column(here, 'x = 0.1', 'x: {type: float32}', ['0.1', '0.100000001', '.1e0']) == '111'
+
+
+def test_integers_have_their_whole_range(here: Here) -> None:
+    for bits in (8, 16, 32, 64):
+        low, high = -2 ** (bits - 1), 2 ** (bits - 1) - 1
+        assert column(here, f'x = {low} | x = {high}', f'x: {{type: int{bits}}}',
+                      [f'{low}', f'{high}', '+1', '-0']) == '1100'
+        assert column(here, f'x = {2 ** bits - 1}', f'x: {{type: uint{bits}}}',
+                      [f'{2 ** bits - 1}', '007']) == '10'
+
+
+def test_names_and_numbers_may_stand_for_one_another_but_for_strings(here: Here) -> None:
+    rows = verdicts(here, HEADING + '1,0,0,IDLE,moving\n1,0,0,0,moving\n1,0,0, LANDING ,stopped\n')
+    assert [row[2] for row in rows[1:]] == ['1', '1', '1']
+    assert 'is no value' in refused(here, HEADING + '1,0,0,0,1\n')
+    assert "write 'stopped', 'moving'" in refused(here, HEADING + '1,0,0,0,go\n')
+
+
+@pytest.mark.parametrize('trace', [
+    HEADING.encode() + b'1,0,0,0,moving\n0,0,0,0,moving\n',
+    b'p,x,n,mode,word\r\n1,0,0,0,moving\r\n0,0,0,0,moving\r\n',
+    b'\xef\xbb\xbfp,x,n,mode,word\n1,0,0,0,moving\n0,0,0,0,moving',
+    b'"p","x","n","mode","word"\n"1","0","0","IDLE","moving"\n"0","0","0","0","moving"\n',
+    b' p , x , n , mode , word \n 1 , 0 , 0 , 0 , moving \n 0 , 0 , 0 , 0 , moving \n',
+    b'p,x,n,mode,word,"a ""note"""\n1,0,0,0,moving,"two\nlines"\n0,0,0,0,moving,"\xc3\xa4, b"\n',
+    b'p,x,n,mode,word\n1,0,0,0,moving\n0,0,0,0,moving\n\n\n',
+], ids=['plain', 'CRLF', 'BOM', 'quoted', 'blanks', 'notes', 'empty lines behind'])
+def test_csv_is_read_as_spreadsheets_write_it(here: Here, trace: bytes) -> None:
+    assert verdicts(here, trace)[1:] == [['0', '1', '1', '1'], ['1', '0', '1', '1']]
+
+
+# -- what is refused --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(('trace', 'expected'), [
+    ('', "trace.csv:1:1: error: the trace has no column for 'p', 'x', 'n', 'mode', 'word'"),
+    ('\n' + HEADING, 'trace.csv:1:1: error: empty row'),
+    ('p,x,n,Mode,word\n' + GOOD, "trace.csv:1:1: error: the trace has no column for 'mode'"),
+    ('p,x,n,mode,word,p\n', "trace.csv:1:1: error: the trace has two columns for 'p'"),
+    (HEADING + GOOD + '0,0,0,0\n',
+     'trace.csv:3:1: error: 4 cells in a row of a trace with 5 columns'),
+    (HEADING + GOOD + '0,0,0,0,moving,1\n',
+     'trace.csv:3:1: error: 6 cells in a row of a trace with 5 columns'),
+    (HEADING + GOOD + '\n' + GOOD, 'trace.csv:3:1: error: empty row'),
+    (HEADING + '0,,0,0,moving\n', "trace.csv:2:3: error: empty cell for 'x'"),
+    (HEADING + '0, ,0,0,moving\n', "trace.csv:2:3: error: empty cell for 'x'"),
+    (HEADING + '0,0,0,0,""\n', "trace.csv:2:9: error: empty cell for 'word'"),
+    (HEADING + GOOD * 5000 + '0,fast,0,0,moving\n',
+     "trace.csv:5002:3: error: 'fast' is no value of 'x'"),
+    (HEADING + '2,0,0,0,moving\n', "trace.csv:2:1: error: '2' is no value of 'p'"),
+    (HEADING + '1.0,0,0,0,moving\n', "trace.csv:2:1: error: '1.0' is no value of 'p'"),
+    (HEADING + '0,1_0,0,0,moving\n', "trace.csv:2:3: error: '1_0' is no value of 'x'"),
+    (HEADING + '0,0x10,0,0,moving\n', "trace.csv:2:3: error: '0x10' is no value of 'x'"),
+    (HEADING + '0,infinity,0,0,moving\n', "trace.csv:2:3: error: 'infinity' is no value of 'x'"),
+    (HEADING + '0,"1,5",0,0,moving\n', "error: '1,5' is no value of 'x'"),
+    (HEADING + '0,0,128,0,moving\n', "trace.csv:2:5: error: '128' is no value of 'n'"),
+    (HEADING + '0,0,-129,0,moving\n', "trace.csv:2:5: error: '-129' is no value of 'n'"),
+    (HEADING + '0,0,1.0,0,moving\n', "trace.csv:2:5: error: '1.0' is no value of 'n'"),
+    (HEADING + '0,0,nan,0,moving\n', "trace.csv:2:5: error: 'nan' is no value of 'n'"),
+    (HEADING + '0,0,\N{ARABIC-INDIC DIGIT ONE},0,moving\n', "is no value of 'n'"),
+    (HEADING + '0,0,' + '9' * 10_000 + ',0,moving\n', "trace.csv:2:5: error: '9999"),
+    (HEADING + '0,0,0,-1,moving\n', "trace.csv:2:7: error: '-1' is no value of 'mode'"),
+    (HEADING + '0,0,0,idle,moving\n', "trace.csv:2:7: error: 'idle' is no value of 'mode'"),
+    (HEADING + '0,0,0,0,moving\x00\n', "is no value of 'word'"),
+    (HEADING + '0,0,\x00,0,moving\n', "is no value of 'n'"),
+    (HEADING + '0,0,0,0,"moving\n', 'trace.csv:2:1: error: not CSV: unexpected end of data'),
+    (HEADING + '0,0,0,0,"mov"ing\n', 'trace.csv:2:1: error: not CSV:'),
+    (HEADING + '0,0,0,0,' + 'm' * 200_000 + '\n', 'trace.csv:2:1: error: not CSV: field larger'),
+], ids=range(30))
+def test_a_trace_that_cannot_be_used_is_refused_with_its_place(here: Here, trace: str,
+                                                              expected: str) -> None:
+    said = refused(here, trace)
+    assert expected in said
+    assert len(said) < 1000
+
+
+@pytest.mark.parametrize('trace', [
+    HEADING.encode() + b'0,0,0,0,\xff\n', 'p,x'.encode('utf-16'), os.urandom(4096) + b'\xff'],
+    ids=['Latin-1', 'UTF-16', 'noise'])
+def test_a_trace_that_is_no_text_is_refused(here: Here, trace: bytes) -> None:
+    assert refused(here, trace) == "error: 'trace.csv' is not text in UTF-8\n"
+
+
+def test_a_column_that_is_close_to_a_missing_one_is_pointed_at(here: Here) -> None:
+    said = refused(here, 'p,x,n,Mode,word\n')
+    assert said.splitlines()[1:3] == [' 1 | p,x,n,Mode,word', '   | ^^^^^^^^^^^^^^^']
+    assert "help: the column 'Mode' is close to 'mode'" in said
+
+
+def test_a_cell_is_underlined(here: Here) -> None:
+    assert refused(here, HEADING + GOOD + '1,2,x3,4,moving\n').splitlines() == [
+        "trace.csv:3:5: error: 'x3' is no value of 'n'",
+        ' 3 | 1,2,x3,4,moving',
+        '   |     ^^',
+        '    = help: write a whole number (int8)',
+    ]
+
+
+def test_a_place_is_right_behind_a_cell_of_several_lines(here: Here) -> None:
+    said = refused(here, 'p,x,n,mode,word,note\n0,0,0,0,moving,"a\nb"\n0,0,0,0,moving,\n2,,,,,\n')
+    assert said.startswith("trace.csv:5:1: error: '2' is no value of 'p'")
+
+
+def test_files_that_cannot_be_read_or_written_are_told(here: Here) -> None:
+    bundle, trace = here.file('pump.yaml', PUMP), here.file('trace.csv', HEADING + GOOD)
+    gone, long = here.folder / 'gone.csv', here.folder / ('x' * 300)
+    for arguments, expected in [
+        (('--trace', gone), f"there is no file '{gone}'"),
+        (('--trace', here.folder), f"'{here.folder}': Is a directory"),
+        (('--trace', long), 'File name too long'),
+        (('--trace', trace / 'x'), 'Not a directory'),
+        (('--trace', trace, '--verdicts', here.folder), f"'{here.folder}': Is a directory"),
+        (('--trace', trace, '--verdicts', long), 'File name too long'),
+        (('--trace', trace, '--verdicts', here.folder / 'no' / 'v.csv'), f"{here.folder / 'no'}"),
+        (('--trace', trace, '--verdicts', trace / 'v.csv'), 'Not a directory'),
+        (('--trace', trace, '--verdicts', trace), 'is the trace itself'),
+        (('--trace', trace, '--verdicts', here.folder / '..' / here.folder.name / 'trace.csv'),
+         'is the trace itself'),
+    ]:
+        done = here.run('simulate', bundle, *arguments)
+        assert (done.status, done.out) == (1, ''), arguments
+        assert done.err.startswith('error: '), arguments
+        assert expected in done.err, arguments
+    assert trace.read_text() == HEADING + GOOD
+    assert sorted(os.listdir(here.folder)) == ['pump.yaml', 'trace.csv']
+
+
+def test_a_folder_that_is_missing_is_not_called_a_missing_trace(here: Here) -> None:
+    bundle, trace = here.file('pump.yaml', PUMP), here.file('trace.csv', HEADING + GOOD)
+    out = here.folder / 'no' / 'v.csv'
+    done = here.run('simulate', bundle, '--trace', trace, '--verdicts', out)
+    assert done.err == f"error: cannot write '{out}': No such file or directory\n"
+
+
+# -- pipes, devices and large files -----------------------------------------------------------
+
+
+@pytest.fixture(scope='module')
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a bundle and long traces, no two rows of whose verdicts are alike."""
+    folder = tmp_path_factory.mktemp('large')
+    requirements = [f'{{id: R-{bit}, ptltl: "n mod {2 ** (bit + 1)} < {2 ** bit}"}}'
+                    for bit in range(20)]
+    (folder / 'many.yaml').write_text(
+        f'format: 1\ninputs: {{n: {{type: int32}}}}\nrequirements: [{", ".join(requirements)}]\n')
+    for count in (100_000, 1_000_000):
+        numbers = '\n'.join(map(str, range(count)))
+        (folder / f'{count}.csv').write_text(f'n\n{numbers}\n')
+    return folder
+
+
+PEAK = """
+import resource, sys
+from fret_monitor.cli.main import main
+status = main(sys.argv[1:])
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr)
+sys.exit(status)
+"""
+
+
+def peak_kilobytes(folder: Path, steps: int) -> int:
+    """Simulate that many rows to a file and return the most memory it took."""
+    out = folder / f'verdicts-{steps}.csv'
+    done = subprocess.run(
+        [sys.executable, '-c', PEAK, 'simulate', folder / 'many.yaml', '--trace',
+         folder / f'{steps}.csv', '--verdicts', out],
+        env=environment(), capture_output=True, text=True, check=True)
+    assert done.stdout.startswith(f'{steps:,} steps\n')
+    with out.open() as file:
+        last = deque(file, 1).pop()
+    assert last.startswith(f'{steps - 1},')
+    out.unlink()
+    return int(done.stderr)
+
+
+def test_a_million_rows_take_no_more_memory_than_a_hundred_thousand(files: Path) -> None:
+    few = peak_kilobytes(files, 100_000)
+    many = peak_kilobytes(files, 1_000_000)
+    assert many - few < 8 * 1024, f'{few} and {many} kB'
+
+
+def test_a_reader_that_goes_away_is_no_error(files: Path) -> None:
+    process = subprocess.Popen(
+        command('simulate', files / 'many.yaml', '--trace', files / '100000.csv'),
+        env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None and process.stderr is not None
+    assert process.stdout.readline().startswith('step,R-0,')
+    process.stdout.close()
+    said = process.stderr.read()
+    process.stderr.close()
+    assert process.wait() in (0, 1)
+    assert said == ''
+
+
+def test_a_pipe_and_a_device_take_the_verdicts(here: Here) -> None:
+    bundle, trace = here.file('pump.yaml', PUMP), here.file('trace.csv', HEADING + GOOD)
+    pipe = here.folder / 'pipe'
+    os.mkfifo(pipe)
+    found: list[str] = []
+    reader = threading.Thread(target=lambda: found.append(pipe.read_text()))
+    reader.start()
+    assert here.run('simulate', bundle, '--trace', trace, '--verdicts', pipe).status == 0
+    reader.join(30)
+    assert found == ['step,R-1,"R,2","R""3"\n0,0,1,1\n']
+    assert pipe.is_fifo()
+    done = here.run('simulate', bundle, '--trace', trace, '--verdicts', '/dev/null')
+    assert (done.status, done.err) == (0, '')
+    assert Path('/dev/null').is_char_device()
+
+
+def test_a_trace_can_come_through_a_pipe(here: Here) -> None:
+    done = run('simulate', here.file('pump.yaml', PUMP), '--trace', '/dev/stdin',
+               stdin=HEADING + GOOD)
+    assert (done.status, done.out) == (0, 'step,R-1,"R,2","R""3"\n0,0,1,1\n')
+
+
+def test_a_full_disk_is_told_and_leaves_nothing(here: Here) -> None:
+    bundle = here.file('pump.yaml', PUMP)
+    trace = here.file('trace.csv', HEADING + GOOD * 20_000)
+    out = here.folder / 'out.csv'
+    done = subprocess.run(
+        command('simulate', bundle, '--trace', trace, '--verdicts', out), env=environment(),
+        capture_output=True, text=True, check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000)))
+    assert done.returncode == 1
+    assert done.stderr.startswith('error: cannot ')
+    assert done.stderr.count('\n') == 1
+    assert sorted(os.listdir(here.folder)) == ['pump.yaml', 'trace.csv']
+
+
+@pytest.mark.skipif(not Path('/dev/full').exists(), reason='needs /dev/full')
+def test_an_output_that_is_full_is_told(here: Here) -> None:
+    bundle, trace = here.file('pump.yaml', PUMP), here.file('trace.csv', HEADING + GOOD)
+    for arguments in (('simulate', bundle, '--trace', trace), ('check', bundle)):
+        with Path('/dev/full').open('w') as full:
+            done = subprocess.run(command(*arguments), env=environment(), stdout=full,
+                                  stderr=subprocess.PIPE, text=True, check=False)
+        assert done.returncode == 1
+        assert done.stderr == 'error: cannot write to standard output: No space left on device\n'
