@@ -123,8 +123,7 @@ def test_each_operator_has_each_window() -> None:
     formulas = [formula for window in windows for formula in (
         Once(window, P), Historically(window, P), Since(window, P, Q), Triggered(window, P, Q))]
     properties = [property_of(f'R-{number}', item) for number, item in enumerate(formulas)]
-    for seed in (1, 2):
-        assert_equal(properties, runs(Random(seed), 900))
+    assert_equal(properties, runs(Random(1), 900))
 
 
 def runs(rng: Random, steps: int) -> Trace:
@@ -153,4 +152,4 @@ def test_a_wide_formula_gives_the_verdicts_of_the_reference() -> None:
     for _ in range(1500):
         formula = Binary(BinaryOperator.XOR, formula, maker.formula(20))
     assert len(postorder([formula])) > 10_000
-    assert_equal([property_of('R-1', formula)], random_trace(Random(2), INPUTS, 100))
+    assert_equal([property_of('R-1', formula)], random_trace(Random(2), INPUTS, 40))
