@@ -256,6 +256,9 @@ def test_what_was_compiled_runs_without_a_compiler(
     library = f"library:={tmp_path / 'library'}"
     with monitoring(partner, '-p', library, environment=environment), \
             started('logger', '-p', library, environment=environment) as logger:
+        wait_until(lambda: all(
+            partner.node.count_subscribers(f'copilot/handlerprop{handler}') == 2
+            for handler in HANDLERS), 'partner and logger to listen')
         Talker(partner).say(messages)
         wanted = expected(bundle, messages)
         partner.expect(wanted)

@@ -15,16 +15,19 @@
 """Both nodes end on SIGINT and SIGTERM, every time, idle and flooded, and without a word."""
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 import signal
 from threading import Event
 from threading import Thread
 from time import sleep
 
+from fret_monitor import build
 import pytest
 from ros.harness import NodeProcess
 from ros.harness import Partner
 from ros.harness import READY
+from ros.harness import wait_until
 from std_msgs.msg import Empty
 from std_msgs.msg import Float32
 
@@ -41,11 +44,13 @@ requirements:
 """
 
 
-@pytest.fixture
-def bundle(tmp_path: Path) -> Path:
-    path = tmp_path / 'bundle.yaml'
-    path.write_text(BUNDLE)
-    return path
+@pytest.fixture(scope='module')
+def parameter(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Return what a node is started with: a compiled bundle, since that is quickest."""
+    folder = tmp_path_factory.mktemp('compiled')
+    (folder / 'bundle.yaml').write_text(BUNDLE)
+    build.write(build.generate_monitor(build.read(folder / 'bundle.yaml')), folder / 'library')
+    return f'library:={folder / "library"}'
 
 
 @pytest.fixture
@@ -71,9 +76,9 @@ def flood(partner: Partner) -> Iterator[None]:
     thread.join()
 
 
-def end_all(name: str, number: signal.Signals, bundle: Path) -> None:
+def end_all(name: str, number: signal.Signals, parameter: str) -> None:
     for _ in range(TIMES // AT_ONCE):
-        nodes = [NodeProcess(name, '-p', f'spec:={bundle}', '-r', f'__node:=node{place}')
+        nodes = [NodeProcess(name, '-p', parameter, '-r', f'__node:=node{place}')
                  for place in range(AT_ONCE)]
         try:
             for node in nodes:
@@ -94,28 +99,36 @@ def end_all(name: str, number: signal.Signals, bundle: Path) -> None:
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize('name', ['monitor', 'logger'])
 def test_an_idle_node_ends_quietly(
-    name: str, number: signal.Signals, bundle: Path, domain: int,
+    name: str, number: signal.Signals, parameter: str, domain: int,
 ) -> None:
-    end_all(name, number, bundle)
+    end_all(name, number, parameter)
 
 
 @pytest.mark.usefixtures('flood')
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize('name', ['monitor', 'logger'])
-def test_a_busy_node_ends_quietly(name: str, number: signal.Signals, bundle: Path) -> None:
-    end_all(name, number, bundle)
+def test_a_busy_node_ends_quietly(name: str, number: signal.Signals, parameter: str) -> None:
+    end_all(name, number, parameter)
 
 
+def catches(process: int, number: signal.Signals) -> bool:
+    """Return whether a process has a handler for a signal."""
+    status = Path(f'/proc/{process}/status').read_text()
+    mask = next(line.split()[1] for line in status.splitlines() if line.startswith('SigCgt'))
+    return bool(int(mask, 16) >> (number - 1) & 1)
+
+
+@pytest.mark.skipif(not Path('/proc/self/status').exists(), reason='needs /proc')
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize('name', ['monitor', 'logger'])
 def test_a_node_that_is_still_starting_ends_quietly(
-    name: str, number: signal.Signals, bundle: Path, domain: int,
+    name: str, number: signal.Signals, parameter: str, domain: int,
 ) -> None:
-    # Python itself needs a moment (the wheels start it twice); before that no program of
-    # Python's has a say. From then on any moment will do.
-    for delay in (0.25, 0.35, 0.45, 0.55, 0.7, 0.9):
-        node = NodeProcess(name, '-p', f'spec:={bundle}')
+    # Before Python has started (the wheels start it twice) no program of Python's has a say.
+    for delay in (0.0, 0.05, 0.1, 0.2, 0.3, 0.5):
+        node = NodeProcess(name, '-p', parameter)
         try:
+            wait_until(partial(catches, node.process.pid, signal.SIGTERM), 'its first moment')
             sleep(delay)
             assert node.end(number, PATIENCE) == 0, f'after {delay} s:\n{node.output}'
             assert 'Traceback' not in node.output
@@ -123,8 +136,8 @@ def test_a_node_that_is_still_starting_ends_quietly(
             node.kill()
 
 
-def test_a_second_signal_does_not_disturb_the_end(bundle: Path, domain: int) -> None:
-    node = NodeProcess('monitor', '-p', f'spec:={bundle}')
+def test_a_second_signal_does_not_disturb_the_end(parameter: str, domain: int) -> None:
+    node = NodeProcess('monitor', '-p', parameter)
     try:
         node.wait_for(READY['monitor'])
         for number in (signal.SIGINT, signal.SIGINT, signal.SIGTERM):
