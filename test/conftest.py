@@ -65,7 +65,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Let one worker of pytest-xdist have all tests that watch processes against the clock."""
     from xdist.scheduler import LoadScopeScheduling
 
-    class OneWorkerForRos(LoadScopeScheduling):
+    class OneWorkerForRos(LoadScopeScheduling):  # type: ignore[misc]
         def _split_scope(self, nodeid: str) -> str:
             # Its way to be told what goes together; xdist_group does nothing in pytest 9.
             return 'ros' if re.search(r'\btest/(ros/|test_colcon)', nodeid) else nodeid
