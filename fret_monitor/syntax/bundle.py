@@ -130,9 +130,14 @@ class Requirement:
 
     @property
     def handler(self) -> str:
-        """The handler's name: `handlerprop` and the id, with `_` for what C and ROS refuse."""
-        letters = (c if c.isascii() and (c.isalnum() or c == '_') else '_' for c in self.id.value)
-        return 'handlerprop' + ''.join(letters)
+        """The name of its handler (see `handler_name`)."""
+        return handler_name(self.id.value)
+
+
+def handler_name(id: str) -> str:
+    """Return `handlerprop` and the id, with `_` for what C and ROS refuse."""
+    letters = (c if c.isascii() and (c.isalnum() or c == '_') else '_' for c in id)
+    return 'handlerprop' + ''.join(letters)
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,9 +244,9 @@ def survey_bundle(path: Path, problems: Problems) -> Bundle | None:
     return _Reader(path.parent, problems).bundle(source)
 
 
-def read_source(path: Path) -> Source:
+def read_source(path: Path, max_bytes: int = MAX_BYTES) -> Source:
     """
-    Read a text file of at most 16 MiB in UTF-8, with or without a byte order mark.
+    Read a text file of at most `max_bytes` in UTF-8, with or without a byte order mark.
 
     Raises
     ------
@@ -250,11 +255,11 @@ def read_source(path: Path) -> Source:
     """
     try:
         with path.open('rb') as file:
-            data = file.read(MAX_BYTES + 1)
+            data = file.read(max_bytes + 1)
     except (OSError, ValueError) as error:
         refuse(_unreadable(path, error))
-    if len(data) > MAX_BYTES:
-        refuse(f'{shown(str(path))} is larger than {MAX_BYTES // 2 ** 20} MiB')
+    if len(data) > max_bytes:
+        refuse(f'{shown(str(path))} is larger than {max_bytes // 2 ** 20} MiB')
     return _decoded(path, data)
 
 
