@@ -1,0 +1,147 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The cells and the arithmetic that generated C stands on, against their definitions.
+
+The program is `cells.c` beside this file; it is run under two compilers, both standards, all
+levels of optimization, and the sanitizers.
+"""
+
+from pathlib import Path
+import re
+import shutil
+
+from csrc.test_evaluator import clang
+from csrc.test_evaluator import gcc
+from csrc.test_evaluator import run
+from csrc.test_evaluator import SANITIZERS
+from csrc.test_evaluator import WARNINGS
+from fret_monitor.manifest import ValueType
+from fret_monitor.native import csrc_directory
+from fret_monitor.program.layout import FieldKind
+from fret_monitor.program.layout import lay_out
+from fret_monitor.program.monitor_program import AlwaysWithin
+from fret_monitor.program.monitor_program import Equation
+from fret_monitor.program.monitor_program import OnceWithin
+from fret_monitor.program.monitor_program import Operand
+from fret_monitor.program.monitor_program import Read
+from fret_monitor.program.monitor_program import StepGroup
+import pytest
+
+HERE = Path(__file__).resolve().parent
+CHECKS = re.findall(r'NAMED\((\w+)\),', (HERE / 'cells.c').read_text(encoding='utf-8'))
+COMPILERS = {'gcc': gcc, 'clang': clang}
+BITS = {ValueType.UINT8: 8, ValueType.UINT16: 16, ValueType.UINT32: 32}
+CELLS: dict[str, type[OnceWithin] | type[AlwaysWithin]] = {
+    'once': OnceWithin, 'always': AlwaysWithin}
+
+
+def build(folder: Path, *command: str) -> Path:
+    """Compile the program, of which the compiler must have nothing to say."""
+    program = folder / 'cells'
+    done = run(*command, f'-I{csrc_directory()}', *WARNINGS, HERE / 'cells.c', '-o', program,
+               '-lm')
+    assert (done.returncode, done.stdout) == (0, '')
+    return program
+
+
+@pytest.fixture(scope='session')
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the program with the sanitizers, where the compiler has them."""
+    folder = tmp_path_factory.mktemp('cells')
+    (folder / 'empty.c').write_text('int main(void) {return 0;}\n', encoding='utf-8')
+    probe = run(*gcc(), *SANITIZERS, folder / 'empty.c', '-o', folder / 'empty')
+    return build(folder, *gcc(), '-std=c99', '-O1',
+                 *(SANITIZERS if probe.returncode == 0 else ()))
+
+
+@pytest.mark.parametrize('check', CHECKS)
+def test_check(program: Path, check: str) -> None:
+    done = run(program, check)
+    assert (done.returncode, done.stdout) == (0, '')
+
+
+def test_every_check_of_the_program_is_run(program: Path) -> None:
+    assert run(program).stdout.split() == CHECKS
+    assert len(CHECKS) > 20
+
+
+@pytest.mark.parametrize(('name', 'standard', 'level'), [
+    ('gcc', 'c99', '-O0'), ('gcc', 'c11', '-O1'), ('gcc', 'c99', '-O2'), ('gcc', 'c11', '-O3'),
+    ('clang', 'c11', '-O0'), ('clang', 'c99', '-O2')])
+def test_every_check_holds_without_a_warning(
+    tmp_path: Path, name: str, standard: str, level: str,
+) -> None:
+    done = run(build(tmp_path, *COMPILERS[name](), f'-std={standard}', level), 'all')
+    assert (done.returncode, done.stdout) == (0, '')
+
+
+def started(name: str, bound: int, head: int) -> list[int | str]:
+    """Return what `cells start` wants: the layout's counter for a cell, and its first value."""
+    reads = Equation(Read(0), ValueType.BOOL, None)
+    cell = Equation(CELLS[name](bound, Operand(0), head), ValueType.BOOL, None)
+    layout = lay_out(StepGroup((0,), (0,), (reads, cell), (0,), (Operand(1),), ()))
+    field = layout.field_of[FieldKind.COUNTER, 1]
+    return [name, BITS[field.type], bound, head, int(field.initial)]
+
+
+def test_counters_start_where_the_layout_says(program: Path) -> None:
+    bounds = (1, 2, 9, 10, 253, 254, 255, 256, 65533, 65534, 65535, 65536, 2 ** 31 - 1)
+    words = [word for name in CELLS for bound in bounds
+             for head in sorted({0, 1, 2, bound // 2, bound - 1, bound, bound + 1})
+             for word in started(name, bound, head)]
+    done = run(program, 'start', *words)
+    assert (done.returncode, done.stdout) == (0, '')
+    assert {words[k] for k in range(1, len(words), 5)} == {8, 16, 32}
+
+
+def test_a_counter_that_starts_elsewhere_is_found_out(program: Path) -> None:
+    right = started('once', 10, 4)
+    assert run(program, 'start', *right).returncode == 0
+    done = run(program, 'start', *right[:-1], int(right[-1]) + 1)
+    assert done.returncode == 1
+    assert 'once_within_u8, bound 10, head 4' in done.stdout
+
+
+# Some slips: the text of the header, and what takes its place.
+SLIPS = {
+    'a bound one less': ('(type)~bound;', '(type)(~bound + 1u);'),
+    'a since that p cannot end': ('(type)(*next & fm_ones_if_ ## suffix(p));', '*next;'),
+    'a counter that overflows': ('((before != 0u) | p) & (before <= bound)',
+                                 '(before != 0u) | p'),
+    'a counter too narrow': ('FM_COUNTER_CELLS(u32, uint32_t)',
+                             'FM_COUNTER_CELLS(u32, uint16_t)'),
+    'a ring that cannot forget': ('*byte & ~(1u << k)', '*byte'),
+    'a quotient that is not wrapped': ('b == -1 ? fm_neg_i64(a) : a / b', 'b == -1 ? a : a / b'),
+    'a comparison of bits': ('return a < 0 || (uint64_t)a < b', 'return (uint64_t)a < b'),
+    'a minimum that prefers the second': ('return a <= b ? a : b', 'return a < b ? a : b'),
+}
+
+
+@pytest.mark.parametrize('slip', SLIPS)
+def test_a_slip_in_the_header_is_found_out(tmp_path: Path, slip: str) -> None:
+    right, wrong = SLIPS[slip]
+    for file in csrc_directory().glob('*.h'):
+        shutil.copy(file, tmp_path)
+    header = tmp_path / 'fret_cells.h'
+    text = header.read_text(encoding='utf-8')
+    assert right in text
+    header.write_text(text.replace(right, wrong), encoding='utf-8')
+    built = run(*gcc(), '-std=c99', '-O1', f'-I{tmp_path}', HERE / 'cells.c', '-o',
+                tmp_path / 'cells', '-lm')
+    assert built.returncode == 0, built.stdout
+    done = run(tmp_path / 'cells', 'all')
+    assert done.returncode == 1
+    assert 'not so' in done.stdout
