@@ -42,13 +42,12 @@ static inline bool fm_bit(uint64_t word, unsigned k) {return ((word >> k) & 1u) 
 /// Counters. The state is one unsigned integer that can hold bound + 1. No cell branches: what a
 /// robot measures is hard to predict.
 ///
-/// The first three keep how fresh something is: the type's greatest number where it happens, one
-/// less at each step after, down to 0, which is never. The state is the freshness at the next
-/// step; bound is less than the type's greatest number.
-/// once_within    O[0,bound] p: the freshness of p; starts at 0, and true until step m without
-///                any p from greatest - bound + m.
-/// always_within  H[0,bound] p: the freshness of !p; starts likewise.
-/// since_within   p S[0,bound] q: the freshness of q, lost where p is false; starts at 0.
+/// The first three keep what the age of something will be at the next step, up to bound + 1.
+/// once_within    O[0,bound] p: the age is the steps since the last p; starts at bound + 1, and
+///                true until step m without any p from bound - m.
+/// always_within  H[0,bound] p: the age is the steps since the last !p; starts likewise.
+/// since_within   p S[0,bound] q: the age is the steps since the last q that p has held after;
+///                starts at bound + 1.
 /// once_before    O[bound,inf) p: 1 + the steps since the first p, up to bound + 1; 0 is never,
 ///                and the start.
 /// since_before   p S[bound,inf) q: 1 + the steps since the oldest q that p has held after; 0 is
@@ -58,31 +57,28 @@ static inline bool fm_bit(uint64_t word, unsigned k) {return ((word >> k) & 1u) 
   { \
     return (type)(0u - (unsigned)p); \
   } \
-  static inline type fm_fading_ ## suffix(type freshness) \
+  static inline type fm_older_ ## suffix(type age, type bound) \
   { \
-    return (type)(freshness - (freshness > 0u)); \
-  } \
-  static inline bool fm_is_within_ ## suffix(type freshness, type bound) \
-  { \
-    const type least = (type)~bound; \
-    return freshness >= least; \
+    return (type)(age + 1u - (age > bound)); \
   } \
   static inline bool fm_once_within_ ## suffix(type * next, type bound, bool p) \
   { \
-    const type freshness = (type)(*next | fm_ones_if_ ## suffix(p)); \
-    *next = fm_fading_ ## suffix(freshness); \
-    return fm_is_within_ ## suffix(freshness, bound); \
+    const type age = (type)(*next & fm_ones_if_ ## suffix(!p)); \
+    *next = fm_older_ ## suffix(age, bound); \
+    return age <= bound; \
   } \
   static inline bool fm_always_within_ ## suffix(type * next, type bound, bool p) \
   { \
-    return !fm_once_within_ ## suffix(next, bound, !p); \
+    const type age = (type)(*next & fm_ones_if_ ## suffix(p)); \
+    *next = fm_older_ ## suffix(age, bound); \
+    return age > bound; \
   } \
   static inline bool fm_since_within_ ## suffix(type * next, type bound, bool p, bool q) \
   { \
-    const type kept = (type)(*next & fm_ones_if_ ## suffix(p)); \
-    const type freshness = (type)(kept | fm_ones_if_ ## suffix(q)); \
-    *next = fm_fading_ ## suffix(freshness); \
-    return fm_is_within_ ## suffix(freshness, bound); \
+    const type kept = (type)(*next | fm_ones_if_ ## suffix(!p)); \
+    const type age = (type)(kept & fm_ones_if_ ## suffix(!q)); \
+    *next = fm_older_ ## suffix(age, bound); \
+    return age <= bound; \
   } \
   static inline bool fm_once_before_ ## suffix(type * counter, type bound, bool p) \
   { \

@@ -305,7 +305,7 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
         match operation:
             case OnceWithin() | AlwaysWithin() | SinceWithin() | OnceBefore() | SinceBefore():
                 kind = _holding(operation.bound + 1)
-                yield StateField(FieldKind.COUNTER, index, kind, 0, _start(operation, kind))
+                yield StateField(FieldKind.COUNTER, index, kind, 0, _start(operation))
             case PreviousNumber():
                 yield StateField(FieldKind.NUMBER, index, equation.type, 0, operation.initial)
             case Delay() if operation.steps > 1:
@@ -314,12 +314,15 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
                 pass
 
 
-def _start(cell: CounterCell, kind: ValueType) -> int:
+def _start(cell: CounterCell) -> int:
     """Return a counter's value at the start: see csrc/fret_cells.h."""
-    if isinstance(cell, OnceWithin | AlwaysWithin) and cell.head:
-        greatest = (1 << 8 * _SIZES[kind]) - 1
-        return greatest - cell.bound + cell.head - 1
-    return 0
+    match cell:
+        case OnceWithin() | AlwaysWithin():
+            return cell.bound + 1 - cell.head
+        case SinceWithin():
+            return cell.bound + 1
+        case _:
+            return 0
 
 
 def _line(index: int, delay: Delay) -> StateField:
