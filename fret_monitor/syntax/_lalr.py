@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 import re
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn, TypeAlias
 import warnings
 
 from fret_monitor.diagnostics import CompileError
@@ -149,7 +149,7 @@ def _unescape(operator: str) -> str:
 
 def _refuse_text(language: Language, word: str, span: Span) -> NoReturn:
     if word[0].isdigit() or (word[0] == '.' and len(word) > 1):
-        refuse(f"'{_short(word)}' is not a number", span, 'not a number', _number_help(word))
+        refuse(f"'{short(word)}' is not a number", span, 'not a number', _number_help(word))
     if word == '""':
         refuse('a name is missing between the quotes', span, 'empty')
     if word == '"':
@@ -170,13 +170,13 @@ def _refuse_text(language: Language, word: str, span: Span) -> NoReturn:
 
 def _number_help(word: str) -> str:
     if match := re.fullmatch(r'0+([0-9]+)', word):
-        return f'write {_short(match[1])}'
+        return f'write {short(match[1])}'
     if match := re.fullmatch(r'([0-9]+)\.', word):
-        return f'write {_short(match[1])}.0'
+        return f'write {short(match[1])}.0'
     if re.fullmatch(r'0[xX][0-9a-fA-F]{1,16}', word):
         return f'write {int(word, 16)}'
     if match := re.fullmatch(r'([0-9]+)(_?[A-Za-z]\w*)', word):
-        number, unit = map(_short, match.groups())
+        number, unit = map(short, match.groups())
         return f'a number has no unit; write {number}, or put an operator before {unit}'
     return ''
 
@@ -202,8 +202,13 @@ def _tables(language: Language) -> Any:
                 transformer=language.builder, maybe_placeholders=False)
 
 
-def parse(language: Language, text: Text, lexemes: Sequence[Lexeme], start: str) -> Any:
-    """Return what the language's builder makes of the lexemes; raises `CompileError`."""
+def parse(language: Language, text: Text, lexemes: Sequence[Lexeme], start: str,
+          tell: 'Tell | None' = None) -> Any:
+    """
+    Return what the language's builder makes of the lexemes; raises `CompileError`.
+
+    `tell` says in the language's own words what is wrong at a lexeme that does not fit.
+    """
     parser = _tables(language).parse_interactive('', start)
     from lark.exceptions import UnexpectedToken
     tree = None
@@ -211,9 +216,62 @@ def parse(language: Language, text: Text, lexemes: Sequence[Lexeme], start: str)
         try:
             tree = parser.feed_token(lexeme)
         except UnexpectedToken as unexpected:
+            if tell is not None:
+                tell(text, ended, index)
             expected = frozenset(unexpected.expected)
             _refuse_lexeme(language, text, ended, index, expected)
     return tree
+
+
+Tell: TypeAlias = Callable[[Text, Sequence[Lexeme], int], NoReturn]
+
+
+def fitting(language: Language, start: str, lexemes: Sequence[Lexeme]) -> frozenset[str]:
+    """
+    Return the kinds of lexemes, `END` among them, that can follow some that could be read.
+
+    Tables merge states, and name more than fits; here each kind is tried on the stack of states.
+    """
+    parser = _tables(language).parse_interactive('', start)
+    for lexeme in lexemes:
+        parser.feed_token(lexeme)
+    states = parser.parser_state.parse_conf.parse_table.states
+    stack = list(parser.parser_state.state_stack)
+    return frozenset(kind for kind in states[stack[-1]]
+                     if kind.lstrip('$').isupper() and _is_shifted(states, list(stack), kind))
+
+
+def _is_shifted(states: Any, stack: list[Any], kind: str) -> bool:
+    from lark.parsers.lalr_analysis import Reduce
+    while kind in states[stack[-1]]:
+        action, target = states[stack[-1]][kind]
+        if action is not Reduce:
+            return True
+        if target.expansion:
+            del stack[-len(target.expansion):]
+        if target.origin not in states[stack[-1]]:
+            return kind == END
+        stack.append(states[stack[-1]][target.origin][1])
+    return False
+
+
+def join_signs(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Make one lexeme of a sign and the number it touches before `^`: FRET reads it so."""
+    joined: list[Lexeme] = []
+    for index, lexeme in enumerate(lexemes):
+        if lexeme.text == '^' and _is_signed(lexemes[max(0, index - 3):index]):
+            sign, number = joined[-2:]
+            joined[-2:] = [Lexeme('NEGATIVE', '-' + number.text, sign.start, number.end,
+                                  join(sign.span, number.span))]
+        joined.append(lexeme)
+    return joined
+
+
+def _is_signed(lexemes: Sequence[Lexeme]) -> bool:
+    if len(lexemes) < 2 or lexemes[-1].type != 'NUMBER' or lexemes[-2].type != 'MINUS':
+        return False
+    subtracts = len(lexemes) == 3 and lexemes[0].type in OPERAND_ENDS
+    return not subtracts and lexemes[-2].end == lexemes[-1].start
 
 
 def _end(text: Text, lexemes: Sequence[Lexeme]) -> Lexeme:
@@ -231,21 +289,21 @@ def _refuse_lexeme(language: Language, text: Text, lexemes: Sequence[Lexeme], in
         refuse('the formula is empty', text.span, 'nothing to read here')
     if told := language.explain(text, lexemes, index):
         raise CompileError([told])
-    opened = _opened(lexemes[:index])
+    opened = open_brackets(lexemes[:index])
     if found.type in _CLOSES:
         _check_closing(text, found, opened)
     if 'NAME' in expected and 'LPAR' in expected:
         _refuse_missing_operand(text, lexemes, index)
     if found.type == END and opened:
-        refuse(f"'{_written(text, opened[-1])}' is not closed", opened[-1].span, 'opened here')
+        refuse(f"'{as_written(text, opened[-1])}' is not closed", opened[-1].span, 'opened here')
     if found.type in OPERAND_STARTS and lexemes[index - 1].type in OPERAND_ENDS:
         _refuse_missing_operator(language, text, lexemes[index - 1], found)
     title = 'the formula ends too early' if found.type == END else (
-        f"'{_written(text, found)}' does not fit here")
+        f"'{as_written(text, found)}' does not fit here")
     refuse(title, found.span, _expectation(expected, lexemes[:index], opened))
 
 
-def _opened(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+def open_brackets(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     """Return the brackets that are open at the end, outermost first."""
     opened = []
     for lexeme in lexemes:
@@ -257,11 +315,11 @@ def _opened(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
 
 
 def _check_closing(text: Text, found: Lexeme, opened: Sequence[Lexeme]) -> None:
-    written = _written(text, found)
+    written = as_written(text, found)
     if not opened:
         refuse(f"'{written}' closes nothing", found.span, 'no bracket is open here')
     if opened[-1].type != _CLOSES[found.type]:
-        refuse(f"'{_written(text, opened[-1])}' is not closed", opened[-1].span,
+        refuse(f"'{as_written(text, opened[-1])}' is not closed", opened[-1].span,
                f"'{written}' follows, which does not close it")
 
 
@@ -270,8 +328,8 @@ def _refuse_missing_operand(text: Text, lexemes: Sequence[Lexeme], index: int) -
     wanted = "expected a name, a number or '('"
     if found.type == END:
         refuse('the formula ends too early', found.span,
-               f"{wanted} after '{_written(text, lexemes[index - 1])}'")
-    refuse('an operand is missing', found.span, f"{wanted} before '{_written(text, found)}'")
+               f"{wanted} after '{as_written(text, lexemes[index - 1])}'")
+    refuse('an operand is missing', found.span, f"{wanted} before '{as_written(text, found)}'")
 
 
 def _refuse_missing_operator(language: Language, text: Text, before: Lexeme,
@@ -281,14 +339,14 @@ def _refuse_missing_operator(language: Language, text: Text, before: Lexeme,
             refuse(f"'{lexeme.text}' is no operator here", lexeme.span, 'not in this language',
                    language.foreign[lexeme.text])
     refuse('an operator is missing', found.span,
-           f"expected an operator before '{_written(text, found)}'")
+           f"expected an operator before '{as_written(text, found)}'")
 
 
-def _written(text: Text, lexeme: Lexeme) -> str:
-    return _short(text.value[lexeme.start:lexeme.end])
+def as_written(text: Text, lexeme: Lexeme) -> str:
+    return short(text.value[lexeme.start:lexeme.end])
 
 
-def _short(word: str) -> str:
+def short(word: str) -> str:
     return word if len(word) <= 40 else word[:37] + '...'
 
 
@@ -361,6 +419,13 @@ class Builder:
     def number(self, parts: list[Any]) -> Number:
         """Build a number."""
         return Number(parts[0].text, parts[0].span)
+
+    def negative(self, parts: list[Any]) -> Prefix:
+        """Build a number with its sign."""
+        span = parts[0].span
+        sign = Span(span.source, span.start, span.start + 1)
+        number = Number(parts[0].text[1:], Span(span.source, span.start + 1, span.end))
+        return Prefix('-', None, number, sign, span)
 
     def boolean(self, parts: list[Any]) -> Boolean:
         """Build a truth value."""

@@ -28,7 +28,6 @@ from typing import Any, NoReturn
 
 from fret_monitor.diagnostics import Diagnostic
 from fret_monitor.diagnostics import refuse
-from fret_monitor.diagnostics import Span
 from fret_monitor.diagnostics import Text
 from fret_monitor.syntax import _lalr
 from fret_monitor.syntax._lalr import bound_number
@@ -36,8 +35,6 @@ from fret_monitor.syntax._lalr import join
 from fret_monitor.syntax._lalr import Lexeme
 from fret_monitor.syntax.expression import Bound
 from fret_monitor.syntax.expression import Expression
-from fret_monitor.syntax.expression import Number
-from fret_monitor.syntax.expression import Prefix
 from fret_monitor.syntax.precedence import Precedence
 
 
@@ -108,12 +105,6 @@ def _pattern(blank: str) -> re.Pattern[str]:
 
 class _Builder(_lalr.Builder):
 
-    def negative(self, parts: list[Any]) -> Prefix:
-        span = parts[0].span
-        sign = Span(span.source, span.start, span.start + 1)
-        number = Number(parts[0].text[1:], Span(span.source, span.start + 1, span.end))
-        return Prefix('-', None, number, sign, span)
-
     def window(self, parts: list[Any]) -> Bound:
         low, high = self._number(parts[1]), self._number(parts[3])
         return Bound('[]', low, high, join(parts[0].span, parts[4].span))
@@ -177,24 +168,5 @@ _TAGGED = _pattern(r'\s|</?[bi]>')
 def parse_smv(text: Text) -> Expression:
     """Return the tree of a formula; raises `CompileError` with the place of the first error."""
     lexemes = _lalr.scan(_LANGUAGE, text, _TAGGED if '</' in text.value else None)
-    tree: Expression = _lalr.parse(_LANGUAGE, text, _join_signs(lexemes), 'start')
+    tree: Expression = _lalr.parse(_LANGUAGE, text, _lalr.join_signs(lexemes), 'start')
     return tree
-
-
-def _join_signs(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
-    """Make one lexeme of a sign and the number it touches before `^`: FRET reads it so."""
-    joined: list[Lexeme] = []
-    for index, lexeme in enumerate(lexemes):
-        if lexeme.text == '^' and _is_signed(lexemes[max(0, index - 3):index]):
-            sign, number = joined[-2:]
-            joined[-2:] = [Lexeme('NEGATIVE', '-' + number.text, sign.start, number.end,
-                                  join(sign.span, number.span))]
-        joined.append(lexeme)
-    return joined
-
-
-def _is_signed(lexemes: Sequence[Lexeme]) -> bool:
-    if len(lexemes) < 2 or lexemes[-1].type != 'NUMBER' or lexemes[-2].type != 'MINUS':
-        return False
-    subtracts = len(lexemes) == 3 and lexemes[0].type in _lalr.OPERAND_ENDS
-    return not subtracts and lexemes[-2].end == lexemes[-1].start
