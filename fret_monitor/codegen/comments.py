@@ -15,6 +15,7 @@
 """Text from a bundle inside C comments: shown as written as far as that is safe."""
 
 from collections.abc import Iterator
+import re
 import textwrap
 import unicodedata
 
@@ -31,7 +32,8 @@ def comment(text: str, indent: str = '', first: str = '', rest: str = '') -> Ite
 def safe(text: str) -> str:
     """Replace what could end a comment, continue it, or turn the reading direction."""
     shown = ''.join(_safe_character(char) for char in ' '.join(text.split()))
-    return shown.replace('??', '? ?').replace('*/', '* /').replace('/*', '/ *')
+    apart = re.sub(r'\?(?=\?)', '? ', shown)  # no trigraphs, in `???/` neither
+    return apart.replace('*/', '* /').replace('/*', '/ *')
 
 
 def _safe_character(char: str) -> str:

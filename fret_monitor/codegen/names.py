@@ -34,7 +34,7 @@ _KEYWORDS = frozenset('''
     and and_eq bitand bitor catch class compl const_cast delete dynamic_cast explicit export friend
     mutable namespace new not not_eq operator or or_eq private protected public reinterpret_cast
     static_cast template this throw try typeid typename using virtual wchar_t xor xor_eq
-    linux unix i386 errno
+    linux unix i386 errno math_errhandling
 '''.split())
 _OURS = frozenset({'s', 'in', 'state', 'inputs', 'verdicts', 'pow', 'fmod', 'fmodf', 'memset'})
 _GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+$')
@@ -64,20 +64,21 @@ SUFFIXES = {
 }
 
 
-def identifier(name: str) -> str:
-    """Return a C identifier close to `name`, no keyword, macro or name of ours."""
+def identifier(name: str, prefix: str = 'fm') -> str:
+    """Return a C identifier close to `name`, no keyword, macro or name of ours or of a module."""
     word = re.sub(r'[^A-Za-z0-9_]', '_', name) or '_'
-    if word in _KEYWORDS or word in _OURS or _GENERATED.match(word) or word[0].isdigit():
+    is_taken = word in _KEYWORDS or word in _OURS or word.startswith(f'{prefix}_')
+    if is_taken or _GENERATED.match(word) or word[0].isdigit():
         return 'v_' + word
     return word
 
 
-def distinct(names: Iterable[str]) -> dict[str, str]:
+def distinct(names: Iterable[str], prefix: str = 'fm') -> dict[str, str]:
     """Return an identifier for each name, in order; clashes get a number behind them."""
     chosen: dict[str, str] = {}
     taken: set[str] = set()
     for name in names:
-        word = candidate = identifier(name)
+        word = candidate = identifier(name, prefix)
         number = 2
         while candidate in taken:
             candidate = f'{word}_{number}_'
@@ -94,10 +95,11 @@ class Names:
                  definitions: Iterable[str]) -> None:
         """Choose names for a bundle's inputs, requirement ids and definitions."""
         word = re.sub(r'[^A-Za-z0-9_]', '_', module) or 'bundle'
-        is_taken = word[0].isdigit() or word.startswith(('_', 'fm_')) or word.lower() == 'fret'
+        is_taken = word[0].isdigit() or word.startswith(('_', 'fm_')) \
+            or word.lower() in ('fm', 'fret')
         self.prefix = 'm_' + word if is_taken else word
         signals = list(signals)
-        both = distinct([*signals, *definitions])
+        both = distinct([*signals, *definitions], self.prefix)
         self.signals = {name: both[name] for name in signals}
         self.definitions = both
         words = (re.sub(r'[^A-Za-z0-9_]', '_', id) for id in requirements)

@@ -102,6 +102,15 @@ class PartWriter:
         self._values = {signal.name: signal.values for signal in program.signals if signal.values}
         self._inlined: dict[int, c.Expression] = {}
         self._taken: set[str] = set()
+        self._used_here = self._used()
+
+    def _used(self) -> set[int]:
+        """Return the values that this part needs."""
+        used = {item.value for index in self._range
+                for item in operands(self._group.equations[index].operation)}
+        if self._is_last:
+            used.update(item.next.value for item in self._group.feedback)
+        return used.union(self._layout.verdicts_of)
 
     def lines(self) -> Iterator[str]:
         """Yield the statements, indented."""
@@ -153,6 +162,9 @@ class PartWriter:
     # -- equations ----------------------------------------------------------------------------
 
     def _equation(self, index: int) -> Iterator[str]:
+        if isinstance(self._group.equations[index].operation, Read) \
+                and index not in self._used_here:
+            return  # each part reads its own inputs
         expression = self._expression(index)
         if self._can_inline(index, expression):
             self._inlined[index] = expression

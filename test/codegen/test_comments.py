@@ -1,0 +1,114 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Texts of users in comments of C: readable, on their lines, and never code."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from codegen.workbench import assert_clean_and_right
+from codegen.workbench import specify
+from differential.compiled import compile_c
+from differential.compiled import gcc
+from differential.compiled import WARNINGS
+from fret_monitor.codegen.comments import comment
+from fret_monitor.codegen.comments import safe
+from fret_monitor.logic.formula import FALSE
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import Once
+from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.formula import Window
+from fret_monitor.manifest import ValueType
+from hypothesis import given
+from hypothesis import settings
+from hypothesis import strategies as st
+import pytest
+
+HOSTILE = [
+    '*/ int x; /*', '/* never closed', 'ends in a backslash \\', 'a trigraph ??/', '???/', '????/',
+    '??' * 50 + '/', '??\n/', 'line\nbreak', 'carriage\rreturn', 'a\x0bb\x0cc', 'next\x85line',
+    'line\u2028separator\u2029s', '"quoted" and \'quoted\'', '%s%n%d', 'nul\x00byte', '\x1b[31mred',
+    '\N{RIGHT-TO-LEFT OVERRIDE}txet', '\N{LEFT-TO-RIGHT ISOLATE}x', 'ש\u0631', '日本語', 'é' * 400,
+    'x' * 5000, 'a \\ b ' * 100, '#include <x>', '#error no', '\ud800', '/' * 300, '/*' * 100,
+    '*' * 95 + '/', 'x' * 88 + ' \\', '\\' * 500, '\N{ZERO WIDTH SPACE}', '', ' ', '-' * 200,
+    '@SOURCE-HASH@', '//', '\t', 'https://example.org/a?b=??/',
+]
+P = Variable('p', ValueType.BOOL)
+
+
+def test_titles_ids_and_texts_may_be_anything() -> None:
+    formulas: list[Formula] = [Once(Window(0, number + 1), P) for number, _ in enumerate(HOSTILE)]
+    specification = specify(formulas)
+    named = [replace(item, title=text) for item, text in
+             zip(specification.properties, HOSTILE, strict=True)]
+    texts = [replace(item, text=text) for item, text in
+             zip(specification.properties, HOSTILE, strict=True)]
+    for properties in (named, texts):
+        assert_clean_and_right(replace(specification, properties=tuple(properties)), steps=100)
+
+
+def test_ids_and_names_of_inputs_may_be_any_text() -> None:
+    # C99 promises 4095 characters of a string.
+    words = [text[:4000] for text in dict.fromkeys(HOSTILE) if '\ud800' not in text]
+    formulas: list[Formula] = [Once(Window(0, 2), Variable(word, ValueType.BOOL))
+                               for word in words if word]
+    specification = specify(formulas)
+    # Ids that are equal in C are refused when a bundle is read.
+    properties = [replace(item, id=f'{number}{word}') for number, (item, word) in
+                  enumerate(zip(specification.properties, words, strict=False))]
+    assert_clean_and_right(replace(specification, properties=tuple(properties)), steps=50)
+
+
+def test_what_is_harmless_stays_as_it_is() -> None:
+    for text in ('if p ROS_component shall within 10 seconds satisfy x <= cc_t', 'a / b * c', 'why?',
+                 'Übergröße', '日本語', 'x → y', '50 % of 3 µm'):
+        assert safe(text) == text
+
+
+@pytest.mark.parametrize('text', HOSTILE, ids=range(len(HOSTILE)))
+def test_a_text_cannot_leave_its_comment(text: str) -> None:
+    lines = list(comment(text, '  ', 'first ', 'rest '))
+    assert lines
+    for line in lines:
+        assert line.startswith('  //')
+        assert len(line.splitlines()) == 1
+        assert not line.endswith('\\')
+        assert len(line) <= 110
+        for sign in ('??', '*/', '/*', '\\'):
+            assert sign not in line
+
+
+@settings(max_examples=300)
+@given(st.text(st.sampled_from('?/*\\ \n"a\x00é\u202e')))
+def test_no_combination_of_signs_can_leave_its_comment(text: str) -> None:
+    shown = safe(text)
+    assert not any(sign in shown for sign in ('??', '*/', '/*', '\\', '\n', '\x00', '\u202e'))
+
+
+def test_a_compiler_sees_nothing_of_the_texts(tmp_path: Path) -> None:
+    if gcc() is None:
+        pytest.skip('needs gcc')
+    lines = ['int before(void);']
+    for text in HOSTILE:
+        lines += [*comment(text), f'typedef int seen_{len(lines)};']
+    source = tmp_path / 'comments.c'
+    source.write_text('\n'.join(lines) + '\n')
+    for standard in ('c99', 'c11', 'gnu99'):
+        compile_c([*(gcc() or ()), f'-std={standard}', *WARNINGS, '-Wtrigraphs', '-Wcomment', '-c',
+                   source, '-o', tmp_path / 'out.o'])
+
+
+def test_a_formula_that_is_constant_has_its_heading(tmp_path: Path) -> None:
+    module = assert_clean_and_right(specify([FALSE, Once(Window(0, 0), P)]))
+    assert '// R-0: R-0' in module.sources[0][1]

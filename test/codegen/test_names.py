@@ -1,0 +1,175 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Names that users choose, however odd, become C that compiles and does the right thing."""
+
+from dataclasses import replace
+import re
+
+from codegen.workbench import assert_clean_and_right
+from codegen.workbench import specify
+from differential.compiled import c_module
+from fret_monitor.codegen.names import distinct
+from fret_monitor.codegen.names import identifier
+from fret_monitor.codegen.names import Names
+from fret_monitor.logic.formula import Binary
+from fret_monitor.logic.formula import BinaryOperator
+from fret_monitor.logic.formula import Constant
+from fret_monitor.logic.formula import Conversion
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import Historically
+from fret_monitor.logic.formula import Once
+from fret_monitor.logic.formula import Unary
+from fret_monitor.logic.formula import UnaryOperator
+from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.formula import Window
+from fret_monitor.logic.formula import Yesterday
+from fret_monitor.manifest import ValueType
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+KEYWORDS = '''
+auto break case char const continue default do double else enum extern float for goto if inline int
+long register restrict return short signed sizeof static struct switch typedef union unsigned void
+volatile while _Bool _Complex bool asm typeof class new delete this template private public and not
+xor nullptr constexpr thread_local namespace operator virtual
+'''.split()
+LIBRARY = '''
+errno NULL NAN INFINITY EOF INT64_MIN UINT64_C HUGE_VAL M_PI FLT_MAX DBL_EPSILON true false size_t
+int8_t uint64_t float_t ptrdiff_t max_align_t offsetof pow fmod fmodf memset memcpy sin exp log log2
+abs fabs round floor isnan signbit isinf gamma signgam y0 j1 y1 index main printf stdin stdout
+malloc environ linux unix i386 math_errhandling fpclassify nan nanf div time clock strlen bcmp
+FLT_EVAL_METHOD __FILE__ __func__ _Generic assert I
+'''.split()
+OURS = '''
+s in state inputs verdicts monitor groups requirements none fm_bit fm_monitor fm_once_within_u8 FM_ABI
+FM_EXPORT value_3 once_1 once_2 x_f64 x_f64_2_ _x __x x_ bits_0 next_0 wire_1 line_2 flag_1 number_5
+number_5_i64 group_0 v_int v_in v_s i random_step random_reset random_monitor random_req_R_1
+random_state struct_random inputs_0 requirements_0 fret fret_monitor counter_1 position_65 yesterday_1
+'''.split()
+NAMES = list(dict.fromkeys([*KEYWORDS, *LIBRARY, *OURS]))
+QUOTED = ['two words', 'Übergröße', '日本', 'a%s%n', '*/ int', '// x', '??/', '9lives', 'a_DOT_b',
+          'a.b', '$cost', 'a' * 300, '100%', 'x y', 'x_y', 'x-y', "it's", '\N{RIGHT-TO-LEFT MARK}x']
+
+
+def small(name: str, kind: ValueType = ValueType.BOOL) -> Variable:
+    return Variable(name, kind)
+
+
+def each_in_use(names: list[str]) -> list[Formula]:
+    """Return formulas that make locals, cells and comments of each name."""
+    formulas: list[Formula] = []
+    for number, name in enumerate(names):
+        other = small(names[number - 1])
+        formulas.append(Binary(BinaryOperator.IMPLIES, Once(Window(0, 3), small(name)), other))
+        formulas.append(Historically(Window(0, None), Binary(
+            BinaryOperator.OR, small(name), Yesterday(small(name)))))
+    return formulas
+
+
+@pytest.mark.parametrize('names', [KEYWORDS, LIBRARY, OURS, QUOTED, NAMES + QUOTED], ids=[
+    'keywords', 'library', 'ours', 'quoted', 'all in one group'])
+def test_inputs_have_any_names(names: list[str]) -> None:
+    names = list(dict.fromkeys(names))
+    formulas = each_in_use(names)
+    if len(names) > 200:
+        whole: Formula = small(names[0])
+        for item in formulas:
+            whole = Binary(BinaryOperator.XOR, whole, item)
+        formulas = [whole]
+    assert_clean_and_right(specify(formulas))
+
+
+@pytest.mark.parametrize('kind', [ValueType.FLOAT32, ValueType.FLOAT64])
+def test_numbers_have_any_names(kind: ValueType) -> None:
+    limit = Constant(0.5, ValueType.FLOAT64)
+    formulas: list[Formula] = []
+    for name in [*OURS, *LIBRARY, 'x', 'y']:
+        item: Formula = small(name, kind)
+        number = item if kind is ValueType.FLOAT64 else Conversion(item, ValueType.FLOAT64)
+        twice = Binary(BinaryOperator.ADD, number, Unary(UnaryOperator.ABS, number))
+        formulas.append(Binary(BinaryOperator.LT, twice, limit))
+    whole = formulas[0]
+    for item in formulas[1:]:
+        whole = Binary(BinaryOperator.XOR, whole, item)
+    assert_clean_and_right(specify([*formulas, whole]))
+
+
+def test_definitions_have_any_names_those_of_inputs_once_written_in_c_too() -> None:
+    names = ['a b', 'a_b', 'a-b', *NAMES, *QUOTED]
+    terms: list[Formula] = [Once(Window(0, number + 1), small('p' if number % 2 else 'a_b'))
+                            for number, _ in enumerate(names)]
+    whole = terms[0]
+    for item in terms[1:]:
+        whole = Binary(BinaryOperator.IFF, whole, item)
+    specification = replace(
+        specify([whole, Historically(Window(0, 9), terms[3])]),
+        definitions=tuple((f'{name}\'', item) for name, item in zip(names, terms, strict=True)))
+    assert_clean_and_right(specification)
+    specification = replace(
+        specification,
+        definitions=tuple((name, item) for name, item in zip(names, terms, strict=True)
+                          if name != 'a_b'))
+    assert_clean_and_right(specification)
+
+
+@pytest.mark.parametrize('stem', [
+    'fret', 'FRET', 'fm', 'fm_', 'math', 'string', 'int', 'main', 'errno', '9lives',
+    'fret_monitor', 'fret_cells', 'evaluator', 'Ünï', '日本', 'a b', 'a.b', '-', '_', '__x', '.yaml',
+    'FM', 'FM_EXPORT', 'NULL', 'bool', '??/', '%s', '"', 'x\\', '*/', 'x\n#error', 'linux', 'std',
+    '\N{RIGHT-TO-LEFT OVERRIDE}lmay', '\udcff', 'clock', 'memset', 'n' * 100])
+def test_a_bundle_has_any_file_name(stem: str) -> None:
+    p, q = small('p'), small('q')
+    module = assert_clean_and_right(specify([Once(Window(0, 3), p), Yesterday(q)], stem), steps=20,
+                                    with_clang=stem in ('std', 'fm', 'linux'))
+    assert re.fullmatch('[A-Za-z][A-Za-z0-9_]*_monitor', module.symbol)
+    names = [module.header[0], *(name for name, _ in module.sources)]
+    assert all(re.fullmatch(r'[A-Za-z][A-Za-z0-9_]*_monitor\.[ch]', name) for name in names)
+    assert not {'fret_monitor.h', 'fret_cells.h', 'evaluator.h', 'evaluator.c'} & set(names)
+
+
+def test_plain_names_stay_as_they_are() -> None:
+    assert distinct(['wind_speed', 'Alt2', 'x']) == {
+        'wind_speed': 'wind_speed', 'Alt2': 'Alt2', 'x': 'x'}
+    names = Names('quadrotor', ['wind_speed'], ['ROS-001'], ['overload'])
+    assert names.symbol == 'quadrotor_monitor'
+    assert names.requirements == ['quadrotor_req_ROS_001']
+    assert names.definitions == {'wind_speed': 'wind_speed', 'overload': 'overload'}
+
+
+def test_a_later_name_does_not_change_those_before_it() -> None:
+    names = ['int', 'v_int', 'x y', 'x_y']
+    for count in range(1, len(names) + 1):
+        assert list(distinct(names[:count]).items()) == list(distinct(names).items())[:count]
+
+
+@given(st.lists(st.text(min_size=1), unique=True))
+def test_names_become_different_identifiers(names: list[str]) -> None:
+    chosen = distinct(names)
+    assert len(set(chosen.values())) == len(names)
+    assert all(re.fullmatch('[A-Za-z][A-Za-z0-9_]*', word) for word in chosen.values())
+
+
+@given(st.from_regex(r'[A-Za-z_][A-Za-z0-9_]{0,8}', fullmatch=True))
+def test_what_stays_as_it_is_cannot_be_a_name_of_the_generator(name: str) -> None:
+    # Those have a number behind them, a prefix of ours, or are listed.
+    if identifier(name) == name:
+        assert not re.fullmatch(r'(fm|FM)_.*|[a-z]+_[0-9]+|_.*|.*_t|[A-Z0-9_]+', name)
+
+
+def test_the_same_names_give_the_same_c_whatever_else_was_made_before() -> None:
+    first = c_module(specify(each_in_use(QUOTED)))
+    c_module(specify(each_in_use(OURS), 'other'))
+    assert c_module(specify(each_in_use(QUOTED))) == first

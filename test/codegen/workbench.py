@@ -1,0 +1,78 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Specifications whose C is compiled with warnings as errors, run, and held to the reference."""
+
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+import tempfile
+
+from differential.compiled import c_module
+from differential.compiled import clang
+from differential.compiled import compile_c
+from differential.compiled import Compiled
+from differential.compiled import CSRC
+from differential.compiled import FLAGS
+from differential.compiled import gcc
+from differential.compiled import WARNINGS
+from differential.compiled import write_module
+from fret_monitor.codegen.module import CModule
+from fret_monitor.logic.evaluate import evaluate_all
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import postorder
+from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.specification import Specification
+from strategies import property_of
+from strategies import random_trace
+from strategies import specification_of
+
+
+def specify(formulas: list[Formula], name: str = 'random') -> Specification:
+    """Return a specification of these formulas and of the inputs that they read."""
+    inputs = [node for node in postorder(formulas) if isinstance(node, Variable)]
+    properties = [property_of(f'R-{number}', item) for number, item in enumerate(formulas)]
+    return replace(specification_of(properties, inputs), name=name)
+
+
+def inputs_of(specification: Specification) -> list[Variable]:
+    """Return the inputs of a specification as formulas see them."""
+    return [Variable(item.name, item.type) for item in specification.signals]
+
+
+def assert_clean_and_right(specification: Specification, *, steps: int = 200,
+                           with_clang: bool = True) -> CModule:
+    """Compile with gcc and clang without a warning, and compare the verdicts; return the C."""
+    formulas = [item.formula for item in specification.properties]
+    trace = random_trace(Random(1), inputs_of(specification), steps) \
+        or {'nothing': [False] * steps}
+    compiled = Compiled(specification, compiler=gcc(), flags=(*FLAGS, *WARNINGS, '-O0')).run(trace)
+    expected = evaluate_all(formulas, trace)
+    for number, item in enumerate(specification.properties):
+        assert compiled[number] == expected[number], item.id
+    module = c_module(specification)
+    if with_clang:
+        compile_with(clang(), module, '-fbracket-depth=32', '-O0')
+    return module
+
+
+def compile_with(compiler: tuple[str, ...] | None, module: CModule, *flags: str) -> None:
+    """Compile generated C to objects, warnings being errors; nothing without the compiler."""
+    if compiler is None:
+        return
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for source in write_module(module, folder):
+            compile_c([*compiler, *FLAGS, *WARNINGS, *flags, f'-I{CSRC}', f'-I{folder}', '-c',
+                       source, '-o', folder / 'out.o'])
