@@ -249,9 +249,7 @@ def _is_shifted(states: Any, stack: list[Any], kind: str) -> bool:
             return True
         if target.expansion:
             del stack[-len(target.expansion):]
-        if target.origin not in states[stack[-1]]:
-            return kind == END
-        stack.append(states[stack[-1]][target.origin][1])
+        stack.append(states[stack[-1]][target.origin.name][1])
     return False
 
 
@@ -442,7 +440,7 @@ class Builder:
 
     def group(self, parts: list[Any]) -> Expression:
         """Return what stands in parentheses, which belong to its place."""
-        return _at(self.finish(parts[1]), join(parts[0].span, parts[2].span))
+        return placed(self.finish(parts[1]), join(parts[0].span, parts[2].span))
 
 
 def _operator(parts: list[Any]) -> Operator:
@@ -451,7 +449,7 @@ def _operator(parts: list[Any]) -> Operator:
     return Operator(lexeme.text, bound, span)
 
 
-def _at(node: Expression, span: Span) -> Expression:
+def placed(node: Expression, span: Span) -> Expression:
     """Return a node of several parts with another place."""
     match node:
         case Infix():

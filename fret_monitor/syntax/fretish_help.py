@@ -1,0 +1,296 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What is said of a text that is no FRETish sentence: where, what would fit, what was meant."""
+
+from collections.abc import Iterator
+from collections.abc import Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import NoReturn
+
+from fret_monitor.diagnostics import refuse
+from fret_monitor.diagnostics import Span
+from fret_monitor.diagnostics import Text
+from fret_monitor.syntax._lalr import as_written
+from fret_monitor.syntax._lalr import END
+from fret_monitor.syntax._lalr import Lexeme
+from fret_monitor.syntax._lalr import open_brackets
+from fret_monitor.syntax._lalr import short
+from fret_monitor.syntax.fretish_words import WORDS
+
+WRITE = {'and': '&', 'or': '|', 'not': '!', 'implies': '=>', 'iff': '<=>', 'xor': 'xor',
+         'unequal': '!='}
+_EXAMPLE = 'a sentence is like: when p the COMPONENT shall within 3 ticks satisfy q'
+_UNITS = 'ticks, microseconds, milliseconds, seconds, minutes, hours'
+_FOREIGN = {
+    '&&': 'write &', '||': 'write |', '==': 'write =', '<>': 'write !=',
+    '%': 'the remainder is mod: x mod 3',
+    '.': 'a full stop ends the sentence; each sentence is a requirement of its own',
+    ';': 'a sentence ends without a semicolon, or with a full stop',
+    ':': 'put a name with special characters in quotes',
+    '[': 'an element of an array is an input of its own: field: NAME[INDEX]',
+    '{': 'write an enumeration as (x = A | x = B)',
+}
+# What people write for the words of FRETish.
+_MEANT = {
+    **dict.fromkeys(('should', 'must', 'will', 'can', 'may', 'has', 'does'), 'shall'),
+    **dict.fromkeys(('ensure', 'guarantee', 'be', 'meet', 'fulfil', 'fulfill', 'hold',
+                     'maintain', 'satisfies'), 'satisfy'),
+    **dict.fromkeys(('ms', 'msec', 'msecs'), 'milliseconds'),
+    **dict.fromkeys(('us', 'usec', 'usecs'), 'microseconds'),
+    **dict.fromkeys(('s',), 'seconds'),
+    **dict.fromkeys(('min', 'mins'), 'minutes'),
+    **dict.fromkeys(('h', 'hr', 'hrs'), 'hours'),
+    **dict.fromkeys(('step', 'steps', 'cycle', 'cycles', 'message', 'messages', 'samples',
+                     'timepoints', 'timestep', 'timesteps'), 'ticks'),
+    **dict.fromkeys(('time', 'timestep', 'point', 'instant', 'step', 'moment'), 'timepoint'),
+    **dict.fromkeys(('provided', 'given', 'assuming'), 'if'),
+    **dict.fromkeys(('soon', 'once'), 'upon'),
+    **dict.fromkeys(('globally', 'continuously', 'constantly', 'permanently'), 'always'),
+    **dict.fromkeys(('sometime', 'someday', 'later'), 'eventually'),
+    **dict.fromkeys(('instantly', 'directly', 'now', 'simultaneously'), 'immediately'),
+    **dict.fromkeys(('following', 'subsequent'), 'next'),
+    **dict.fromkeys(('state', 'phase'), 'mode'),
+}
+_SYMBOLS = {'AND': '&', 'OR': '|', 'NEGATION': '!'}
+_NAMED_SYMBOLS = {'implies': '=>', 'iff': '<=>', 'equals': '=', 'plus': '+', 'minus': '-',
+                  'times': '*', 'div': '/'}
+_TEMPORAL = frozenset({'H', 'O', 'Y', 'Z', 'S', 'T', 'SI', 'G', 'F', 'X', 'U'})
+_EXPECTATIONS = (
+    ({'NAME', 'LPAR'}, 'an expression'),
+    ({'DURING'}, 'a scope (in m mode, while p, before p, after p)'),
+    ({'QUALIFIER'}, 'a condition (when p, if p, upon p, whenever p)'),
+    ({'THE', 'SHALL'}, "the component and 'shall'"),
+    ({'THE'}, "'the'"),
+    ({'SHALL'}, "'shall'"),
+    ({'PLAIN'}, 'a timing (always, within 3 ticks, until p, at the next timepoint)'),
+    ({'UNIT', 'SATISFY'}, f'a unit ({_UNITS})'),
+    ({'UNIT'}, f'a unit ({_UNITS})'),
+    ({'SATISFY'}, "'satisfy'"),
+    ({'TIMEPOINT'}, "'timepoint'"),
+    ({'WHICH', 'NEXT', 'PREVIOUS'}, "'first', 'same', 'next', 'last', or 'previous occurrence'"),
+    ({'WHICH', 'NEXT'}, "'first', 'same', 'next' or 'last'"),
+    ({'PREVIOUS'}, "'previous'"),
+    ({'OCCURRENCE'}, "'occurrence'"),
+    ({'OF'}, "'of'"),
+    ({'PROBABILITY'}, "'probability'"),
+    ({'IN'}, "'in'"),
+    ({'MODE', 'NAME'}, 'a mode'),
+    ({'NAME'}, 'a name'),
+    ({'NUMBER'}, 'a number'),
+    ({'RELATION', 'INFIX'}, 'an operator'),
+    ({'RELATION'}, 'a comparison'),
+    ({'THEN'}, "'then'"),
+    ({'RPAR'}, "')'"),
+    ({END}, 'the end'),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """The lexeme at `index` does not fit; `fitting` would, and `earlier` would have before it."""
+
+    text: Text
+    lexemes: Sequence[Lexeme]
+    index: int
+    fitting: frozenset[str]
+    earlier: frozenset[str]
+
+    @property
+    def found(self) -> Lexeme:
+        """The lexeme that does not fit."""
+        return self.lexemes[self.index]
+
+    @property
+    def before(self) -> Lexeme | None:
+        """The lexeme before it."""
+        return self.lexemes[self.index - 1] if self.index else None
+
+    def written(self, lexeme: Lexeme) -> str:
+        """Return a lexeme as the user wrote it."""
+        return as_written(self.text, lexeme)
+
+
+def check_sentence(text: Text, lexemes: Sequence[Lexeme]) -> None:
+    """Refuse what is no sentence at all: nothing, or free text in quotes."""
+    if not lexemes:
+        refuse('the sentence is empty', text.span, 'nothing to read here', _EXAMPLE)
+    if len(lexemes) == 1 and text.value[lexemes[0].start] == '"':
+        refuse('free text has no meaning that could be monitored', text.span, 'in quotes',
+               _EXAMPLE)
+
+
+def refuse_future(phrase: Span) -> NoReturn:
+    """Refuse `at the next occurrence of`."""
+    refuse('a monitor sees only the past', phrase, 'looks into the future',
+           "write at the previous occurrence of p, q; or make p the condition: upon p ... satisfy")
+
+
+def refuse_probability(phrase: Span) -> NoReturn:
+    """Refuse `with probability > 0.9`."""
+    refuse('a probability cannot be monitored', phrase,
+           'one run either satisfies the sentence or violates it',
+           'leave the probability out, and count violations over many runs')
+
+
+def refuse_negative(phrase: Span) -> NoReturn:
+    """Refuse `within -3 ticks`."""
+    refuse('a duration cannot be negative', phrase, 'less than nothing')
+
+
+def refuse_bare(number: str, phrase: Span) -> NoReturn:
+    """Refuse `within 10 satisfy`."""
+    refuse('a duration needs a unit', phrase, 'a number without one',
+           f'write {short(number)} ticks for steps, or one of {_UNITS}')
+
+
+def refuse_lexeme(misfit: Misfit) -> NoReturn:
+    """Say why a lexeme does not fit, and what was probably meant."""
+    _check_known_slips(misfit)
+    _check_brackets(misfit)
+    meant = _meant(misfit)
+    if meant is not None:
+        lexeme, word = meant
+        refuse(f"'{misfit.written(lexeme)}' is no word of FRETish that fits here", lexeme.span,
+               _expectation(misfit.fitting if lexeme is misfit.found else misfit.earlier),
+               f"did you mean '{word}'?")
+    found = misfit.found
+    if found.type == END:
+        refuse('the sentence ends too early', found.span, _expectation(misfit.fitting),
+               _help(misfit))
+    refuse(_title(misfit), found.span, _expectation(misfit.fitting), _help(misfit))
+
+
+def _title(misfit: Misfit) -> str:
+    found = misfit.found
+    shown = misfit.written(found)
+    if _is_word(found) and {'NAME', 'LPAR'} <= misfit.fitting:
+        return f"'{shown}' is a word of FRETish, and no name"
+    return f"'{shown}' does not fit here"
+
+
+def _is_word(lexeme: Lexeme) -> bool:
+    return lexeme.text in WORDS and lexeme.type == WORDS[lexeme.text]
+
+
+# What people often write
+
+def _check_known_slips(misfit: Misfit) -> None:
+    found = misfit.found
+    if found.type == 'FOREIGN':
+        refuse(f"'{found.text}' is not written in FRETish", found.span,
+               _expectation(misfit.fitting), _FOREIGN.get(found.text, ''))
+    if found.type in _SYMBOLS and _in_expression(misfit):
+        refuse(f"'{misfit.written(found)}' joins no expressions in FRETish", found.span,
+               _expectation(misfit.fitting), f'write {_SYMBOLS[found.type]}')
+    if found.type == 'THEN':
+        refuse("'then' does not fit here", found.span, _expectation(misfit.fitting),
+               "leave it out: if p the COMPONENT shall ... satisfy q")
+    if found.type == 'NEGATION':
+        refuse("'not' does not fit here", found.span, _expectation(misfit.fitting),
+               'write except in m mode, or when not in m mode')
+    _check_operators(misfit)
+
+
+def _in_expression(misfit: Misfit) -> bool:
+    return bool({'INFIX', 'NUMBER'} & misfit.fitting) and 'UNIT' not in misfit.fitting
+
+
+def _check_operators(misfit: Misfit) -> None:
+    found, before = misfit.found, misfit.before
+    if found.type == 'RELATION' and before is not None and before.type == 'RELATION':
+        refuse('two comparisons without an operand between', found.span,
+               f"after '{before.text}'", 'the comparisons are < <= = != >= >')
+    for lexeme in (found, before):
+        if lexeme is None or lexeme.type != 'NAME' or 'INFIX' not in misfit.fitting:
+            continue
+        if lexeme.text.lower() in _NAMED_SYMBOLS:
+            refuse(f"'{misfit.written(lexeme)}' is not written in FRETish", lexeme.span,
+                   'not an operator', f'write {_NAMED_SYMBOLS[lexeme.text.lower()]}')
+        if lexeme.text in _TEMPORAL:
+            refuse(f"'{lexeme.text}' is no operator of FRETish", lexeme.span,
+                   'not in this language',
+                   'say it by a timing (always, eventually, within ...) or by persisted and '
+                   'occurred, or use the key ptltl:')
+
+
+def _check_brackets(misfit: Misfit) -> None:
+    found, opened = misfit.found, open_brackets(misfit.lexemes[:misfit.index])
+    if found.type == 'RPAR' and not opened:
+        refuse("')' closes nothing", found.span, 'no bracket is open here')
+    if opened and 'RPAR' in misfit.fitting and (found.type == END or _is_word(found)):
+        refuse("'(' is not closed", opened[-1].span, 'opened here',
+               f"a ')' is missing before '{misfit.written(found)}'"
+               if found.type != END else '')
+
+
+# What was meant
+
+def _meant(misfit: Misfit) -> tuple[Lexeme, str] | None:
+    """Return a lexeme that is a word misspelt, and that word."""
+    found, before = misfit.found, misfit.before
+    if found.type == 'NAME' and (word := _closest(found.text, misfit.fitting)):
+        return found, word
+    if before is not None and before.type == 'NAME' and (
+            word := _closest(before.text, misfit.earlier)):
+        return before, word
+    return None
+
+
+def _closest(name: str, fitting: frozenset[str]) -> str | None:
+    words = [word for word, kind in WORDS.items() if kind in fitting]
+    meant = _MEANT.get(name.lower())
+    if meant in words:
+        return meant
+    if len(name) > 40:
+        return None
+    close = get_close_matches(name.lower(), words, n=1, cutoff=0.7 if len(name) > 3 else 0.8)
+    return close[0] if close else None
+
+
+def _help(misfit: Misfit) -> str:
+    found = misfit.found
+    at = [lexeme for lexeme in misfit.lexemes[max(0, misfit.index - 3):misfit.index]
+          if lexeme.type == 'AT']
+    if at and {'THE', 'TIMEPOINT', 'WHICH'} & misfit.fitting:
+        return f"did you mean 'at the {_point(misfit)} timepoint'?"
+    if _is_word(found) and 'NAME' in misfit.fitting:
+        return f'write "{misfit.written(found)}", in quotes, where it is a name'
+    if 'SHALL' in misfit.fitting and found.type == END:
+        return _EXAMPLE
+    if found.type == 'SATISFY' and 'UNIT' in misfit.fitting:
+        return 'write ticks for steps'
+    return ''
+
+
+def _point(misfit: Misfit) -> str:
+    near = misfit.lexemes[max(0, misfit.index - 3):misfit.index + 2]
+    return next((item.text for item in near if item.type in ('WHICH', 'NEXT')), 'next')
+
+
+def _expectation(fitting: frozenset[str]) -> str:
+    shown = list(_phrases(fitting))
+    if not shown:
+        return 'not expected'
+    return 'expected ' + ' or '.join([', '.join(shown[:-1]), shown[-1]] if shown[1:] else shown)
+
+
+def _phrases(fitting: frozenset[str]) -> Iterator[str]:
+    left = set(fitting)
+    for kinds, phrase in _EXPECTATIONS:
+        if kinds <= left:
+            left -= kinds | ({'NUMBER', 'IF', 'AT'} if 'LPAR' in kinds else set())
+            yield phrase
