@@ -58,6 +58,7 @@ TEST = [
     'flake8-quotes>=3.4,<4',
     'hypothesis>=6.100,<7',
     'mypy>=1.11',
+    'numpy>=1.26',
     'pydocstyle>=6.3,<7',
     'pytest>=7.4',
     'pytest-timeout>=2.2,<3',

@@ -54,6 +54,7 @@ KEYS = {
     'cffi': 'python3-cffi',
     'hypothesis': 'python3-hypothesis',
     'lark': 'python3-lark-parser',
+    'numpy': 'python3-numpy',
     'pytest': 'python3-pytest',
     'yaml': 'python3-yaml',
 }
