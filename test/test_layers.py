@@ -44,6 +44,7 @@ LEVELS = {
     'fret_monitor.native': 5,
     'fret_monitor.runtime': 6,
     'fret_monitor.build': 7,
+    'fret_monitor.importing': 2.5,  # gives texts that the others read
     'fret_monitor.start': 7.5,  # build, or what was built before
     'fret_monitor.ros': 8,
     'fret_monitor.bag': 8,

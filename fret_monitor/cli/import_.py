@@ -1,0 +1,62 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`import FILE... -o BUNDLE`: a bundle of what a team has in FRET or Ogma."""
+
+from argparse import _SubParsersAction
+from argparse import ArgumentParser
+from argparse import Namespace
+from pathlib import Path
+import sys
+
+from fret_monitor.importing import import_bundles
+from fret_monitor.importing import Imported
+from fret_monitor.importing import write_bundles
+
+
+def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
+    """Add the verb to the command line."""
+    parser = verbs.add_parser('import', help='make a bundle of a FRET project or an Ogma set-up')
+    parser.add_argument('files', metavar='FILE', nargs='+', type=Path,
+                        help="FRET's project, component specification or Lustre; Ogma's variable "
+                             'database; a list of names and topics')
+    parser.add_argument('-o', '--output', metavar='BUNDLE', required=True,
+                        help='the bundle to write; a folder for a bundle of each component')
+    parser.add_argument('--component', metavar='NAME', help='which component, if there are several')
+    parser.add_argument('--force', action='store_true', help='write over a bundle that is there')
+    parser.set_defaults(run=run)
+
+
+def run(options: Namespace) -> int:
+    """Import; 0 if there are bundles, however much is left to do."""
+    output = Path(options.output)
+    is_folder = options.output.endswith('/') or output.is_dir()
+    found = import_bundles(options.files, output, options.component, is_folder=is_folder)
+    write_bundles(found, force=options.force)
+    for item in found:
+        _tell(item)
+    return 0
+
+
+def _tell(item: Imported) -> None:
+    for warning in item.warnings:
+        print(warning.render(), file=sys.stderr)
+    if item.draft.todo:
+        print(f'{item.path}: to do by hand ({len(item.draft.todo)}):', file=sys.stderr)
+    for task in item.draft.todo:
+        print('- ' + task.replace('\n', '\n      '), file=sys.stderr)
+    requirements, left = len(item.draft.requirements), len(item.draft.left_out)
+    missing = sum(one.topic is None for one in item.draft.inputs)
+    print(f'{item.path}: {requirements} requirements{f" ({left} left out)" if left else ""}, '
+          f'{len(item.draft.inputs)} inputs{f" ({missing} without a topic)" if missing else ""}')

@@ -1,0 +1,174 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+From files of FRET and Ogma to bundles: the whole way, with nothing written before all is done.
+"""
+
+from collections.abc import Iterator
+from collections.abc import Sequence
+import csv
+from dataclasses import dataclass
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.diagnostics import Diagnostic
+from fret_monitor.diagnostics import Problems
+from fret_monitor.diagnostics import refuse
+from fret_monitor.diagnostics import Source
+from fret_monitor.importing.compare import Difference
+from fret_monitor.importing.compare import differences
+from fret_monitor.importing.component import Component
+from fret_monitor.importing.draft import draft
+from fret_monitor.importing.draft import Draft
+from fret_monitor.importing.emit import emit
+from fret_monitor.importing.files import choose
+from fret_monitor.importing.files import Files
+from fret_monitor.importing.files import read_files
+from fret_monitor.logic.evaluate import Value
+from fret_monitor.syntax.bundle import handler_name
+from fret_monitor.syntax.bundle import parse_bundle
+from fret_monitor.syntax.words import shown
+
+
+@dataclass(frozen=True)
+class Imported:
+    """
+    A bundle that is not yet written: its file, its text, and what goes beside it.
+
+    `traces` are the files that show where wordings differ, with their texts.
+    """
+
+    path: Path
+    text: str
+    draft: Draft
+    traces: tuple[tuple[Path, str], ...]
+    warnings: tuple[Diagnostic, ...]
+
+
+def import_bundles(paths: Sequence[Path], output: Path, component: str | None = None,
+                   *, is_folder: bool = False) -> list[Imported]:
+    """
+    Make the bundle of the files' component, or with `is_folder` one of each, in that folder.
+
+    Raises
+    ------
+    CompileError
+        if a file cannot be read, or no bundle can be made of what is in them.
+    """
+    problems = Problems()
+    files = read_files(paths, problems)
+    chosen = [choose(files.components, component)] if component or not is_folder else list(
+        files.components)
+    targets = _targets(chosen, output) if is_folder else [output]
+    return [_imported(item, target, files, problems if number == 0 else Problems())
+            for number, (item, target) in enumerate(zip(chosen, targets, strict=True))]
+
+
+def _targets(components: Sequence[Component], folder: Path) -> list[Path]:
+    names = [handler_name(item.name).removeprefix('handlerprop') or 'component'
+             for item in components]
+    full = [handler_name(item.full_name).removeprefix('handlerprop') for item in components]
+    return [folder / f'{whole if names.count(name) > 1 else name}.yaml'
+            for name, whole in zip(names, full, strict=True)]
+
+
+def _imported(component: Component, path: Path, files: Files, problems: Problems) -> Imported:
+    found = draft(component, files.connections, problems)
+    different = [item for one in found.comparisons for item in differences(one)]
+    traces = [_trace_file(path, item, number) for number, item in enumerate(different)]
+    for item, trace in zip(different, traces, strict=True):
+        _tell(item, trace, problems)
+    told = tuple(_told(different, traces))
+    whole = replace(found, todo=(*found.todo, *told))
+    text = emit(whole)
+    _read_back(text, whole, path)
+    return Imported(path, text, whole,
+                    tuple((trace, _csv(item, whole)) for item, trace
+                          in zip(different, traces, strict=True)), problems.warnings)
+
+
+def _trace_file(path: Path, item: Difference, number: int) -> Path:
+    name = handler_name(item.id).removeprefix('handlerprop')
+    return path.with_name(f'{path.stem}.{name}.{number + 1}.csv')
+
+
+def _tell(item: Difference, trace: Path, problems: Problems) -> None:
+    words = ('true', 'false') if item.verdict else ('false', 'true')
+    problems.warning(
+        f"'{item.id}': two wordings differ at step {item.step} of the trace {trace.name}", None,
+        '', f'{item.first}: {words[0]}\n{item.other}: {words[1]}\nthe bundle has the first')
+
+
+def _told(different: Sequence[Difference], traces: Sequence[Path]) -> Iterator[str]:
+    for item, trace in zip(different, traces, strict=True):
+        yield (f"'{item.id}': decide which is meant; {item.first} and {item.other} differ on "
+               f'{trace.name}, at step {item.step}')
+
+
+def _csv(item: Difference, whole: Draft) -> str:
+    """Return a trace as `simulate` reads it: a column for each input of the bundle."""
+    text = StringIO()
+    writer = csv.writer(text, lineterminator='\n')
+    signals = [entry.signal for entry in whole.inputs]
+    writer.writerow([signal.name for signal in signals])
+    for step in range(item.step + 1):
+        writer.writerow([_cell(item.trace[signal.name][step]) if signal.name in item.trace else 0
+                         for signal in signals])
+    return text.getvalue()
+
+
+def _cell(value: Value) -> str:
+    return str(int(value)) if isinstance(value, bool) else repr(value)
+
+
+def _read_back(text: str, whole: Draft, path: Path) -> None:
+    """See that our own reader finds in the bundle what was put into it."""
+    bundle = parse_bundle(Source(str(path), text), path.parent)
+    written = [(item.id, item.text, item.title, item.rationale) for item in whole.requirements]
+    read = [(item.id.value, item.text.value, item.title, item.rationale)
+            for item in bundle.requirements]
+    names = [item.name.strip('"') for item in whole.inputs]
+    if read != written or [item.name.value for item in bundle.inputs] != names:
+        raise AssertionError(f'the bundle of {whole.component} does not read as it was written')
+
+
+def write_bundles(found: Sequence[Imported], *, force: bool = False) -> None:
+    """
+    Write bundles and traces; nothing if a bundle is there already, unless `force` is set.
+
+    Raises
+    ------
+    CompileError
+        if one is there, or a file cannot be written.
+    """
+    for item in found:
+        if item.path.exists() and not force:
+            refuse(f'{shown(str(item.path))} is there already', help='--force writes it anew')
+    for item in found:
+        for path, text in (*item.traces, (item.path, item.text)):
+            _write(path, text)
+
+
+def _write(path: Path, text: str) -> None:
+    temporary = path.with_name(f'.{path.name}.part')
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_text(text, encoding='utf-8')
+        temporary.replace(path)
+    except (OSError, ValueError) as error:
+        temporary.unlink(missing_ok=True)
+        raise CompileError([Diagnostic(f'{shown(str(path))} cannot be written: {error}')]) from None

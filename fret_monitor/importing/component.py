@@ -1,0 +1,100 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A component as FRET and Ogma know it, whatever file it came from: variables and requirements.
+
+The readers of files make a `Component`, nothing in it is checked: formulas and types are texts in
+the words of the tool that wrote them. `Wording` is one way in which a property was written down.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from fret_monitor.syntax.bundle import Language
+from fret_monitor.syntax.expression import fret_name
+
+
+class Role(Enum):
+    """What a variable is for its component."""
+
+    INPUT = 'input'  # or an output: a monitor reads both
+    INTERNAL = 'internal variable'
+    MODE = 'mode'
+    FUNCTION = 'function'
+
+
+def bare(name: str) -> str:
+    """Return a name without the quotes that FRET keeps around one with blanks in it."""
+    is_quoted = len(name) > 2 and name[0] == name[-1] == '"'
+    return name[1:-1] if is_quoted else name
+
+
+def key_of(name: str) -> str:
+    """Return what tells names apart: `a.b` and FRET's `a_DOT_b` are one."""
+    return fret_name(bare(name))
+
+
+@dataclass(frozen=True)
+class Wording:
+    """
+    A property or definition as written, in one of `languages` (the first that reads it).
+
+    `label` is where it stands, in the user's words: `fsm.json, FSM-001, ptLTL`.
+    """
+
+    languages: tuple[Language, ...]
+    text: str
+    label: str
+
+
+@dataclass(frozen=True)
+class ComponentVariable:
+    """A variable; `type` as written, '' if it is not; `assignments` give its value, if any."""
+
+    name: str
+    role: Role
+    type: str = ''
+    assignments: tuple[Wording, ...] = ()
+
+
+@dataclass(frozen=True)
+class ComponentRequirement:
+    """A requirement; `variables` and `modes` are the names that FRET found in it."""
+
+    id: str
+    wordings: tuple[Wording, ...]
+    title: str = ''
+    rationale: str = ''
+    modes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Component:
+    """
+    A component; `project` is '' where the file does not say one.
+
+    `files` are the names of the files it was found in, without folders.
+    """
+
+    name: str
+    project: str
+    variables: tuple[ComponentVariable, ...]
+    requirements: tuple[ComponentRequirement, ...]
+    files: tuple[str, ...]
+
+    @property
+    def full_name(self) -> str:
+        """The name with its project, which tells two of one name apart."""
+        return f'{self.project}/{self.name}' if self.project else self.name

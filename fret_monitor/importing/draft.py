@@ -1,0 +1,481 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a bundle of a component will hold: inputs with their topics, definitions, requirements.
+
+A component and the connections go in, a `Draft` comes out. Whatever cannot be used is left out
+with a warning and an entry in the list of what is to be done by hand; the rest is checked by the
+same `specify` that reads a bundle, so that what is written is read. Of the wordings of a
+requirement the first that has a meaning is taken; the others are there to be compared with it.
+"""
+
+from collections.abc import Iterable
+from collections.abc import Iterator
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+from dataclasses import replace
+
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.diagnostics import Diagnostic
+from fret_monitor.diagnostics import Level
+from fret_monitor.diagnostics import Problems
+from fret_monitor.diagnostics import refuse
+from fret_monitor.diagnostics import Source
+from fret_monitor.diagnostics import Text
+from fret_monitor.importing.component import bare
+from fret_monitor.importing.component import Component
+from fret_monitor.importing.component import ComponentRequirement
+from fret_monitor.importing.component import ComponentVariable
+from fret_monitor.importing.component import key_of
+from fret_monitor.importing.component import Role
+from fret_monitor.importing.kinds import Kinds
+from fret_monitor.importing.kinds import message_for
+from fret_monitor.importing.kinds import plain_type
+from fret_monitor.importing.readings import look_at
+from fret_monitor.importing.readings import names_in
+from fret_monitor.importing.readings import read_wording
+from fret_monitor.importing.readings import Reading
+from fret_monitor.importing.readings import uses
+from fret_monitor.importing.topics import Connection
+from fret_monitor.logic.elaborate import specify
+from fret_monitor.logic.signals import input_declaration
+from fret_monitor.logic.specification import Property
+from fret_monitor.logic.specification import Signal
+from fret_monitor.manifest import Policy
+from fret_monitor.manifest import Report
+from fret_monitor.manifest import Severity
+from fret_monitor.manifest import ValueType
+from fret_monitor.syntax.bundle import Bundle
+from fret_monitor.syntax.bundle import ConstantEntry
+from fret_monitor.syntax.bundle import Definition
+from fret_monitor.syntax.bundle import InputEntry
+from fret_monitor.syntax.bundle import Language
+from fret_monitor.syntax.bundle import Requirement
+from fret_monitor.syntax.message import find_message
+from fret_monitor.syntax.words import name_fault
+from fret_monitor.syntax.words import number_fault
+from fret_monitor.syntax.words import quoted_name_fault
+from fret_monitor.syntax.words import shown
+
+
+@dataclass(frozen=True)
+class DraftInput:
+    """An input as it is written: `topic` and `field` None where they are left out."""
+
+    name: str
+    type: str
+    topic: str | None
+    field: str | None
+    signal: Signal
+
+
+@dataclass(frozen=True)
+class DraftDefinition:
+    """A definition as it is written."""
+
+    name: str
+    language: Language
+    text: str
+
+
+@dataclass(frozen=True)
+class DraftRequirement:
+    """A requirement with the wording taken; `title` holds the sentence if that was not."""
+
+    id: str
+    language: Language
+    text: str
+    title: str
+    rationale: str
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The wordings of one requirement that have a meaning, the one taken first."""
+
+    id: str
+    properties: tuple[tuple[str, Property], ...]
+
+
+@dataclass(frozen=True)
+class Draft:
+    """
+    All of a bundle to be.
+
+    `left_out` are requirements with the reason; `todo` is what is to be done by hand, in a line
+    each, in which a line break starts what to paste.
+    """
+
+    component: str
+    files: tuple[str, ...]
+    constants: tuple[tuple[str, str], ...]
+    inputs: tuple[DraftInput, ...]
+    definitions: tuple[DraftDefinition, ...]
+    requirements: tuple[DraftRequirement, ...]
+    left_out: tuple[tuple[ComponentRequirement, str], ...]
+    unused: tuple[str, ...]
+    todo: tuple[str, ...]
+    comparisons: tuple[Comparison, ...]
+
+
+def draft(component: Component, connections: Mapping[str, Connection],
+          problems: Problems) -> Draft:
+    """
+    Decide what the bundle of a component holds; what is odd is told as warnings.
+
+    Raises
+    ------
+    CompileError
+        if there is no requirement that can be monitored.
+    """
+    return _Drafter(component, connections, problems).draft()
+
+
+class _Drafter:
+    """Takes one component apart, and puts the bundle together."""
+
+    def __init__(self, component: Component, connections: Mapping[str, Connection],
+                 problems: Problems) -> None:
+        self._component = component
+        self._connections = connections
+        self._problems = problems
+        self._todo: list[str] = []
+        self._constants: dict[str, tuple[str, str]] = {}
+        self._definitions: dict[str, tuple[str, Reading]] = {}
+        self._inputs: dict[str, ComponentVariable] = {}
+        self._guessed: set[str] = set()
+        self._kinds = Kinds()
+        self._failed: dict[Reading, list[Diagnostic]] = {}
+        self._readings = [[read_wording(item) for item in requirement.wordings]
+                          for requirement in component.requirements]
+
+    def draft(self) -> Draft:
+        self._sort_variables()
+        self._look_at_types()
+        self._declare_the_rest()
+        inputs = {key: self._input(item) for key, item in self._inputs.items()}
+        meanings = self._meanings(inputs)
+        taken = [self._taken(requirement, readings, meanings) for requirement, readings
+                 in zip(self._component.requirements, self._readings, strict=True)]
+        self._refuse_nothing(taken)
+        used = self._used(taken)
+        self._tell_inputs([item for key, item in inputs.items() if key in used])
+        return Draft(
+            component=self._component.name,
+            files=self._component.files,
+            constants=tuple(self._constants.values()),
+            inputs=tuple(item for key, item in inputs.items() if key in used),
+            definitions=tuple(_definition(name, reading)
+                              for name, reading in self._definitions.values()),
+            requirements=tuple(self._written(requirement, readings[0]) for requirement, readings
+                               in zip(self._component.requirements, taken, strict=True)
+                               if readings),
+            left_out=tuple(self._left_out(taken)),
+            unused=tuple(item.name for key, item in inputs.items() if key not in used),
+            todo=tuple(self._todo),
+            comparisons=tuple(self._comparisons(taken)),
+        )
+
+    # Names
+
+    def _sort_variables(self) -> None:
+        """Tell constants, definitions and inputs apart."""
+        for item in self._component.variables:
+            name = written_name(item.name)
+            if item.role is Role.FUNCTION:
+                continue
+            if name is None:
+                fault = name_fault(item.name)
+                self._problems.warning(f"the variable {shown(item.name)} is left out", None,
+                                       fault.reason if fault else '', 'rename it in FRET')
+            elif not self._assigned(item, name):
+                self._inputs[key_of(item.name)] = replace(item, name=name)
+
+    def _assigned(self, item: ComponentVariable, name: str) -> bool:
+        """Take a variable that has a value as a constant or a definition."""
+        readings = [read_wording(wording) for wording in item.assignments]
+        found = next((reading for reading in readings if reading.tree), None)
+        key = key_of(item.name)
+        if found is None:
+            for reading in readings[:1]:
+                self._warn(reading.diagnostics)
+            if readings or item.role is Role.INTERNAL:
+                self._undefined(item, name)
+            return False
+        number = _number(found.wording.text)
+        if number is not None:
+            self._constants[key] = (name, number)
+        else:
+            self._definitions[key] = (name, _in_itself(name, found))
+        return True
+
+    def _undefined(self, item: ComponentVariable, name: str) -> None:
+        why = 'it has no value in FRET' if not item.assignments else 'its value cannot be read'
+        self._todo.append(
+            f"'{name}' is {_article(item.role)}, and {why}: define it, or map it to a topic"
+            f'\ndefinitions:\n  {name}: ...')
+
+    def _look_at_types(self) -> None:
+        for item in self._inputs.values():
+            kind = plain_type(item.type) or plain_type(self._connection(item.name).type)
+            if kind or item.role is Role.MODE:
+                self._kinds.declare(item.name, kind is ValueType.BOOL or item.role is Role.MODE)
+        for key, (_, number) in self._constants.items():
+            self._kinds.declare(key, number in ('true', 'false'))
+        for key, (_, reading) in self._definitions.items():
+            look_at(reading, key, self._kinds)
+        for readings in self._readings:
+            for reading in readings:
+                look_at(reading, '', self._kinds)
+        for requirement in self._component.requirements:
+            for name in requirement.modes:
+                self._kinds.declare(name, True)
+
+    def _declare_the_rest(self) -> None:
+        """Make inputs of the names that are used and that no file declares."""
+        known = {*self._constants, *self._definitions, *self._inputs}
+        readings = [item for items in self._readings for item in items]
+        readings += [item for _, item in self._definitions.values()]
+        for reading in readings:
+            for name in _undeclared(reading, known):
+                known.add(key_of(name))
+                self._guessed.add(key_of(name))
+                self._inputs[key_of(name)] = ComponentVariable(
+                    written_name(name) or name, Role.INPUT)
+
+    def _connection(self, name: str) -> Connection:
+        return self._connections.get(key_of(name)) or Connection(name)
+
+    # Inputs
+
+    def _input(self, item: ComponentVariable) -> DraftInput:
+        """Give an input its topic and type, as far as they are known."""
+        link = self._connection(item.name)
+        kind = self._value_type(item, link)
+        if link.topic is None:
+            return DraftInput(item.name, kind.value, None, None, _signal(item.name, kind))
+        message = link.message_type or message_for(kind)
+        entry = _entry(item.name, message, link.field)
+        problems = Problems()
+        signal, _ = input_declaration(entry, find_message, problems)
+        self._tell_message(item.name, link, problems.errors)
+        return DraftInput(item.name, message, link.topic, link.field,
+                          signal or _signal(item.name, kind))
+
+    def _value_type(self, item: ComponentVariable, link: Connection) -> ValueType:
+        declared = plain_type(item.type) or plain_type(link.type)
+        if declared:
+            return declared
+        is_truth = self._kinds.is_truth(item.name)
+        return ValueType.BOOL if is_truth else ValueType.FLOAT64
+
+    def _tell_message(self, name: str, link: Connection,
+                      errors: Sequence[Diagnostic]) -> None:
+        for error in errors[:1]:
+            help = '\n' + error.help if error.help else ''
+            self._todo.append(f"the input '{name}' on {link.topic}: {error.title}{help}")
+
+    def _tell_inputs(self, inputs: Sequence[DraftInput]) -> None:
+        """List the inputs without a topic, and those whose types are a guess."""
+        for item in inputs:
+            link = self._connection(item.name)
+            why = 'no file declares it; ' if key_of(item.name) in self._guessed else ''
+            if item.topic is None:
+                message = message_for(item.signal.type)
+                self._todo.append(
+                    f"the input '{item.name}' has no topic ({why}{item.type}): "
+                    f"replace its 'type: {item.type}'\n"
+                    f'topic: /...\ntype: {message}')
+            elif link.message_type is None:
+                self._todo.append(
+                    f"the message type of {link.topic} ('{item.name}') is a guess: {item.type}")
+
+    # Meanings
+
+    def _meanings(self, inputs: dict[str, DraftInput]) -> dict[Reading, Property]:
+        """Give all wordings their meaning; what has none is taken out, with what is wrong."""
+        active = {reading: f'{number}' for number, reading in enumerate(
+            item for items in self._readings for item in items if item.tree)}
+        while active:
+            try:
+                specification, _ = specify(self._bundle(active, inputs))
+            except CompileError as error:
+                self._take_out(error, active, inputs)
+            else:
+                properties = {item.id: item for item in specification.properties}
+                return {reading: properties[number] for reading, number in active.items()}
+        return {}
+
+    def _take_out(self, error: CompileError, active: dict[Reading, str],
+                  inputs: dict[str, DraftInput]) -> None:
+        """Take out what has a mistake; a definition that has one becomes an input."""
+        wrong: dict[Source, list[Diagnostic]] = {}
+        for item in error.diagnostics:
+            wrong.setdefault(item.span.source if item.span else Source('', ''), []).append(item)
+        before = len(active) + len(self._definitions)
+        for reading in [item for item in active if item.text.source in wrong]:
+            self._failed.setdefault(reading, wrong[reading.text.source])
+            del active[reading]
+        for key, (name, reading) in list(self._definitions.items()):
+            if reading.text.source in wrong:
+                del self._definitions[key]
+                self._warn(wrong[reading.text.source])
+                variable = next(item for item in self._component.variables
+                                if key_of(item.name) == key)
+                self._undefined(variable, name)
+                inputs[key] = self._input(replace(variable, name=name))
+        if before == len(active) + len(self._definitions):
+            raise error
+
+    def _bundle(self, active: Mapping[Reading, str], inputs: Mapping[str, DraftInput]) -> Bundle:
+        return Bundle(
+            name=self._component.name,
+            sources=(),
+            component=_text(self._component.name) if self._component.name else None,
+            title='',
+            description='',
+            constants=tuple(ConstantEntry(_text(bare(name)), _text(value))
+                            for name, value in self._constants.values()),
+            inputs=tuple(_entry(bare(item.name), item.signal.message_type or
+                                item.signal.type.value, item.field if item.signal.message_type
+                                else None) for item in inputs.values()),
+            definitions=tuple(Definition(_text(bare(name)), reading.language, reading.text)
+                              for name, reading in self._definitions.values()),
+            policy=Policy.EVERY_MESSAGE,
+            period=None,
+            requirements=tuple(
+                Requirement(_text(number), reading.language, reading.text, '', '',
+                            Report.EVERY_STEP, Severity.ERROR)
+                for reading, number in active.items()),
+        )
+
+    # Requirements
+
+    def _taken(self, requirement: ComponentRequirement, readings: Sequence[Reading],
+               meanings: Mapping[Reading, Property]) -> list[tuple[Reading, Property]]:
+        """Return the wordings that have a meaning, and tell of those that have none."""
+        found = [(item, meanings[item]) for item in readings if item in meanings]
+        for item in readings:
+            if item not in meanings:
+                self._warn(item.diagnostics or self._failed.get(item, []))
+        if readings and found and found[0][0] is not readings[0]:
+            self._todo.append(
+                f"'{requirement.id}' is written as {found[0][0].language.value}: its "
+                f'{readings[0].language.value} cannot be used ({self._reason(readings[0])})')
+        return found
+
+    def _reason(self, reading: Reading) -> str:
+        told = reading.diagnostics or self._failed.get(reading, [])
+        return told[0].title if told else 'it is empty'
+
+    def _left_out(self, taken: Sequence[Sequence[tuple[Reading, Property]]]
+                  ) -> Iterator[tuple[ComponentRequirement, str]]:
+        for requirement, readings, found in zip(
+                self._component.requirements, self._readings, taken, strict=True):
+            if not found:
+                reasons = [self._reason(item) for item in readings]
+                yield requirement, reasons[-1] if reasons else 'it has no formula'
+
+    def _refuse_nothing(self, taken: Iterable[Sequence[tuple[Reading, Property]]]) -> None:
+        if any(taken):
+            return
+        told = [item for readings in self._readings for reading in readings
+                for item in reading.diagnostics or self._failed.get(reading, [])]
+        if told:
+            raise CompileError([replace(item, level=Level.ERROR) for item in told])
+        refuse(f"no requirement of '{self._component.name}' has a formula or a sentence")
+
+    def _used(self, taken: Iterable[Sequence[tuple[Reading, Property]]]) -> set[str]:
+        """Return the keys of all names that what is written uses."""
+        readings = [found[0][0] for found in taken if found]
+        readings += [reading for _, reading in self._definitions.values()]
+        return {key for reading in readings for key in uses(reading)}
+
+    def _written(self, requirement: ComponentRequirement,
+                 found: tuple[Reading, Property]) -> DraftRequirement:
+        reading = found[0]
+        sentence = next((item.text for item in requirement.wordings
+                         if item.languages == (Language.FRETISH,)), '')
+        title = requirement.title or (
+            '' if reading.language is Language.FRETISH else sentence)
+        return DraftRequirement(requirement.id, reading.language, reading.wording.text, title,
+                                requirement.rationale)
+
+    def _comparisons(self, taken: Sequence[Sequence[tuple[Reading, Property]]]
+                     ) -> Iterator[Comparison]:
+        for requirement, found in zip(self._component.requirements, taken, strict=True):
+            if len(found) > 1:
+                yield Comparison(requirement.id, tuple(
+                    (reading.wording.label, meaning) for reading, meaning in found))
+
+    def _warn(self, diagnostics: Iterable[Diagnostic]) -> None:
+        self._problems.extend(replace(item, level=Level.WARNING) for item in diagnostics)
+
+
+def written_name(name: str) -> str | None:
+    """Return a name as a bundle has it, in quotes if it must be; None if it cannot be one."""
+    inner = bare(name)
+    if inner == name and name_fault(name) is None:
+        return name
+    return f'"{inner}"' if quoted_name_fault(inner) is None and name_fault(inner) and not (
+        inner.replace('_', '').isalnum()) else None if name_fault(inner) else inner
+
+
+def _undeclared(reading: Reading, known: set[str]) -> Iterator[str]:
+    if reading.tree is not None:
+        yield from (name for name in names_in(reading.tree) if key_of(name) not in known)
+
+
+def _number(text: str) -> str | None:
+    """Return a number, true or false as a bundle has it; None for any other expression."""
+    word = text.strip()
+    while word.startswith('(') and word.endswith(')') and '(' not in word[1:]:
+        word = word[1:-1].strip()
+    if word.lower() in ('true', 'false'):
+        return word.lower()
+    sign, rest = ('-', word[1:].strip()) if word.startswith('-') else ('', word)
+    number = f'{sign}{rest}'
+    mended = number if not rest.endswith('.') else f'{number}0'
+    return mended if number_fault(mended) is None else None
+
+
+def _in_itself(name: str, reading: Reading) -> Reading:
+    """Make an equation of a definition that looks at its own past: it is one with a name."""
+    if key_of(name) not in uses(reading) or reading.language is not Language.COCOSPEC:
+        return reading
+    return read_wording(replace(reading.wording, languages=(Language.COCOSPEC,),
+                                text=f'{name} = {reading.wording.text};'))
+
+
+def _definition(name: str, reading: Reading) -> DraftDefinition:
+    return DraftDefinition(name, reading.language, reading.wording.text)
+
+
+def _article(role: Role) -> str:
+    return f'an {role.value}' if role.value[0] in 'aeiou' else f'a {role.value}'
+
+
+def _text(value: str) -> Text:
+    return Text.whole(Source(value, value))
+
+
+def _entry(name: str, kind: str, field: str | None) -> InputEntry:
+    return InputEntry(_text(name), None, _text(kind), _text(field) if field else None, None,
+                      (), (), None, None)
+
+
+def _signal(name: str, kind: ValueType) -> Signal:
+    return Signal(bare(name), kind, None, None, (), (), None, ())

@@ -1,0 +1,193 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A draft as the YAML of a bundle: written for people, and so that our own reader reads it back.
+
+Every text is written in the plainest form that keeps it: a word as it is, a short text in quotes,
+a long one folded over lines, notes of several lines as they stand, all else in double quotes
+with escapes. What is to be done by hand stands at the end, in comments.
+"""
+
+from collections.abc import Iterator
+import re
+from textwrap import wrap
+
+from fret_monitor.importing.component import ComponentRequirement
+from fret_monitor.importing.draft import Draft
+from fret_monitor.importing.draft import DraftDefinition
+from fret_monitor.importing.draft import DraftInput
+from fret_monitor.importing.draft import DraftRequirement
+from fret_monitor.syntax.bundle import Language
+
+_WIDTH = 96
+_WORD = re.compile(r'[A-Za-z_/~][A-Za-z0-9_./~%-]*')
+_NUMBER = re.compile(r'-?[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?')
+# What other readers of YAML take for a truth value, or for nothing.
+_NOT_WORDS = frozenset({'y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false', 'null', '~'})
+_UNSAFE = re.compile('[^\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd'
+                     '\U00010000-\U0010ffff]')
+
+
+def emit(draft: Draft) -> str:
+    """Return the text of a bundle."""
+    return '\n'.join(_lines(draft)) + '\n'
+
+
+def _lines(draft: Draft) -> Iterator[str]:
+    yield f'# From {", ".join(_comment(name) for name in draft.files)}, by fret-monitor import.'
+    yield 'format: 1'
+    if draft.component:
+        yield f'component: {scalar(draft.component)}'
+    if draft.constants:
+        yield 'constants:'
+        yield from (f'  {scalar(name)}: {value}' for name, value in draft.constants)
+    if draft.inputs:
+        yield 'inputs:'
+        for item in draft.inputs:
+            yield from _input(item)
+    if draft.definitions:
+        yield 'definitions:'
+        for definition in draft.definitions:
+            yield from _definition(definition)
+    yield 'requirements:'
+    for requirement in draft.requirements:
+        yield from _requirement(requirement)
+    yield from _left_out(draft)
+    yield from _todo(draft)
+
+
+def _input(item: DraftInput) -> Iterator[str]:
+    yield f'  {scalar(item.name)}:'
+    if item.topic is not None:
+        yield f'    topic: {scalar(item.topic)}'
+    yield f'    type: {scalar(item.type)}'
+    if item.field is not None:
+        yield f'    field: {scalar(item.field)}'
+
+
+def _definition(item: DraftDefinition) -> Iterator[str]:
+    name = scalar(item.name)
+    if item.language is Language.PTLTL:
+        yield from _entry(f'  {name}: ', item.text)
+    else:
+        yield f'  {name}:'
+        yield from _entry(f'    {item.language.value}: ', item.text)
+
+
+def _requirement(item: DraftRequirement) -> Iterator[str]:
+    yield f'  - id: {scalar(item.id)}'
+    if item.title:
+        yield from _entry('    title: ', item.title)
+    yield from _entry(f'    {item.language.value}: ', item.text, is_text=True)
+    if item.rationale:
+        yield from _entry('    rationale: ', item.rationale)
+
+
+def _entry(key: str, text: str, is_text: bool = False) -> Iterator[str]:
+    """Yield a key with a text, folded or as it stands where it is long."""
+    inner = ' ' * (len(key) - len(key.lstrip()) + 2)
+    if len(key) + len(text) + 2 <= _WIDTH and not _UNSAFE.search(text):
+        yield key + scalar(text, is_text)
+    elif _can_fold(text):
+        yield f'{key}>-'
+        yield from wrap(text, _WIDTH, initial_indent=inner, subsequent_indent=inner,
+                        break_long_words=False, break_on_hyphens=False)
+    elif _can_stand(text):
+        yield f'{key}|-'
+        yield from (inner + line if line else '' for line in text.split('\n'))
+    else:
+        yield key + _escaped(text)
+
+
+def _can_fold(text: str) -> bool:
+    """Whether folding loses nothing: one line, with single blanks between its words."""
+    return not _UNSAFE.search(text) and text == ' '.join(text.split(' ')).strip() and (
+        '  ' not in text and '\xa0' not in text and len(text.split()) == len(text.split(' ')))
+
+
+def _can_stand(text: str) -> bool:
+    """Whether lines can be written as they are."""
+    lines = text.split('\n')
+    return len(lines) > 1 and not any(_UNSAFE.search(line) for line in lines) and not (
+        lines[0].startswith(' ') or not lines[0] or not lines[-1].strip())
+
+
+def scalar(text: str, is_text: bool = False) -> str:
+    """Return a text on one line, quoted where YAML asks for it, or always with `is_text`."""
+    is_plain = _WORD.fullmatch(text) and text.lower() not in _NOT_WORDS and text[0] != '~'
+    if is_plain and not is_text:
+        return text
+    if _UNSAFE.search(text):
+        return _escaped(text)
+    if '"' in text or '\\' in text:
+        return "'" + text.replace("'", "''") + "'"
+    return f'"{text}"'
+
+
+def _escaped(text: str) -> str:
+    """Return a text in double quotes, with escapes for all that is no plain character."""
+    return '"' + ''.join(_escape(char) for char in text) + '"'
+
+
+def _escape(char: str) -> str:
+    if char in '"\\':
+        return '\\' + char
+    if char == '\n':
+        return '\\n'
+    if not _UNSAFE.search(char):
+        return char
+    code = ord(char)
+    return f'\\x{code:02x}' if code < 256 else f'\\u{code:04x}' if code < 65536 else (
+        f'\\U{code:08x}')
+
+
+# Comments
+
+def _comment(text: str) -> str:
+    """Return a text for a comment: one line, without what is no character of YAML."""
+    return _UNSAFE.sub(' ', ' '.join(text.split()))
+
+
+def _left_out(draft: Draft) -> Iterator[str]:
+    for item, reason in draft.left_out:
+        yield from _commented(f'left out: {item.id} ({reason})', '  ')
+        yield from _wordings(item)
+
+
+def _wordings(item: ComponentRequirement) -> Iterator[str]:
+    for wording in item.wordings:
+        yield from _commented(f'{wording.languages[0].value}: {wording.text}', '      ')
+
+
+def _commented(text: str, indent: str) -> Iterator[str]:
+    yield from wrap(_comment(text), _WIDTH, initial_indent=f'  #{indent}',
+                    subsequent_indent=f'  #{indent}  ', break_long_words=False,
+                    break_on_hyphens=False)
+
+
+def _todo(draft: Draft) -> Iterator[str]:
+    if draft.unused:
+        yield ''
+        yield from wrap('No requirement reads: ' + _comment(', '.join(draft.unused)), _WIDTH,
+                        initial_indent='# ', subsequent_indent='#   ', break_long_words=False,
+                        break_on_hyphens=False)
+    if draft.todo:
+        yield ''
+        yield f'# TO DO ({len(draft.todo)}):'
+    for item in draft.todo:
+        first, *lines = item.split('\n')
+        yield from wrap(_comment(first), _WIDTH, initial_indent='# - ', subsequent_indent='#   ',
+                        break_long_words=False, break_on_hyphens=False)
+        yield from (f'#       {_UNSAFE.sub(" ", line)}' for line in lines)

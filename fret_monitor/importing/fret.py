@@ -1,0 +1,222 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What FRET exports as JSON, and what Ogma reads: projects and component specifications.
+
+A project is a list of requirements (old) or has `requirements` and `variables`; it holds all
+components of one project or more. A component specification is an object with the component's
+name and, in it, internal variables, other variables and requirements; Ogma's users write such
+files with other keys as well, which its JSON formats describe.
+"""
+
+from collections.abc import Iterator
+import re
+
+from fret_monitor.diagnostics import Problems
+from fret_monitor.diagnostics import refuse
+from fret_monitor.diagnostics import Source
+from fret_monitor.diagnostics import Span
+from fret_monitor.importing.component import Component
+from fret_monitor.importing.component import ComponentRequirement
+from fret_monitor.importing.component import ComponentVariable
+from fret_monitor.importing.component import Role
+from fret_monitor.importing.component import Wording
+from fret_monitor.importing.json_text import items
+from fret_monitor.importing.json_text import mapping
+from fret_monitor.importing.json_text import names
+from fret_monitor.importing.json_text import text
+from fret_monitor.syntax.bundle import Language
+
+_TAG = re.compile(r'</?(?:b|i|em|strong|br)\s*/?>', re.IGNORECASE)
+_ROLES = {'internal': Role.INTERNAL, 'mode': Role.MODE, 'function': Role.FUNCTION}
+_EITHER = (Language.PTLTL, Language.COCOSPEC)
+_INTERNAL = ('Internal_variables', 'internal_variables')
+_OTHER = ('Other_variables', 'external_variables', 'Input_variables', 'Output_variables')
+_REQUIREMENTS = ('Requirements', 'properties', 'requirements')
+_FUNCTIONS = ('Functions', 'functions')
+_RESULTS = ('result_type', 'result_formula')
+
+
+def plain(formula: str) -> str:
+    """Return a formula on one line, without the HTML that old versions of FRET put into it."""
+    # Not html.unescape: it takes `&not` for a sign, with no semicolon behind it.
+    cleaned = _TAG.sub('', formula)
+    for entity, char in (('&lt;', '<'), ('&gt;', '>'), ('&amp;', '&')):
+        cleaned = cleaned.replace(entity, char)
+    return ' '.join(cleaned.split())
+
+
+def is_project(value: object) -> bool:
+    """Whether a JSON value is a project as FRET exports it."""
+    found = items(mapping(value).get('requirements') if isinstance(value, dict) else value)
+    return any('reqid' in item or 'fulltext' in item for item in found)
+
+
+def is_specification(value: object) -> bool:
+    """Whether a JSON value is a component specification."""
+    return any(_specifications(value, ''))
+
+
+def read_project(value: object, source: Source, file: str) -> list[Component]:
+    """
+    Return the components of a project, in the order of their first requirements.
+
+    Raises
+    ------
+    CompileError
+        if a requirement has no id.
+    """
+    content = mapping(value)
+    requirements = items(content.get('requirements')) if content else items(value)
+    found: dict[tuple[str, str], list[dict[str, object]]] = {}
+    for item in requirements:
+        found.setdefault(_owner(item), []).append(item)
+    variables: dict[tuple[str, str], list[ComponentVariable]] = {}
+    for item in items(content.get('variables')):
+        if item.get('modeldoc') is not True and text(item, 'variable_name'):
+            key = (text(item, 'project'), text(item, 'component_name'))
+            variables.setdefault(key, []).append(_variable(item, file))
+    return [
+        Component(name, project, tuple(variables.get((project, name), ())),
+                  tuple(_requirement(item, source, file) for item in owned), (file,))
+        for (project, name), owned in found.items()
+    ]
+
+
+def _owner(item: dict[str, object]) -> tuple[str, str]:
+    semantics = mapping(item.get('semantics'))
+    name = plain(text(semantics, 'component_name', 'component'))
+    return text(item, 'project'), name or _component_in(text(item, 'fulltext'))
+
+
+def _component_in(sentence: str) -> str:
+    """Return the word before 'shall': a requirement without semantics names its component so."""
+    match = re.search(r'(\w+)\s+shall\b', sentence)
+    return match[1] if match else ''
+
+
+def _variable(item: dict[str, object], file: str) -> ComponentVariable:
+    name = text(item, 'variable_name')
+    role = _ROLES.get(text(item, 'idType').lower(), Role.INPUT)
+    return ComponentVariable(name, role, text(item, 'dataType'), tuple(_assignments(
+        item, f'{file}, {name}', ('modeRequirement', 'assignment'), ('smvAssignment',),
+        ('copilotAssignment',))))
+
+
+def _assignments(item: dict[str, object], label: str, lustre: tuple[str, ...],
+                 smv: tuple[str, ...], either: tuple[str, ...]) -> Iterator[Wording]:
+    for languages, keys in (((Language.COCOSPEC,), lustre), ((Language.PTLTL,), smv),
+                            (_EITHER, either)):
+        found = text(item, *keys)
+        if found:
+            yield Wording(languages, found.rstrip(';').rstrip(), f'{label}, assignment')
+
+
+def _requirement(item: dict[str, object], source: Source, file: str) -> ComponentRequirement:
+    name = text(item, 'reqid', '_id')
+    if not name:
+        refuse('a requirement has no id', Span(source, 0, 1), "every one has a 'reqid' in FRET")
+    semantics = mapping(item.get('semantics'))
+    wordings = _wordings(f'{file}, {name}', text(item, 'fulltext'),
+                         text(semantics, 'ptExpanded', 'pt'), text(semantics, 'CoCoSpecCode'))
+    notes = [text(item, 'rationale'), text(item, 'comments')]
+    rationale = '\n'.join(dict.fromkeys(note for note in notes if note))
+    modes = names(mapping(semantics.get('variables')).get('modes'))
+    return ComponentRequirement(name, tuple(wordings), '', rationale, tuple(modes))
+
+
+def _wordings(label: str, sentence: str, ptltl: str, cocospec: str) -> Iterator[Wording]:
+    if sentence:
+        yield Wording((Language.FRETISH,), ' '.join(sentence.split()), f'{label}, sentence')
+    if ptltl:
+        yield Wording((Language.PTLTL,), plain(ptltl), f'{label}, ptLTL')
+    if cocospec:
+        yield Wording((Language.COCOSPEC,), plain(cocospec), f'{label}, CoCoSpec')
+
+
+# Component specifications.
+
+def _specifications(value: object, stem: str) -> Iterator[tuple[str, dict[str, object]]]:
+    """Yield names and contents: under their names, or one alone that has none."""
+    content = mapping(value)
+    if any(isinstance(content.get(key), list) for key in _REQUIREMENTS + _OTHER):
+        yield stem, content
+        return
+    for name, inner in content.items():
+        inside = mapping(inner)
+        if any(isinstance(inside.get(key), list) for key in _REQUIREMENTS):
+            yield name, inside
+
+
+def read_specification(value: object, file: str, stem: str,
+                       problems: Problems) -> list[Component]:
+    """Return the components that are specified; what of them has no place here is told."""
+    return [_component(name, content, file, problems)
+            for name, content in _specifications(value, stem)]
+
+
+def _component(name: str, content: dict[str, object], file: str,
+               problems: Problems) -> Component:
+    requirements = tuple(_specified(item, file, number, problems)
+                         for number, item in enumerate(_all(content, _REQUIREMENTS), 1))
+    variables = [_internal(item, file) for item in _all(content, _INTERNAL)]
+    variables += [ComponentVariable(text(item, 'name', 'id'), Role.INPUT, text(item, 'type'))
+                  for item in _all(content, _OTHER)]
+    variables += [ComponentVariable(text(item, 'name', 'id'), Role.FUNCTION)
+                  for item in _all(content, _FUNCTIONS)]
+    return Component(component_name(name, requirements), '',
+                     tuple(item for item in variables if item.name), requirements, (file,))
+
+
+def _all(content: dict[str, object], keys: tuple[str, ...]) -> list[dict[str, object]]:
+    return [item for key in keys for item in items(content.get(key))]
+
+
+def component_name(name: str, requirements: tuple[ComponentRequirement, ...]) -> str:
+    """Return a component's name without the 'Spec' that FRET adds, unless sentences have it."""
+    sentences = (item.text for requirement in requirements for item in requirement.wordings
+                 if item.languages == (Language.FRETISH,))
+    if not name.endswith('Spec') or any(re.search(rf'\b{re.escape(name)}\b', sentence)
+                                        for sentence in sentences):
+        return name
+    return name.removesuffix('Spec') or name
+
+
+def _internal(item: dict[str, object], file: str) -> ComponentVariable:
+    name = text(item, 'name', 'id')
+    return ComponentVariable(name, Role.INTERNAL, text(item, 'type'), tuple(_assignments(
+        item, f'{file}, {name}', ('assignmentLustre',), ('assignmentSMV',),
+        ('assignmentCopilot', 'meaning', 'expression'))))
+
+
+def _specified(item: dict[str, object], file: str, number: int,
+               problems: Problems) -> ComponentRequirement:
+    name = text(item, 'name', 'id', 'reqid') or f'R{number}'
+    label = f'{file}, {name}'
+    dropped = [key for key in _RESULTS if item.get(key)]
+    if dropped:
+        problems.warning(
+            f"{label}: {' and '.join(map(repr, dropped))} left out", None, '',
+            'a handler is an empty message: what it announces is in copilot/violations')
+    wordings = list(_wordings(label, text(item, 'fretish'), text(item, 'ptLTL', 'ptExpanded'),
+                              text(item, 'CoCoSpecCode')))
+    formula = text(item, 'formula', 'expression')
+    if formula:
+        wordings.append(Wording(_EITHER, plain(formula), f'{label}, formula'))
+    if text(item, 'PCTL'):
+        problems.warning(f'{label}: its probability is left out', None, '',
+                         'a monitor sees one run, and one run has no probability')
+    return ComponentRequirement(name, tuple(wordings), text(item, 'text', 'description'),
+                                text(item, 'rationale'))

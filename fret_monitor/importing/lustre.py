@@ -1,0 +1,269 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Lustre files as FRET writes them: contracts, with local variables, guarantees and modes.
+
+A contract stands in a comment of its own (`(*@contract NAME (...) returns (...); let ... tel *)`)
+or, as Kind 2 has it, as `contract NAME ...`. Each guarantee and each assumption is a requirement;
+FRET's sentence stands in the comment before it. What a mode ensures is required while it holds.
+The nodes of FRET's library around it (H, O, S ...) are known to `cocospec` and are passed over.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from dataclasses import field
+from itertools import pairwise
+import re
+from typing import NoReturn
+
+from fret_monitor.diagnostics import Problems
+from fret_monitor.diagnostics import refuse
+from fret_monitor.diagnostics import Source
+from fret_monitor.diagnostics import Span
+from fret_monitor.importing.component import Component
+from fret_monitor.importing.component import ComponentRequirement
+from fret_monitor.importing.component import ComponentVariable
+from fret_monitor.importing.component import Role
+from fret_monitor.importing.component import Wording
+from fret_monitor.importing.fret import component_name
+from fret_monitor.syntax.bundle import Language
+
+_TOKEN = re.compile(
+    r'(?P<BLANK>\s+)|(?P<OPEN>\(\*@contract\b)|(?P<LINE>--[^\n]*)'
+    r'|(?P<COMMENT>\(\*.*?\*\)|/\*.*?\*/)|(?P<CLOSE>\*\))|(?P<STRING>"[^"\n]*")'
+    r'|(?P<NAME>[A-Za-z_$][A-Za-z0-9_$]*)|(?P<SIGN>.)', re.DOTALL)
+_CONTRACT = re.compile(r'\(\*@contract\b|^\s*contract\s+\w+\s*\(', re.MULTILINE)
+_SENTENCE = re.compile(r'\(\*\s*Req text:(.*)\*\)', re.DOTALL)
+_PROPERTIES = ('guarantee', 'assume')
+
+
+def is_lustre(text: str) -> bool:
+    """Whether a text has a contract in it, or a node at least."""
+    return _CONTRACT.search(text) is not None or re.search(
+        r'^\s*node\s+\w+\s*\(.*?\)\s*returns\b', text, re.MULTILINE | re.DOTALL) is not None
+
+
+@dataclass(frozen=True)
+class _Token:
+    kind: str
+    text: str
+    start: int
+    end: int
+
+
+@dataclass
+class _Contract:
+    """What has been read of a contract so far."""
+
+    name: str
+    label: str
+    variables: list[ComponentVariable] = field(default_factory=list)
+    requirements: list[ComponentRequirement] = field(default_factory=list)
+
+
+def read_lustre(source: Source, file: str, problems: Problems) -> list[Component]:
+    """
+    Return a component for each contract of a file.
+
+    Raises
+    ------
+    CompileError
+        if there is no contract, or one cannot be read.
+    """
+    reader = _Reader(source, file, problems)
+    found = list(reader.contracts())
+    if not found:
+        refuse(f"'{file}' has no contract", Span(source, 0, 1), 'nodes, but no requirement',
+               'FRET writes one: (*@contract NAME (...) returns (...); let ... guarantee ... tel *)')
+    return [Component(component_name(item.name, tuple(item.requirements)), '',
+                      tuple(item.variables), tuple(item.requirements), (file,))
+            for item in found]
+
+
+class _Reader:
+    """Reads the contracts of one file, a token at a time."""
+
+    def __init__(self, source: Source, file: str, problems: Problems) -> None:
+        self._source = source
+        self._file = file
+        self._problems = problems
+        self._tokens = [_Token(str(match.lastgroup), match[0], match.start(), match.end())
+                        for match in _TOKEN.finditer(source.text)
+                        if match.lastgroup not in ('BLANK', 'LINE')]
+        self._next = 0
+        self._comment = ''
+
+    def contracts(self) -> Iterator[_Contract]:
+        """Yield all contracts; what stands between them is passed over."""
+        while self._next < len(self._tokens):
+            token = self._tokens[self._next]
+            self._next += 1
+            if token.kind == 'OPEN' or token.kind == 'NAME' and token.text == 'contract':
+                yield self._contract(token)
+
+    # Tokens
+
+    def _peek(self) -> _Token:
+        while self._next < len(self._tokens):
+            token = self._tokens[self._next]
+            if token.kind != 'COMMENT':
+                return token
+            self._comment = token.text
+            self._next += 1
+        end = len(self._source.text)
+        return _Token('END', '', end, end)
+
+    def _take(self) -> _Token:
+        token = self._peek()
+        self._next += 1
+        return token
+
+    def _expect(self, *texts: str) -> _Token:
+        token = self._take()
+        if token.text not in texts:
+            self._refuse(token, f'{" or ".join(map(repr, texts))} was expected')
+        return token
+
+    def _name(self, what: str) -> str:
+        token = self._take()
+        if token.kind != 'NAME':
+            self._refuse(token, f'{what} was expected')
+        return token.text
+
+    def _refuse(self, token: _Token, label: str) -> NoReturn:
+        place = min(token.start, max(len(self._source.text) - 1, 0))
+        refuse('this contract cannot be read', Span(self._source, place, max(token.end, place + 1)),
+               label)
+
+    # Contracts
+
+    def _contract(self, opening: _Token) -> _Contract:
+        if self._peek().text in (*_PROPERTIES, 'var', 'const', 'mode', 'import', 'weakly'):
+            refuse('a contract inside a node is not read',
+                   Span(self._source, opening.start, opening.end), 'it has no name',
+                   'write it as FRET does: contract NAME (inputs) returns (outputs); let ... tel')
+        name = self._name("the contract's name")
+        contract = _Contract(name, f'{self._file}, {name}')
+        contract.variables += self._declarations()
+        self._expect('returns')
+        contract.variables += self._declarations()
+        while self._peek().text == ';':
+            self._take()
+        self._expect('let')
+        while self._peek().text != 'tel':
+            self._item(contract)
+        self._take()
+        return contract
+
+    def _declarations(self) -> Iterator[ComponentVariable]:
+        """Read `(a, b: real; c: bool;)`."""
+        self._expect('(')
+        while self._peek().text != ')':
+            found = [self._name('a variable')]
+            while self._expect(',', ':').text == ',':
+                found.append(self._name('a variable'))
+            kind = self._name('a type')
+            yield from (ComponentVariable(name, Role.INPUT, kind) for name in found)
+            if self._peek().text != ')':
+                self._expect(';')
+        self._take()
+
+    def _item(self, contract: _Contract) -> None:
+        token = self._take()
+        match token.text:
+            case 'var' | 'const':
+                self._local(contract)
+            case 'guarantee' | 'assume':
+                self._property(contract, self._comment)
+            case 'weakly':
+                self._item(contract)
+            case 'mode':
+                self._mode(contract)
+            case ';':
+                pass
+            case 'import':
+                self._problems.warning(
+                    f"'{self._file}': what it imports is not read",
+                    Span(self._source, token.start, token.end), '', 'name that file as well')
+                self._expression()
+            case _:
+                self._refuse(token, "'var', 'guarantee', 'assume', 'mode' or 'tel' was expected")
+        self._comment = ''
+
+    def _local(self, contract: _Contract) -> None:
+        """Read `x: real = 2.0;` (a constant may have no type)."""
+        name = self._name('a variable')
+        kind = ''
+        if self._expect(':', '=').text == ':':
+            kind = self._name('a type')
+            self._expect('=')
+        wording = Wording((Language.COCOSPEC,), self._expression(), f'{self._file}, {name}')
+        contract.variables.append(ComponentVariable(name, Role.INTERNAL, kind, (wording,)))
+
+    def _property(self, contract: _Contract, comment: str) -> None:
+        """Read `"FSM-001" expression;`, with FRET's sentence from the comment before it."""
+        name = self._id(f'{contract.name}_{len(contract.requirements) + 1}')
+        label = f'{self._file}, {name}'
+        wordings = [Wording((Language.COCOSPEC,), self._expression(), label)]
+        sentence = _SENTENCE.fullmatch(comment)
+        if sentence and sentence[1].strip():
+            written = ' '.join(sentence[1].split())
+            wordings.insert(0, Wording((Language.FRETISH,), written, f'{label}, sentence'))
+        contract.requirements.append(ComponentRequirement(name, tuple(wordings)))
+
+    def _id(self, default: str) -> str:
+        return self._take().text[1:-1] if self._peek().kind == 'STRING' else default
+
+    def _mode(self, contract: _Contract) -> None:
+        """Read `name (require p; ensure q; );`: ensured is q while p."""
+        name = self._name("the mode's name")
+        self._expect('(')
+        requires: list[str] = []
+        while self._peek().text != ')':
+            kind = self._expect('require', 'ensure').text
+            given = self._id('')
+            if kind == 'require':
+                requires.append(self._expression())
+            else:
+                self._ensured(contract, given or f'{name}_{len(contract.requirements) + 1}',
+                              requires, self._expression())
+        self._take()
+        if self._peek().text == ';':
+            self._take()
+
+    def _ensured(self, contract: _Contract, name: str, requires: list[str],
+                 ensured: str) -> None:
+        mode = ' and '.join(f'({item})' for item in requires) or 'true'
+        wording = Wording((Language.COCOSPEC,), f'H(({mode}) => ({ensured}))',
+                          f'{self._file}, {name}')
+        contract.requirements.append(ComponentRequirement(name, (wording,)))
+
+    def _expression(self) -> str:
+        """Take all up to the next ';', and that."""
+        parts: list[_Token] = []
+        while (token := self._take()).text != ';':
+            if token.kind in ('END', 'CLOSE') or token.text in ('tel', 'guarantee'):
+                self._refuse(token, "';' is missing before this")
+            parts.append(token)
+        if not parts:
+            self._refuse(token, 'there is no expression')
+        return self._joined(parts)
+
+    def _joined(self, parts: list[_Token]) -> str:
+        """Return what stands in the file, without comments and on one line."""
+        text = parts[0].text
+        for before, part in pairwise(parts):
+            text += ('' if before.end == part.start else ' ') + part.text
+        return text

@@ -1,0 +1,103 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Formulas as our own parsers read them: the tree of each wording, and the names in it.
+
+FRET's sentence comes first among the wordings of a requirement, then its past-time MTL, then its
+CoCoSpec. A wording that cannot be read keeps the diagnostics, to be told as warnings: another
+wording may do.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.diagnostics import Diagnostic
+from fret_monitor.diagnostics import Source
+from fret_monitor.diagnostics import Text
+from fret_monitor.importing.component import key_of
+from fret_monitor.importing.component import Wording
+from fret_monitor.importing.kinds import Kinds
+from fret_monitor.logic.languages import read_formula
+from fret_monitor.syntax.bundle import Language
+from fret_monitor.syntax.expression import Equations
+from fret_monitor.syntax.expression import Expression
+from fret_monitor.syntax.expression import Name
+from fret_monitor.syntax.expression import postorder
+from fret_monitor.syntax.sentence import Sentence
+
+Tree: TypeAlias = Expression | Equations | Sentence
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A wording in the language that reads it; `tree` is None where none does."""
+
+    wording: Wording
+    language: Language
+    text: Text
+    tree: Tree | None
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+def read_wording(wording: Wording) -> Reading:
+    """Read a wording in the first of its languages that takes it."""
+    text = Text.whole(Source(wording.label, wording.text))
+    failed: list[Reading] = []
+    for language in wording.languages:
+        try:
+            return Reading(wording, language, text, read_formula(language, text))
+        except CompileError as error:
+            failed.append(Reading(wording, language, text, None, error.diagnostics))
+    return failed[0]
+
+
+def expressions(tree: Tree) -> Iterator[tuple[Expression, str]]:
+    """Yield the expressions of a tree, each with its name ('' for one that is true or false)."""
+    match tree:
+        case Equations():
+            yield from ((item.expression, item.name) for item in tree.equations)
+        case Sentence():
+            parts = (tree.scope and tree.scope.mode, tree.condition and tree.condition.expression,
+                     tree.timing and tree.timing.stop, tree.response)
+            yield from ((part, '') for part in parts if part)
+        case _:
+            yield tree, ''
+
+
+def names_in(tree: Tree) -> Iterator[str]:
+    """Yield the names that a tree uses and does not define itself, but for FTP."""
+    own = {item.name for item in tree.equations} if isinstance(tree, Equations) else set()
+    for expression, _ in expressions(tree):
+        for node in postorder(expression):
+            if isinstance(node, Name) and node.text not in own and node.text != 'FTP':
+                yield node.text
+
+
+def look_at(reading: Reading, name: str, kinds: Kinds) -> None:
+    """Add what a reading shows of types; `name` is what it defines, '' for a property."""
+    if reading.tree is None or isinstance(reading.tree, Equations):
+        return
+    for expression, _ in expressions(reading.tree):
+        if name:
+            kinds.definition(name, expression)
+        else:
+            kinds.property(expression)
+
+
+def uses(reading: Reading) -> set[str]:
+    """Return the keys of the names that a reading uses."""
+    return {key_of(name) for name in names_in(reading.tree)} if reading.tree else set()

@@ -1,0 +1,141 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where inputs come from: Ogma's variable databases, and lists of names and topics.
+
+Both give a `Connection` for a name. A database says for each input the topic, for each topic its
+message type, and for some the field; a list has a line an input: name, topic and, if they are
+known, message type and field.
+"""
+
+from dataclasses import dataclass
+import re
+
+from fret_monitor.diagnostics import Problems
+from fret_monitor.diagnostics import Source
+from fret_monitor.diagnostics import Span
+from fret_monitor.importing.json_text import items
+from fret_monitor.importing.json_text import mapping
+from fret_monitor.importing.json_text import text
+from fret_monitor.syntax.words import Fault
+from fret_monitor.syntax.words import topic_fault
+from fret_monitor.syntax.words import type_fault
+
+_ROS = ('ros/message', 'ros', 'ros2', 'ros2/message')
+_LINE = re.compile(r'[^\s,;]+')
+_NAME = re.compile(r'[A-Za-z_"]')
+_COMMENT = re.compile(r'(?:^|\s)(?:#|--|//).*')
+_MOST_COLUMNS = 4
+
+
+@dataclass(frozen=True)
+class Connection:
+    """
+    What feeds an input; None where it is not known.
+
+    `type` is what the database says of the input itself, in C's words; `message_type` the ROS
+    type of the topic.
+    """
+
+    name: str
+    topic: str | None = None
+    message_type: str | None = None
+    field: str | None = None
+    type: str = ''
+
+
+def is_database(value: object) -> bool:
+    """Whether a JSON value is a variable database of Ogma."""
+    content = mapping(value)
+    return isinstance(content.get('inputs'), list) and any(
+        isinstance(content.get(key), list) for key in ('topics', 'types'))
+
+
+def read_database(value: object, file: str, problems: Problems) -> list[Connection]:
+    """Return the connections of a database; those that are none of ROS have no topic."""
+    content = mapping(value)
+    topics = {text(item, 'topic'): _message_type(text(item, 'type'))
+              for item in items(content.get('topics')) if text(item, 'scope') in _ROS}
+    fields = {_message_type(text(item, 'fromType')): text(item, 'fromField')
+              for item in items(content.get('types')) if text(item, 'fromScope') in _ROS}
+    return [_connection(item, topics, fields, file, problems)
+            for item in items(content.get('inputs')) if text(item, 'name')]
+
+
+def _connection(item: dict[str, object], topics: dict[str, str], fields: dict[str, str],
+                file: str, problems: Problems) -> Connection:
+    name = text(item, 'name')
+    links = items(item.get('connections'))
+    link = next((one for one in links if text(one, 'scope') in _ROS), None)
+    if link is None:
+        if links:
+            problems.warning(f"{file}: the connection of '{name}' is none of ROS", None, '',
+                             f"its scope is '{text(links[0], 'scope')}', not 'ros/message'")
+        return Connection(name, type=text(item, 'type'))
+    topic = text(link, 'topic')
+    kind = topics.get(topic, '')
+    field = text(link, 'field') or fields.get(kind, '')
+    found = Connection(name, topic or None, kind or None, field or None, text(item, 'type'))
+    return _usable(found, file, problems, None)
+
+
+def _usable(found: Connection, file: str, problems: Problems, place: Span | None) -> Connection:
+    """Leave out the topic and type that ROS would refuse, and tell them."""
+    kind_fault = type_fault(found.message_type) if found.message_type else None
+    for fault in (topic_fault(found.topic) if found.topic else None, kind_fault):
+        if fault:
+            _tell(fault, found.name, file, problems, place)
+    return Connection(
+        found.name,
+        None if found.topic and topic_fault(found.topic) else found.topic,
+        None if kind_fault or found.message_type and '/' not in found.message_type
+        else found.message_type,
+        found.field, found.type)
+
+
+def _tell(fault: Fault, name: str, file: str, problems: Problems, place: Span | None) -> None:
+    problems.warning(f"{file}: '{name}' cannot be mapped like this: {fault.reason}", place, '',
+                     fault.help)
+
+
+def _message_type(name: str) -> str:
+    """Return `pkg/msg/Name` for C++'s `pkg::msg::Name`."""
+    return re.sub(r'::|\.', '/', name.strip().removeprefix('::'))
+
+
+def is_list(content: str) -> bool:
+    """Whether a text has a name, and at most three words more, in each of its lines."""
+    lines = [_LINE.findall(line) for line in _lines(content) if line.strip()]
+    return any(lines) and all(
+        len(words) <= _MOST_COLUMNS and _NAME.match(words[0]) for words in lines if words)
+
+
+def _lines(content: str) -> list[str]:
+    return [_COMMENT.sub('', line) for line in content.split('\n')]
+
+
+def read_list(source: Source, file: str, problems: Problems) -> list[Connection]:
+    """Return the connections of a list: `name topic [message type [field]]` in each line."""
+    found: list[Connection] = []
+    start = 0
+    for line, whole in zip(_lines(source.text), source.text.split('\n'), strict=True):
+        words = _LINE.findall(line)
+        if words:
+            name, topic, kind, field = (words + [''] * _MOST_COLUMNS)[:_MOST_COLUMNS]
+            item = Connection(name, topic or None, _message_type(kind) or None, field or None)
+            place = Span(source, start, start + max(len(whole.rstrip()), 1))
+            found.append(_usable(item, file, problems, place))
+        start += len(whole) + 1
+    return found
