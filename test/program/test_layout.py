@@ -1,0 +1,247 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Where state lies: as narrow as its bounds allow, known before the run, and what C makes of it."""
+
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+import time
+
+from differential.compiled import c_module
+from differential.compiled import compile_c
+from differential.compiled import CSRC
+from differential.compiled import gcc
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.logic.formula import Binary
+from fret_monitor.logic.formula import BinaryOperator
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import Historically
+from fret_monitor.logic.formula import Once
+from fret_monitor.logic.formula import postorder
+from fret_monitor.logic.formula import Since
+from fret_monitor.logic.formula import Unary
+from fret_monitor.logic.formula import UnaryOperator
+from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.formula import Window
+from fret_monitor.logic.formula import Yesterday
+from fret_monitor.logic.specification import Specification
+from fret_monitor.manifest import ValueType
+from fret_monitor.program.layout import MAX_STATE_BYTES
+from fret_monitor.program.layout import state_bytes
+from program.written import generate
+from program.written import layouts_of
+from program.written import specified
+from program.written import state
+import pytest
+from strategies import property_of
+from strategies import random_inputs
+from strategies import random_property
+from strategies import specification_of
+
+P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)
+
+
+def size(*formulas: str) -> int:
+    """Return the bytes of state that formulas need."""
+    return state_bytes(layouts_of(specified(*formulas)))
+
+
+@pytest.mark.parametrize(('formula', 'fields'), [
+    # Counters hold bound + 1.
+    ('O[0,1] p', 'counter uint8'), ('O[0,254] p', 'counter uint8'), ('O[0,255] p', 'counter uint16'),
+    ('O[0,65534] p', 'counter uint16'), ('O[0,65535] p', 'counter uint32'),
+    ('O[0,2147483647] p', 'counter uint32'), ('H[0,254] p', 'counter uint8'),
+    ('H[0,255] p', 'counter uint16'), ('p S[0,254] q', 'counter uint8'),
+    ('p S[0,255] q', 'counter uint16'), ('p T[0,2147483647] q', 'counter uint32'),
+    ('O[>=254] p', 'counter uint8'), ('O[>=255] p', 'counter uint16'),
+    ('p S[>=65534] q', 'counter uint16'), ('p S[>=65535] q', 'counter uint32'),
+    ('H[>=2147483647] p', 'counter uint32'),
+    # Delay lines are bits.
+    ('O[1,1] p', 'flag bool'), ('O[2,2] p', 'line uint8'), ('O[8,8] p', 'line uint8'),
+    ('O[9,9] p', 'line uint16'), ('O[16,16] p', 'line uint16'), ('O[17,17] p', 'line uint32'),
+    ('O[32,32] p', 'line uint32'), ('O[33,33] p', 'line uint64'), ('O[64,64] p', 'line uint64'),
+    ('O[65,65] p', 'position uint8|ring uint8[9]'), ('O[72,72] p', 'position uint8|ring uint8[9]'),
+    ('O[73,73] p', 'position uint8|ring uint8[10]'),
+    ('H[256,256] p', 'position uint8|ring uint8[32]'),
+    ('H[257,257] p', 'position uint16|ring uint8[33]'),
+    ('O[65537,65537] p', 'position uint32|ring uint8[8193]'),
+    # One position serves all rings of a length.
+    ('O[99,99] p & O[99,99] q & O[100,100] p',
+     'position uint8|position uint8|ring uint8[13]|ring uint8[13]|ring uint8[13]'),
+    # The operators of DESIGN 7 and what each needs.
+    ('Y p', 'flag bool'), ('Z p', 'flag bool'), ('O p', 'flag bool'), ('H p', 'flag bool'),
+    ('p S q', 'flag bool'), ('p T q', 'flag bool'), ('FTP', 'flag bool'),
+    ('O[3,9] p', 'counter uint8|line uint8'), ('H[3,9] p', 'counter uint8|line uint8'),
+    ('p S[3,9] q', 'counter uint8|counter uint8|line uint8'),
+    ('p T[3,9] q', 'counter uint8|counter uint8|line uint8'),
+    ('preReal(0.0, d) > 1.0', 'number float64'), ('preReal(0.0, x) > 1.0', 'number float32'),
+    ('preInt(0, n) > 1', 'number int64'), ('preInt(5, m) > 1', 'number int64'),
+    # Eight bits lie apart, nine in a word.
+    ('Y ' * 8 + 'p', '|'.join(['flag bool'] * 8)),
+    ('Y ' * 9 + 'p', 'bits uint16'),
+    ('Y ' * 33 + 'p', 'bits uint64'),
+    ('Y ' * 64 + 'p', 'bits uint64'),
+    ('Y ' * 65 + 'p', 'bits uint64|bits uint8'),
+    # Nothing.
+    ('p', ''), ('p & FALSE & O q', ''), ('O[0,-1] p', ''), ('H[0,-1] O p', ''), ('O[0,0] p', ''),
+])
+def test_state_is_as_narrow_as_its_bounds_allow(formula: str, fields: str) -> None:
+    assert '|'.join(state(formula)) == fields
+
+
+def test_the_running_example_needs_a_few_bytes() -> None:
+    assert size('H ((H[0,10] (x > 15.0 & y > 8.0) & H[0,9] !FTP) -> O[0,10] (x <= 15.0))') <= 8
+
+
+def test_fields_are_ordered_by_size_so_that_a_struct_has_no_holes() -> None:
+    assert size('O[0,9] p & preReal(0.0, d) > 1.0 & Y q & O[0,300] q & O[0,70000] r') == 16
+    assert size('p') == 1
+
+
+def test_groups_lie_one_after_the_other() -> None:
+    # 1 byte, then 8 at the next multiple of 8, then 2.
+    assert size('Y p', 'preReal(0.0, d) > 1.0', 'O[0,300] q') == 24
+    assert size('Y p', 'O[0,300] q', 'preReal(0.0, d) > 1.0') == 16
+
+
+@pytest.mark.parametrize('seed', [1, 2])
+def test_the_bytes_that_are_told_are_those_of_c(seed: int, tmp_path: Path) -> None:
+    if gcc() is None:
+        pytest.skip('needs gcc')
+    rng = Random(seed)
+    properties = [random_property(rng, f'R-{number}', random_inputs(rng), size=60, loops=2)
+                  for number in range(60)]
+    specification = specification_of(properties)
+    layouts = layouts_of(specification)
+    module = c_module(specification)
+    told = [(f'struct random_group_{number}', layout.size) for number, layout in enumerate(layouts)]
+    told.append(('struct random_state', state_bytes(layouts)))
+    lines = [f'typedef char size_{number}[sizeof({name}) == {bytes}u ? 1 : -1];'
+             for number, (name, bytes) in enumerate(told)]
+    (tmp_path / module.header[0]).write_text(module.header[1])
+    (tmp_path / 'sizes.c').write_text('\n'.join([f'#include "{module.header[0]}"', *lines, '']))
+    compile_c([*(gcc() or ()), '-std=c99', f'-I{CSRC}', f'-I{tmp_path}', '-c',
+               tmp_path / 'sizes.c', '-o', tmp_path / 'sizes.o'])
+
+
+# -- bounds -----------------------------------------------------------------------------------
+
+
+def refusal(specification: Specification, limit: int = MAX_STATE_BYTES) -> str:
+    """Return how a specification is refused."""
+    with pytest.raises(CompileError) as caught:
+        generate(specification, limit)
+    return str(caught.value)
+
+
+def test_a_bound_that_asks_for_too_much_is_refused_at_its_place() -> None:
+    said = refusal(specified('p', 'O[70,80] q', 'H (p -> O[200000000,200000005] q)', 'O r'))
+    lines = [line.rstrip() for line in said.splitlines()]
+    assert 'error: the bundle needs 25,000,' in lines[0]
+    assert lines[0].split('error')[0].endswith('written.yaml:16:23: ')
+    assert 'H (p -> O[200000000,200000005] q)' in lines[1]
+    assert 'R-2 looks back 200,000,000 steps: 25,000,000 bytes' in lines[2]
+    assert 'use [0,b]' in lines[3]
+
+
+def test_the_widest_of_many_bounds_is_named() -> None:
+    said = refusal(specified('O[900,900] p', 'O[1000,1001] q', 'O[0,5000] r'), 200)
+    assert 'R-1 looks back 1,000 steps: 125 bytes' in said
+
+
+def test_many_small_states_are_refused_together() -> None:
+    formulas = [f'O[0,{number + 1}] p' for number in range(20)]
+    assert 'the bundle needs 20 bytes of state; at most 19 are allowed' in \
+        refusal(specified(*formulas), 19)
+    generate(specified(*formulas), 20)
+
+
+def test_16_mib_are_allowed_and_not_a_byte_more() -> None:
+    steps = (MAX_STATE_BYTES - 4) * 8
+    generate(specified(f'O[{steps},{steps}] p'))
+    assert 'the bundle needs 16,777,220 bytes' in refusal(specified(f'O[{steps + 1},{steps + 1}] p'))
+
+
+@pytest.mark.parametrize(('formula', 'most'), [
+    ('O[0,2147483647] p', 4), ('H[>=2147483647] p', 4), ('p S[0,2147483647] q', 4),
+    ('O[1000000,2000000] p', 125_016), ('p S[1000000,2000000] q', 125_016),
+    ('H[8,2147483647] p', 8),
+])
+def test_large_bounds_cost_their_delay_only(formula: str, most: int) -> None:
+    assert size(formula) <= most
+
+
+# -- large formulas ---------------------------------------------------------------------------
+
+
+def deep(kind: Callable[[Formula, int], Formula], depth: int) -> Formula:
+    """Nest a formula `depth` times."""
+    formula: Formula = P
+    for number in range(depth):
+        formula = kind(formula, number)
+    return formula
+
+
+DEEP: list[Callable[[Formula, int], Formula]] = [
+    lambda item, _: Yesterday(item),
+    lambda item, _: Unary(UnaryOperator.NOT, item),
+    lambda item, n: Once(Window(0, n % 9 + 1), item),
+    lambda item, n: Historically(Window(n % 70, None), item),
+    lambda item, n: Since(Window(n % 3, 40), Q if n % 2 else item, item),
+    lambda item, n: Binary(BinaryOperator.IMPLIES, Q, item) if n % 2 else Yesterday(item),
+    lambda item, n: Binary(BinaryOperator.XOR, item, Once(Window(n % 50, 60), Q)),
+    lambda item, n: Binary(BinaryOperator.OR, Binary(BinaryOperator.AND, Q, item),
+                           Binary(BinaryOperator.AND, Q, Yesterday(item))),
+]
+
+
+@pytest.mark.parametrize(('kind', 'depth'), [
+    *((kind, 2_000) for kind in range(len(DEEP))), (0, 20_000), (1, 20_000), (3, 10_000)])
+def test_deep_formulas_become_c(kind: int, depth: int) -> None:
+    specification = specification_of([property_of('R-1', deep(DEEP[kind], depth))], [P, Q])
+    generated = generate(specification)
+    assert len(generated.manifest.requirements[0].formula) <= 10_003
+    longest = max(len(line) for _, text in generated.module.sources for line in text.splitlines())
+    assert longest < 400
+
+
+def test_a_wide_formula_becomes_c() -> None:
+    rng = Random(1)
+    specification = specification_of([random_property(rng, 'R-1', size=3)])
+    parts = [random_property(rng, 'R', size=40).formula for _ in range(1100)]
+    formula = specification.properties[0].formula
+    for item in parts:
+        formula = Binary(BinaryOperator.IFF, formula, item)
+    assert len(postorder([formula])) > 10_000
+    generate(specification_of([property_of('R-1', formula)]))
+
+
+def seconds(count: int, *, groups: int) -> float:
+    """Return the processor time from a specification of `count` requirements to its C."""
+    rng = Random(1)
+    inputs = [Variable(f'x{number}', ValueType.FLOAT32) for number in range(groups)]
+    properties = [random_property(rng, f'R-{number}', [inputs[number % groups]], size=30)
+                  for number in range(count)]
+    specification = specification_of(properties, inputs)
+    start = time.process_time()
+    generate(specification)
+    return time.process_time() - start
+
+
+@pytest.mark.parametrize('grouped', [True, False])
+def test_time_grows_with_the_number_of_requirements_and_no_faster(grouped: bool) -> None:
+    few = min(seconds(100, groups=1 if grouped else 100) for _ in range(3))
+    many = seconds(400, groups=1 if grouped else 400)
+    assert many < 4 * 2.5 * few + 0.1, f'{few:.2f} s and {many:.2f} s'
