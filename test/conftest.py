@@ -66,8 +66,9 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     from xdist.scheduler import LoadScopeScheduling
 
     class OneWorkerForRos(LoadScopeScheduling):  # type: ignore[misc]
+        # Its way to be told what goes together; xdist_group does nothing in pytest 9.
+
         def _split_scope(self, nodeid: str) -> str:
-            # Its way to be told what goes together; xdist_group does nothing in pytest 9.
             return 'ros' if re.search(r'\btest/(ros/|test_colcon)', nodeid) else nodeid
 
     return OneWorkerForRos(config, log)
