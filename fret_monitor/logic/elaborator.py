@@ -165,12 +165,19 @@ class Elaborator:
     """Gives expressions of one text their meaning; see the module."""
 
     def __init__(self, scope: Scope, problems: Problems, *, is_lustre: bool = False,
-                 cells: Mapping[Expression, Cell] | None = None) -> None:
-        """Take what names mean and where to tell; `is_lustre` adds Lustre's own warnings."""
+                 cells: Mapping[Expression, Cell] | None = None,
+                 left: Formula | None = FTP) -> None:
+        """
+        Take what names mean and where to tell.
+
+        `is_lustre` adds Lustre's own warnings. `left` is the left end of the interval in which
+        `persisted`, `occurred` and `prevOcc` look back, None for none.
+        """
         self._scope = scope
         self._problems = problems
         self._is_lustre = is_lustre
         self._cells = cells or {}
+        self._left = left
         self._done: dict[Expression, Term] = {}
         self._told: set[str] = set()
 
@@ -349,7 +356,7 @@ class Elaborator:
         if node in self._cells:
             first, later = alike([operands[0], Term(self._cells[node], node.span)], f"'{name}'")
             return Choice(FTP, first, later), None
-        call = Application(name, tuple(operands), node.span, self._problems)
+        call = Application(name, tuple(operands), node.span, self._problems, self._left)
         return function.meaning(call), self._shared_vocabulary(node, operands)
 
     def _shared_vocabulary(self, node: Call, operands: list[Term]) -> Vocabulary | None:

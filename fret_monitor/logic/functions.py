@@ -16,7 +16,8 @@ The predefined functions of FRET: their names, arguments and formulas.
 
 `abs`, `min`, `max`, `ite`, `pre` take what the rules of docs/numbers.md allow; FRET's typed
 spellings (`absInt`, `preReal` ...) also say what they take. `persisted`, `occurred` and `prevOcc`
-look back to the first time point: their left end is `FTP`. The formulas are FRET's.
+look back to the left end of the interval they stand in: `FTP`, or the left end of the scope of a
+FRETish sentence; in the expression of a scope itself they have none. The formulas are FRET's.
 """
 
 from collections.abc import Callable
@@ -56,12 +57,17 @@ from fret_monitor.manifest import ValueType
 
 @dataclass(frozen=True)
 class Application:
-    """A call, ready to be given its meaning; the number of arguments fits."""
+    """
+    A call, ready to be given its meaning; the number of arguments fits.
+
+    `left` is true at the left end of the interval that the call looks back in, None for no end.
+    """
 
     name: str
     arguments: tuple[Term, ...]
     place: Span
     problems: Problems
+    left: Formula | None = FTP
 
     @property
     def quoted(self) -> str:
@@ -167,25 +173,33 @@ def _window(call: Application) -> Window:
 
 def _persisted(call: Application) -> Formula:
     window, held = _window(call), truth(call.arguments[-1], call.quoted)
+    lasting = Historically(window, held)
+    if call.left is None:
+        return lasting
     assert window.high is not None
-    since_left = Historically(Window(0, window.high - 1), _not(FTP))
-    return Binary(BinaryOperator.AND, Historically(window, held), since_left)
+    since_left = Historically(Window(0, window.high - 1), _not(call.left))
+    return Binary(BinaryOperator.AND, lasting, since_left)
 
 
 def _occurred(call: Application) -> Formula:
     window, event = _window(call), truth(call.arguments[-1], call.quoted)
+    if call.left is None:
+        return Once(window, event)
     if len(call.arguments) == 3:
-        return Since(window, _not(FTP), event)
-    return Binary(BinaryOperator.AND, Since(ALWAYS, _not(FTP), event), Once(window, event))
+        return Since(window, _not(call.left), event)
+    since_left = Since(ALWAYS, _not(call.left), event)
+    return Binary(BinaryOperator.AND, since_left, Once(window, event))
 
 
 def _prev_occ(call: Application) -> Formula:
     event, then = (truth(term, call.quoted) for term in call.arguments)
-    quiet = Binary(BinaryOperator.AND, _not(FTP), _not(event))
     both = Binary(BinaryOperator.AND, event, then)
+    if call.left is None:
+        return Yesterday(Since(ALWAYS, _not(event), both))
+    quiet = Binary(BinaryOperator.AND, _not(call.left), _not(event))
     at_last = Binary(BinaryOperator.IMPLIES, Since(ALWAYS, quiet, event),
                      Since(ALWAYS, quiet, both))
-    return Binary(BinaryOperator.OR, FTP, Yesterday(at_last))
+    return Binary(BinaryOperator.OR, call.left, Yesterday(at_last))
 
 
 def _not(formula: Formula) -> Formula:

@@ -235,13 +235,14 @@ def fitting(language: Language, start: str, lexemes: Sequence[Lexeme]) -> frozen
     parser = _tables(language).parse_interactive('', start)
     for lexeme in lexemes:
         parser.feed_token(lexeme)
-    states = parser.parser_state.parse_conf.parse_table.states
-    stack = list(parser.parser_state.state_stack)
-    return frozenset(kind for kind in states[stack[-1]]
-                     if kind.lstrip('$').isupper() and _is_shifted(states, list(stack), kind))
+    stack = parser.parser_state.state_stack
+    table = parser.parser_state.parse_conf.parse_table
+    last = table.end_states[start]
+    return frozenset(kind for kind in table.states[stack[-1]] if kind.lstrip('$').isupper()
+                     and _is_shifted(table.states, list(stack), kind, last))
 
 
-def _is_shifted(states: Any, stack: list[Any], kind: str) -> bool:
+def _is_shifted(states: Any, stack: list[Any], kind: str, last: Any) -> bool:
     from lark.parsers.lalr_analysis import Reduce
     while kind in states[stack[-1]]:
         action, target = states[stack[-1]][kind]
@@ -250,7 +251,7 @@ def _is_shifted(states: Any, stack: list[Any], kind: str) -> bool:
         if target.expansion:
             del stack[-len(target.expansion):]
         stack.append(states[stack[-1]][target.origin.name][1])
-    return False
+    return bool(kind == END and stack[-1] == last)
 
 
 def join_signs(lexemes: Sequence[Lexeme]) -> list[Lexeme]:

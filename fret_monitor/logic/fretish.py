@@ -1,0 +1,352 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+A FRETish sentence to its formula: what FRET means by it, put together from its parts.
+
+The scope gives an `_Interval`, the stretches of steps that the sentence speaks of; the condition
+gives the trigger, the steps from which its timing counts; the timing gives a `_Base`, what must
+hold at a step of an interval. A base that must hold at every step of all intervals is `H (inside
+-> base)`; one that is asked for at the end (`eventually`, `finally`) must hold at the last step
+of every past interval, and now, if an interval is open: false then means "not yet".
+
+The `only` scopes speak of what lies outside, and ask there for the negation: the response must
+not be given at that timing. So `only in m shall the sw eventually satisfy r` is `r` never outside
+of m, and `always` is `!r` at some time.
+
+Sources: D. Giannakopoulou et al., 'Formal Requirements Elicitation with FRET' (REFSQ 2020) and
+'Automated Formalization of Structured Natural Language Requirements' (IST 137, 2021). Intervals
+are [left, right) there; formulas are equivalent to FRET's, and mostly shorter.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.diagnostics import Problems
+from fret_monitor.logic.durations import steps_of
+from fret_monitor.logic.elaborator import Elaborator
+from fret_monitor.logic.formula import ALWAYS
+from fret_monitor.logic.formula import Binary
+from fret_monitor.logic.formula import BinaryOperator
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import FTP
+from fret_monitor.logic.formula import Historically
+from fret_monitor.logic.formula import Once
+from fret_monitor.logic.formula import Since
+from fret_monitor.logic.formula import TRUE
+from fret_monitor.logic.formula import Unary
+from fret_monitor.logic.formula import UnaryOperator
+from fret_monitor.logic.formula import WeakYesterday
+from fret_monitor.logic.formula import Window
+from fret_monitor.logic.formula import Yesterday
+from fret_monitor.logic.scope import Scope
+from fret_monitor.logic.terms import Broken
+from fret_monitor.logic.terms import Term
+from fret_monitor.logic.terms import truth
+from fret_monitor.syntax.expression import Expression
+from fret_monitor.syntax.sentence import ConditionKind
+from fret_monitor.syntax.sentence import ScopeKind
+from fret_monitor.syntax.sentence import Sentence
+from fret_monitor.syntax.sentence import TimingKind
+
+
+def sentence_term(sentence: Sentence, scope: Scope, problems: Problems,
+                  period: Fraction | None = None) -> Term:
+    """
+    Return what a sentence means; mistakes are added to the problems.
+
+    With a `period` (seconds), a step is one period, and durations with a unit of time become
+    steps of it; without, they count steps, as in FRET.
+    """
+    return _Formalisation(sentence, scope, problems, period).term()
+
+
+def is_not_yet(sentence: Sentence) -> bool:
+    """
+    Whether a false verdict only says "not yet": it turns true when what is asked for comes.
+
+    So for eventually and finally, and for a sentence without timing; of the `only` scopes, for
+    always, never and finally. For all others, false stays false.
+    """
+    timing, _ = _meant(sentence)
+    return timing in (TimingKind.EVENTUALLY, TimingKind.FINALLY)
+
+
+# What the timing of an `only` scope asks for outside: the negation, of the negated response.
+_NEGATED = {
+    TimingKind.EVENTUALLY: TimingKind.ALWAYS,
+    TimingKind.ALWAYS: TimingKind.EVENTUALLY,
+    TimingKind.UNTIL: TimingKind.BEFORE,
+    TimingKind.BEFORE: TimingKind.UNTIL,
+    TimingKind.WITHIN: TimingKind.FOR,
+    TimingKind.FOR: TimingKind.WITHIN,
+}
+
+
+def _meant(sentence: Sentence) -> tuple[TimingKind, bool]:
+    """Return the timing that must be met in the intervals, and whether by the negation of r."""
+    timing = sentence.timing_kind
+    is_negated = False
+    if timing is TimingKind.NONE:
+        timing = TimingKind.EVENTUALLY
+    if timing is TimingKind.NEVER:
+        timing, is_negated = TimingKind.ALWAYS, True
+    if sentence.scope_kind.is_only:
+        timing, is_negated = _NEGATED.get(timing, timing), not is_negated
+    return timing, is_negated
+
+
+class _Formalisation:
+    """One sentence on its way to a formula."""
+
+    def __init__(self, sentence: Sentence, scope: Scope, problems: Problems,
+                 period: Fraction | None) -> None:
+        self._sentence = sentence
+        self._scope = scope
+        self._problems = problems
+        self._period = period
+
+    def term(self) -> Term:
+        """Return the formula; each part is read, so that all mistakes are told."""
+        sentence = self._sentence
+        mode = self._truth(sentence.scope.mode, 'a scope', None) if sentence.scope else TRUE
+        interval = _interval(sentence.scope_kind, mode or TRUE)
+        condition = self._condition(interval)
+        stop, steps = self._limits(interval)
+        response = self._truth(sentence.response, "'satisfy'", interval.left)
+        if mode is None or condition is None or stop is None or steps is None or response is None:
+            return Term(Broken(), sentence.span)
+        base = _Timed(interval, condition, sentence.condition_kind, stop, steps)
+        timing, is_negated = _meant(sentence)
+        formula = base.formula(timing, _not(response) if is_negated else response,
+                               sentence.scope_kind.is_only)
+        return Term(formula, sentence.span)
+
+    def _truth(self, expression: Expression, operator: str, left: Formula | None,
+               ) -> Formula | None:
+        """Return the formula of a part that is true or false, None where it has a mistake."""
+        term = Elaborator(self._scope, self._problems, left=left).term(expression)
+        if term.is_broken:
+            return None
+        try:
+            return truth(term, operator)
+        except CompileError as error:
+            self._problems.extend(error.diagnostics)
+            return None
+
+    def _condition(self, interval: '_Interval') -> Formula | None:
+        phrase = self._sentence.condition
+        if phrase is None:
+            return TRUE
+        word = phrase.qualifiers[0].word
+        return self._truth(phrase.expression, f"'{word}'", interval.left)
+
+    def _limits(self, interval: '_Interval') -> tuple[Formula | None, int | None]:
+        timing = self._sentence.timing
+        if timing is None:
+            return TRUE, 0
+        if timing.stop is not None:
+            return self._truth(timing.stop, f"'{timing.kind.value}'", interval.left), 0
+        if timing.duration is None:
+            return TRUE, 0
+        try:
+            return TRUE, steps_of(timing.duration, self._period)
+        except CompileError as error:
+            self._problems.extend(error.diagnostics)
+            return TRUE, None
+
+
+# Scopes
+
+@dataclass(frozen=True, eq=False)
+class _Interval:
+    """
+    Stretches of steps [left, right): from each step where `left` holds up to the next `right`.
+
+    `inside` holds at the steps of an interval. `right` is None where the end of the trace ends it.
+    """
+
+    left: Formula
+    right: Formula | None
+    inside: Formula
+
+
+def _interval(kind: ScopeKind, mode: Formula) -> _Interval:
+    out = _not(mode)
+    enters, leaves = _and(mode, WeakYesterday(out)), _and(out, Yesterday(mode))
+    first_entry = _and(mode, WeakYesterday(Historically(ALWAYS, out)))
+    first_leave = _and(leaves, Yesterday(Historically(ALWAYS, _not(leaves))))
+    match kind:
+        case ScopeKind.GLOBAL:
+            return _Interval(FTP, None, TRUE)
+        case ScopeKind.IN:
+            return _Interval(enters, leaves, mode)
+        case ScopeKind.NOT_IN | ScopeKind.ONLY_IN:
+            return _Interval(_and(out, WeakYesterday(mode)), _and(mode, Yesterday(out)), out)
+        case ScopeKind.BEFORE:
+            return _Interval(FTP, first_entry, Historically(ALWAYS, out))
+        case ScopeKind.AFTER:
+            return _Interval(first_leave, None, Once(ALWAYS, leaves))
+        case ScopeKind.ONLY_BEFORE:
+            return _Interval(first_entry, None, Once(ALWAYS, mode))
+        case ScopeKind.ONLY_AFTER:
+            return _Interval(FTP, first_leave, Historically(ALWAYS, _not(leaves)))
+
+
+# Timings
+
+@dataclass(frozen=True, eq=False)
+class _Timed:
+    """What the timings are made of: interval, condition, stop (TRUE for none) and steps."""
+
+    interval: _Interval
+    condition: Formula
+    condition_kind: ConditionKind
+    stop: Formula
+    steps: int
+
+    def formula(self, timing: TimingKind, response: Formula, is_only: bool) -> Formula:
+        """Return the formula of the sentence; `response` is negated already where it must be."""
+        if timing in (TimingKind.EVENTUALLY, TimingKind.FINALLY):
+            return self._at_the_end(self._unless_idle(
+                response if timing is TimingKind.FINALLY else self._once(response)))
+        invariant: Callable[[Formula], Formula] = {
+            TimingKind.IMMEDIATELY: self._immediately,
+            TimingKind.NEXT: self._next,
+            TimingKind.ALWAYS: self._unless_idle,
+            TimingKind.UNTIL: self._until,
+            TimingKind.BEFORE: self._before,
+            TimingKind.WITHIN: self._within,
+            TimingKind.FOR: self._for,
+            TimingKind.AFTER: self._not_after if is_only else self._after,
+        }[timing]
+        base = invariant(response)
+        inside = self.interval.inside
+        return Historically(ALWAYS, base if inside is TRUE else _implies(inside, base))
+
+    def _at_the_end(self, base: Formula) -> Formula:
+        """Ask for a base at the last step of every past interval, and now if one is open."""
+        interval = self.interval
+        now = base if interval.inside is TRUE else _implies(interval.inside, base)
+        if interval.right is None:
+            return now
+        # Z, not Y: what ends at the first step has not begun.
+        past = Historically(ALWAYS, _implies(interval.right, WeakYesterday(base)))
+        return _and(past, now)
+
+    # What happened since the interval began
+
+    @property
+    def _has_condition(self) -> bool:
+        return self.condition_kind is not ConditionKind.NONE
+
+    @property
+    def _trigger(self) -> Formula:
+        """Where the timing starts: at the condition's rising, or wherever it holds, or left."""
+        match self.condition_kind:
+            case ConditionKind.NONE:
+                return self.interval.left
+            case ConditionKind.HOLDING:
+                return self.condition
+            case ConditionKind.REGULAR:
+                was_off = _not(self.condition)
+                if self.interval.left is FTP:
+                    return _and(self.condition, WeakYesterday(was_off))
+                return _and(self.condition, _or(Yesterday(was_off), self.interval.left))
+
+    def _unless_idle(self, demand: Formula) -> Formula:
+        """Ask for something only once the condition has held in this interval."""
+        if not self._has_condition:
+            return demand
+        return _or(_since(_not(self.condition), self.interval.left), demand)
+
+    def _once(self, event: Formula) -> Formula:
+        """Whether an event has come since the (last) trigger."""
+        if self._trigger is FTP:
+            return Once(ALWAYS, event)
+        return _not(_since(_not(event), self._trigger))
+
+    # Bases that must hold at every step
+
+    def _immediately(self, response: Formula) -> Formula:
+        return _implies(self._trigger, response)
+
+    def _next(self, response: Formula) -> Formula:
+        due = _or(response, self.interval.left) if self._has_condition else response
+        return _implies(Yesterday(self._trigger), due)
+
+    def _until(self, response: Formula) -> Formula:
+        return self._unless_idle(_implies(_since(_not(self.stop), self._trigger), response))
+
+    def _before(self, response: Formula) -> Formula:
+        earlier: Formula = Yesterday(self._once(response))
+        if self._has_condition:
+            earlier = _and(_not(self._trigger), earlier)
+        if self.interval.left is not FTP:
+            earlier = _and(_not(self.interval.left), earlier)
+        return _implies(self.stop, self._unless_idle(earlier))
+
+    def _within(self, response: Formula) -> Formula:
+        return self._within_steps(response, self.steps)
+
+    def _within_steps(self, response: Formula, steps: int) -> Formula:
+        recent, left = Window(0, steps - 1), self.interval.left
+        if not self._has_condition:
+            return _implies(_since(_not(response), left), Once(recent, left))
+        missed = Once(Window(steps, steps), _and(self._trigger, _not(response)))
+        return _implies(missed, Once(recent, _or(left, response)))
+
+    def _for(self, response: Formula) -> Formula:
+        lasting = Once(Window(0, self.steps), self._trigger)
+        return _implies(lasting, self._unless_idle(response))
+
+    def _after(self, response: Formula) -> Formula:
+        return _and(self._for(_not(response)), self._within_steps(response, self.steps + 1))
+
+    def _not_after(self, denial: Formula) -> Formula:
+        """Ask for `denial` at n + 1 steps after the trigger, or for the response before."""
+        recent = Window(0, self.steps)
+        due = Once(Window(self.steps + 1, self.steps + 1), self._trigger)
+        came_before = Yesterday(Once(recent, _not(denial)))
+        return _implies(due, _or(_or(Once(recent, self.interval.left), denial), came_before))
+
+
+# Connectives
+
+def _since(held: Formula, start: Formula) -> Formula:
+    """Whether something holds at every step from a start on; `held SI start` in FRET's words."""
+    if start is FTP:
+        return Historically(ALWAYS, held)
+    return Since(ALWAYS, held, _and(held, start))
+
+
+def _not(formula: Formula) -> Formula:
+    if isinstance(formula, Unary) and formula.operator is UnaryOperator.NOT:
+        return formula.argument
+    return Unary(UnaryOperator.NOT, formula)
+
+
+def _and(left: Formula, right: Formula) -> Formula:
+    return Binary(BinaryOperator.AND, left, right)
+
+
+def _or(left: Formula, right: Formula) -> Formula:
+    return Binary(BinaryOperator.OR, left, right)
+
+
+def _implies(left: Formula, right: Formula) -> Formula:
+    return Binary(BinaryOperator.IMPLIES, left, right)
