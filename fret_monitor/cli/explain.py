@@ -1,0 +1,55 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`explain BUNDLE [ID]`: what requirements mean, with examples drawn as timelines."""
+
+from argparse import _SubParsersAction
+from argparse import ArgumentParser
+from argparse import Namespace
+from pathlib import Path
+import sys
+
+from fret_monitor.diagnostics import refuse
+from fret_monitor.explain.report import explain
+from fret_monitor.explain.report import shown
+from fret_monitor.explain.svg import to_svg
+
+
+def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
+    """Add the verb to the command line."""
+    parser = verbs.add_parser('explain', help='say what requirements mean, with examples')
+    parser.add_argument('bundle', metavar='BUNDLE', type=Path)
+    parser.add_argument('id', metavar='ID', nargs='?', help='one requirement; all when left out')
+    parser.add_argument('--svg', metavar='FILE', type=Path, help='draw the timelines there')
+    parser.set_defaults(run=run)
+
+
+def run(options: Namespace) -> int:
+    """Explain a bundle."""
+    found, warnings = explain(options.bundle, options.id)
+    for warning in warnings:
+        print(warning, file=sys.stderr)
+    if options.svg is not None:
+        lines = [line for item in found for line in item.timelines]
+        _write(options.svg, to_svg(f'{options.bundle.name}: example traces', lines))
+    print('# true, . false; of the verdict # satisfied, x violated; ~ steps left out\n')
+    print('\n\n'.join('\n'.join(shown(item)) for item in found))
+    return 0
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding='utf-8')
+    except OSError as error:
+        refuse(f"cannot write '{path}': {error.strerror or error}")

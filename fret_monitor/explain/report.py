@@ -1,0 +1,278 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+`explain` put together: a requirement taken apart, said in English, and shown.
+
+`explain` takes the path of a bundle and returns an `Explanation` of each of its requirements, or
+of one; `shown` makes text of one, `svg.to_svg` a picture of their timelines.
+"""
+
+from collections.abc import Iterator
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+import textwrap
+
+from fret_monitor.build import read
+from fret_monitor.diagnostics import did_you_mean
+from fret_monitor.diagnostics import Problems
+from fret_monitor.diagnostics import refuse
+from fret_monitor.diagnostics import Source
+from fret_monitor.diagnostics import Text
+from fret_monitor.explain import sentence as fretish
+from fret_monitor.explain.propositions import roots
+from fret_monitor.explain.search import Examples
+from fret_monitor.explain.search import find_examples
+from fret_monitor.explain.search import Recovery
+from fret_monitor.explain.subject import Subject
+from fret_monitor.explain.subject import subjects
+from fret_monitor.explain.timeline import drawn
+from fret_monitor.explain.timeline import Timeline
+from fret_monitor.explain.timeline import timeline
+from fret_monitor.explain.trials import length
+from fret_monitor.explain.trials import rows_of
+from fret_monitor.explain.trials import Trace
+from fret_monitor.explain.trials import Value
+from fret_monitor.explain.words import in_words
+from fret_monitor.logic.evaluate import evaluate_all
+from fret_monitor.logic.formula import Constant
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import postorder
+from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.printing import to_smv
+from fret_monitor.logic.printing import Values
+from fret_monitor.logic.specification import Property
+from fret_monitor.logic.specification import Signal
+from fret_monitor.logic.specification import Specification
+from fret_monitor.manifest import ValueType
+from fret_monitor.syntax.bundle import Language
+from fret_monitor.syntax.bundle import survey_bundle
+from fret_monitor.syntax.fretish import parse_fretish
+
+_WIDTH = 99
+_FORMULA = 2000
+_WORDS = 1200
+_MAX_BANDS = 12
+_MAX_RUNS = 12
+_LONGEST_SHOWN = 5_000
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """
+    What is said of one requirement.
+
+    `fields` and `meaning` are (name, text) pairs; `fields` is empty unless the property is a
+    FRETish sentence. `timelines` are drawings of the examples that were found.
+    """
+
+    id: str
+    title: str
+    text: str
+    fields: tuple[tuple[str, str], ...]
+    meaning: tuple[tuple[str, str], ...]
+    outlook: str
+    formula: str
+    remarks: tuple[str, ...]
+    timelines: tuple[Timeline, ...]
+
+
+@dataclass(frozen=True)
+class _Context:
+    """What all requirements of a bundle have in common."""
+
+    languages: dict[str, Language]
+    values: Values
+    names: dict[Formula, str]
+    period: Fraction | None
+
+
+def explain(path: Path, id: str | None = None) -> tuple[list[Explanation], tuple[str, ...]]:
+    """
+    Explain all requirements of a bundle, or the one with an id.
+
+    Returns
+    -------
+    tuple[list[Explanation], tuple[str, ...]]
+        the explanations in the bundle's order, and warnings about the bundle, rendered.
+
+    Raises
+    ------
+    CompileError
+        with all that is wrong with the bundle, or if it has no requirement of that id.
+    NativeError
+        if there is no C compiler, or it fails.
+    """
+    reading = read(path)
+    chosen = _chosen(reading.specification, id)
+    context = _context(path, reading.specification)
+    found = [
+        _explanation(subject, find_examples(subject, len(chosen)), context)
+        for subject in subjects(reading.specification, chosen)
+    ]
+    return found, tuple(warning.render() for warning in reading.warnings)
+
+
+def _chosen(specification: Specification, id: str | None) -> Sequence[Property]:
+    if id is None:
+        return specification.properties
+    chosen = [item for item in specification.properties if item.id == id]
+    known = [item.id for item in specification.properties]
+    if not chosen:
+        refuse(f"the bundle has no requirement '{id}'",
+               help=did_you_mean(id, known) or 'it has ' + ', '.join(known[:_MAX_BANDS]))
+    return chosen
+
+
+def _context(path: Path, specification: Specification) -> _Context:
+    bundle = survey_bundle(path, Problems())
+    requirements = bundle.requirements if bundle else ()
+    return _Context(
+        {item.id.value: item.language for item in requirements},
+        {signal.name: signal.values for signal in specification.signals if signal.values},
+        {formula: name for name, formula in specification.definitions
+         if not isinstance(formula, Variable | Constant)},
+        specification.period)
+
+
+def _explanation(subject: Subject, examples: Examples, context: _Context) -> Explanation:
+    item = subject.item
+    fields: tuple[tuple[str, str], ...] = ()
+    meaning: tuple[tuple[str, str], ...] = (
+        ('in words', in_words(item.formula, _WORDS, context.values, context.names)),
+        *_definitions(item, context))
+    if context.languages.get(item.id) is Language.FRETISH:
+        parts = parse_fretish(Text.whole(Source('<sentence>', item.text)))
+        fields = tuple(fretish.fields(parts))
+        meaning = tuple(fretish.meaning(parts, context.period))
+    return Explanation(
+        item.id, item.title, item.text, fields, meaning, _outlook(examples),
+        to_smv(item.formula, _FORMULA, context.values), tuple(_remarks(subject, examples)),
+        tuple(_timelines(subject, examples, context)))
+
+
+def _definitions(item: Property, context: _Context) -> Iterator[tuple[str, str]]:
+    """Yield what the definitions that the words name stand for."""
+    inside = set(postorder(roots(item)))
+    for formula, name in context.names.items():
+        if formula in inside and formula is not item.formula:
+            inner = {node: other for node, other in context.names.items() if other != name}
+            yield name, in_words(formula, _WORDS, context.values, inner)
+
+
+def _outlook(examples: Examples) -> str:
+    match examples.recovery:
+        case Recovery.FINAL_BY_FORM:
+            return 'final: once false it stays false, whatever follows (by its form)'
+        case Recovery.FINAL_BY_STATES:
+            return ('final: once false it stays false, whatever follows '
+                    f'(all {examples.states:,} states looked at)')
+        case Recovery.POSSIBLE:
+            return 'can recover: a false verdict can become true again, as shown below'
+        case Recovery.NEVER_FALSE:
+            return f'never false (all {examples.states:,} states looked at)'
+        case Recovery.NONE_FOUND:
+            return (f'no recovery found in {examples.traces:,} traces and '
+                    f'{examples.states:,} states; this is no proof that there is none')
+
+
+def _remarks(subject: Subject, examples: Examples) -> Iterator[str]:
+    looked = f'{examples.traces:,} traces and {examples.states:,} states'
+    for trace, kind in ((examples.satisfying, 'satisfies'), (examples.violating, 'violates')):
+        if trace is None and examples.is_proved:
+            yield f'No trace {kind} it: all {examples.states:,} states were looked at.'
+        elif trace is None:
+            yield f'No trace that {kind} it was found in {looked}; there may be one.'
+    if examples.satisfying and not _is_triggered(subject, examples.satisfying):
+        yield ('In no trace found does every condition of it come true and the verdict stay true: '
+               'the satisfying example may be trivial.')
+
+
+def _is_triggered(subject: Subject, trace: Trace) -> bool:
+    bits, = subject.trials.run([trace])
+    return bits[-1].bit_count() == 1 + len(subject.triggers)
+
+
+def _timelines(subject: Subject, examples: Examples, context: _Context) -> Iterator[Timeline]:
+    for trace, kind in ((examples.satisfying, 'satisfies'), (examples.violating, 'violates'),
+                        (examples.recovering, 'is false and recovers')):
+        if trace is None:
+            continue
+        steps = length(trace)
+        count = f'{steps:,} step{"" if steps == 1 else "s"}'
+        yield _drawing(subject, trace, f'A trace that {kind}: {subject.item.id}, {count}', context)
+
+
+def _drawing(subject: Subject, trace: Trace, title: str, context: _Context) -> Timeline:
+    bits, = subject.trials.run([trace])
+    shown = subject.propositions[:_MAX_BANDS] if length(trace) <= _LONGEST_SHOWN else ()
+    labels = [to_smv(node, _WIDTH, context.values, context.names) for node in shown]
+    rows = rows_of(trace)
+    columns = {signal.name: [row[number] for row in rows]
+               for number, signal in enumerate(subject.signals)}
+    truths = evaluate_all(shown, columns, subject.item.feedback) if shown else []
+    return timeline(title, labels, [[bool(value) for value in column] for column in truths],
+                    [bool(word & 1) for word in bits], context.period,
+                    tuple(_values(subject, trace)))
+
+
+def _values(subject: Subject, trace: Trace) -> Iterator[str]:
+    """Yield for each input that is a number the values it has, and from which step."""
+    for number, signal in enumerate(subject.signals):
+        if signal.type is ValueType.BOOL:
+            continue
+        changes: list[tuple[int, Value]] = []
+        step = 0
+        for run in trace:
+            value = run.row[number]
+            if not changes or repr(changes[-1][1]) != repr(value):
+                changes.append((step, value))
+            step += run.steps
+        parts = [_value(signal, value) + (f' from step {start}' if start else '')
+                 for start, value in changes[:_MAX_RUNS]]
+        more = ', ...' if len(changes) > _MAX_RUNS else ''
+        yield f'{signal.name}: {", ".join(parts)}{more}'
+
+
+def _value(signal: Signal, value: Value) -> str:
+    for index, (name, number) in enumerate(signal.values):
+        if value == (index if isinstance(number, str) else number):
+            return name
+    return f'{value:g}' if isinstance(value, float) else str(value)
+
+
+def shown(found: Explanation) -> Iterator[str]:
+    """Yield the lines of an explanation."""
+    yield f'{found.id}: {found.title}' if found.title else found.id
+    yield from _entry('property', found.text)
+    for name, text in found.fields:
+        yield from _entry(f'  {name}', text)
+    for name, text in found.meaning:
+        yield from _entry(name, text)
+    yield from _entry('if false', found.outlook)
+    yield from _entry('formula', found.formula)
+    for remark in found.remarks:
+        yield from _entry('note', remark)
+    for line in found.timelines:
+        yield ''
+        yield f'  {line.title}'
+        yield from (f'    {text}' for text in drawn(line))
+
+
+def _entry(name: str, text: str) -> list[str]:
+    return textwrap.wrap(text, _WIDTH, initial_indent=f'  {name:<12} ',
+                         subsequent_indent=' ' * 15, break_long_words=False,
+                         break_on_hyphens=False) or [f'  {name}']

@@ -1,0 +1,158 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A FRETish sentence in fields and in plain English.
+
+The English is put together from what the scope, the condition and the timing mean, as the formula
+is (DESIGN 5); an `only` scope turns to the complement and denies there what the timing asks.
+"""
+
+from collections.abc import Iterator
+from fractions import Fraction
+
+from fret_monitor.diagnostics import Span
+from fret_monitor.syntax.expression import Expression
+from fret_monitor.syntax.sentence import ConditionKind
+from fret_monitor.syntax.sentence import ConditionPhrase
+from fret_monitor.syntax.sentence import Duration
+from fret_monitor.syntax.sentence import ScopeKind
+from fret_monitor.syntax.sentence import Sentence
+from fret_monitor.syntax.sentence import TimingKind
+from fret_monitor.syntax.sentence import Unit
+
+_SECONDS = {
+    Unit.MICROSECOND: Fraction(1, 1_000_000),
+    Unit.MILLISECOND: Fraction(1, 1_000),
+    Unit.SECOND: Fraction(1),
+    Unit.MINUTE: Fraction(60),
+    Unit.HOUR: Fraction(3600),
+}
+
+_SCOPES = {
+    ScopeKind.GLOBAL: 'at all steps',
+    ScopeKind.IN: 'while {m} holds; each such stretch of steps counts by itself',
+    ScopeKind.NOT_IN: 'while {m} does not hold; each such stretch of steps counts by itself',
+    ScopeKind.BEFORE: 'from the first step to the one before {m} first holds; '
+                      'not at all if it holds at once',
+    ScopeKind.AFTER: 'from the first step after {m} has held and ended, for good',
+    ScopeKind.ONLY_IN: 'while {m} does not hold, and there the response is denied; '
+                       'each such stretch of steps counts by itself',
+    ScopeKind.ONLY_BEFORE: 'from the step at which {m} first holds, for good, '
+                           'and there the response is denied',
+    ScopeKind.ONLY_AFTER: 'from the first step until {m} has held and ended, '
+                          'and there the response is denied',
+}
+
+_TIMINGS = {
+    TimingKind.NONE: ('at {t} or a later step, {r} holds',
+                      'at {t} and all later steps, {r} does not hold'),
+    TimingKind.IMMEDIATELY: ('at {t}, {r} holds', 'at {t}, {r} does not hold'),
+    TimingKind.NEXT: ('at the step after {t}, {r} holds',
+                      'at the step after {t}, {r} does not hold'),
+    TimingKind.FINALLY: ('at the last step, {r} holds', 'at the last step, {r} does not hold'),
+    TimingKind.ALWAYS: ('at {t} and all later steps, {r} holds',
+                        'at {t} or a later step, {r} does not hold'),
+    TimingKind.NEVER: ('at {t} and all later steps, {r} does not hold',
+                       'at {t} or a later step, {r} holds'),
+    TimingKind.UNTIL: ('at {t} and all later steps before {s} holds, {r} holds',
+                       'once {s} holds, {r} has not held at {t} or a later step before that'),
+    TimingKind.BEFORE: ('once {s} holds, {r} has held at {t} or a later step before that',
+                        'at {t} and all later steps before {s} holds, {r} does not hold'),
+    TimingKind.WITHIN: ('at {t} or at most {n} later, {r} holds',
+                        'at {t} and up to {n} later, {r} does not hold'),
+    TimingKind.FOR: ('at {t} and up to {n} later, {r} holds',
+                     'at {t} or at most {n} later, {r} does not hold'),
+    TimingKind.AFTER: ('at {t} and up to {n} later, {r} does not hold, and one step later it does',
+                       'at {t} or at most {n} later {r} holds, or one step later it does not'),
+}
+_TIMINGS[TimingKind.EVENTUALLY] = _TIMINGS[TimingKind.NONE]
+
+
+def fields(sentence: Sentence) -> Iterator[tuple[str, str]]:
+    """Yield the fields of a sentence by name, as written; `-` for what is left out."""
+    yield 'scope', _written(sentence.scope.span) if sentence.scope else '-'
+    yield 'condition', _written(sentence.condition.span) if sentence.condition else '-'
+    yield 'component', sentence.component.name
+    yield 'timing', _written(sentence.timing.span) if sentence.timing else '-'
+    yield 'response', _of(sentence.response)
+
+
+def meaning(sentence: Sentence, period: Fraction | None) -> Iterator[tuple[str, str]]:
+    """Yield scope, trigger and requirement in English; `period` (seconds) is that of a step."""
+    yield 'in force', _scope(sentence)
+    yield 'trigger', _trigger(sentence)
+    yield 'required', _required(sentence, period)
+
+
+def _scope(sentence: Sentence) -> str:
+    mode = _of(sentence.scope.mode) if sentence.scope else ''
+    return _SCOPES[sentence.scope_kind].format(m=mode)
+
+
+def _trigger(sentence: Sentence) -> str:
+    start = 'the first step in force' if sentence.scope else 'the first step'
+    if sentence.condition is None:
+        return start
+    condition = _condition(sentence.condition)
+    if sentence.condition_kind is ConditionKind.HOLDING:
+        return f'every step at which {condition} holds'
+    return f'every step at which {condition} comes to hold, or does at {start}'
+
+
+def _condition(phrase: ConditionPhrase) -> str:
+    """Join the qualifiers from left to right, as FRET does."""
+    text, joint = '', ''
+    for link in phrase.qualifiers:
+        part = _of(link.expression)
+        part = f'not ({part})' if link.is_negated else part
+        if not text:
+            text = part
+            continue
+        text = f'({text})' if joint not in ('', link.joint) else text
+        text, joint = f'{text} {link.joint} {part}', link.joint
+    return text
+
+
+def _required(sentence: Sentence, period: Fraction | None) -> str:
+    kind, timing = sentence.timing_kind, sentence.timing
+    template = _TIMINGS[kind][sentence.scope_kind.is_only]
+    first = 'the first step' + (' in force' if sentence.scope else '')
+    text = template.format(
+        t='the trigger' if sentence.condition else first,
+        r=_of(sentence.response),
+        s=_of(timing.stop) if timing and timing.stop else '',
+        n=_steps(timing.duration, period) if timing and timing.duration else '')
+    return f'{text}, as far as it is in force' if sentence.scope else text
+
+
+def _steps(duration: Duration, period: Fraction | None) -> str:
+    number = Fraction(duration.number)
+    if period is None or duration.unit is Unit.TICK:
+        return _count(number)
+    seconds = number * _SECONDS[duration.unit]
+    return f'{_count(seconds / period)} ({float(seconds):g} s)'
+
+
+def _count(number: Fraction) -> str:
+    shown = f'{number.numerator:,}' if number.denominator == 1 else f'{float(number):g}'
+    return f'{shown} step{"" if number == 1 else "s"}'
+
+
+def _of(expression: Expression) -> str:
+    return _written(expression.span)
+
+
+def _written(span: Span) -> str:
+    return ' '.join(span.source.text[span.start:span.end].split())

@@ -1,0 +1,112 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Timelines as a picture: SVG 1.1, plain shapes and text, no script and nothing from elsewhere."""
+
+from collections.abc import Iterator
+from collections.abc import Sequence
+import re
+from xml.sax.saxutils import escape
+
+from fret_monitor.explain.timeline import Band
+from fret_monitor.explain.timeline import marked_steps
+from fret_monitor.explain.timeline import shown_time
+from fret_monitor.explain.timeline import Timeline
+
+_CELL = 14
+_ROW = 22
+_BAR = 14
+_LETTER = 7.2
+_MARGIN = 16
+_COLOURS = {'true': '#3465a4', 'false': '#e4e7ea', 'satisfied': '#4e9a06', 'violated': '#cc0000',
+            'left out': '#ffffff', 'text': '#222222', 'faint': '#666666'}
+# What XML 1.0 cannot hold, escaped or not.
+_FORBIDDEN = re.compile('[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]')
+
+
+def to_svg(title: str, lines: Sequence[Timeline]) -> str:
+    """Return an SVG document of some timelines, one below the other."""
+    labels = [band.label for line in lines for band in (*line.bands, line.verdict)]
+    left = _MARGIN + round(_LETTER * max([len(label) for label in labels] or [0])) + 12
+    body: list[str] = []
+    y = _MARGIN + 8
+    width = 320
+    for line in lines:
+        body += _timeline(line, left, y)
+        y += _height(line)
+        texts = max(len(text) for text in (line.title, *line.values))
+        width = max(width, left + _CELL * len(line.steps) + 2 * _MARGIN,
+                    round(_LETTER * texts) + 2 * _MARGIN)
+    return '\n'.join([
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f'<svg xmlns="http://www.w3.org/2000/svg" version="1.1" width="{width}" height="{y}" '
+        f'viewBox="0 0 {width} {y}" font-family="monospace" font-size="12">',
+        f'<title>{_safe(title)}</title>',
+        f'<rect width="{width}" height="{y}" fill="#ffffff"/>',
+        *body, '</svg>', ''])
+
+
+def _height(line: Timeline) -> int:
+    rows = len(line.bands) + 2 + (line.period is not None) + len(line.values)
+    return _ROW * (rows + 2)
+
+
+def _timeline(line: Timeline, left: int, y: int) -> Iterator[str]:
+    yield _text(_MARGIN, y + 4, line.title, weight='bold')
+    y += _ROW
+    for band in line.bands:
+        yield from _band(line, band, left, y, ('true', 'false'))
+        y += _ROW
+    yield from _band(line, line.verdict, left, y, ('satisfied', 'violated'))
+    y += _ROW
+    yield from _scale(line, left, y)
+    y += _ROW * (1 + (line.period is not None))
+    for text in line.values:
+        yield _text(_MARGIN, y, text, colour='faint')
+        y += _ROW
+
+
+def _band(line: Timeline, band: Band, left: int, y: int, kinds: tuple[str, str]) -> Iterator[str]:
+    yield _text(_MARGIN, y + _BAR - 3, band.label)
+    for column, step in enumerate(line.steps):
+        kind = 'left out' if step is None else kinds[not band.truth[column]]
+        yield (f'<rect x="{left + _CELL * column}" y="{y}" width="{_CELL - 1}" height="{_BAR}" '
+               f'fill="{_COLOURS[kind]}"/>')
+        if step is None:
+            yield _text(left + _CELL * column + 3, y + _BAR - 3, '~', colour='faint')
+
+
+def _scale(line: Timeline, left: int, y: int) -> Iterator[str]:
+    yield _text(_MARGIN, y + 8, 'step', colour='faint')
+    if line.period is not None:
+        yield _text(_MARGIN, y + 8 + _ROW, 'seconds', colour='faint')
+    free = 0.0
+    for column, step in marked_steps(line):
+        x = left + _CELL * column
+        time = '' if line.period is None else shown_time(step, line.period)
+        if x < free:
+            continue
+        yield _text(x, y + 8, str(step), colour='faint')
+        if time:
+            yield _text(x, y + 8 + _ROW, time, colour='faint')
+        free = x + _LETTER * (max(len(str(step)), len(time)) + 1)
+
+
+def _text(x: int, y: int, text: str, colour: str = 'text', weight: str = 'normal') -> str:
+    return (f'<text x="{x}" y="{y}" fill="{_COLOURS[colour]}" font-weight="{weight}" '
+            f'xml:space="preserve">{_safe(text)}</text>')
+
+
+def _safe(text: str) -> str:
+    return escape(_FORBIDDEN.sub('\ufffd', text))

@@ -1,0 +1,143 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A trace as rows of signs over a scale of steps.
+
+Long stretches in which nothing changes are left out, and marked with `~`.
+"""
+
+from collections.abc import Iterator
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import groupby
+
+_KEPT = 3
+_SHORTEST_GAP = 4
+_MAX_COLUMNS = 200
+_EVERY = 5
+_LABEL = 40
+
+
+@dataclass(frozen=True)
+class Band:
+    """A row: what it shows, and whether that is true at each column."""
+
+    label: str
+    truth: tuple[bool, ...]
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """
+    What is drawn: propositions, the verdict, and the step of each column.
+
+    A column of step None stands for steps that are left out, in which all is as beside it. With a
+    `period` (seconds) there is a scale of time too. `values` says what the inputs were.
+    """
+
+    title: str
+    bands: tuple[Band, ...]
+    verdict: Band
+    steps: tuple[int | None, ...]
+    period: Fraction | None
+    values: tuple[str, ...]
+
+
+def timeline(title: str, labels: Sequence[str], truths: Sequence[Sequence[bool]],
+             verdicts: Sequence[bool], period: Fraction | None,
+             values: Sequence[str] = ()) -> Timeline:
+    """Return the drawing of a trace; `truths` and `verdicts` hold a value for each step."""
+    columns = list(zip(*truths, verdicts, strict=True))
+    places = _columns(columns)
+    shown = [columns[place if place >= 0 else ~place] for place in places]
+    *rows, verdict = zip(*shown, strict=True)
+    return Timeline(
+        title,
+        tuple(Band(_cut(label), tuple(row)) for label, row in zip(labels, rows, strict=True)),
+        Band('verdict', tuple(verdict)),
+        tuple(place if place >= 0 else None for place in places),
+        period, tuple(values))
+
+
+def _cut(label: str) -> str:
+    return label if len(label) <= _LABEL else label[:_LABEL - 4].rstrip() + ' ...'
+
+
+def _columns(columns: Sequence[tuple[bool, ...]]) -> list[int]:
+    """Return the steps that get a column; a gap is the complement of one of its steps."""
+    places: list[int] = []
+    for _, group in groupby(range(len(columns)), key=columns.__getitem__):
+        stretch = list(group)
+        if len(stretch) < 2 * _KEPT + _SHORTEST_GAP or len(columns) <= 2 * _MAX_COLUMNS // 5:
+            places += stretch
+        else:
+            places += [*stretch[:_KEPT], ~stretch[_KEPT], *stretch[-_KEPT:]]
+    if len(places) > _MAX_COLUMNS:
+        half = _MAX_COLUMNS // 2
+        places = [*places[:half], ~places[half], *places[-half:]]
+    return places
+
+
+def drawn(line: Timeline) -> Iterator[str]:
+    """Yield the lines of a timeline: `#` true, `.` false, `~` left out."""
+    scales = _scales(line)
+    labels = [band.label for band in (*line.bands, line.verdict)]
+    width = max(len(label) for label in (*labels, *(name for name, _ in scales)))
+    for band in line.bands:
+        yield f'{band.label:<{width}}  {_signs(line, band, "#.")}'
+    yield f'{line.verdict.label:<{width}}  {_signs(line, line.verdict, "#x")}'
+    for name, marks in scales:
+        yield f'{name:<{width}}  {_ruled(marks)}'
+    yield from line.values
+
+
+def _signs(line: Timeline, band: Band, signs: str) -> str:
+    return ''.join('~' if step is None else signs[not truth]
+                   for step, truth in zip(line.steps, band.truth, strict=True))
+
+
+def marked_steps(line: Timeline) -> list[tuple[int, int]]:
+    """Return the columns whose step is told, and that step: every fifth, the first, the last."""
+    last = len(line.steps) - 1
+    marks = []
+    for column, step in enumerate(line.steps):
+        after_gap = column > 0 and line.steps[column - 1] is None
+        if step is not None and (step % _EVERY == 0 or after_gap or column == last):
+            marks.append((column, step))
+    return marks
+
+
+def shown_time(step: int, period: Fraction) -> str:
+    """Return when a step is, in seconds since the first."""
+    return f'{float(step * period):g}'
+
+
+def _scales(line: Timeline) -> list[tuple[str, list[tuple[int, str]]]]:
+    marks = marked_steps(line)
+    scales = [('step', [(column, str(step)) for column, step in marks])]
+    if line.period is not None:
+        period = line.period
+        scales.append(('seconds', [(column, shown_time(step, period)) for column, step in marks]))
+    return scales
+
+
+def _ruled(marks: Sequence[tuple[int, str]]) -> str:
+    """Return marks at their columns, but for those that the one before leaves no room."""
+    text = ''
+    for column, mark in marks:
+        if not text or len(text) < column:
+            text = text.ljust(column) + mark
+    return text

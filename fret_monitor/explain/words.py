@@ -1,0 +1,167 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A formula in words. What it says in symbols stays the authority; the words are for reading."""
+
+from collections.abc import Mapping
+from typing import assert_never
+from typing import NamedTuple
+from typing import TypeAlias
+
+from fret_monitor.explain.propositions import is_proposition
+from fret_monitor.logic.formula import Binary
+from fret_monitor.logic.formula import BinaryOperator
+from fret_monitor.logic.formula import Choice
+from fret_monitor.logic.formula import Constant
+from fret_monitor.logic.formula import Conversion
+from fret_monitor.logic.formula import Feedback
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import FTP
+from fret_monitor.logic.formula import Historically
+from fret_monitor.logic.formula import Once
+from fret_monitor.logic.formula import Previous
+from fret_monitor.logic.formula import Since
+from fret_monitor.logic.formula import Triggered
+from fret_monitor.logic.formula import Unary
+from fret_monitor.logic.formula import UnaryOperator
+from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.formula import WeakYesterday
+from fret_monitor.logic.formula import Window
+from fret_monitor.logic.formula import Yesterday
+from fret_monitor.logic.printing import to_smv
+from fret_monitor.logic.printing import Values
+
+_TERM_WIDTH = 200
+_CUT = ' ...'
+
+
+class _Within(NamedTuple):
+    """A formula inside another: in parentheses, unless it is short enough to need none."""
+
+    node: Formula
+
+
+_Piece: TypeAlias = str | Formula | _Within
+
+_CONNECTIVES = {
+    BinaryOperator.AND: ('', ' and ', ''),
+    BinaryOperator.OR: ('', ' or ', ''),
+    BinaryOperator.XOR: ('either ', ' or ', ', not both'),
+    BinaryOperator.IMPLIES: ('if ', ' then ', ''),
+    BinaryOperator.IFF: ('', ' exactly when ', ''),
+    BinaryOperator.EQ: ('', ' exactly when ', ''),
+    BinaryOperator.NE: ('either ', ' or ', ', not both'),
+}
+
+
+def in_words(formula: Formula, limit: int, values: Values | None = None,
+             names: Mapping[Formula, str] | None = None) -> str:
+    """
+    Return a formula in English, on one line; one longer than `limit` is cut and ends with ` ...`.
+
+    `values` and `names` are as for `to_smv`.
+    """
+    done: list[str] = []
+    size = 0
+    stack: list[_Piece] = [formula]
+    while stack and size <= limit:
+        piece = stack.pop()
+        if isinstance(piece, str):
+            done.append(piece)
+            size += len(piece)
+        elif isinstance(piece, _Within):
+            stack += [piece.node] if _is_short(piece.node, names) else [')', piece.node, '(']
+        else:
+            stack.extend(reversed(_pieces(piece, values, names)))
+    text = ''.join(done)
+    return text if size <= limit and not stack else text[:limit - len(_CUT)].rstrip() + _CUT
+
+
+def _is_short(node: Formula, names: Mapping[Formula, str] | None) -> bool:
+    match node:
+        case Constant() | Variable() | Feedback():
+            return True
+        case Unary(UnaryOperator.NOT, argument):
+            return is_proposition(argument) or bool(names and argument in names)
+        case _:
+            return node is FTP or is_proposition(node) or bool(names and node in names)
+
+
+def _pieces(node: Formula, values: Values | None,
+            names: Mapping[Formula, str] | None) -> list[_Piece]:
+    if names and node in names:
+        return [names[node]]
+    match node:
+        case Constant(value) if isinstance(value, bool):
+            return [str(value).lower()]
+        case Unary(UnaryOperator.NOT, argument):
+            return ['not ', _Within(argument)]
+        case Binary(operator, left, right) if _is_connective(node):
+            before, between, behind = _CONNECTIVES[operator]
+            return [before, _Within(left), between, _Within(right), behind]
+        case Choice() if node.yes.type is node.type and node.type.value == 'bool':
+            return ['if ', _Within(node.condition), ' then ', _Within(node.yes), ' else ',
+                    _Within(node.no)]
+        case Yesterday() | WeakYesterday() | Once() | Historically() | Since() | Triggered():
+            return _temporal(node)
+        case Constant() | Variable() | Conversion() | Unary() | Binary() | Choice() | Previous() \
+                | Feedback():
+            return [to_smv(node, _TERM_WIDTH, values, names)]
+        case _:
+            assert_never(node)
+
+
+def _is_connective(node: Binary) -> bool:
+    return node.operator in _CONNECTIVES and not is_proposition(node)
+
+
+def _temporal(node: Yesterday | WeakYesterday | Once | Historically | Since | Triggered
+              ) -> list[_Piece]:
+    match node:
+        case Yesterday(argument):
+            return ['a step ago ', _Within(argument)]
+        case WeakYesterday(argument):
+            if node is FTP:
+                return ['this is the first step']
+            return ['this is the first step or a step ago ', _Within(argument)]
+        case Once(window, argument):
+            return [f'at some step {_when(window)} ', _Within(argument)]
+        case Historically(window, argument):
+            return [f'at every step {_when(window)} ', _Within(argument)]
+        case Since(window, left, right):
+            return [_Within(left), ' at every step since ', _Within(right), ' held',
+                    '' if window.is_unbounded else f' at a step {_when(window)}']
+        case Triggered(window, left, right):
+            return ['at every step ', _when(window), ' ', _Within(right),
+                    ', but for steps with a later one at which ', _Within(left)]
+        case _:
+            assert_never(node)
+
+
+def _when(window: Window) -> str:
+    if window.is_unbounded:
+        return 'so far'
+    if window.is_empty:
+        return 'of none'
+    if window.high is None:
+        return f'{_steps(window.low)} ago or earlier'
+    if window.low == window.high:
+        return f'{_steps(window.low)} ago' if window.low else 'now'
+    if window.low == 0:
+        return f'of the last {_steps(window.high)} and now'
+    return f'{window.low:,} to {_steps(window.high)} ago'
+
+
+def _steps(count: int) -> str:
+    return f'{count:,} step{"" if count == 1 else "s"}'
