@@ -95,6 +95,16 @@ def terms() -> Iterator[Formula]:
     yield Binary(BinaryOperator.POW, A[FLOAT64], B[FLOAT64])
     yield from two_roundings()
     yield from conversions()
+    yield from constants()
+
+
+def constants() -> Iterator[Formula]:
+    """Yield constants, the nasty ones and others of many digits."""
+    rng = Random(1)
+    for kind in TERM_TYPES:
+        values = [*finite_values(kind), *(random_value(rng, kind) for _ in range(100))]
+        yield from (Constant(value, kind) for value in values
+                    if math.isfinite(value))
 
 
 def two_roundings() -> Iterator[Formula]:
