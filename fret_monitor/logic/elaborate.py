@@ -37,16 +37,19 @@ from fret_monitor.diagnostics import Problems
 from fret_monitor.diagnostics import Source
 from fret_monitor.diagnostics import Span
 from fret_monitor.diagnostics import Text
+from fret_monitor.logic.advice import advise
 from fret_monitor.logic.elaborator import Elaborator
 from fret_monitor.logic.elaborator import references
 from fret_monitor.logic.equations import equations_term
 from fret_monitor.logic.formula import Feedback
 from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.formula import postorder
+from fret_monitor.logic.fretish import sentence_term
 from fret_monitor.logic.graph import components
 from fret_monitor.logic.graph import cycle
 from fret_monitor.logic.graph import is_cyclic
 from fret_monitor.logic.languages import read_formula
+from fret_monitor.logic.languages import read_property
 from fret_monitor.logic.scope import Declaration
 from fret_monitor.logic.scope import Role
 from fret_monitor.logic.scope import Scope
@@ -62,6 +65,7 @@ from fret_monitor.logic.terms import describe
 from fret_monitor.logic.terms import formula_of
 from fret_monitor.logic.terms import Term
 from fret_monitor.logic.terms import Vocabulary
+from fret_monitor.manifest import Policy
 from fret_monitor.syntax.bundle import Bundle
 from fret_monitor.syntax.bundle import Definition
 from fret_monitor.syntax.bundle import Language
@@ -70,6 +74,8 @@ from fret_monitor.syntax.expression import Equations
 from fret_monitor.syntax.expression import Expression
 from fret_monitor.syntax.expression import Name
 from fret_monitor.syntax.message import find_message as find_installed
+from fret_monitor.syntax.sentence import Component
+from fret_monitor.syntax.sentence import Sentence
 
 _MANY = 8
 _Trees: TypeAlias = Mapping[str, Expression | Equations | None]
@@ -91,7 +97,7 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None,
     CompileError
         with all mistakes of the bundle.
     """
-    reading = _Reading(problems or Problems())
+    reading = _Reading(problems or Problems(), bundle)
     reading.skip(bundle.unreadable)
     signals = reading.read_inputs(bundle, find_message or find_installed)
     reading.read_definitions(bundle.definitions)
@@ -149,8 +155,9 @@ def _references(tree: Expression | Equations | None,
 class _Reading:
     """One run over a bundle: what its names mean so far, and the problems found."""
 
-    def __init__(self, problems: Problems) -> None:
+    def __init__(self, problems: Problems, bundle: Bundle) -> None:
         self.problems = problems
+        self._bundle = bundle
         self._names: dict[str, Declaration] = {}
         self._scope = Scope(self._names)
         self._feedback: dict[Feedback, Formula] = {}
@@ -213,8 +220,7 @@ class _Reading:
 
     def read_requirement(self, item: Requirement) -> Property | None:
         """Return a requirement with its formula, None where it has a mistake."""
-        tree = self._tree(item.language, item.text)
-        term = self._term(item.language, item.text, tree, item.id.value)
+        term = self._property(item)
         if term.is_broken:
             return None
         if not term.is_boolean:
@@ -237,6 +243,26 @@ class _Reading:
             feedback=self._reached(formula),
             place=item.text.span,
         )
+
+    def _property(self, item: Requirement) -> Term:
+        try:
+            tree = read_property(item.language, item.text)
+        except CompileError as error:
+            self.problems.extend(error.diagnostics)
+            return Term(Broken(), item.text.span)
+        if not isinstance(tree, Sentence):
+            return self._term(item.language, item.text, tree, item.id.value)
+        self._check_component(tree.component)
+        self.problems.extend(advise(tree, self._bundle, item.report))
+        period = self._bundle.period if self._bundle.policy is Policy.PERIODIC else None
+        return sentence_term(tree, self._scope, self.problems, period)
+
+    def _check_component(self, found: Component) -> None:
+        expected = self._bundle.component
+        if expected is not None and found.name != expected.value:
+            self.problems.error(f"the component of this bundle is '{expected.value}'", found.span,
+                                'another component', f'write {expected.value}, or leave out '
+                                'component: in the bundle, for any')
 
     def _tree(self, language: Language, text: Text) -> Expression | Equations | None:
         try:

@@ -15,31 +15,44 @@
 
 from typing import assert_never
 
-from fret_monitor.diagnostics import refuse
 from fret_monitor.diagnostics import Text
 from fret_monitor.syntax.bundle import Language
 from fret_monitor.syntax.cocospec import parse_cocospec
 from fret_monitor.syntax.expression import Equations
 from fret_monitor.syntax.expression import Expression
+from fret_monitor.syntax.fretish import parse_fretish
+from fret_monitor.syntax.fretish import parse_fretish_expression
+from fret_monitor.syntax.sentence import Sentence
 from fret_monitor.syntax.smv import parse_smv
 
 
-def read_formula(language: Language, text: Text) -> Expression | Equations:
+def read_property(language: Language, text: Text) -> Expression | Equations | Sentence:
     """
-    Return the tree of a property or definition.
+    Return what a requirement says: a sentence in FRETish, a tree in the other languages.
 
     Raises
     ------
     CompileError
         if the text is not of its language.
     """
-    if language is Language.FRETISH:
-        refuse('FRETish is not read yet', text.span, '',
-               'write the formula as ptltl, and the sentence as title')
+    return parse_fretish(text) if language is Language.FRETISH else read_formula(language, text)
+
+
+def read_formula(language: Language, text: Text) -> Expression | Equations:
+    """
+    Return the tree of an expression, as definitions are; in FRETish it is no sentence.
+
+    Raises
+    ------
+    CompileError
+        if the text is not of its language.
+    """
     match language:
         case Language.PTLTL:
             return parse_smv(text)
         case Language.COCOSPEC:
             return parse_cocospec(text)
+        case Language.FRETISH:
+            return parse_fretish_expression(text)
         case _:
             assert_never(language)

@@ -1,0 +1,100 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Warnings about FRETish sentences that mean what they say, and maybe not what was meant.
+
+A time that counts messages, plain counts beside times, and a requirement that is announced at
+every step until it is fulfilled.
+"""
+
+from collections.abc import Iterator
+
+from fret_monitor.diagnostics import Diagnostic
+from fret_monitor.diagnostics import Level
+from fret_monitor.diagnostics import Span
+from fret_monitor.logic.durations import approximate
+from fret_monitor.logic.durations import SECONDS
+from fret_monitor.logic.fretish import is_not_yet
+from fret_monitor.manifest import Policy
+from fret_monitor.manifest import Report
+from fret_monitor.syntax.bundle import Bundle
+from fret_monitor.syntax.expression import Call
+from fret_monitor.syntax.expression import Expression
+from fret_monitor.syntax.expression import postorder
+from fret_monitor.syntax.sentence import Duration
+from fret_monitor.syntax.sentence import Sentence
+
+_COUNTED = {
+    Policy.EVERY_MESSAGE: 'messages on any mapped topic',
+    Policy.RELEVANT_MESSAGE: 'messages on topics that it reads',
+    Policy.ALL_INPUTS: 'rounds of all inputs',
+}
+_COUNTING = frozenset({'persisted', 'occurred'})
+
+
+def advise(sentence: Sentence, bundle: Bundle, report: Report) -> Iterator[Diagnostic]:
+    """Yield the warnings about a sentence of a bundle, which is announced as `report` says."""
+    yield from sentence.remarks
+    duration = sentence.timing.duration if sentence.timing else None
+    if duration is not None and duration.unit in SECONDS:
+        yield from _about_time(sentence, duration, bundle)
+    if report is Report.EVERY_STEP and is_not_yet(sentence):
+        yield _warning(
+            'this is announced at every step until it is fulfilled', _demand(sentence),
+            'false means "not yet" here', "write report: onset to hear of it once, or say by "
+            'when: within 10 ticks')
+
+
+def _about_time(sentence: Sentence, duration: Duration, bundle: Bundle) -> Iterator[Diagnostic]:
+    written = f'{duration.number} {duration.unit.value}'
+    if bundle.policy in _COUNTED:
+        yield _warning(
+            f"'{written}' counts {duration.number} {_COUNTED[bundle.policy]}", duration.span,
+            f'the policy is {bundle.policy.value}', f'write {duration.number} ticks; or, for '
+            'time, policy: periodic and a period under evaluation')
+    count = next(_counts(sentence), None)
+    if count is not None:
+        period = bundle.period if bundle.policy is Policy.PERIODIC else None
+        length = f' of {approximate(period)} s' if period else ''
+        yield _warning(
+            f"a plain count stands beside '{written}'", count, f'counts steps{length}, whatever '
+            'the policy', 'say both in ticks, or look at the bounds that check prints')
+
+
+def _warning(title: str, span: Span, label: str, help_: str) -> Diagnostic:
+    return Diagnostic(title, span, label, help_, Level.WARNING)
+
+
+def _demand(sentence: Sentence) -> Span:
+    return sentence.timing.span if sentence.timing else sentence.response.span
+
+
+def _counts(sentence: Sentence) -> Iterator[Span]:
+    """Yield the places of the numbers of steps in `persisted(10, p)` and its like."""
+    for root in _parts(sentence):
+        for node in postorder(root):
+            if isinstance(node, Call) and node.function in _COUNTING and node.arguments:
+                yield node.arguments[0].span
+
+
+def _parts(sentence: Sentence) -> Iterator[Expression]:
+    if sentence.scope is not None:
+        yield sentence.scope.mode
+    if sentence.condition is not None:
+        yield sentence.condition.expression
+    if sentence.timing is not None and sentence.timing.stop is not None:
+        yield sentence.timing.stop
+    yield sentence.response
