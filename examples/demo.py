@@ -58,7 +58,7 @@ START_PATIENCE = 60.0  # s; the first start compiles
 FLIGHT_PATIENCE = 50.0  # s
 END_PATIENCE = 10.0  # s
 
-VIOLATED = re.compile(r'(\S+) violated at ([0-9.]+): (.*)')
+VIOLATED = re.compile(r'(\S+) violated at ([0-9.]+): (.*?)(?: \[(step .*)\])?')
 FLYING = re.compile(r'\s*([0-9.]+) s   wind\s+([0-9.]+) m/s   current\s+([0-9.]+) A(?:   (.*))?')
 
 
@@ -146,12 +146,14 @@ class Story:
                  f'   current {_bar(current, 32)} {current:4.1f} A   {event}'.rstrip(),
                  36 if event else None)
 
-    def violate(self, name: str, stamp: str, sentence: str) -> None:
+    def violate(self, name: str, stamp: str, sentence: str, values: str | None) -> None:
         """Write that a requirement is violated."""
         flown = float(stamp) - self._take_off
         self.say(f'  ***** {name} VIOLATED at {flown:.1f} s of the flight '
                  f'(ROS time {stamp})', 31)
         self.paragraph('        ', sentence, 31)
+        if values:
+            self.paragraph('        ', values, 31)
 
 
 def _bar(value: float, most: float, width: int = 16) -> str:
@@ -264,7 +266,7 @@ def _tell_flight(story: Story, line: str, count: int) -> int:
 def _tell_violations(story: Story, logger: Process) -> list[str]:
     announced = []
     for line in logger.new_lines():
-        found = VIOLATED.search(line)
+        found = VIOLATED.fullmatch(_message(line))
         if found:
             story.violate(*found.groups())
             announced.append(found.group(1))

@@ -22,14 +22,17 @@ at all.
 from contextlib import ExitStack
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.manifest import ManifestRequirement, Severity
 from fret_monitor.ros.compiled import open_manifest
+from fret_monitor.ros.details import DETAILS_TOPIC
 from fret_monitor.ros.fed_node import FedNode
 from fret_monitor.ros.feed import Deliver
 from fret_monitor.ros.handlers import handler_topic
 from fret_monitor.ros.parameters import LOGGER_PARAMETERS, read_settings
 from fret_monitor.ros.qos import VIOLATION_REQUEST
 
+from rclpy.serialization import deserialize_message
 from std_msgs.msg import Empty
 
 
@@ -46,6 +49,7 @@ class LoggerNode(FedNode):
             if parameters, bundle or library are not such that it can start. Nothing is left.
         """
         super().__init__(node_name, **options)
+        self._details: dict[str, tuple[float, str]] = {}
         with ExitStack() as undo:
             undo.callback(self.destroy_node)
             self._begin()
@@ -53,6 +57,8 @@ class LoggerNode(FedNode):
 
     def _begin(self) -> None:
         manifest = open_manifest(read_settings(self, LOGGER_PARAMETERS))
+        self.feed.subscribe(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
+                            self._keep_details, VIOLATION_REQUEST)
         for requirement in manifest.requirements:
             self.feed.subscribe(handler_topic(requirement), 'std_msgs/msg/Empty', Empty,
                                 self._report(requirement), VIOLATION_REQUEST)
@@ -70,10 +76,18 @@ class LoggerNode(FedNode):
         log = self._error if requirement.severity is Severity.ERROR else self._warn
 
         def report(_: bytes, received: int) -> None:
-            stamp = received if uses_received else self.get_clock().now().nanoseconds
-            log(f'{requirement.id} violated at {stamp / 1e9:.3f}: {sentence}')
+            now = received if uses_received else self.get_clock().now().nanoseconds
+            stamp, values = self._details.pop(requirement.id, (now / 1e9, ''))
+            log(f'{requirement.id} violated at {stamp:.3f}: {sentence}{values}')
 
         return report
+
+    def _keep_details(self, data: bytes, received: int) -> None:
+        """Keep step, time and values of violations whose own messages come next."""
+        for status in deserialize_message(data, DiagnosticArray).status:
+            step, stamp, _, *values = status.values
+            told = ', '.join(f'{item.key} = {item.value}' for item in values)
+            self._details[status.name] = (float(stamp.value), f' [step {step.value}: {told}]')
 
     def _error(self, text: str) -> None:
         self.get_logger().error(text)

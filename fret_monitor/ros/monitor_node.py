@@ -25,12 +25,13 @@ from typing import Any
 
 from fret_monitor.manifest import Manifest, ManifestInput, Policy
 from fret_monitor.ros.compiled import open_monitor, Opened
+from fret_monitor.ros.details import Details
 from fret_monitor.ros.fed_node import FedNode
 from fret_monitor.ros.feed import Deliver
 from fret_monitor.ros.fields import message_class, MessageReader, MessageTypeError
 from fret_monitor.ros.handlers import Handlers
 from fret_monitor.ros.parameters import MONITOR_PARAMETERS, read_settings, Refusal
-from fret_monitor.runtime import Evaluator
+from fret_monitor.runtime import Evaluator, Violation
 
 from rclpy.exceptions import InvalidTopicNameException
 from std_srvs.srv import Trigger
@@ -69,6 +70,7 @@ class MonitorNode(FedNode):
             opened.monitor, policy=opened.policy, library=opened.evaluator)
         try:
             self._handlers = Handlers(self, manifest)
+            self._details = Details(self, manifest)
             self.create_service(Trigger, '~/reset', self._reset)
             for reader, topic in zip(readers, manifest.topics):
                 self.feed.subscribe(
@@ -108,7 +110,7 @@ class MonitorNode(FedNode):
                 stamp = received if uses_received else self._now()
                 violations = evaluator.message(topic, stamp)
                 if violations:
-                    self._handlers.announce(violations)
+                    self._announce(violations)
 
         return deliver
 
@@ -121,7 +123,13 @@ class MonitorNode(FedNode):
 
     def _tick(self) -> None:
         with self._lock:
-            self._handlers.announce(self._evaluator.tick(self._now()))
+            violations = self._evaluator.tick(self._now())
+            if violations:
+                self._announce(violations)
+
+    def _announce(self, violations: list[Violation]) -> None:
+        self._details.report(violations, self._evaluator.value)
+        self._handlers.announce(violations)
 
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
@@ -138,14 +146,15 @@ class MonitorNode(FedNode):
 
 def refuse_inputs_off_ros(manifest: Manifest) -> None:
     """
-    Refuse inputs that no topic feeds.
+    Refuse inputs that requirements read and no topic feeds.
 
     Raises
     ------
     Refusal
         if there are such, with the lines to write for them.
     """
-    lines = [line for item in manifest.inputs for line in _lines_wanted(item)]
+    read = {index for group in manifest.groups for index in group.inputs}
+    lines = [line for index in sorted(read) for line in _lines_wanted(manifest.inputs[index])]
     if lines:
         raise Refusal('these inputs have no ROS 2 topic to read; '
                       'say in the bundle where they come from:\n\n  inputs:\n' + '\n'.join(lines))
@@ -154,7 +163,7 @@ def refuse_inputs_off_ros(manifest: Manifest) -> None:
 def _lines_wanted(item: ManifestInput) -> list[str]:
     if item.topic is not None and item.message_type is not None:
         return []
-    plain = item.value_type.value
+    plain = 'string' if item.is_string else item.value_type.value
     standard = plain.capitalize() if not plain.startswith('uint') else f'UInt{plain[4:]}'
     return [f'    {item.name}:',
             f'      topic: {item.topic or item.name}',

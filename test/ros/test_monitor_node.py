@@ -14,10 +14,12 @@
 
 """The monitor as a process over real DDS: every violation that is due is announced, none else."""
 
+from collections.abc import Callable
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 import random
+import re
 from time import sleep
 from typing import Any
 
@@ -40,6 +42,7 @@ from std_msgs.msg import Float32
 from std_msgs.msg import Int32
 from std_msgs.msg import String
 
+diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
 sensor_msgs = pytest.importorskip('sensor_msgs.msg')
 
 BUNDLE = """
@@ -99,6 +102,20 @@ class Talker:
                 self.publishers[name].publish(TYPES[name](data=value))
             if number % 10 == 9:
                 sleep(0.01)
+
+
+def until_told(logger: NodeProcess, pattern: str, do: Callable[[], None]) -> None:
+    """
+    Do something again and again until the logger tells of it.
+
+    Nobody but the two knows when monitor and logger have found one another.
+    """
+    def is_told() -> bool:
+        do()
+        sleep(0.1)
+        return re.search(pattern, logger.output) is not None
+
+    wait_until(is_told, pattern)
 
 
 @contextmanager
@@ -256,15 +273,20 @@ def test_what_was_compiled_runs_without_a_compiler(
     library = f"library:={tmp_path / 'library'}"
     with monitoring(partner, '-p', library, environment=environment), \
             started('logger', '-p', library, environment=environment) as logger:
-        wait_until(lambda: all(
-            partner.node.count_subscribers(f'copilot/handlerprop{handler}') == 2
-            for handler in HANDLERS), 'partner and logger to listen')
-        Talker(partner).say(messages)
-        wanted = expected(bundle, messages)
+        talker = Talker(partner)
+        until_told(logger, 'R-5 violated',
+                   lambda: talker.publishers['p'].publish(Bool(data=False)))
+        sleep(1.0)
+        told = logger.output
+        partner.heard.clear()
+        partner.reset()
+        talker.say(messages)
+        first = (messages[0][0], {'p': False, **messages[0][1]})
+        wanted = expected(bundle, [first, *messages[1:]])
         partner.expect(wanted)
         wait_until(lambda: all(
-            logger.output.count(f'{handler.replace("_", "-")} violated at') == count
-            for handler, count in wanted.items()), 'a line for each violation')
+            logger.output.removeprefix(told).count(f'{handler.replace("_", "-")} violated at')
+            == count for handler, count in wanted.items()), 'a line for each violation')
     assert not (tmp_path / 'home' / 'fret_monitor').exists()
 
 
@@ -292,3 +314,74 @@ def test_the_logger_tells_id_sentence_and_time_by_severity(
         assert lines['R-5'].startswith('ERROR R-5 violated at ')
         assert lines['R-5'].endswith(': p')
         assert abs(float(lines['R-6'].split()[4].rstrip(':')) - now) < 20
+
+
+def test_details_tell_step_time_and_values_while_somebody_listens(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    bundle = write(tmp_path, """
+format: 1
+component: robot
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+  step: {topic: state, type: std_msgs/msg/String, values: {IDLE: "idle", GO: "go"}}
+requirements:
+  - {id: R-1, title: "stand still", ptltl: "step = GO | x < 0.25", severity: warn}
+  - {id: R-2, ptltl: "x < 0.25"}
+""")
+    with monitoring(partner, '-p', f'spec:={bundle}', handlers=('R_1', 'R_2')), \
+            started('logger', '-p', f'spec:={bundle}') as logger:
+        heard: list[Any] = []
+        partner.node.create_subscription(
+            diagnostic_msgs.DiagnosticArray, 'copilot/violations', heard.append, 1000)
+        x, state = partner.publisher(Float32, 'x'), partner.publisher(String, 'state')
+        partner.wait_for_listener(x, state)
+        until_told(logger, 'R-2 violated.* \\[step', lambda: x.publish(Float32(data=0.3)))
+        x.publish(Float32(data=0.2))
+        sleep(0.5)
+        partner.reset()
+        heard.clear()
+        state.publish(String(data='idle'))
+        before = partner.node.get_clock().now().nanoseconds
+        x.publish(Float32(data=0.3))
+        wait_until(lambda: bool(heard), 'details')
+        first, second = (status for array in heard for status in array.status)
+        assert (first.name, first.level, first.message, first.hardware_id) == (
+            'R-1', b'\1', 'stand still', 'robot')
+        assert (second.name, second.level, second.message) == ('R-2', b'\2', 'x < 0.25')
+        values = [(item.key, item.value) for item in first.values]
+        assert values[0] == ('step', '1')
+        assert 0 <= float(values[1][1]) - before / 1e9 < 20
+        assert values[2:] == [('suppressed', '0'), ('x', '0.3'), ('step', 'IDLE')]
+        logger.wait_for(': stand still [step 1: x = 0.3, step = IDLE]')
+        logger.wait_for(f'R-2 violated at {float(values[1][1]):.3f}: x < 0.25 [step 1: x = 0.3]')
+
+
+def test_details_are_limited_and_the_rest_counted_while_handlers_tell_all(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    bundle = write(tmp_path, """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+requirements:
+  - {id: R-1, ptltl: "x < 0.25"}
+""")
+    with monitoring(partner, '-p', f'spec:={bundle}', handlers=('R_1',)):
+        heard: list[Any] = []
+        partner.node.create_subscription(
+            diagnostic_msgs.DiagnosticArray, 'copilot/violations', heard.append, 1000)
+        x = partner.publisher(Float32, 'x')
+        partner.wait_for_listener(x)
+        for number in range(1000):
+            x.publish(Float32(data=1.0))
+            if number % 10 == 0:
+                sleep(0.01)
+        partner.expect({'R_1': 1000})
+        sleep(1.0)
+        x.publish(Float32(data=1.0))
+        partner.expect({'R_1': 1001})
+        last = {item.key: item.value for item in heard[-1].status[0].values}
+        assert last['step'] == '1000'
+        assert len(heard) + int(last['suppressed']) == 1001
+        assert int(last['suppressed']) > 0

@@ -1,0 +1,129 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What is told of a violation beside that it happened: `copilot/violations` (DESIGN 8).
+
+A detail says which requirement, at which step and time, on which values. It is built only while
+somebody listens, and published just before the handler's message, so that who hears both in
+order has it at hand.
+"""
+
+from collections.abc import Callable, Sequence
+import struct
+from time import monotonic
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from fret_monitor.manifest import Manifest, ManifestInput, Severity, ValueType
+from fret_monitor.ros.qos import VIOLATION_QOS
+from fret_monitor.runtime import Violation
+
+from rclpy.node import Node
+
+DETAILS_TOPIC = 'copilot/violations'
+MOST_A_SECOND = 100
+"""Details of a requirement in a second; the rest is counted, and told as `suppressed`."""
+
+LEVELS = {Severity.ERROR: DiagnosticStatus.ERROR, Severity.WARN: DiagnosticStatus.WARN}
+
+Value = bool | int | float | None
+
+
+class Details:
+    """Publishes details of violations while somebody listens."""
+
+    def __init__(self, node: Node, manifest: Manifest) -> None:
+        """Advertise the topic."""
+        self._manifest = manifest
+        self._publisher = node.create_publisher(DiagnosticArray, DETAILS_TOPIC, VIOLATION_QOS)
+        self._quotas = [Quota() for _ in manifest.requirements]
+
+    def report(self, violations: Sequence[Violation], value: Callable[[int], Value]) -> None:
+        """Publish the details of violations of one step; `value` gives that of an input."""
+        if not self._publisher.get_subscription_count():
+            return
+        shown = [item for item in violations if self._quotas[item.requirement].take()]
+        if shown:
+            array = DiagnosticArray(status=[self._status(item, value) for item in shown])
+            array.header.stamp = as_time(shown[0].stamp)
+            self._publisher.publish(array)
+
+    def _status(self, violation: Violation, value: Callable[[int], Value]) -> DiagnosticStatus:
+        requirement = self._manifest.requirements[violation.requirement]
+        inputs = self._manifest.inputs
+        pairs = [  # the first three always; the inputs may have any names
+            ('step', str(violation.step)),
+            ('stamp', f'{violation.stamp / 1e9:.9f}'),
+            ('suppressed', str(self._quotas[violation.requirement].refused)),
+            *((inputs[index].name, show(inputs[index], value(index)))
+              for index in requirement.inputs)]
+        return DiagnosticStatus(
+            level=LEVELS[requirement.severity], name=requirement.id,
+            message=' '.join((requirement.title or requirement.text).split()),
+            hardware_id=self._manifest.component,
+            values=[KeyValue(key=key, value=text) for key, text in pairs])
+
+
+class Quota:
+    """Lets so much pass in a second, and counts the rest."""
+
+    def __init__(self) -> None:
+        """Start with nothing spent."""
+        self.refused = 0
+        self._second = 0
+        self._spent = 0
+
+    def take(self) -> bool:
+        """Return whether one more may pass."""
+        second = int(monotonic())
+        if second != self._second:
+            self._second, self._spent = second, 0
+        self._spent += 1
+        if self._spent <= MOST_A_SECOND:
+            return True
+        self.refused += 1
+        return False
+
+
+def as_time(nanoseconds: int) -> Time:
+    """Return a time stamp of ROS."""
+    return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+
+
+def show(item: ManifestInput, value: Value) -> str:
+    """Return a value as the bundle would write it, a named one by its name."""
+    if value is None:
+        return '(none yet)'
+    for place, (name, number) in enumerate(item.values):
+        if value == (place if item.is_string else number):
+            return name
+    if isinstance(value, bool):
+        return str(value).lower()
+    if item.value_type is ValueType.FLOAT32 and isinstance(value, float):
+        return _shortest_float32(value)
+    return repr(value)
+
+
+def _shortest_float32(value: float) -> str:
+    digits = (f'{value:.{precision}g}' for precision in range(6, 10))
+    return next((text for text in digits if _as_float32(float(text)) == value), repr(value))
+
+
+def _as_float32(value: float) -> float:
+    try:
+        rounded: float = struct.unpack('<f', struct.pack('<f', value))[0]
+    except OverflowError:
+        return float('inf')
+    return rounded
