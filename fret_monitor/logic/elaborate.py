@@ -48,8 +48,8 @@ from fret_monitor.logic.fretish import sentence_term
 from fret_monitor.logic.graph import components
 from fret_monitor.logic.graph import cycle
 from fret_monitor.logic.graph import is_cyclic
+from fret_monitor.logic.languages import read_expression
 from fret_monitor.logic.languages import read_formula
-from fret_monitor.logic.languages import read_property
 from fret_monitor.logic.scope import Declaration
 from fret_monitor.logic.scope import Role
 from fret_monitor.logic.scope import Scope
@@ -246,7 +246,7 @@ class _Reading:
 
     def _property(self, item: Requirement) -> Term:
         try:
-            tree = read_property(item.language, item.text)
+            tree = read_formula(item.language, item.text)
         except CompileError as error:
             self.problems.extend(error.diagnostics)
             return Term(Broken(), item.text.span)
@@ -266,7 +266,7 @@ class _Reading:
 
     def _tree(self, language: Language, text: Text) -> Expression | Equations | None:
         try:
-            return read_formula(language, text)
+            return read_expression(language, text)
         except CompileError as error:
             self.problems.extend(error.diagnostics)
             return None

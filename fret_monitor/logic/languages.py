@@ -26,7 +26,7 @@ from fret_monitor.syntax.sentence import Sentence
 from fret_monitor.syntax.smv import parse_smv
 
 
-def read_property(language: Language, text: Text) -> Expression | Equations | Sentence:
+def read_formula(language: Language, text: Text) -> Expression | Equations | Sentence:
     """
     Return what a requirement says: a sentence in FRETish, a tree in the other languages.
 
@@ -35,10 +35,12 @@ def read_property(language: Language, text: Text) -> Expression | Equations | Se
     CompileError
         if the text is not of its language.
     """
-    return parse_fretish(text) if language is Language.FRETISH else read_formula(language, text)
+    if language is Language.FRETISH:
+        return parse_fretish(text)
+    return read_expression(language, text)
 
 
-def read_formula(language: Language, text: Text) -> Expression | Equations:
+def read_expression(language: Language, text: Text) -> Expression | Equations:
     """
     Return the tree of an expression, as definitions are; in FRETish it is no sentence.
 
