@@ -32,7 +32,6 @@ from fret_monitor.manifest import Policy
 from fret_monitor.manifest import Report
 from fret_monitor.syntax.bundle import Bundle
 from fret_monitor.syntax.expression import Call
-from fret_monitor.syntax.expression import Expression
 from fret_monitor.syntax.expression import postorder
 from fret_monitor.syntax.sentence import Duration
 from fret_monitor.syntax.sentence import Sentence
@@ -84,17 +83,7 @@ def _demand(sentence: Sentence) -> Span:
 
 def _counts(sentence: Sentence) -> Iterator[Span]:
     """Yield the places of the numbers of steps in `persisted(10, p)` and its like."""
-    for root in _parts(sentence):
+    for root in sentence.expressions:
         for node in postorder(root):
             if isinstance(node, Call) and node.function in _COUNTING and node.arguments:
                 yield node.arguments[0].span
-
-
-def _parts(sentence: Sentence) -> Iterator[Expression]:
-    if sentence.scope is not None:
-        yield sentence.scope.mode
-    if sentence.condition is not None:
-        yield sentence.condition.expression
-    if sentence.timing is not None and sentence.timing.stop is not None:
-        yield sentence.timing.stop
-    yield sentence.response

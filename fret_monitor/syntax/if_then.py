@@ -43,17 +43,7 @@ def remarks(sentence: Sentence, lexemes: Sequence[Lexeme]) -> tuple[Diagnostic, 
         Diagnostic("'if ... then' does not hold together what stands around it", span,
                    'FRET reads it as if it were not there, and then as =>',
                    'put parentheses: (if p then (q))', Level.WARNING)
-        for root in _roots(sentence) for span in _torn(root, conditionals))
-
-
-def _roots(sentence: Sentence) -> Iterator[Expression]:
-    if sentence.scope is not None:
-        yield sentence.scope.mode
-    if sentence.condition is not None:
-        yield sentence.condition.expression
-    if sentence.timing is not None and sentence.timing.stop is not None:
-        yield sentence.timing.stop
-    yield sentence.response
+        for root in sentence.expressions for span in _torn(root, conditionals))
 
 
 def _conditionals(lexemes: Sequence[Lexeme]) -> Iterator[tuple[int, tuple[Lexeme, int, int]]]:

@@ -186,6 +186,13 @@ class Sentence:
         return self.timing.kind if self.timing else TimingKind.NONE
 
     @property
+    def expressions(self) -> tuple[Expression, ...]:
+        """All expressions: of scope, condition, stop and response, in this order."""
+        parts = (self.scope and self.scope.mode, self.condition and self.condition.expression,
+                 self.timing and self.timing.stop, self.response)
+        return tuple(part for part in parts if part is not None)
+
+    @property
     def key(self) -> str:
         """FRET's template key, such as `in,regular,within`."""
         kinds = (self.scope_kind, self.condition_kind, self.timing_kind)

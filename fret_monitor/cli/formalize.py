@@ -1,0 +1,44 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""`formalize TEXT`: the formula of one FRETish sentence, on one line."""
+
+from argparse import _SubParsersAction
+from argparse import ArgumentParser
+from argparse import Namespace
+import sys
+
+from fret_monitor.diagnostics import Source
+from fret_monitor.diagnostics import Text
+from fret_monitor.logic.formalize import formalize
+
+
+def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
+    """Add the verb to the command line."""
+    parser = verbs.add_parser('formalize', help='print the formula of a FRETish sentence')
+    parser.add_argument('text', metavar='TEXT', help='the sentence; - reads standard input')
+    parser.add_argument('--language', choices=('smv', 'cocospec'), default='smv',
+                        help="FRET's past-time MTL for SMV (the default), or its CoCoSpec")
+    parser.set_defaults(run=run)
+
+
+def run(options: Namespace) -> int:
+    """Print the formula; what is not declared is true or false or a number as it is used."""
+    text = sys.stdin.read() if options.text == '-' else options.text
+    formula, warnings = formalize(Text.whole(Source('<sentence>', text)), options.language)
+    for warning in warnings:
+        print(warning.render(), file=sys.stderr)
+    print(formula)
+    return 0
