@@ -188,8 +188,9 @@ class Sentence:
     @property
     def expressions(self) -> tuple[Expression, ...]:
         """All expressions: of scope, condition, stop and response, in this order."""
-        parts = (self.scope and self.scope.mode, self.condition and self.condition.expression,
-                 self.timing and self.timing.stop, self.response)
+        parts = (self.scope.mode if self.scope else None,
+                 self.condition.expression if self.condition else None,
+                 self.timing.stop if self.timing else None, self.response)
         return tuple(part for part in parts if part is not None)
 
     @property
