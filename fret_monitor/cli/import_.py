@@ -33,7 +33,8 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
                              'database; a list of names and topics')
     parser.add_argument('-o', '--output', metavar='BUNDLE', required=True,
                         help='the bundle to write; a folder for a bundle of each component')
-    parser.add_argument('--component', metavar='NAME', help='which component, if there are several')
+    parser.add_argument('--component', metavar='NAME',
+                        help='which component, if there are several')
     parser.add_argument('--force', action='store_true', help='write over a bundle that is there')
     parser.set_defaults(run=run)
 

@@ -171,4 +171,5 @@ def _write(path: Path, text: str) -> None:
         temporary.replace(path)
     except (OSError, ValueError) as error:
         temporary.unlink(missing_ok=True)
-        raise CompileError([Diagnostic(f'{shown(str(path))} cannot be written: {error}')]) from None
+        told = Diagnostic(f'{shown(str(path))} cannot be written: {error}')
+        raise CompileError([told]) from None

@@ -42,9 +42,9 @@ from fret_monitor.logic.formula import Variable
 from fret_monitor.logic.specification import Property
 from fret_monitor.manifest import ValueType
 
-_SHORT_TRACES = 20
+_SHORT_TRACES = 40
 _SHORT = 24
-_LONG_TRACES = 4
+_LONG_TRACES = 40
 _LONGEST = 400
 _MOST_WORK = 4_000_000  # nodes times steps times steps looked back at
 
@@ -132,7 +132,7 @@ def _numbers(nodes: Sequence[Formula]) -> list[float]:
 def _column(variable: Variable, numbers: Sequence[float], steps: int,
             random: Random) -> list[Value]:
     """Return values that last for a while, some columns longer than others."""
-    lasts = random.choice((0.2, 0.5, 0.9))
+    lasts = random.choice((0.2, 0.7, 0.95))
     column = [_value(variable.type, numbers, random)]
     while len(column) < steps:
         column.append(column[-1] if random.random() < lasts
@@ -144,9 +144,12 @@ def _value(kind: ValueType, numbers: Sequence[float], random: Random) -> Value:
     if kind is ValueType.BOOL:
         return random.random() < 0.5
     value: float = random.choice(numbers)
-    if kind.is_float:
-        return value
+    return value if kind.is_float else _fitted(round(value), kind)
+
+
+def _fitted(value: int, kind: ValueType) -> int:
+    """Return the number of an integer type that is nearest."""
     bits = int(kind.value.lstrip('uint'))
-    low, high = (0, 2 ** bits - 1) if kind.value[0] == 'u' else (-2 ** (bits - 1),
-                                                                2 ** (bits - 1) - 1)
-    return max(low, min(high, round(value)))
+    is_signed = kind.value.startswith('int')
+    low, high = (-2 ** (bits - 1), 2 ** (bits - 1) - 1) if is_signed else (0, 2 ** bits - 1)
+    return max(low, min(high, value))

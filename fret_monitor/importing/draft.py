@@ -51,6 +51,8 @@ from fret_monitor.importing.readings import Reading
 from fret_monitor.importing.readings import uses
 from fret_monitor.importing.topics import Connection
 from fret_monitor.logic.elaborate import specify
+from fret_monitor.logic.graph import components
+from fret_monitor.logic.graph import is_cyclic
 from fret_monitor.logic.signals import input_declaration
 from fret_monitor.logic.specification import Property
 from fret_monitor.logic.specification import Signal
@@ -159,11 +161,13 @@ class _Drafter:
         self._guessed: set[str] = set()
         self._kinds = Kinds()
         self._failed: dict[Reading, list[Diagnostic]] = {}
+        self._instead: dict[tuple[str, str, str], list[str]] = {}
         self._readings = [[read_wording(item) for item in requirement.wordings]
                           for requirement in component.requirements]
 
     def draft(self) -> Draft:
         self._sort_variables()
+        self._close_cycles()
         self._look_at_types()
         self._declare_the_rest()
         inputs = {key: self._input(item) for key, item in self._inputs.items()}
@@ -172,6 +176,8 @@ class _Drafter:
                  in zip(self._component.requirements, self._readings, strict=True)]
         self._refuse_nothing(taken)
         used = self._used(taken)
+        left_out = list(self._left_out(taken))
+        self._tell_requirements(left_out)
         self._tell_inputs([item for key, item in inputs.items() if key in used])
         return Draft(
             component=self._component.name,
@@ -183,7 +189,7 @@ class _Drafter:
             requirements=tuple(self._written(requirement, readings[0]) for requirement, readings
                                in zip(self._component.requirements, taken, strict=True)
                                if readings),
-            left_out=tuple(self._left_out(taken)),
+            left_out=tuple(left_out),
             unused=tuple(item.name for key, item in inputs.items() if key not in used),
             todo=tuple(self._todo),
             comparisons=tuple(self._comparisons(taken)),
@@ -219,8 +225,21 @@ class _Drafter:
         if number is not None:
             self._constants[key] = (name, number)
         else:
-            self._definitions[key] = (name, _in_itself(name, found))
+            self._definitions[key] = (name, found)
         return True
+
+    def _close_cycles(self) -> None:
+        """Make equations of the definitions that look at one another's past, or their own."""
+        used = {key: uses(reading) for key, (_, reading) in self._definitions.items()}
+        graph = {key: [other for other in names if other in used] for key, names in used.items()}
+        for group in components(graph):
+            if is_cyclic(group, graph):
+                texts = {key: f'{name} = {reading.wording.text};'
+                         for key, (name, reading) in self._definitions.items() if key in group}
+                for key in group:
+                    name, reading = self._definitions[key]
+                    others = [text for other, text in texts.items() if other != key]
+                    self._definitions[key] = (name, _equations([*others, texts[key]], reading))
 
     def _undefined(self, item: ComponentVariable, name: str) -> None:
         why = 'it has no value in FRET' if not item.assignments else 'its value cannot be read'
@@ -288,20 +307,33 @@ class _Drafter:
             help = '\n' + error.help if error.help else ''
             self._todo.append(f"the input '{name}' on {link.topic}: {error.title}{help}")
 
+    def _tell_requirements(self, left_out: Sequence[tuple[ComponentRequirement, str]]) -> None:
+        """List the requirements that are missing, or not as a person wrote them."""
+        reasons: dict[str, list[str]] = {}
+        for item, reason in left_out:
+            reasons.setdefault(reason, []).append(item.id)
+        for reason, ids in reasons.items():
+            self._todo.append(f'not monitored ({reason}), and a comment only: {", ".join(ids)}')
+        for (written, taken, reason), ids in self._instead.items():
+            self._todo.append(f"'{taken}' is taken, since the '{written}' cannot be used "
+                              f'({reason}): {", ".join(ids)}')
+
     def _tell_inputs(self, inputs: Sequence[DraftInput]) -> None:
         """List the inputs without a topic, and those whose types are a guess."""
+        missing = [item for item in inputs if item.topic is None]
+        if missing:
+            lines = [f'  {item.name}: {{topic: ..., type: {message_for(item.signal.type)}}}'
+                     for item in missing]
+            self._todo.append('\n'.join([f'no file says on what topic {_these(missing)}; write it '
+                                         'in the place of the type:', *lines]))
+        guessed = [item for item in inputs if key_of(item.name) in self._guessed]
+        if guessed:
+            self._todo.append('no file declares, and the type is a guess: ' + ', '.join(
+                f'{item.name} ({item.signal.type.value})' for item in guessed))
         for item in inputs:
-            link = self._connection(item.name)
-            why = 'no file declares it; ' if key_of(item.name) in self._guessed else ''
-            if item.topic is None:
-                message = message_for(item.signal.type)
+            if item.topic and self._connection(item.name).message_type is None:
                 self._todo.append(
-                    f"the input '{item.name}' has no topic ({why}{item.type}): "
-                    f"replace its 'type: {item.type}'\n"
-                    f'topic: /...\ntype: {message}')
-            elif link.message_type is None:
-                self._todo.append(
-                    f"the message type of {link.topic} ('{item.name}') is a guess: {item.type}")
+                    f"the message type of {item.topic} ('{item.name}') is a guess: {item.type}")
 
     # Meanings
 
@@ -368,17 +400,20 @@ class _Drafter:
                meanings: Mapping[Reading, Property]) -> list[tuple[Reading, Property]]:
         """Return the wordings that have a meaning, and tell of those that have none."""
         found = [(item, meanings[item]) for item in readings if item in meanings]
-        for item in readings:
-            if item not in meanings:
-                self._warn(item.diagnostics or self._failed.get(item, []))
-        if readings and found and found[0][0] is not readings[0]:
-            self._todo.append(
-                f"'{requirement.id}' is written as {found[0][0].language.value}: its "
-                f'{readings[0].language.value} cannot be used ({self._reason(readings[0])})')
+        failed = [item for item in readings if item not in meanings]
+        for item in failed if found else failed[:1]:
+            self._warn(self._told(item)[:1])
+        if failed and found and failed[0] is readings[0]:
+            self._instead.setdefault(
+                (failed[0].language.value, found[0][0].language.value, self._reason(failed[0])),
+                []).append(requirement.id)
         return found
 
+    def _told(self, reading: Reading) -> Sequence[Diagnostic]:
+        return reading.diagnostics or self._failed.get(reading, ())
+
     def _reason(self, reading: Reading) -> str:
-        told = reading.diagnostics or self._failed.get(reading, [])
+        told = self._told(reading)
         return told[0].title if told else 'it is empty'
 
     def _left_out(self, taken: Sequence[Sequence[tuple[Reading, Property]]]
@@ -386,14 +421,14 @@ class _Drafter:
         for requirement, readings, found in zip(
                 self._component.requirements, self._readings, taken, strict=True):
             if not found:
-                reasons = [self._reason(item) for item in readings]
-                yield requirement, reasons[-1] if reasons else 'it has no formula'
+                yield requirement, (self._reason(readings[0]) if readings
+                                    else 'it has no formula')
 
     def _refuse_nothing(self, taken: Iterable[Sequence[tuple[Reading, Property]]]) -> None:
         if any(taken):
             return
-        told = [item for readings in self._readings for reading in readings
-                for item in reading.diagnostics or self._failed.get(reading, [])]
+        told = [item for readings in self._readings for reading in readings[:1]
+                for item in self._told(reading)[:1]]
         if told:
             raise CompileError([replace(item, level=Level.ERROR) for item in told])
         refuse(f"no requirement of '{self._component.name}' has a formula or a sentence")
@@ -452,16 +487,19 @@ def _number(text: str) -> str | None:
     return mended if number_fault(mended) is None else None
 
 
-def _in_itself(name: str, reading: Reading) -> Reading:
-    """Make an equation of a definition that looks at its own past: it is one with a name."""
-    if key_of(name) not in uses(reading) or reading.language is not Language.COCOSPEC:
-        return reading
-    return read_wording(replace(reading.wording, languages=(Language.COCOSPEC,),
-                                text=f'{name} = {reading.wording.text};'))
+def _equations(texts: Sequence[str], reading: Reading) -> Reading:
+    """Return the reading of some equations, of which the last is what is meant."""
+    found = read_wording(replace(reading.wording, languages=(Language.COCOSPEC,),
+                                 text=' '.join(texts)))
+    return found if found.tree else reading
 
 
 def _definition(name: str, reading: Reading) -> DraftDefinition:
     return DraftDefinition(name, reading.language, reading.wording.text)
+
+
+def _these(inputs: Sequence[DraftInput]) -> str:
+    return 'these inputs come' if len(inputs) > 1 else 'this input comes'
 
 
 def _article(role: Role) -> str:

@@ -24,7 +24,6 @@ from collections.abc import Iterator
 import re
 from textwrap import wrap
 
-from fret_monitor.importing.component import ComponentRequirement
 from fret_monitor.importing.draft import Draft
 from fret_monitor.importing.draft import DraftDefinition
 from fret_monitor.importing.draft import DraftInput
@@ -163,12 +162,8 @@ def _comment(text: str) -> str:
 def _left_out(draft: Draft) -> Iterator[str]:
     for item, reason in draft.left_out:
         yield from _commented(f'left out: {item.id} ({reason})', '  ')
-        yield from _wordings(item)
-
-
-def _wordings(item: ComponentRequirement) -> Iterator[str]:
-    for wording in item.wordings:
-        yield from _commented(f'{wording.languages[0].value}: {wording.text}', '      ')
+        for wording in item.wordings[:1]:
+            yield from _commented(f'{wording.languages[0].value}: {wording.text}', '      ')
 
 
 def _commented(text: str, indent: str) -> Iterator[str]:

@@ -46,6 +46,7 @@ _INTERNAL = ('Internal_variables', 'internal_variables')
 _OTHER = ('Other_variables', 'external_variables', 'Input_variables', 'Output_variables')
 _REQUIREMENTS = ('Requirements', 'properties', 'requirements')
 _FUNCTIONS = ('Functions', 'functions')
+_IDS = ('name', 'id', 'reqid')
 _RESULTS = ('result_type', 'result_formula')
 
 
@@ -151,13 +152,20 @@ def _wordings(label: str, sentence: str, ptltl: str, cocospec: str) -> Iterator[
 def _specifications(value: object, stem: str) -> Iterator[tuple[str, dict[str, object]]]:
     """Yield names and contents: under their names, or one alone that has none."""
     content = mapping(value)
-    if any(isinstance(content.get(key), list) for key in _REQUIREMENTS + _OTHER):
+    if _is_specified(content):
         yield stem, content
         return
     for name, inner in content.items():
-        inside = mapping(inner)
-        if any(isinstance(inside.get(key), list) for key in _REQUIREMENTS):
-            yield name, inside
+        if _is_specified(mapping(inner)):
+            yield name, mapping(inner)
+
+
+def _is_specified(content: dict[str, object]) -> bool:
+    """Whether there are requirements with names, or variables and room for requirements."""
+    requirements = _all(content, _REQUIREMENTS)
+    if requirements:
+        return any(text(item, *_IDS) for item in requirements)
+    return any(isinstance(content.get(key), list) for key in (*_INTERNAL, *_OTHER))
 
 
 def read_specification(value: object, file: str, stem: str,
@@ -203,7 +211,7 @@ def _internal(item: dict[str, object], file: str) -> ComponentVariable:
 
 def _specified(item: dict[str, object], file: str, number: int,
                problems: Problems) -> ComponentRequirement:
-    name = text(item, 'name', 'id', 'reqid') or f'R{number}'
+    name = text(item, *_IDS) or f'R{number}'
     label = f'{file}, {name}'
     dropped = [key for key in _RESULTS if item.get(key)]
     if dropped:

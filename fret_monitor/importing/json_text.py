@@ -79,7 +79,7 @@ def items(value: object) -> list[dict[str, object]]:
 
 
 def text(item: dict[str, object], *keys: str) -> str:
-    """Return the first text under one of the keys that is not blank, on no account anything else."""
+    """Return the first text under one of the keys that is not blank, else an empty one."""
     for key in keys:
         value = item.get(key)
         if isinstance(value, str) and value.strip():

@@ -86,7 +86,7 @@ def read_lustre(source: Source, file: str, problems: Problems) -> list[Component
     found = list(reader.contracts())
     if not found:
         refuse(f"'{file}' has no contract", Span(source, 0, 1), 'nodes, but no requirement',
-               'FRET writes one: (*@contract NAME (...) returns (...); let ... guarantee ... tel *)')
+               'FRET writes one: (*@contract NAME (...) returns (...); let guarantee ... tel *)')
     return [Component(component_name(item.name, tuple(item.requirements)), '',
                       tuple(item.variables), tuple(item.requirements), (file,))
             for item in found]
@@ -144,8 +144,8 @@ class _Reader:
 
     def _refuse(self, token: _Token, label: str) -> NoReturn:
         place = min(token.start, max(len(self._source.text) - 1, 0))
-        refuse('this contract cannot be read', Span(self._source, place, max(token.end, place + 1)),
-               label)
+        refuse('this contract cannot be read',
+               Span(self._source, place, max(token.end, place + 1)), label)
 
     # Contracts
 
