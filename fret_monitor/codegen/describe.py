@@ -42,7 +42,8 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
     values = {signal.name: signal.values for signal in program.signals if signal.values}
     signal_of = {signal.name: index for index, signal in enumerate(program.signals)}
     return Manifest(
-        name=program.name,
+        # The name of a file need not be text.
+        name=program.name.encode(errors='replace').decode(),
         symbol=module.symbol,
         component=program.component,
         policy=program.policy,

@@ -39,7 +39,7 @@ from fret_monitor.program.monitor_program import MonitorProgram
 
 _FILE_EQUATIONS = 3000
 _BLOCK_EQUATIONS = 600
-_HASH_FIELD = '@SOURCE-HASH@'
+_HASH_FIELD = '\0'  # which no text of a bundle can bring into C
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,7 @@ class _ModuleWriter:
         yield from self._locate(number, 'state')
         yield '  memset(s, 0, sizeof(*s));'
         for item in layout.fields:
-            if item.initial:
+            if repr(item.initial) not in ('0', '0.0', 'False'):  # -0.0 is not all zeros
                 yield from _initialisation(item)
         yield '}'
         yield ''

@@ -38,6 +38,7 @@ _KEYWORDS = frozenset('''
 '''.split())
 _OURS = frozenset({'s', 'in', 'state', 'inputs', 'verdicts', 'pow', 'fmod', 'fmodf', 'memset'})
 _GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+$')
+_LONGEST_PREFIX = 100  # names of files are made of it
 
 C_TYPES = {
     ValueType.BOOL: 'bool',
@@ -94,7 +95,7 @@ class Names:
     def __init__(self, module: str, signals: Iterable[str], requirements: Iterable[str],
                  definitions: Iterable[str]) -> None:
         """Choose names for a bundle's inputs, requirement ids and definitions."""
-        word = re.sub(r'[^A-Za-z0-9_]', '_', module) or 'bundle'
+        word = re.sub(r'[^A-Za-z0-9_]', '_', module)[:_LONGEST_PREFIX] or 'bundle'
         is_taken = word[0].isdigit() or word.startswith(('_', 'fm_')) \
             or word.lower() in ('fm', 'fret')
         self.prefix = 'm_' + word if is_taken else word
