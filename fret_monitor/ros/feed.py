@@ -26,6 +26,7 @@ The subscriptions are invisible to any executor. All of them belong to the feed'
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from heapq import merge
 from operator import itemgetter
 from threading import Event, Thread
@@ -71,6 +72,20 @@ class _Invisible(CallbackGroup):
         """Do nothing: it never began."""
 
 
+@dataclass(frozen=True)
+class Hearing:
+    """
+    Who publishes on a topic, as far as is known.
+
+    `publishers` counts those of the topic's type; `unheard` names those of them that its quality
+    of service leaves out; `other_types` are types of publishers that have another.
+    """
+
+    publishers: int = 0
+    unheard: tuple[str, ...] = ()
+    other_types: tuple[str, ...] = ()
+
+
 class Feed:
     """Hands messages of any number of topics to callbacks, one at a time, in its own thread."""
 
@@ -78,6 +93,7 @@ class Feed:
         """Feed from a node's subscriptions; nothing is delivered before `start`."""
         self._node = node
         self._topics: list[_Topic] = []
+        self._next_reviewed = 0
         self._closing = Event()
         self._thread = Thread(target=self._run, name='feed', daemon=True)
         self._guard = _rclpy.GuardCondition(node.context.handle)
@@ -112,6 +128,10 @@ class Feed:
         self._topics.clear()
         self._guard.destroy_when_not_in_use()
 
+    def hearings(self) -> list[Hearing]:
+        """Return who is heard on each topic, in order of subscription."""
+        return [topic.hearing for topic in self._topics]
+
     @property
     def failure(self) -> BaseException | None:
         """What a callback raised, if one did; nothing is delivered after that."""
@@ -135,9 +155,12 @@ class Feed:
                     return
 
     def _review(self) -> None:
-        for topic in self._topics[:_REVIEWED_AT_ONCE]:
+        begin = self._next_reviewed
+        for topic in self._topics[begin:begin + _REVIEWED_AT_ONCE]:
             topic.review()
-        self._topics = self._topics[_REVIEWED_AT_ONCE:] + self._topics[:_REVIEWED_AT_ONCE]
+        self._next_reviewed = begin + _REVIEWED_AT_ONCE
+        if self._next_reviewed >= len(self._topics):
+            self._next_reviewed = 0
         self._sources = [(handle, topic) for topic in self._topics for handle in topic.handles()]
         self._wait_set = _rclpy.WaitSet(
             len(self._sources), 1, 0, 0, 0, 0, self._node.context.handle)
@@ -203,6 +226,7 @@ class _Topic:
         self._message_type = message_type
         self._deliver = deliver
         self._fixed = fixed
+        self.hearing = Hearing()
         self._told: set[object] = set()
         self._known: set[bytes] = set()
         self._recent: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED)
@@ -235,18 +259,21 @@ class _Topic:
         self._let_go()
         publishers = self._node.get_publishers_info_by_topic(self._name)
         same_type = [item for item in publishers if item.topic_type == self._message_type]
-        for item in publishers:
-            if item.topic_type != self._message_type:
-                self._tell_type(item)
+        others = [item for item in publishers if item.topic_type != self._message_type]
         wanted = qos.wanted_profile((item.qos_profile for item in same_type), self._fixed)
         gids = {bytes(item.endpoint_gid) for item in same_type}
         has_new = not gids <= self._known
         self._known = gids
         if has_new and not qos.same_request(wanted, self._current.qos_profile):
             self._renew(wanted, same_type)
-        for item in same_type:
-            if not qos.hears(self._current.qos_profile, item.qos_profile):
-                self._tell_unheard(item)
+        unheard = [item for item in same_type
+                   if not qos.hears(self._current.qos_profile, item.qos_profile)]
+        self.hearing = Hearing(len(same_type), tuple(sorted({_who(item) for item in unheard})),
+                               tuple(sorted({item.topic_type for item in others})))
+        for item in others:
+            self._tell_type(item)
+        for item in unheard:
+            self._tell_unheard(item)
 
     def _renew(self, wanted: QoSProfile, publishers: list[TopicEndpointInfo]) -> None:
         before = self._current

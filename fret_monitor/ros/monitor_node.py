@@ -30,9 +30,12 @@ from fret_monitor.ros.fed_node import FedNode
 from fret_monitor.ros.feed import Deliver
 from fret_monitor.ros.fields import message_class, MessageReader, MessageTypeError
 from fret_monitor.ros.handlers import Handlers
+from fret_monitor.ros.health import Health, PERIOD
 from fret_monitor.ros.parameters import MONITOR_PARAMETERS, read_settings, Refusal
 from fret_monitor.runtime import Evaluator, Violation
 
+from rclpy.clock import Clock
+from rclpy.clock import ClockType
 from rclpy.exceptions import InvalidTopicNameException
 from std_srvs.srv import Trigger
 
@@ -81,6 +84,8 @@ class MonitorNode(FedNode):
         if opened.policy is Policy.PERIODIC:
             assert opened.period is not None
             self.create_timer(float(opened.period), self._tick)
+        self._health = Health(self, self._evaluator)
+        self.create_timer(PERIOD, self._tell_health, clock=Clock(clock_type=ClockType.STEADY_TIME))
         for warning in opened.warnings:
             self.get_logger().warning(warning)
         self.feed.start()
@@ -133,6 +138,10 @@ class MonitorNode(FedNode):
 
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
+
+    def _tell_health(self) -> None:
+        with self._lock:
+            self._health.publish(self.feed.hearings())
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:

@@ -385,3 +385,36 @@ requirements:
         assert last['step'] == '1000'
         assert len(heard) + int(last['suppressed']) == 1001
         assert int(last['suppressed']) > 0
+
+
+def test_diagnostics_tell_of_requirements_and_topics(
+    partner: Partner, stranger: Partner, bundle: Path,
+) -> None:
+    heard: list[Any] = []
+    partner.node.create_subscription(
+        diagnostic_msgs.DiagnosticArray, '/diagnostics', heard.append, 10)
+
+    def told(name: str) -> tuple[bytes, str, dict[str, str]] | None:
+        for status in heard[-1].status if heard else ():
+            if status.name == f'robot/fret_monitor: {name}':
+                return status.level, status.message, {
+                    item.key: item.value for item in status.values}
+        return None
+
+    def is_told(name: str, level: bytes, message: str, **values: str) -> None:
+        wait_until(lambda: (found := told(name)) is not None and found[:2] == (level, message)
+                   and found[2] | values == found[2], f'{name}: {message}')
+
+    with started('monitor', '-p', f'spec:={bundle}', '-r', '__ns:=/robot'):
+        is_told('R-5', b'\1', 'no value yet of p')
+        is_told('topic /robot/p', b'\1', 'no publisher')
+        p = partner.publisher(Bool, '/robot/p')
+        partner.wait_for_listener(p)
+        p.publish(Bool(data=True))
+        is_told('R-5', b'\0', 'satisfied', steps='1', violations='0')
+        is_told('topic /robot/p', b'\0', 'received', received='1', publishers='1')
+        p.publish(Bool(data=False))
+        is_told('R-5', b'\2', 'violated', steps='2', violations='1', announced='1', text='p')
+        stranger.publisher(Int32, '/robot/topic/x')
+        is_told('topic /robot/topic/x', b'\2',
+                'a publisher of std_msgs/msg/Int32, and not std_msgs/msg/Float32')
