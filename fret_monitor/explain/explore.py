@@ -43,6 +43,7 @@ class Exploration:
     recovering: Trace | None
     is_complete: bool
     states: int
+    steps: int
 
 
 def explore(trials: Trials, rows: Sequence[Row], limit: int) -> Exploration:
@@ -69,14 +70,13 @@ class _Search:
 
     def run(self, limit: int) -> Exploration:
         number = 0
-        while number < len(self._nodes) and limit > 0:
+        while number < len(self._nodes) and number * len(self._rows) < limit:
             self._visit(number)
             number += 1
-            limit -= len(self._rows)
         return Exploration(
             self._path(self._satisfying[1:]) if self._satisfying else None,
             self._path(self._violating), self._path(self._recovering),
-            number == len(self._nodes), len(self._nodes))
+            number == len(self._nodes), len(self._nodes), number * len(self._rows))
 
     def _visit(self, number: int) -> None:
         state, verdict = self._nodes[number]

@@ -27,13 +27,16 @@ from pathlib import Path
 import textwrap
 
 from fret_monitor.build import read
+from fret_monitor.diagnostics import Diagnostic
 from fret_monitor.diagnostics import did_you_mean
 from fret_monitor.diagnostics import Problems
 from fret_monitor.diagnostics import refuse
 from fret_monitor.diagnostics import Source
 from fret_monitor.diagnostics import Text
 from fret_monitor.explain import sentence as fretish
+from fret_monitor.explain.goals import goals
 from fret_monitor.explain.propositions import roots
+from fret_monitor.explain.search import Budget
 from fret_monitor.explain.search import Examples
 from fret_monitor.explain.search import find_examples
 from fret_monitor.explain.search import Recovery
@@ -61,6 +64,7 @@ from fret_monitor.manifest import ValueType
 from fret_monitor.syntax.bundle import Language
 from fret_monitor.syntax.bundle import survey_bundle
 from fret_monitor.syntax.fretish import parse_fretish
+from fret_monitor.syntax.sentence import Sentence
 
 _WIDTH = 99
 _FORMULA = 2000
@@ -94,7 +98,8 @@ class Explanation:
 class _Context:
     """What all requirements of a bundle have in common."""
 
-    languages: dict[str, Language]
+    sentences: dict[str, Sentence]
+    goals: dict[str, list[Formula]]
     values: Values
     names: dict[Formula, str]
     period: Fraction | None
@@ -118,12 +123,22 @@ def explain(path: Path, id: str | None = None) -> tuple[list[Explanation], tuple
     """
     reading = read(path)
     chosen = _chosen(reading.specification, id)
-    context = _context(path, reading.specification)
+    context = _context(path, reading.specification, {item.id for item in chosen})
+    budget = Budget(len(chosen))
     found = [
-        _explanation(subject, find_examples(subject, len(chosen)), context)
-        for subject in subjects(reading.specification, chosen)
+        _explanation(subject, find_examples(subject, budget), context)
+        for subject in subjects(reading.specification, chosen, context.goals)
     ]
-    return found, tuple(warning.render() for warning in reading.warnings)
+    return found, tuple(warning.render() for warning in reading.warnings
+                        if id is None or _concerns(warning, chosen))
+
+
+def _concerns(warning: Diagnostic, chosen: Sequence[Property]) -> bool:
+    """Whether a warning is about one of some requirements, or about none at all."""
+    span = warning.span
+    places = [item.place for item in chosen if item.place]
+    return span is None or any(place.source is span.source and place.start <= span.start
+                               and span.end <= place.end for place in places)
 
 
 def _chosen(specification: Specification, id: str | None) -> Sequence[Property]:
@@ -137,15 +152,21 @@ def _chosen(specification: Specification, id: str | None) -> Sequence[Property]:
     return chosen
 
 
-def _context(path: Path, specification: Specification) -> _Context:
+def _context(path: Path, specification: Specification, chosen: set[str]) -> _Context:
     bundle = survey_bundle(path, Problems())
-    requirements = bundle.requirements if bundle else ()
+    sentences = {} if bundle is None else {
+        item.id.value: parse_fretish(_on_one_line(item.text)) for item in bundle.requirements
+        if item.language is Language.FRETISH and item.id.value in chosen}
     return _Context(
-        {item.id.value: item.language for item in requirements},
+        sentences, goals(bundle, sentences) if bundle else {},
         {signal.name: signal.values for signal in specification.signals if signal.values},
         {formula: name for name, formula in specification.definitions
          if not isinstance(formula, Variable | Constant)},
         specification.period)
+
+
+def _on_one_line(text: Text) -> Text:
+    return Text.whole(Source('<sentence>', ' '.join(text.value.split())))
 
 
 def _explanation(subject: Subject, examples: Examples, context: _Context) -> Explanation:
@@ -154,8 +175,8 @@ def _explanation(subject: Subject, examples: Examples, context: _Context) -> Exp
     meaning: tuple[tuple[str, str], ...] = (
         ('in words', in_words(item.formula, _WORDS, context.values, context.names)),
         *_definitions(item, context))
-    if context.languages.get(item.id) is Language.FRETISH:
-        parts = parse_fretish(Text.whole(Source('<sentence>', item.text)))
+    if item.id in context.sentences:
+        parts = context.sentences[item.id]
         fields = tuple(fretish.fields(parts))
         meaning = tuple(fretish.meaning(parts, context.period))
     return Explanation(
@@ -197,13 +218,13 @@ def _remarks(subject: Subject, examples: Examples) -> Iterator[str]:
         elif trace is None:
             yield f'No trace that {kind} it was found in {looked}; there may be one.'
     if examples.satisfying and not _is_triggered(subject, examples.satisfying):
-        yield ('In no trace found does every condition of it come true and the verdict stay true: '
-               'the satisfying example may be trivial.')
+        yield ('No trace was found in which its condition comes true and the verdict is true: '
+               'the satisfying example is trivial.')
 
 
 def _is_triggered(subject: Subject, trace: Trace) -> bool:
     bits, = subject.trials.run([trace])
-    return bits[-1].bit_count() == 1 + len(subject.triggers)
+    return not subject.triggers or bool(bits[-1] & 2)
 
 
 def _timelines(subject: Subject, examples: Examples, context: _Context) -> Iterator[Timeline]:

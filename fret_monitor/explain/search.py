@@ -40,6 +40,7 @@ from fret_monitor.explain.propositions import bounds
 from fret_monitor.explain.propositions import horizon
 from fret_monitor.explain.subject import Subject
 from fret_monitor.explain.trials import length
+from fret_monitor.explain.trials import Row
 from fret_monitor.explain.trials import Run
 from fret_monitor.explain.trials import Trace
 from fret_monitor.explain.trials import Trials
@@ -48,10 +49,6 @@ from fret_monitor.explain.trials import Value
 _Bits: TypeAlias = 'array[int]'
 _Accept: TypeAlias = Callable[[_Bits, _Bits], bool]
 
-_EXPLORED = 1_500_000    # steps, over all requirements; at least this share each:
-_LEAST_EXPLORED = 30_000
-_TRIED = 3_000_000
-_LEAST_TRIED = 100_000
 _BATCH = 48
 _LONGEST = 200_000
 _ROUNDS = 60
@@ -86,23 +83,47 @@ class Examples:
     traces: int
 
 
-def find_examples(subject: Subject, share: int, seed: int = 0) -> Examples:
+class Budget:
     """
-    Find examples for one of `share` requirements that are explained together.
+    How much is tried, in steps, for some requirements that are explained together.
 
-    The more there are, the less is tried for each, so that the time stays bounded.
+    Each may take a large part of it and finds a small part in any case, so that the time stays
+    bounded for large bundles, and hard ones among easy ones are looked at closely.
     """
-    return _Finder(subject, share, Random(seed)).run()
+
+    def __init__(self, requirements: int) -> None:
+        """Take the number of requirements (at least one)."""
+        self._left = {'explored': _EXPLORED, 'tried': _TRIED}
+        self._share = {name: max(left // requirements, _LEAST)
+                       for name, left in self._left.items()}
+
+    def grant(self, name: str) -> int:
+        """Return how many steps a requirement may take; `name` is 'explored' or 'tried'."""
+        return max(self._share[name], min(self._left[name], _LARGE))
+
+    def take(self, name: str, steps: int) -> None:
+        """Count steps that were taken."""
+        self._left[name] -= steps
+
+
+_EXPLORED = 4_000_000
+_TRIED = 3_000_000
+_LARGE = 250_000
+_LEAST = 8_000
+
+
+def find_examples(subject: Subject, budget: Budget, seed: int = 0) -> Examples:
+    """Find examples for a requirement within a budget, from which what was used is taken."""
+    return _Finder(subject, budget, Random(seed)).run()
 
 
 class _Finder:
 
-    def __init__(self, subject: Subject, share: int, rng: Random) -> None:
+    def __init__(self, subject: Subject, budget: Budget, rng: Random) -> None:
         self._subject = subject
         self._rng = rng
         self._alphabet = alphabet(subject, rng)
-        self._explored = max(_EXPLORED // share, _LEAST_EXPLORED)
-        self._tried = max(_TRIED // share, _LEAST_TRIED)
+        self._budget = budget
         self._traces = 0
 
     def run(self) -> Examples:
@@ -133,25 +154,33 @@ class _Finder:
     def _explore(self) -> Exploration:
         """Explore with rows that people would try first, and those with a NaN for what is left."""
         plain, rows = self._alphabet.plain, self._alphabet.rows
-        found = explore(self._subject.trials, plain, self._explored)
+        found = self._explored(plain)
         if not found.is_complete or len(plain) == len(rows):
             return found
-        more = explore(self._subject.trials, rows, self._explored)
+        more = self._explored(rows)
         return Exploration(
             found.satisfying or more.satisfying, found.violating or more.violating,
-            found.recovering or more.recovering, more.is_complete, more.states)
+            found.recovering or more.recovering, more.is_complete, more.states, more.steps)
+
+    def _explored(self, rows: Sequence[Row]) -> Exploration:
+        found = explore(self._subject.trials, rows, self._budget.grant('explored'))
+        self._budget.take('explored', found.steps)
+        return found
 
     def _with_random(self, found: Exploration, is_final_form: bool) -> Exploration:
         best = _Best(found)
         wanted = 1 + len(self._subject.triggers)
         traces = random_traces(self._subject, self._alphabet, self._rng)
-        while self._tried > 0 and not best.is_enough(wanted, is_final_form):
-            batch = _batch(traces, self._tried)
+        left = granted = self._budget.grant('tried')
+        while left > 0 and not best.is_enough(wanted, is_final_form):
+            batch = _batch(traces, left)
             for trace, bits in zip(batch, self._subject.trials.run(batch), strict=True):
                 best.note(trace, bits)
-                self._tried -= len(bits)
+                left -= len(bits)
             self._traces += len(batch)
-        return Exploration(best.satisfying, best.violating, best.recovering, False, found.states)
+        self._budget.take('tried', granted - left)
+        return Exploration(best.satisfying, best.violating, best.recovering, False, found.states,
+                           found.steps)
 
 
 def _recovery(found: Exploration, is_final_form: bool, is_proved: bool) -> Recovery:

@@ -48,6 +48,7 @@ from fret_monitor.logic.formula import Triggered
 from fret_monitor.logic.formula import TRUE
 from fret_monitor.logic.formula import Unary
 from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.formula import variables
 from fret_monitor.logic.formula import WeakYesterday
 from fret_monitor.logic.formula import Yesterday
 from fret_monitor.logic.specification import Property
@@ -74,9 +75,13 @@ class Subject:
     trials: Trials
 
 
-def subjects(specification: Specification, chosen: Sequence[Property]) -> list[Subject]:
+def subjects(specification: Specification, chosen: Sequence[Property],
+             goals: Mapping[str, Sequence[Formula]] | None = None) -> list[Subject]:
     """
     Compile some requirements of a bundle, each by itself.
+
+    `goals` are, by id, what is to come true in an example; where there are none, the triggers of
+    the formula are.
 
     Raises
     ------
@@ -89,7 +94,7 @@ def subjects(specification: Specification, chosen: Sequence[Property]) -> list[S
     for number, item in enumerate(chosen):
         read = _read(item, specification.signals)
         mapping = {signal.name: f'{signal.name}.{number}' for signal in read}
-        found = tuple(triggers(item.formula, _MAX_TRIGGERS))
+        found = _telling(item, goals or {}, read)
         prepared.append((item, read, found, len(properties)))
         signals += [_alone(signal, mapping) for signal in read]
         properties += _properties(item, found, mapping, number)
@@ -102,6 +107,14 @@ def subjects(specification: Specification, chosen: Sequence[Property]) -> list[S
                 Trials(library, monitor, range(first, first + 1 + len(found))))
         for item, read, found, first in prepared
     ]
+
+
+def _telling(item: Property, goals: Mapping[str, Sequence[Formula]],
+             read: Sequence[Signal]) -> tuple[Formula, ...]:
+    names = {signal.name for signal in read}
+    wanted = goals.get(item.id) or triggers(item.formula, _MAX_TRIGGERS)
+    return tuple(node for node in wanted[:_MAX_TRIGGERS]
+                 if {each.name for each in variables(node)} <= names)
 
 
 def _read(item: Property, signals: Sequence[Signal]) -> tuple[Signal, ...]:

@@ -1,0 +1,81 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What should happen in an example of a FRETish sentence, so that it is no trivial one.
+
+The trigger is to come while the sentence is in force, the response and the stop after it. That is
+said in FRETish too: the trigger comes if it is false that, in the same scope and under the same
+condition, FALSE is satisfied immediately.
+"""
+
+from collections.abc import Iterator
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import replace
+
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.diagnostics import Problems
+from fret_monitor.diagnostics import Source
+from fret_monitor.diagnostics import Span
+from fret_monitor.diagnostics import Text
+from fret_monitor.logic.elaborate import specify
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import Unary
+from fret_monitor.logic.formula import UnaryOperator
+from fret_monitor.syntax.bundle import Bundle
+from fret_monitor.syntax.bundle import Requirement
+from fret_monitor.syntax.sentence import Sentence
+from fret_monitor.syntax.sentence import TimingKind
+
+
+def goals(bundle: Bundle, sentences: Mapping[str, Sentence]) -> dict[str, list[Formula]]:
+    """Return for each sentence (by id) what is to come true in an example, the trigger first."""
+    wanted = [(item, text) for item in bundle.requirements if item.id.value in sentences
+              for text in _denials(sentences[item.id.value])]
+    found: dict[str, list[Formula]] = {item.id.value: [] for item, _ in wanted}
+    for (item, _), formula in zip(wanted, _formulas(bundle, wanted), strict=False):
+        found[item.id.value].append(Unary(UnaryOperator.NOT, formula))
+    return found
+
+
+def _formulas(bundle: Bundle, wanted: Sequence[tuple[Requirement, str]]) -> list[Formula]:
+    requirements = tuple(replace(item, text=Text.whole(Source('<goal>', text)))
+                         for item, text in wanted)
+    try:
+        meant, _ = specify(replace(bundle, requirements=requirements), problems=Problems())
+    except CompileError:
+        return []  # an example without goals is better than none
+    return [item.formula for item in meant.properties]
+
+
+def _denials(sentence: Sentence) -> Iterator[str]:
+    """Yield sentences that are violated once something happens that makes an example telling."""
+    is_only = sentence.scope_kind.is_only
+    component = sentence.component.name
+    start = ' '.join(_written(part.span) for part in (sentence.scope, sentence.condition) if part)
+    # What an `only` scope speaks of lies outside, and is denied there.
+    yield f'{start} {component} shall immediately satisfy {"TRUE" if is_only else "FALSE"}'
+    stop = sentence.timing.stop if sentence.timing else None
+    if stop is not None:
+        never = 'eventually' if is_only else 'never'
+        yield f'{start} {component} shall {never} satisfy ({_written(stop.span)})'
+    if is_only:
+        yield f'{component} shall never satisfy ({_written(sentence.response.span)})'
+    elif sentence.timing_kind is not TimingKind.NEVER:
+        yield f'{start} {component} shall never satisfy ({_written(sentence.response.span)})'
+
+
+def _written(span: Span) -> str:
+    return span.source.text[span.start:span.end]
