@@ -18,11 +18,14 @@ From a bundle to a monitor that runs: the one place that sees all stages.
     text -> Bundle -> Specification -> MonitorProgram -> C module + Manifest -> library -> Monitor
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from dataclasses import dataclass
 from dataclasses import replace
 from fractions import Fraction
 import hashlib
+import os
 from pathlib import Path
 import shutil
 import tempfile
@@ -188,26 +191,40 @@ def write(generated: GeneratedMonitor, directory: Path) -> None:
     NativeError
         as `compile_monitor`.
     """
-    _refuse_occupied(directory)
+    place = Path(os.path.realpath(directory))  # a link stays one
+    with _telling(directory):
+        _refuse_occupied(directory, place)
     compiled = compile_monitor(generated)
     evaluator = evaluator_library()
-    try:
-        directory.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = Path(tempfile.mkdtemp(prefix=f'.{directory.name}-', dir=directory.parent))
+    with _telling(directory):
+        place.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = Path(tempfile.mkdtemp(prefix='.fret_monitor-', dir=place.parent))
         try:
             _fill(unfinished, generated, compiled.library, evaluator)
-            _put_in_place(unfinished, directory)
+            _put_in_place(unfinished, place)
         finally:
             shutil.rmtree(unfinished, ignore_errors=True)
+
+
+@contextmanager
+def _telling(directory: Path) -> Iterator[None]:
+    """Refuse a folder that the system refuses."""
+    try:
+        yield
+    except FileExistsError as error:
+        refuse(f"cannot write '{directory}': '{error.filename}' is a file")
     except OSError as error:
         refuse(f"cannot write '{directory}': {error.strerror or error}")
 
 
-def _refuse_occupied(directory: Path) -> None:
-    if directory.is_dir() and not is_compiled(directory) and any(directory.iterdir()):
+def _refuse_occupied(directory: Path, place: Path) -> None:
+    if place.is_dir() and not is_compiled(place) and any(place.iterdir()):
         refuse(f"'{directory}' holds other files", help='name an empty folder, or a new one')
-    if directory.exists() and not directory.is_dir():
+    if place.exists() and not place.is_dir():
         refuse(f"'{directory}' is a file", help='name a folder')
+    if place == Path.cwd():
+        refuse(f"'{directory}' is the folder you are in", help='it is put in place as a whole: '
+               'name a new folder')
 
 
 def _fill(folder: Path, generated: GeneratedMonitor, library: Path, evaluator: Path) -> None:

@@ -16,6 +16,7 @@
 
 from argparse import ArgumentParser
 from collections.abc import Sequence
+from io import TextIOWrapper
 import os
 import sys
 
@@ -42,6 +43,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 for success, 1 for a bad bundle or trace (or no compiler), 2 for wrong usage.
     """
     options = _parser().parse_args(arguments)
+    if isinstance(sys.stdout, TextIOWrapper):  # names need not be what a terminal can show
+        sys.stdout.reconfigure(errors='backslashreplace')
     try:
         status: int = options.run(options)
         print(end='', flush=True)

@@ -1,0 +1,363 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""From a bundle to a folder that a robot runs: the same bytes each time, whole or not at all."""
+
+from fractions import Fraction
+import json
+import os
+from pathlib import Path
+import shutil
+import stat
+import subprocess
+import sys
+
+import fret_monitor
+from fret_monitor.build import build
+from fret_monitor.build import generate_monitor
+from fret_monitor.build import measure
+from fret_monitor.build import read
+from fret_monitor.build import write
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.manifest import Manifest
+from fret_monitor.manifest import Policy
+from fret_monitor.native import cache
+from fret_monitor.native import CompilerError
+from fret_monitor.native import NativeError
+from fret_monitor.native.folder import open_folder
+from fret_monitor.native.monitor import load
+from fret_monitor.runtime.evaluator import Evaluator
+import pytest
+
+PACKAGE = Path(fret_monitor.__file__).resolve().parent
+PUMP = """\
+format: 1
+inputs: {p: {type: bool}, x: {type: float32}}
+definitions: {high: x > 0.5}
+requirements:
+  - {id: R-1, ptltl: "high -> O[0,3] p", title: a first one}
+  - {id: R-2, ptltl: "H[9,70] p"}
+"""
+HOLDS = {'manifest.json', 'libpump_monitor.so', 'libfm_evaluator.so', 'src'}
+
+
+@pytest.fixture
+def pump(tmp_path: Path) -> Path:
+    """Return a bundle in a folder of its own."""
+    (tmp_path / 'in').mkdir()
+    path = tmp_path / 'in' / 'pump.yaml'
+    path.write_text(PUMP)
+    return path
+
+
+def write_bundle(bundle: Path, folder: Path) -> None:
+    """Compile a bundle to a folder."""
+    write(generate_monitor(read(bundle)), folder)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Return all files of a folder, but for libraries: linkers may differ from run to run."""
+    return {path.relative_to(folder).as_posix(): path.read_bytes()
+            for path in sorted(folder.rglob('*')) if path.is_file()}
+
+
+def verdicts(folder: Path, values: list[tuple[bool, float]]) -> list[bool]:
+    """Run what a folder holds and return the verdicts of R-1."""
+    held = open_folder(folder)
+    evaluator = Evaluator(load(held.library, held.manifest), library=held.evaluator)
+    found = []
+    for p, x in values:
+        evaluator.store(0, p)
+        evaluator.store(1, x)
+        evaluator.tick(0)
+        found.append(evaluator.verdicts[0])
+    return found
+
+
+def refusal(bundle: Path, folder: Path) -> str:
+    """Return how a folder is refused; nothing is left beside it."""
+    before = sorted(os.listdir(bundle.parent.parent))
+    with pytest.raises(CompileError) as caught:
+        write_bundle(bundle, folder)
+    assert sorted(os.listdir(bundle.parent.parent)) == before
+    return str(caught.value)
+
+
+# -- the folder -------------------------------------------------------------------------------
+
+
+def test_a_folder_holds_libraries_manifest_and_sources(pump: Path, tmp_path: Path) -> None:
+    out = tmp_path / 'out'
+    write_bundle(pump, out)
+    assert set(os.listdir(out)) == HOLDS
+    assert set(os.listdir(out / 'src')) >= {
+        'pump_monitor.h', 'pump_monitor.c', 'fret_monitor.h', 'fret_cells.h', 'evaluator.h',
+        'evaluator.c'}
+    assert sorted(os.listdir(tmp_path)) == ['in', 'out']
+    assert stat.S_IMODE(out.stat().st_mode) == 0o755
+
+
+def test_the_manifest_of_a_folder_says_what_the_bundle_says(pump: Path, tmp_path: Path) -> None:
+    write_bundle(pump, tmp_path / 'out')
+    manifest = open_folder(tmp_path / 'out').manifest
+    assert [item.name for item in manifest.inputs] == ['p', 'x']
+    assert [(item.id, item.handler, item.title) for item in manifest.requirements] == [
+        ('R-1', 'handlerpropR_1', 'a first one'), ('R-2', 'handlerpropR_2', '')]
+    assert manifest.requirements[0].text == 'high -> O[0,3] p'
+    assert manifest.sources == ('pump_monitor.h', 'pump_monitor.c')
+    text = (tmp_path / 'out' / 'manifest.json').read_text()
+    assert Manifest.from_json(text).to_json() == text
+    assert str(tmp_path) not in text
+
+
+def test_a_folder_runs_without_a_compiler(pump: Path, tmp_path: Path,
+                                          monkeypatch: pytest.MonkeyPatch) -> None:
+    write_bundle(pump, tmp_path / 'out')
+    shutil.move(tmp_path / 'out', tmp_path / 'robot')
+    monkeypatch.setenv('PATH', str(tmp_path))
+    monkeypatch.setenv('CC', 'no-compiler')
+    monkeypatch.setenv('ROS_HOME', str(tmp_path / 'empty'))
+    values = [(False, 0.0), (False, 1.0), (True, 1.0), (False, 1.0)]
+    assert verdicts(tmp_path / 'robot', values) == [True, False, True, True]
+
+
+def test_the_sources_of_a_folder_compile_where_they_are(pump: Path, tmp_path: Path) -> None:
+    out = tmp_path / 'out'
+    write_bundle(pump, out)
+    compiler = shutil.which('cc') or shutil.which('gcc')
+    if compiler is None:
+        pytest.skip('needs a C compiler by the name of cc or gcc')
+    subprocess.run([compiler, '-std=c99', '-Wall', '-Wextra', '-Wpedantic', '-Werror', '-fPIC',
+                    '-shared', 'pump_monitor.c', 'evaluator.c', '-lm', '-o', 'all.so'],
+                   cwd=out / 'src', check=True)
+    assert b'O[0,3] p' in (out / 'src' / 'pump_monitor.c').read_bytes()
+
+
+def test_the_same_bundle_gives_the_same_bytes(pump: Path, tmp_path: Path) -> None:
+    script = 'import sys; from pathlib import Path; from fret_monitor.build import *; ' \
+             'write(generate_monitor(read(Path(sys.argv[1]))), Path(sys.argv[2]))'
+    made = []
+    for number, (seed, folder, bundle) in enumerate((
+            ('0', tmp_path, 'in/pump.yaml'), ('1', tmp_path / 'in', str(pump)),
+            ('random', tmp_path / 'in', 'pump.yaml'))):
+        out = tmp_path / f'out{number}'
+        subprocess.run(
+            [sys.executable, '-c', script, bundle, str(out)], cwd=folder, check=True,
+            env={**os.environ, 'PYTHONHASHSEED': seed, 'PYTHONPATH': str(PACKAGE.parent),
+                 'ROS_HOME': str(tmp_path / f'home{number}')})
+        made.append(contents(out))
+    assert made[0] == made[1] == made[2]
+    assert len(made[0]) >= 9
+
+
+def test_another_text_gives_another_hash(pump: Path) -> None:
+    first = generate_monitor(read(pump)).manifest
+    assert generate_monitor(read(pump)).manifest == first
+    pump.write_text(PUMP.replace('first', 'second'))
+    second = generate_monitor(read(pump)).manifest
+    pump.write_text(PUMP.replace('O[0,3]', 'O[0,4]'))
+    third = generate_monitor(read(pump)).manifest
+    hashes = {item.bundle_hash for item in (first, second, third)}
+    assert len(hashes) == 3
+    assert third.source_hash != first.source_hash
+
+
+# -- where it is written ----------------------------------------------------------------------
+
+
+def test_missing_folders_on_the_way_are_made(pump: Path, tmp_path: Path) -> None:
+    write_bundle(pump, tmp_path / 'a' / 'b' / 'out')
+    assert set(os.listdir(tmp_path / 'a' / 'b' / 'out')) == HOLDS
+    assert os.listdir(tmp_path / 'a' / 'b') == ['out']
+
+
+def test_an_empty_folder_is_filled(pump: Path, tmp_path: Path) -> None:
+    (tmp_path / 'out').mkdir()
+    write_bundle(pump, tmp_path / 'out')
+    assert set(os.listdir(tmp_path / 'out')) == HOLDS
+
+
+def test_what_was_compiled_before_is_replaced_as_a_whole(pump: Path, tmp_path: Path) -> None:
+    out = tmp_path / 'out'
+    write_bundle(pump, out)
+    (out / 'src' / 'stale.c').write_text('')
+    pump.write_text(PUMP.replace('O[0,3]', 'O[0,1]'))
+    write_bundle(pump, out)
+    assert sorted(os.listdir(tmp_path)) == ['in', 'out']
+    assert not (out / 'src' / 'stale.c').exists()
+    values = [(True, 0.0), (False, 1.0), (False, 1.0)]
+    assert verdicts(out, values) == [True, True, False]
+
+
+def test_a_relative_path_is_taken_from_where_one_is(pump: Path, tmp_path: Path,
+                                                   monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for folder in ('out', './other', 'in/../third/', 'out'):
+        write_bundle(pump, Path(folder))
+    assert sorted(os.listdir(tmp_path)) == ['in', 'other', 'out', 'third']
+
+
+def test_the_folder_one_is_in_is_refused(pump: Path, tmp_path: Path,
+                                         monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / 'here').mkdir()
+    monkeypatch.chdir(tmp_path / 'here')
+    for folder in ('.', '', '../here', str(tmp_path / 'here')):
+        assert 'is the folder you are in' in refusal(pump, Path(folder))
+    assert os.listdir(tmp_path / 'here') == []
+
+
+def test_a_link_to_a_folder_stays_a_link(pump: Path, tmp_path: Path) -> None:
+    (tmp_path / 'link').symlink_to('place')
+    for _ in range(2):
+        write_bundle(pump, tmp_path / 'link')
+        assert (tmp_path / 'link').is_symlink()
+        assert set(os.listdir(tmp_path / 'place')) == HOLDS
+        assert sorted(os.listdir(tmp_path)) == ['in', 'link', 'place']
+
+
+def test_a_folder_with_other_files_is_refused(pump: Path, tmp_path: Path) -> None:
+    said = refusal(pump, tmp_path / 'in')
+    assert f"'{tmp_path / 'in'}' holds other files" in said
+    assert 'name an empty folder' in said
+    assert os.listdir(tmp_path / 'in') == ['pump.yaml']
+    (tmp_path / 'in' / 'manifest.json').write_text('{}')
+    assert 'holds other files' in refusal(pump, tmp_path / 'in')
+
+
+def test_a_file_in_the_way_is_refused(pump: Path, tmp_path: Path) -> None:
+    file = tmp_path / 'file'
+    file.write_text('mine')
+    assert f"'{file}' is a file" in refusal(pump, file)
+    assert f"'{file}' is a file" in refusal(pump, file / 'out')
+    assert 'cannot write' in refusal(pump, file / 'a' / 'out')
+    assert file.read_text() == 'mine'
+    assert 'cannot write' in refusal(pump, Path('/dev/null/out'))
+    assert "'/dev/null' is a file" in refusal(pump, Path('/dev/null'))
+
+
+def test_a_path_that_cannot_be_is_refused(pump: Path, tmp_path: Path) -> None:
+    assert 'File name too long' in refusal(pump, tmp_path / ('x' * 300))
+    (tmp_path / 'loop').symlink_to('loop')
+    assert 'cannot write' in refusal(pump, tmp_path / 'loop')
+    assert 'cannot write' in refusal(pump, tmp_path / 'loop' / 'out')
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason='root may write anywhere')
+def test_a_folder_that_may_not_be_written_is_refused(pump: Path, tmp_path: Path) -> None:
+    (tmp_path / 'closed').mkdir(mode=0o500)
+    assert 'Permission denied' in refusal(pump, tmp_path / 'closed' / 'out')
+    (tmp_path / 'shut').mkdir(mode=0o000)
+    assert 'Permission denied' in refusal(pump, tmp_path / 'shut' / 'out')
+
+
+def test_a_disk_that_fills_up_leaves_what_was_there(pump: Path, tmp_path: Path,
+                                                   monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / 'out'
+    write_bundle(pump, out)
+    before = contents(out)
+    script = 'import sys, resource; from pathlib import Path; from fret_monitor.build import *; ' \
+             'made = generate_monitor(read(Path(sys.argv[1]))); compile_monitor(made); ' \
+             'resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000)); ' \
+             'write(made, Path(sys.argv[2]))'
+    for folder in (out, tmp_path / 'new'):
+        done = subprocess.run([sys.executable, '-c', script, str(pump), str(folder)],
+                              capture_output=True, text=True, check=False,
+                              env={**os.environ, 'PYTHONPATH': str(PACKAGE.parent)})
+        assert f"error: cannot write '{folder}': File too large" in done.stderr
+    assert contents(out) == before
+    assert sorted(os.listdir(tmp_path)) == ['in', 'out']
+
+
+def test_a_name_that_is_no_text_is_a_bundle_all_the_same(tmp_path: Path) -> None:
+    bundle = tmp_path / os.fsdecode(b'p\xffp.yaml')
+    bundle.write_text(PUMP)
+    write_bundle(bundle, tmp_path / 'out')
+    assert open_folder(tmp_path / 'out').manifest.symbol == 'p_p_monitor'
+
+
+def test_a_long_file_name_is_a_bundle_all_the_same(tmp_path: Path) -> None:
+    bundle = tmp_path / ('n' * 250 + '.yaml')
+    bundle.write_text(PUMP)
+    write_bundle(bundle, tmp_path / 'out')
+    assert verdicts(tmp_path / 'out', [(True, 1.0), (False, 1.0)]) == [True, True]
+
+
+# -- the compiler -----------------------------------------------------------------------------
+
+
+def test_without_a_compiler_nothing_is_written(pump: Path, tmp_path: Path,
+                                               monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('ROS_HOME', str(tmp_path / 'home'))
+    monkeypatch.delenv('CC', raising=False)
+    monkeypatch.setenv('PATH', str(tmp_path))
+    with pytest.raises(CompilerError, match='no C compiler found: install gcc'):
+        write_bundle(pump, tmp_path / 'out')
+    assert not (tmp_path / 'out').exists()
+
+
+def test_a_compiler_that_fails_leaves_nothing(pump: Path, tmp_path: Path,
+                                              monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('ROS_HOME', str(tmp_path / 'home'))
+    script = tmp_path / 'in' / 'bad-cc'
+    script.write_text('#!/bin/sh\necho "out of luck" >&2\nexit 3\n')
+    script.chmod(0o755)
+    monkeypatch.setenv('CC', str(script))
+    with pytest.raises(NativeError, match='(?s)exit status 3.*out of luck'):
+        write_bundle(pump, tmp_path / 'out')
+    assert sorted(path.name for path in tmp_path.iterdir() if path.name != 'home') == ['in']
+
+
+def test_what_is_built_is_kept_and_found(pump: Path) -> None:
+    first = build(pump)
+    changed = first.library.stat().st_mtime_ns
+    assert build(pump).library == first.library
+    assert first.library.stat().st_mtime_ns == changed
+    assert cache.is_kept(first.library)
+
+
+# -- policy and period ------------------------------------------------------------------------
+
+
+def test_policy_and_period_stand_in_for_those_of_the_bundle(pump: Path) -> None:
+    def manifest(**options: object) -> Manifest:
+        return generate_monitor(read(pump, **options)).manifest  # type: ignore[arg-type]
+
+    assert manifest().policy is Policy.EVERY_MESSAGE
+    assert manifest(policy=Policy.ALL_INPUTS).policy is Policy.ALL_INPUTS
+    periodic = manifest(policy=Policy.PERIODIC, period=Fraction(1, 10))
+    assert (periodic.policy, periodic.period) == (Policy.PERIODIC, 0.1)
+    assert manifest(policy=Policy.ALL_INPUTS).bundle_hash != manifest().bundle_hash
+    with pytest.raises(CompileError, match='the policy periodic needs a period'):
+        manifest(policy=Policy.PERIODIC)
+    with pytest.raises(CompileError, match='a period goes with the policy periodic'):
+        manifest(period=Fraction(1))
+
+
+def test_a_period_of_the_bundle_goes_with_its_policy_only(pump: Path) -> None:
+    pump.write_text(PUMP + 'evaluation: {policy: periodic, rate: 20}\n')
+    assert generate_monitor(read(pump)).manifest.period == 0.05
+    assert generate_monitor(read(pump, policy=Policy.ALL_INPUTS)).manifest.period is None
+    assert generate_monitor(read(pump, period=Fraction(2))).manifest.period == 2.0
+
+
+# -- what it costs ----------------------------------------------------------------------------
+
+
+def test_a_measurement_is_plausible(pump: Path) -> None:
+    found = measure(pump).as_dict()
+    assert json.loads(json.dumps(found)) == found
+    assert (found['requirements'], found['state_bytes']) == (2, 6)
+    assert 0.1 < found['ns_per_step'] < 1e5
+    assert 0.1 < found['ns_per_step_lasting'] < 1e5
+    assert 0.001 < found['compile_seconds'] < 600
