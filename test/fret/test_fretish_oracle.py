@@ -1,0 +1,94 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Every key of FRETish against what it means without formulas, on thousands of random traces."""
+
+from random import Random
+
+import facts
+from fret.sentences import formalise
+from fret.sentences import sentence_for
+from fret_monitor.logic.evaluate import evaluate_all
+from fret_monitor.logic.formula import Formula
+from oracle import KEYS
+from oracle import Setting
+from oracle import verdicts
+import pytest
+
+
+def column(rng: Random, steps: int) -> list[bool]:
+    """Return stretches of true and false, rare or frequent."""
+    share = rng.choice((0.1, 0.3, 0.5, 0.8))
+    found: list[bool] = []
+    while len(found) < steps:
+        found += [rng.random() < share] * rng.choice((1, 1, 2, 3, 5))
+    return found[:steps]
+
+
+def random_setting(rng: Random, duration: int) -> Setting:
+    steps = rng.choice((1, 2, 3, 4, 5, 6, 8, 10, 12, 16))
+    return Setting(*(column(rng, steps) for _ in range(4)), duration)
+
+
+def formulas_for(duration: int) -> list[Formula]:
+    return [formalise(sentence_for(key, duration)) for key in KEYS]
+
+
+def compare(formulas: list[Formula], setting: Setting) -> int:
+    """Compare the verdict of every formula at the last step; return how many there are."""
+    trace = dict(zip('mcrs', (setting.mode, setting.condition, setting.response, setting.stop),
+                     strict=True))
+    expected = verdicts(setting)
+    for key, values in zip(KEYS, evaluate_all(formulas, trace), strict=True):
+        assert values[-1] == expected[key], (key, setting)
+    return len(formulas)
+
+
+@pytest.mark.parametrize('duration', range(7))
+def test_every_key_means_what_its_intervals_and_triggers_say(duration: int) -> None:
+    rng = Random(duration)
+    formulas = formulas_for(duration)
+    assert sum(compare(formulas, random_setting(rng, duration)) for _ in range(400)) == 400 * 288
+
+
+def test_the_verdict_at_each_step_is_that_of_the_trace_up_to_there() -> None:
+    rng = Random(99)
+    formulas = formulas_for(2)
+    for _ in range(10):
+        setting = random_setting(rng, 2)
+        for steps in range(1, len(setting.mode) + 1):
+            compare(formulas, setting.until(steps))
+
+
+def test_all_traces_of_three_steps_agree_for_every_key() -> None:
+    formulas = formulas_for(1)
+    for number in range(0, 2 ** 12, 5):
+        bits = [bool(number >> place & 1) for place in range(12)]
+        compare(formulas, Setting(bits[:3], bits[3:6], bits[6:9], bits[9:], 1))
+
+
+def test_the_oracle_of_this_suite_agrees_with_that_of_fret() -> None:
+    data = facts.read('fret/oracle.json')
+    count = 0
+    for (steps, duration, *spans), expected in zip(data['settings'], data['expected'],
+                                                   strict=True):
+        columns = [[any(first <= step <= last for first, last in intervals)
+                    for step in range(steps)] for intervals in spans]
+        found = verdicts(Setting(*columns, duration))
+        for name, verdict in zip(data['keys'], expected, strict=True):
+            key = tuple(name.split(',')[:3])
+            assert found[key] == (verdict in ('1', 1)), (name, spans)  # type: ignore[index]
+            count += 1
+    assert count == 26_400
