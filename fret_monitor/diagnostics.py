@@ -51,7 +51,7 @@ class Source:
         return line, offset - self._line_starts[line - 1] + 1
 
     def line(self, number: int) -> str:
-        """Return the text of a line (numbers from 1), without its end."""
+        """Return the text of a line, whose number is from 1, without its end."""
         start = self._line_starts[number - 1]
         end = self.text.find('\n', start)
         return self.text[start:len(self.text) if end < 0 else end].rstrip('\r')
@@ -229,7 +229,13 @@ def refuse(title: str, span: Span | None = None, label: str = '', help: str = ''
     raise CompileError([Diagnostic(title, span, label, help)])
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun: `1 topic`, `2,000 topics`."""
+    return f'{number:,} {noun}' if number == 1 else f'{number:,} {noun}s'
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return a help text that names the known words closest to `name`, or an empty string."""
     matches = get_close_matches(name, list(known), n=3, cutoff=0.6)
-    return 'did you mean ' + ' or '.join(f"'{match}'" for match in matches) + '?' if matches else ''
+    shown = ' or '.join(f"'{match}'" for match in matches)
+    return f'did you mean {shown}?' if matches else ''

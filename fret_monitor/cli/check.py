@@ -27,6 +27,7 @@ from fret_monitor.build import generate_monitor
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.build import read
 from fret_monitor.diagnostics import CompileError
+from fret_monitor.diagnostics import counted
 from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.formula import Historically
 from fret_monitor.logic.formula import Once
@@ -79,18 +80,14 @@ def _check(path: Path) -> int:
 def _report(path: Path, generated: GeneratedMonitor) -> Iterator[str]:
     manifest = generated.manifest
     operations = sum(group.operations for group in manifest.groups)
-    yield (f'{path}: {_count(len(manifest.requirements), "requirement")}, '
-           f'{_count(len(manifest.inputs), "input")} on {_count(len(manifest.topics), "topic")}, '
-           f'{_count(manifest.state_bytes, "byte")} of state, '
-           f'{_count(operations, "operation")} a step')
+    yield (f'{path}: {counted(len(manifest.requirements), "requirement")}, '
+           f'{counted(len(manifest.inputs), "input")} on {counted(len(manifest.topics), "topic")}, '
+           f'{counted(manifest.state_bytes, "byte")} of state, '
+           f'{counted(operations, "operation")} a step')
     step = _STEPS[manifest.policy][0].format(period=manifest.period)
     yield f'policy {manifest.policy.value}: {step}'
     yield ''
     yield from _table([('id', 'inputs', 'state', 'bounds', 'formula'), *_rows(generated)])
-
-
-def _count(number: int, noun: str) -> str:
-    return f'{number:,} {noun}{"" if number == 1 else "s"}'
 
 
 def _rows(generated: GeneratedMonitor) -> Iterator[tuple[str, ...]]:

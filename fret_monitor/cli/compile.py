@@ -23,6 +23,7 @@ import sys
 from fret_monitor.build import generate_monitor
 from fret_monitor.build import read
 from fret_monitor.build import write
+from fret_monitor.diagnostics import counted
 
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
@@ -41,6 +42,7 @@ def run(options: Namespace) -> int:
     write(generated, options.output)
     manifest = generated.manifest
     operations = sum(group.operations for group in manifest.groups)
-    print(f'{options.output}: {len(manifest.requirements)} requirements, '
-          f'{manifest.state_bytes:,} bytes of state, {operations:,} operations a step')
+    print(f'{options.output}: {counted(len(manifest.requirements), "requirement")}, '
+          f'{counted(manifest.state_bytes, "byte")} of state, '
+          f'{counted(operations, "operation")} a step')
     return 0

@@ -51,6 +51,6 @@ def run(options: Namespace) -> int:
 
 def _shown(summary: Summary) -> str:
     lines = [f'{summary.steps:,} steps']
-    lines += [f'{id}: violated at {count:,} steps' if count else f'{id}: satisfied'
-              for id, count in summary.violations.items()]
+    lines += [f'{name}: violated at {count:,} steps' if count else f'{name}: satisfied'
+              for name, count in summary.violations.items()]
     return '\n'.join(lines)

@@ -26,7 +26,7 @@ import re
 from fret_monitor.manifest import ValueType
 from fret_monitor.program.layout import StateField
 
-_KEYWORDS = frozenset('''
+_KEYWORDS = frozenset("""
     auto break case char const continue default do double else enum extern float for goto if inline
     int long register restrict return short signed sizeof static struct switch typedef union
     unsigned void volatile while asm bool true false alignas alignof atomic complex generic
@@ -35,7 +35,7 @@ _KEYWORDS = frozenset('''
     mutable namespace new not not_eq operator or or_eq private protected public reinterpret_cast
     static_cast template this throw try typeid typename using virtual wchar_t xor xor_eq
     linux unix i386 errno math_errhandling
-'''.split())
+""".split())
 _OURS = frozenset({'s', 'in', 'state', 'inputs', 'verdicts', 'pow', 'fmod', 'fmodf', 'memset'})
 _GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+$')
 _LONGEST_PREFIX = 100  # names of files are made of it
@@ -103,7 +103,7 @@ class Names:
         both = distinct([*signals, *definitions], self.prefix)
         self.signals = {name: both[name] for name in signals}
         self.definitions = both
-        words = (re.sub(r'[^A-Za-z0-9_]', '_', id) for id in requirements)
+        words = (re.sub(r'[^A-Za-z0-9_]', '_', item) for item in requirements)
         self.requirements = [f'{self.prefix}_req_{word}' for word in words]
 
     @property

@@ -193,8 +193,9 @@ class PartWriter:
         if isinstance(equation.operation, Literal):
             return True
         is_pure = isinstance(equation.operation, Read | ApplyUnary | ApplyBinary | Power | Choose)
-        return is_pure and self._layout.uses[index] == 1 and index not in self._layout.wires \
-            and equation.formula not in self._definitions and c.depth(expression) <= _INLINE_DEPTH \
+        is_used_here = self._layout.uses[index] == 1 and index not in self._layout.wires
+        return is_pure and is_used_here and equation.formula not in self._definitions \
+            and c.depth(expression) <= _INLINE_DEPTH \
             and len(c.text(expression)) <= _INLINE_WIDTH
 
     def _local(self, index: int) -> str:

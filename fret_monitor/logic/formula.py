@@ -140,13 +140,14 @@ def _identity(arg: object) -> object:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _Node(metaclass=_Interning):
+
     def __repr__(self) -> str:
         return f'<{type(self).__name__} at {id(self):#x}>'
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Constant(_Node):
-    """A value: bool for BOOL, int for INT64 and UINT64, float for FLOAT64 and (rounded) FLOAT32."""
+    """A value: bool (BOOL), int (INT64, UINT64) or float (FLOAT64, and FLOAT32, rounded)."""
 
     value: bool | int | float
     type: ValueType
@@ -243,6 +244,7 @@ class Feedback(_Node):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _Boolean(_Node):
+
     @property
     def type(self) -> ValueType:
         """BOOL."""
@@ -298,7 +300,8 @@ class Triggered(_Boolean):
 
 
 Formula: TypeAlias = (Constant | Variable | Conversion | Unary | Binary | Choice | Previous
-                      | Feedback | Yesterday | WeakYesterday | Once | Historically | Since | Triggered)
+                      | Feedback | Yesterday | WeakYesterday | Once | Historically | Since
+                      | Triggered)
 
 TRUE = Constant(True, ValueType.BOOL)
 FALSE = Constant(False, ValueType.BOOL)

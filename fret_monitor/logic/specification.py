@@ -53,7 +53,8 @@ class Property:
     A requirement with its formula; `text` is the property as written, on one line.
 
     `feedback` holds, for each `Feedback` node that the formula reaches, the equation it delays
-    (whose own operands may reach `Feedback` nodes again, its own too). `place` is the formula's text.
+    (whose own operands may reach `Feedback` nodes again, its own too). `place` is the formula's
+    text.
     """
 
     id: str

@@ -16,8 +16,8 @@
 Where state lives, and what a step costs: memory and work, known before anything runs.
 
 A group's equations are cut into parts (one C function each, so that C compilers stay fast on large
-bundles). Up to eight bits of a part are a byte each, more are packed into words; counters are as narrow as their bounds allow;
-fields are ordered by size, so that a struct has no holes.
+bundles). Up to eight bits of a part are a byte each, more are packed into words; counters are as
+narrow as their bounds allow; fields are ordered by size, so that a struct has no holes.
 """
 
 from bisect import bisect_right
@@ -85,8 +85,8 @@ class StateField:
     A field of a group's state struct.
 
     `number` is that of the word (BITS), the length (POSITION), the index of the feedback
-    equation (FEEDBACK), or that of the equation. `length` is 0 for a scalar, else that of an array.
-    `initial` is the value at the start, for all elements.
+    equation (FEEDBACK), or that of the equation. `length` is 0 for a scalar, else that of an
+    array. `initial` is the value at the start, for all elements.
     """
 
     kind: FieldKind
@@ -296,7 +296,7 @@ def _initial_bit(operation: Operation) -> bool:
 
 def _holding(largest: int) -> ValueType:
     """Return the narrowest unsigned type that holds a number."""
-    return next(type for type in _UNSIGNED if largest < 1 << 8 * _SIZES[type])
+    return next(kind for kind in _UNSIGNED if largest < 1 << 8 * _SIZES[kind])
 
 
 def _cells(group: StepGroup) -> Iterator[StateField]:

@@ -24,6 +24,7 @@ from array import array
 from collections.abc import Iterable
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextlib import suppress
 import csv
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -171,9 +172,9 @@ def _replacing(path: Path) -> Iterator[TextIO]:
         os.umask(umask)
         os.chmod(name, 0o666 & ~umask)
         os.replace(name, path)
-    except BaseException:
-        os.unlink(name)
-        raise
+    finally:
+        with suppress(FileNotFoundError):  # it has its name, if all went well
+            os.unlink(name)
 
 
 class _Trace:
