@@ -1,0 +1,88 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`check`: all problems of each bundle, or a table; the tables are golden files."""
+
+from pathlib import Path
+import shutil
+
+from cli.command import Here
+from cli.command import PUMP
+import golden
+import pytest
+
+HERE = Path(__file__).resolve().parent
+
+
+@pytest.mark.parametrize('case', golden.cases('check'), ids=lambda path: path.stem)
+def test_a_bundle_is_shown_as_a_table(here: Here, monkeypatch: pytest.MonkeyPatch,
+                                      case: Path) -> None:
+    shutil.copy(case, here.folder)
+    monkeypatch.chdir(here.folder)
+    done = here.run('check', case.name)
+    assert done.status == 0
+    golden.check(case, done.out + done.err)
+
+
+def test_there_is_a_table_for_every_policy() -> None:
+    texts = [case.read_text() for case in golden.cases('check')]
+    for policy in ('every_message', 'relevant_message', 'all_inputs', 'periodic'):
+        assert any(f'policy {policy}' in item.with_suffix('.txt').read_text()
+                   for item in golden.cases('check')), policy
+    assert len(texts) >= 4
+
+
+def test_each_bundle_is_checked_and_one_that_is_bad_is_1(here: Here) -> None:
+    good, other = here.file('good.yaml', PUMP), here.file('other.yaml', PUMP)
+    bad = here.file('bad.yaml', PUMP.replace('n < 5', 'n < q'))
+    done = here.run('check', good, bad, here.folder / 'gone.yaml', other)
+    assert done.status == 1
+    assert [line for line in done.out.splitlines() if line.startswith(str(here.folder))] == [
+        f'{path}: 3 requirements, 5 inputs on 0 topics, 3 bytes of state, 10 operations a step'
+        for path in (good, other)]
+    assert f'{bad}:11:31: error: ' in done.err
+    assert 'gone.yaml' in done.err
+    assert str(good) not in done.err
+    assert here.run('check', good, other).status == 0
+
+
+def test_all_problems_are_told_in_one_run(here: Here) -> None:
+    bundle = PUMP.replace('n < 5', 'n << 5')\
+        .replace('LANDING ->', 'FLYING ->').replace('float32', 'flt')
+    done = here.run('check', here.file('pump.yaml', bundle))
+    assert done.status == 1
+    assert done.err.count('error: ') >= 3
+
+
+def test_a_warning_is_told_and_is_no_error(here: Here) -> None:
+    bundle = PUMP + '  - {id: R-4, cocospec: "ST(5, 2, p, x > 1.0)"}\n'
+    done = here.run('check', here.file('pump.yaml', bundle))
+    assert done.status == 0
+    assert ': warning: ' in done.err
+    assert 'R-4' in done.out
+
+
+def test_state_that_is_too_large_is_refused(here: Here) -> None:
+    bundle = PUMP + '  - {id: R-4, ptltl: "O[300000000,300000009] p"}\n'
+    done = here.run('check', here.file('pump.yaml', bundle))
+    assert (done.status, done.out) == (1, '')
+    assert 'R-4 looks back 300,000,000 steps' in done.err
+    assert 'pump.yaml:12:' in done.err
+
+
+def test_a_thousand_requirements_are_shown(here: Here) -> None:
+    lines = [f'  - {{id: A-{number}, ptltl: "O[1,{number + 1}] p"}}\n' for number in range(1000)]
+    done = here.run('check', here.file('pump.yaml', PUMP + ''.join(lines)))
+    assert done.status == 0
+    assert len(done.out.splitlines()) == 4 + 1003

@@ -1,0 +1,104 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`fret-monitor import` as users run it."""
+
+from pathlib import Path
+
+from fret_monitor.cli.main import main
+from importing.examples import DATABASE
+from importing.examples import PROJECT
+from importing.examples import requirement
+from importing.examples import SPECIFICATION
+from importing.examples import written
+import pytest
+
+
+def test_a_bundle_that_is_ready_passes_check(tmp_path: Path,
+                                             capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip('std_msgs')
+    files = [str(path) for path in written(tmp_path, spec_json=SPECIFICATION, db_json=DATABASE)]
+    bundle = tmp_path / 'rover.yaml'
+    assert main(['import', *files, '-o', str(bundle)]) == 0
+    said = capsys.readouterr()
+    assert said.out == f'{bundle}: 1 requirement, 1 input\n'
+    assert said.err == ''
+    assert main(['check', str(bundle)]) == 0
+
+
+def test_what_is_left_to_do_is_told_and_the_bundle_passes_check(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    [file] = written(tmp_path, moon_json=PROJECT)
+    bundle = tmp_path / 'rover.yaml'
+    assert main(['import', str(file), '-o', str(bundle)]) == 0
+    said = capsys.readouterr()
+    assert said.out == f'{bundle}: 3 requirements, 3 inputs (3 without a topic)\n'
+    assert f'{bundle}: to do by hand (1):\n- no file says on what topic' in said.err
+    assert '\n        armed: {topic: ..., type: std_msgs/msg/Bool}\n' in said.err
+    assert '# TO DO (1):\n# - no file says on what topic' in bundle.read_text()
+    assert main(['check', str(bundle)]) == 0
+
+
+def test_a_trace_that_tells_wordings_apart_can_be_simulated(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    project = {'requirements': [
+        requirement('A', 'rover shall always satisfy speed < 3', '(H (speed <= 3))'),
+        requirement('B', 'rover shall always satisfy armed')]}
+    [file] = written(tmp_path, moon_json=project)
+    bundle = tmp_path / 'rover.yaml'
+    assert main(['import', str(file), '-o', str(bundle)]) == 0
+    capsys.readouterr()
+    trace = tmp_path / 'rover.A.1.csv'
+    assert main(['simulate', str(bundle), '--trace', str(trace)]) == 0
+    rows = [row.split(',') for row in capsys.readouterr().out.split()]
+    assert rows[0][:2] == ['step', 'A']
+    assert [row[1] for row in rows[1:]] == ['1'] * (len(rows) - 2) + ['0']
+
+
+def test_a_folder_takes_a_bundle_of_each_component(tmp_path: Path) -> None:
+    project = {'requirements': [requirement('A', 'rover shall always satisfy p'),
+                                requirement('A', 'arm shall always satisfy p', component='arm')]}
+    [file] = written(tmp_path, moon_json=project)
+    assert main(['import', str(file), '-o', f'{tmp_path}/bundles/']) == 0
+    assert sorted(path.name for path in (tmp_path / 'bundles').iterdir()) == [
+        'arm.yaml', 'rover.yaml']
+
+
+def test_a_file_that_is_no_export_is_refused_and_nothing_is_written(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    [file] = written(tmp_path, odd_json='{"requirements": [')
+    assert main(['import', str(file), '-o', str(tmp_path / 'b.yaml')]) == 1
+    said = capsys.readouterr()
+    assert 'odd.json:1:19: error: this is not JSON' in said.err
+    assert said.out == ''
+    assert [path.name for path in tmp_path.iterdir()] == ['odd.json']
+
+
+def test_a_bundle_is_written_over_with_force_alone(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    [file] = written(tmp_path, moon_json=PROJECT)
+    bundle = tmp_path / 'rover.yaml'
+    bundle.write_text('mine')
+    assert main(['import', str(file), '-o', str(bundle)]) == 1
+    assert 'is there already' in capsys.readouterr().err
+    assert main(['import', str(file), '-o', str(bundle), '--force']) == 0
+    assert bundle.read_text() != 'mine'
+
+
+def test_a_bundle_that_cannot_be_written_is_told(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    [file] = written(tmp_path, moon_json=PROJECT)
+    (tmp_path / 'file').write_text('')
+    assert main(['import', str(file), '-o', str(tmp_path / 'file' / 'b.yaml')]) == 1
+    assert 'cannot be written' in capsys.readouterr().err

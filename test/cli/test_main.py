@@ -1,0 +1,158 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The command line as a whole: what it answers with, and how it ends."""
+
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+from cli.command import command
+from cli.command import environment
+from cli.command import HEADING
+from cli.command import Here
+from cli.command import PUMP
+from cli.command import run
+import pytest
+
+BAD = PUMP.replace('n < 5', 'N < 5').replace('x > 0.1', 'x > true')
+VERBS = ('check', 'simulate', 'compile', 'bench')
+
+
+def arguments(verb: str, bundle: Path) -> tuple[object, ...]:
+    """Return what makes a verb do its work on a bundle."""
+    more = {'simulate': ('--trace', bundle.parent / 'trace.csv'),
+            'compile': ('--output', bundle.parent / 'out')}
+    return (verb, bundle, *more.get(verb, ()))
+
+
+@pytest.mark.parametrize('verb', VERBS)
+def test_success_is_0_and_all_of_it_on_standard_output(here: Here, verb: str) -> None:
+    here.file('trace.csv', HEADING)
+    done = here.run(*arguments(verb, here.file('pump.yaml', PUMP)))
+    assert (done.status, done.err) == (0, '')
+    assert done.out
+
+
+@pytest.mark.parametrize('verb', VERBS)
+def test_a_bad_bundle_is_1_and_all_of_it_on_standard_error(here: Here, verb: str) -> None:
+    here.file('trace.csv', HEADING)
+    done = here.run(*arguments(verb, here.file('pump.yaml', BAD)))
+    assert (done.status, done.out) == (1, '')
+    assert done.err.count(': error: ') == 2
+    assert f"{here.folder / 'pump.yaml'}:9:" in done.err
+    assert sorted(os.listdir(here.folder)) == ['pump.yaml', 'trace.csv']
+
+
+@pytest.mark.parametrize('verb', VERBS)
+@pytest.mark.parametrize('name', ['gone.yaml', '.', '/dev/null', 'x' * 300, 'pump.yaml/x'])
+def test_a_bundle_that_is_no_file_is_1(here: Here, monkeypatch: pytest.MonkeyPatch, verb: str,
+                                       name: str) -> None:
+    here.file('pump.yaml', PUMP)
+    here.file('trace.csv', HEADING)
+    monkeypatch.chdir(here.folder)
+    done = here.run(*arguments(verb, Path(name)))
+    assert (done.status, done.out) == (1, '')
+    assert 'error: ' in done.err.splitlines()[0]
+    assert name[:60] in done.err.splitlines()[0]
+
+
+@pytest.mark.parametrize('words', [
+    (), ('chekc',), ('check',), ('simulate', 'b.yaml'), ('simulate', 'b.yaml', '--trace'),
+    ('compile', 'b.yaml'), ('bench',), ('bench', 'a', 'b'), ('check', '--json', 'b.yaml'),
+    ('simulate', 'b.yaml', '--trace', 't.csv', 'more'), ('--no-such-option',)])
+def test_wrong_usage_is_2(here: Here, words: tuple[str, ...]) -> None:
+    done = here.run(*words)
+    assert (done.status, done.out) == (2, '')
+    assert done.err.startswith('usage: fret-monitor')
+
+
+@pytest.mark.parametrize('words', [('--help',), *((verb, '--help') for verb in VERBS)])
+def test_help_is_given(here: Here, words: tuple[str, ...]) -> None:
+    done = here.run(*words)
+    assert (done.status, done.err) == (0, '')
+    assert done.out.startswith('usage: fret-monitor')
+
+
+@pytest.mark.parametrize('verb', ['simulate', 'compile', 'bench'])
+@pytest.mark.parametrize(('settings', 'expected'), [
+    ({'CC': '', 'PATH': '/nowhere'}, 'error: no C compiler found: install gcc'),
+    ({'CC': 'no-such-cc'}, "error: CC is set to 'no-such-cc', which cannot be run"),
+    ({'CC': 'false'}, 'error: the C compiler failed (exit status 1):'),
+])
+def test_a_compiler_that_is_missing_or_fails_is_1(
+        here: Here, monkeypatch: pytest.MonkeyPatch, verb: str, settings: dict[str, str],
+        expected: str) -> None:
+    monkeypatch.setenv('ROS_HOME', str(here.folder / 'home'))
+    for name, value in settings.items():
+        monkeypatch.setenv(name, value)
+    here.file('trace.csv', HEADING)
+    done = here.run(*arguments(verb, here.file('pump.yaml', PUMP)))
+    assert (done.status, done.out) == (1, '')
+    assert done.err.startswith(expected)
+    assert not (here.folder / 'out').exists()
+
+
+def test_check_needs_no_compiler(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('PATH', '/nowhere')
+    monkeypatch.setenv('CC', 'no-such-cc')
+    assert here.run('check', here.file('pump.yaml', PUMP)).status == 0
+
+
+def test_it_runs_from_any_folder(here: Here) -> None:
+    here.file('trace.csv', HEADING + '0,0,0,0,moving\n')
+    here.file('pump.yaml', PUMP)
+    done = run('simulate', 'pump.yaml', '--trace', 'trace.csv', '--verdicts', 'out.csv',
+               cwd=here.folder)
+    assert (done.status, done.err) == (0, '')
+    assert (here.folder / 'out.csv').read_text().startswith('step,R-1,')
+    assert run('check', 'gone.yaml', cwd=here.folder).status == 1
+
+
+def test_names_that_a_terminal_cannot_show_are_no_error(here: Here) -> None:
+    bundle = here.folder / os.fsdecode(b'p\xffmp.yaml')
+    bundle.write_text(PUMP.replace('R-1', 'Größe'), encoding='utf-8')
+    for encoding in ('ascii', 'utf-8'):
+        done = subprocess.run(
+            command('check', bundle), env=environment(PYTHONIOENCODING=encoding),
+            capture_output=True, check=False)
+        assert (done.returncode, done.stderr) == (0, b'')
+        assert b'p\\udcffmp.yaml: 3 requirements' in done.stdout
+
+
+def test_a_reader_that_is_gone_is_no_error(here: Here) -> None:
+    bundle = here.file('pump.yaml', PUMP)
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(command('check', bundle), env=environment(), stdout=writer,
+                          stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (1, '')
+
+
+def test_an_output_that_is_closed_is_no_error(here: Here) -> None:
+    bundle = here.file('pump.yaml', PUMP)
+    done = subprocess.run(
+        ['sh', '-c', 'exec "$@" >&-', 'sh', *command('check', bundle)], env=environment(),
+        stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, '')
+
+
+def test_the_executable_is_this_command_line() -> None:
+    executable = Path(sys.executable).with_name('fret-monitor')
+    if not executable.exists():
+        pytest.skip('not installed')
+    done = subprocess.run([executable, '--help'], capture_output=True, text=True, check=False)
+    assert done.stdout.startswith('usage: fret-monitor')
