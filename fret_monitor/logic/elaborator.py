@@ -89,6 +89,8 @@ _ARITHMETIC = {item.value: item for item in (
     BinaryOperator.MOD)}
 _PRE_FUNCTIONS = frozenset({'preBool', 'preInt', 'preReal'})
 _TRUE_FUNCTIONS = frozenset({'preBool', 'persisted', 'occurred', 'prevOcc'})
+# FRET's functions of future-time logic, and those of the past that come closest.
+_FUTURE = {'persists': 'persisted(n, p)', 'occurs': 'occurred(n, p)', 'nextOcc': 'prevOcc(p, q)'}
 _TYPED_PAIR = _RELATIONS.keys() | {'arrow'}
 _NOT_FIRST = (Unary(UnaryOperator.NOT, FTP), Yesterday(TRUE))
 
@@ -368,6 +370,9 @@ class Elaborator:
         if declaration is not None:
             refuse(f"'{node.function}' is no function", node.function_span,
                    f'this is {declaration.role.value}', f'write {node.function}')
+        if node.function in _FUTURE:
+            refuse('a monitor sees only the past', node.function_span,
+                   f"'{node.function}' looks into the future", f'write {_FUTURE[node.function]}')
         refuse(f"there is no function '{node.function}'", node.function_span, '',
                did_you_mean(node.function, FUNCTIONS)
                or 'there are ' + ', '.join(sorted(FUNCTIONS)))
