@@ -57,7 +57,11 @@ def _tell(item: Imported) -> None:
         print(f'{item.path}: to do by hand ({len(item.draft.todo)}):', file=sys.stderr)
     for task in item.draft.todo:
         print('- ' + task.replace('\n', '\n      '), file=sys.stderr)
-    requirements, left = len(item.draft.requirements), len(item.draft.left_out)
-    missing = sum(one.topic is None for one in item.draft.inputs)
-    print(f'{item.path}: {requirements} requirements{f" ({left} left out)" if left else ""}, '
-          f'{len(item.draft.inputs)} inputs{f" ({missing} without a topic)" if missing else ""}')
+    left, missing = len(item.draft.left_out), sum(one.topic is None for one in item.draft.inputs)
+    print(f'{item.path}: {_count(len(item.draft.requirements), "requirement")}'
+          f'{f" ({left} left out)" if left else ""}, {_count(len(item.draft.inputs), "input")}'
+          f'{f" ({missing} without a topic)" if missing else ""}')
+
+
+def _count(number: int, noun: str) -> str:
+    return f'{number:,} {noun}{"" if number == 1 else "s"}'

@@ -12,12 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-From files of FRET and Ogma to bundles: the whole way, with nothing written before all is done.
-"""
+"""From files of FRET and Ogma to bundles: nothing is written before all has been read."""
 
 from collections.abc import Iterator
 from collections.abc import Sequence
+from contextlib import suppress
 import csv
 from dataclasses import dataclass
 from dataclasses import replace
@@ -32,8 +31,8 @@ from fret_monitor.diagnostics import Source
 from fret_monitor.importing.compare import Difference
 from fret_monitor.importing.compare import differences
 from fret_monitor.importing.component import Component
-from fret_monitor.importing.draft import draft
 from fret_monitor.importing.draft import Draft
+from fret_monitor.importing.draft import draft
 from fret_monitor.importing.emit import emit
 from fret_monitor.importing.files import choose
 from fret_monitor.importing.files import Files
@@ -170,6 +169,8 @@ def _write(path: Path, text: str) -> None:
         temporary.write_text(text, encoding='utf-8')
         temporary.replace(path)
     except (OSError, ValueError) as error:
-        temporary.unlink(missing_ok=True)
-        told = Diagnostic(f'{shown(str(path))} cannot be written: {error}')
+        with suppress(OSError):
+            temporary.unlink()
+        reason = error.strerror if isinstance(error, OSError) else error
+        told = Diagnostic(f'{shown(str(path))} cannot be written: {reason}')
         raise CompileError([told]) from None

@@ -151,5 +151,5 @@ def _fitted(value: int, kind: ValueType) -> int:
     """Return the number of an integer type that is nearest."""
     bits = int(kind.value.lstrip('uint'))
     is_signed = kind.value.startswith('int')
-    low, high = (-2 ** (bits - 1), 2 ** (bits - 1) - 1) if is_signed else (0, 2 ** bits - 1)
+    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if is_signed else (0, (1 << bits) - 1)
     return max(low, min(high, value))

@@ -205,7 +205,7 @@ class _Drafter:
                 continue
             if name is None:
                 fault = name_fault(item.name)
-                self._problems.warning(f"the variable {shown(item.name)} is left out", None,
+                self._problems.warning(f'the variable {shown(item.name)} is left out', None,
                                        fault.reason if fault else '', 'rename it in FRET')
             elif not self._assigned(item, name):
                 self._inputs[key_of(item.name)] = replace(item, name=name)
@@ -304,8 +304,8 @@ class _Drafter:
     def _tell_message(self, name: str, link: Connection,
                       errors: Sequence[Diagnostic]) -> None:
         for error in errors[:1]:
-            help = '\n' + error.help if error.help else ''
-            self._todo.append(f"the input '{name}' on {link.topic}: {error.title}{help}")
+            hint = '\n' + error.help if error.help else ''
+            self._todo.append(f"the input '{name}' on {link.topic}: {error.title}{hint}")
 
     def _tell_requirements(self, left_out: Sequence[tuple[ComponentRequirement, str]]) -> None:
         """List the requirements that are missing, or not as a person wrote them."""
@@ -323,6 +323,7 @@ class _Drafter:
         missing = [item for item in inputs if item.topic is None]
         if missing:
             lines = [f'  {item.name}: {{topic: ..., type: {message_for(item.signal.type)}}}'
+                     + (f'   # {link.note}' if (link := self._connection(item.name)).note else '')
                      for item in missing]
             self._todo.append('\n'.join([f'no file says on what topic {_these(missing)}; write it '
                                          'in the place of the type:', *lines]))

@@ -133,7 +133,7 @@ def _connect(item: Connection, connections: dict[str, Connection], file: str,
     else:
         connections[key] = Connection(
             known.name, known.topic or item.topic, known.message_type or item.message_type,
-            known.field or item.field, known.type or item.type)
+            known.field or item.field, known.type or item.type, known.note or item.note)
 
 
 # What several files say of one component.

@@ -30,6 +30,7 @@ from fret_monitor.importing.json_text import items
 from fret_monitor.importing.json_text import mapping
 from fret_monitor.importing.json_text import text
 from fret_monitor.syntax.words import Fault
+from fret_monitor.syntax.words import shown
 from fret_monitor.syntax.words import topic_fault
 from fret_monitor.syntax.words import type_fault
 
@@ -46,7 +47,7 @@ class Connection:
     What feeds an input; None where it is not known.
 
     `type` is what the database says of the input itself, in C's words; `message_type` the ROS
-    type of the topic.
+    type of the topic. `note` says why there is no topic.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Connection:
     message_type: str | None = None
     field: str | None = None
     type: str = ''
+    note: str = ''
 
 
 def is_database(value: object) -> bool:
@@ -80,10 +82,10 @@ def _connection(item: dict[str, object], topics: dict[str, str], fields: dict[st
     links = items(item.get('connections'))
     link = next((one for one in links if text(one, 'scope') in _ROS), None)
     if link is None:
-        if links:
-            problems.warning(f"{file}: the connection of '{name}' is none of ROS", None, '',
-                             f"its scope is '{text(links[0], 'scope')}', not 'ros/message'")
-        return Connection(name, type=text(item, 'type'))
+        scopes = ', '.join(shown(text(one, 'scope')) for one in links)
+        return Connection(name, type=text(item, 'type'),
+                          note=f"{file} connects it to {scopes}, not 'ros/message'" if links
+                          else '')
     topic = text(link, 'topic')
     kind = topics.get(topic, '')
     field = text(link, 'field') or fields.get(kind, '')
@@ -102,7 +104,7 @@ def _usable(found: Connection, file: str, problems: Problems, place: Span | None
         None if found.topic and topic_fault(found.topic) else found.topic,
         None if kind_fault or found.message_type and '/' not in found.message_type
         else found.message_type,
-        found.field, found.type)
+        found.field, found.type, found.note)
 
 
 def _tell(fault: Fault, name: str, file: str, problems: Problems, place: Span | None) -> None:

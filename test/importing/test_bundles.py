@@ -1,0 +1,349 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Whole imports: what goes into a bundle, what is left to do, and that our reader takes it."""
+
+from pathlib import Path
+from typing import Any
+
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.importing import import_bundles
+from fret_monitor.importing import Imported
+from fret_monitor.importing import write_bundles
+from fret_monitor.logic.elaborate import specify
+from fret_monitor.logic.specification import Specification
+from fret_monitor.manifest import ValueType
+from fret_monitor.syntax.bundle import Language
+from fret_monitor.syntax.bundle import read_bundle
+from importing.examples import DATABASE
+from importing.examples import DOCUMENT
+from importing.examples import imported
+from importing.examples import LUSTRE
+from importing.examples import PROJECT
+from importing.examples import refused
+from importing.examples import requirement
+from importing.examples import SPECIFICATION
+from importing.examples import variable
+from importing.examples import written
+import pytest
+
+
+def meaning(found: Imported) -> Specification:
+    """Write a bundle and return what it means, by the package's own way."""
+    write_bundles([found])
+    return specify(read_bundle(found.path))[0]
+
+
+def test_a_project_becomes_sentences_constants_definitions_and_inputs(tmp_path: Path) -> None:
+    found = imported(tmp_path, moon_json=PROJECT)
+    draft = found.draft
+    assert [(item.id, item.language) for item in draft.requirements] == [
+        ('R-1', Language.FRETISH), ('R-2', Language.FRETISH), ('R-3', Language.FRETISH)]
+    assert draft.constants == (('top', '2.5'),)
+    assert [(item.name, item.text) for item in draft.definitions] == [
+        ('fast', 'speed > top and not armed')]
+    assert {item.name: item.type for item in draft.inputs} == {
+        'speed': 'float64', 'armed': 'bool', 'hold': 'bool'}
+    assert draft.unused == ('unread',)
+    assert draft.requirements[0].rationale == 'Wheels wear.\nSee the manual.'
+    assert [item.id for item in meaning(found).properties] == ['R-1', 'R-2', 'R-3']
+
+
+def test_an_old_export_without_variables_shows_what_it_means_by_its_use(tmp_path: Path) -> None:
+    old = [requirement('A', 'pump shall always satisfy on => level < 4 & this = other',
+                       component='<b><i>pump</i></b>')]
+    found = imported(tmp_path, old_json=old)
+    assert found.draft.component == 'pump'
+    assert {item.name: item.type for item in found.draft.inputs} == {
+        'on': 'bool', 'level': 'float64', 'this': 'float64', 'other': 'float64'}
+    assert any('no file declares' in item and 'on (bool)' in item for item in found.draft.todo)
+    meaning(found)
+
+
+def test_html_of_old_exports_is_taken_off(tmp_path: Path) -> None:
+    old = [requirement('A', '', '(H (<b><i>p</i></b> &amp; (<b><i>x</i></b> &lt; 3)))')]
+    assert imported(tmp_path, old_json=old).draft.requirements[0].text == '(H (p & (x < 3)))'
+
+
+def test_a_specification_and_its_database_give_a_bundle_that_is_ready(tmp_path: Path) -> None:
+    found = imported(tmp_path, spec_json=SPECIFICATION, db_json=DATABASE)
+    assert found.draft.component == 'rover'
+    assert [(item.name, item.topic, item.type, item.field) for item in found.draft.inputs] == [
+        ('speed', '/wheels/speed', 'std_msgs/msg/Float32', None)]
+    assert found.draft.todo == ()
+    assert 'TO DO' not in found.text
+    assert meaning(found).signals[0].type is ValueType.FLOAT32
+
+
+def test_a_document_of_ogma_is_read_and_its_results_are_left_out(tmp_path: Path) -> None:
+    found = imported(tmp_path, doc_json=DOCUMENT, db_json=DATABASE)
+    assert found.draft.requirements[0].text == 'level >= 1 && !high'
+    assert found.draft.requirements[0].title == 'neither low nor high'
+    assert found.draft.definitions[0].text == 'level > 3'
+    told = '\n'.join(item.render() for item in found.warnings)
+    assert "'result_type' and 'result_formula' left out" in told
+    assert ('level: {topic: ..., type: std_msgs/msg/Int32}   '
+            "# db.json connects it to 'cfs', not 'ros/message'") in found.text
+    meaning(found)
+
+
+def test_lustre_gives_guarantees_modes_and_local_variables(tmp_path: Path) -> None:
+    found = imported(tmp_path, rover_lus=LUSTRE)
+    draft = found.draft
+    assert [(item.id, item.language, item.text) for item in draft.requirements] == [
+        ('slow', Language.COCOSPEC, 'H(((not fast)) => (out <= top))'),
+        ('R-1', Language.FRETISH, 'rover shall always satisfy speed <= top'),
+        ('R-assumption', Language.COCOSPEC, '(last >= 0.0)'),
+        ('roverSpec_4', Language.COCOSPEC, 'on => armed')]
+    assert {item.name: item.text for item in draft.definitions} == {
+        'last': '0.0 -> pre speed', 'fast': 'speed > top and not armed'}
+    assert draft.constants == (('top', '2.5'),)
+    assert any('R-assumption' in item and "'cocospec' is taken" in item for item in draft.todo)
+    meaning(found)
+
+
+def test_files_of_one_component_are_one_bundle(tmp_path: Path) -> None:
+    found = imported(tmp_path, moon_json=PROJECT, spec_json=SPECIFICATION, rover_lus=LUSTRE)
+    assert [item.id for item in found.draft.requirements] == [
+        'R-1', 'R-2', 'R-3', 'slow', 'R-assumption', 'roverSpec_4']
+    assert found.draft.files == ('moon.json', 'spec.json', 'rover.lus')
+    meaning(found)
+
+
+def test_a_list_gives_topics_and_a_guess_of_their_types(tmp_path: Path) -> None:
+    listed = '# signals\nspeed /wheels/speed\narmed, battery std_msgs::msg::Bool data\n'
+    found = imported(tmp_path, spec_json=SPECIFICATION, signals_txt=listed)
+    assert [(item.topic, item.type) for item in found.draft.inputs] == [
+        ('/wheels/speed', 'std_msgs/msg/Float64')]
+    assert found.draft.todo == (
+        "the message type of /wheels/speed ('speed') is a guess: std_msgs/msg/Float64",)
+    meaning(found)
+
+
+def test_a_message_with_several_fields_is_to_be_looked_at(tmp_path: Path) -> None:
+    listed = 'speed /battery sensor_msgs/msg/BatteryState\n'
+    found = imported(tmp_path, spec_json=SPECIFICATION, signals_txt=listed)
+    [todo] = found.draft.todo
+    assert todo.startswith("the input 'speed' on /battery: ")
+    assert 'field: voltage' in todo
+
+
+def test_a_message_that_is_not_installed_here_does_not_stop_an_import(tmp_path: Path) -> None:
+    listed = 'speed /speed other_msgs/msg/Speed value\n'
+    found = imported(tmp_path, spec_json=SPECIFICATION, signals_txt=listed)
+    assert found.draft.inputs[0].type == 'other_msgs/msg/Speed'
+    assert 'other_msgs' in found.draft.todo[0]
+    assert [item.id for item in found.draft.requirements] == ['R-1']
+
+
+def test_a_definition_may_look_at_its_own_past_and_at_that_of_another(tmp_path: Path) -> None:
+    project = {
+        'requirements': [requirement('A', 'rover shall always satisfy top >= start & odd')],
+        'variables': [
+            variable('x', 'Input', 'double'),
+            variable('start', 'Internal', 'double', 'x -> pre start'),
+            variable('top', 'Internal', 'double', 'x -> if x > pre top then x else pre top'),
+            variable('odd', 'Internal', 'boolean', 'true -> not pre even'),
+            variable('even', 'Internal', 'boolean', 'false -> pre odd')]}
+    found = imported(tmp_path, own_json=project)
+    texts = {item.name: item.text for item in found.draft.definitions}
+    assert texts['start'] == 'start = x -> pre start;'
+    assert texts['odd'] == 'even = false -> pre odd; odd = true -> not pre even;'
+    assert {item.name for item in found.draft.inputs} == {'x'}
+    meaning(found)
+
+
+def test_a_definition_that_cannot_be_used_is_asked_for(tmp_path: Path) -> None:
+    project: dict[str, Any] = {**PROJECT, 'variables': [
+        variable('speed', 'Input', 'double'), variable('armed', 'Input', 'boolean'),
+        variable('top', 'Internal', 'double', 'table(speed)'),
+        variable('fast', 'Internal', 'boolean'), variable('hold', 'Mode', 'boolean')]}
+    found = imported(tmp_path, moon_json=project)
+    assert {item.name for item in found.draft.inputs} == {'speed', 'armed', 'hold', 'top', 'fast'}
+    assert any("'top' is an internal variable, and its value cannot be" in item
+               for item in found.draft.todo)
+    assert any("'fast' is an internal variable, and it has no value" in item
+               for item in found.draft.todo)
+    meaning(found)
+
+
+def test_what_cannot_be_monitored_is_a_comment_and_a_task(tmp_path: Path) -> None:
+    project = {'requirements': [
+        requirement('Good', 'rover shall always satisfy speed < 3'),
+        requirement('Sine', 'rover shall always satisfy sin(speed) < 0.5', '(H (sin(speed) < 1))'),
+        requirement('Empty', '')]}
+    found = imported(tmp_path, moon_json=project)
+    assert [item.id for item in found.draft.requirements] == ['Good']
+    assert [item.id for item, _ in found.draft.left_out] == ['Sine', 'Empty']
+    assert '#  left out: Sine (' in found.text
+    assert any('not monitored' in item and 'Sine' in item for item in found.draft.todo)
+    assert any('Empty' in item and 'no formula' in item for item in found.draft.todo)
+    meaning(found)
+
+
+def test_a_formula_is_taken_where_the_sentence_is_none(tmp_path: Path) -> None:
+    project = {'requirements': [
+        requirement('A', 'Meaning not specified', '(H (speed < 3))', 'H(speed < 3)')]}
+    found = imported(tmp_path, moon_json=project)
+    [item] = found.draft.requirements
+    assert (item.language, item.text) == (Language.PTLTL, '(H (speed < 3))')
+    assert item.title == 'Meaning not specified'
+    assert any("'ptltl' is taken, since the 'fretish'" in task for task in found.draft.todo)
+
+
+def test_wordings_that_differ_are_told_with_the_trace(tmp_path: Path) -> None:
+    project = {'requirements': [requirement(
+        'A', 'rover shall always satisfy speed < 3', '(H (speed <= 3))', 'H(speed < 3)')]}
+    found = imported(tmp_path, moon_json=project)
+    [(path, text)] = found.traces
+    assert path == tmp_path / 'bundle.A.1.csv'
+    rows = text.split()
+    assert rows[0] == 'speed'
+    assert rows[-1] == '3.0'
+    [warning] = found.warnings
+    assert "'A': two wordings differ at step" in warning.title
+    assert 'sentence: false\n' in warning.help
+    assert 'ptLTL: true' in warning.help
+    assert found.draft.requirements[0].language is Language.FRETISH
+    assert path.name in found.text
+
+
+def test_wordings_that_agree_are_not_told(tmp_path: Path) -> None:
+    found = imported(tmp_path, spec_json=SPECIFICATION)
+    assert found.traces == ()
+    assert found.warnings == ()
+
+
+def test_ids_that_are_one_to_a_handler_are_told_apart(tmp_path: Path) -> None:
+    project = {'requirements': [
+        requirement('A-1', 'rover shall always satisfy p'),
+        requirement('A.1', 'rover shall always satisfy q'),
+        requirement('A-1', 'rover shall always satisfy r')]}
+    found = imported(tmp_path, moon_json=project)
+    assert [item.id for item in found.draft.requirements] == ['A-1', 'A.1_2', 'A-1_3']
+    assert len(found.warnings) == 2
+    meaning(found)
+
+
+def test_names_of_fret_keep_their_dots_and_blanks(tmp_path: Path) -> None:
+    project = {
+        'requirements': [requirement('A', 'rover shall always satisfy arm.angle < 3 & "is on"',
+                                     '(H ((arm_DOT_angle < 3) & _DQT_is_SPC_on_DQT_))')],
+        'variables': [variable('arm.angle', 'Input', 'double'),
+                      variable('"is on"', 'Input', 'boolean')]}
+    found = imported(tmp_path, moon_json=project)
+    assert [item.name for item in meaning(found).signals] == ['arm.angle', 'is on']
+    assert len(found.draft.comparisons[0].properties) == 2
+    assert found.traces == ()
+
+
+def test_a_variable_that_no_formula_can_name_is_told(tmp_path: Path) -> None:
+    project: dict[str, Any] = {**PROJECT, 'variables': [
+        *PROJECT['variables'], variable('H', 'Input', 'double')]}
+    found = imported(tmp_path, moon_json=project)
+    assert any("the variable 'H' is left out" in item.title for item in found.warnings)
+
+
+SEVERAL = {'requirements': [
+    requirement('A', 'rover shall always satisfy p'),
+    requirement('A', 'lander shall always satisfy p', component='lander'),
+    requirement('A', 'rover shall always satisfy q', project='Mars')]}
+
+
+def test_several_components_are_refused_with_their_names(tmp_path: Path) -> None:
+    told = refused(tmp_path, many_json=SEVERAL)
+    assert 'Moon/rover, Moon/lander, Mars/rover' in told
+    assert '--component Moon/rover' in told
+
+
+@pytest.mark.parametrize('name, texts', [
+    ('lander', ['lander shall always satisfy p']),
+    ('Mars/rover', ['rover shall always satisfy q'])])
+def test_a_component_is_chosen_by_its_name(tmp_path: Path, name: str, texts: list[str]) -> None:
+    paths = written(tmp_path, many_json=SEVERAL)
+    [found] = import_bundles(paths, tmp_path / 'bundle.yaml', name)
+    assert [item.text for item in found.draft.requirements] == texts
+
+
+def test_a_name_that_several_components_have_is_not_enough(tmp_path: Path) -> None:
+    with pytest.raises(CompileError, match='there are 2 components'):
+        import_bundles(written(tmp_path, many_json=SEVERAL), tmp_path / 'b.yaml', 'rover')
+
+
+def test_a_component_that_is_not_there_is_refused_with_what_is(tmp_path: Path) -> None:
+    with pytest.raises(CompileError, match="did you mean 'Moon/lander'"):
+        import_bundles(written(tmp_path, many_json=SEVERAL), tmp_path / 'b.yaml', 'Moon/landr')
+
+
+def test_a_folder_takes_a_bundle_of_each_component(tmp_path: Path) -> None:
+    found = import_bundles(written(tmp_path, many_json=SEVERAL), tmp_path / 'all', is_folder=True)
+    assert [item.path.name for item in found] == ['Moon_rover.yaml', 'lander.yaml',
+                                                  'Mars_rover.yaml']
+    write_bundles(found)
+    for item in found:
+        specify(read_bundle(item.path))
+
+
+def test_a_bundle_that_is_there_is_not_written_over(tmp_path: Path) -> None:
+    found = import_bundles(written(tmp_path, moon_json=PROJECT), tmp_path / 'bundle.yaml')
+    found[0].path.write_text('mine')
+    with pytest.raises(CompileError, match='--force'):
+        write_bundles(found)
+    assert found[0].path.read_text() == 'mine'
+    write_bundles(found, force=True)
+    assert found[0].path.read_text() == found[0].text
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['bundle.yaml', 'moon.json']
+
+
+@pytest.mark.parametrize('content, told', [
+    ('{"requirements": [', '1:19: error: this is not JSON'),
+    ('{"requirements": [{"reqid": }]}', '1:29: error: this is not JSON'),
+    ('[' * 100_000, 'nested too deeply'),
+    ('{"a": NaN}', 'NaN is no number'),
+    ('{"requirements": [{"a": 1}]}', 'no export of FRET or Ogma'),
+    ('[1, 2]', 'no export of FRET or Ogma'),
+    ('{"inputs": [], "topics": []}', 'there is no requirement in'),
+    ('{"C": {"Requirements": [], "Other_variables": []}}', 'there is no requirement in'),
+    ('', 'is nothing that can be imported'),
+    ('a b c d e f', 'is nothing that can be imported'),
+    ('%PDF-1.4', 'is nothing that can be imported'),
+    ('node f(x: bool) returns (y: bool);\nlet y = x; tel', 'has no contract'),
+    ('contract c (x: bool) returns (y: bool);\nlet guarantee x', "';' is missing"),
+    ('contract c (x: bool) returns (y: bool);\nlet guarantee ; tel', 'there is no expression'),
+    ('contract c (x bool) returns (y: bool);', "',' or ':' was expected"),
+    ('(*@contract guarantee "a" x; *)', 'a contract inside a node is not read')])
+def test_what_cannot_be_imported_is_refused_with_a_reason(tmp_path: Path, content: str,
+                                                          told: str) -> None:
+    assert told in refused(tmp_path, odd_json=content)
+
+
+def test_a_project_of_which_nothing_can_be_monitored_is_refused(tmp_path: Path) -> None:
+    project = {'requirements': [requirement('A', 'rover shall always satisfy sin(x) < 1')]}
+    assert "there is no function 'sin'" in refused(tmp_path, moon_json=project)
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CompileError, match='there is no file'):
+        import_bundles([tmp_path / 'none.json'], tmp_path / 'b.yaml')
+
+
+@pytest.mark.parametrize('value', [None, 1, 'text', [], {}, [[]], {'reqid': {}}])
+@pytest.mark.parametrize('key', ['fulltext', 'semantics', 'project', 'rationale', '_id'])
+def test_values_of_another_shape_are_as_if_they_were_not_there(tmp_path: Path, key: str,
+                                                               value: object) -> None:
+    item = {**requirement('A', 'rover shall always satisfy p', '(H p)', 'H(p)'), key: value}
+    good = requirement('B', 'rover shall always satisfy p')
+    paths = written(tmp_path, odd_json={'requirements': [item, good], 'variables': value})
+    for found in import_bundles(paths, tmp_path / 'all', is_folder=True):
+        assert found.draft.requirements

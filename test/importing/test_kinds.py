@@ -1,0 +1,73 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Types by the names that other tools give them, and by the use of what has none."""
+
+from fret_monitor.diagnostics import Source
+from fret_monitor.diagnostics import Text
+from fret_monitor.importing.kinds import Kinds
+from fret_monitor.importing.kinds import message_for
+from fret_monitor.importing.kinds import plain_type
+from fret_monitor.manifest import ValueType
+from fret_monitor.syntax.cocospec import parse_cocospec
+from fret_monitor.syntax.expression import Equations
+from fret_monitor.syntax.message import find_message
+import pytest
+
+
+@pytest.mark.parametrize('written, kind', [
+    ('boolean', ValueType.BOOL), ('Bool', ValueType.BOOL), ('integer', ValueType.INT64),
+    ('unsigned integer', ValueType.UINT32), ('single', ValueType.FLOAT32),
+    ('Double', ValueType.FLOAT64), ('real', ValueType.FLOAT64), ('int32_t', ValueType.INT32),
+    ('std::uint8_t', ValueType.UINT8), ('Float', ValueType.FLOAT32), ('Word16', ValueType.UINT16),
+    ('Int64', ValueType.INT64), ('F64', ValueType.FLOAT64), ('position_t', None), ('', None)])
+def test_names_of_types_of_other_tools_are_known(written: str, kind: ValueType | None) -> None:
+    assert plain_type(written) is kind
+
+
+@pytest.mark.parametrize('kind', ValueType)
+def test_each_type_has_a_message_with_one_field_of_it(kind: ValueType) -> None:
+    pytest.importorskip('std_msgs')
+    [field] = find_message(message_for(kind)).fields
+    assert field.type.base in (kind.value, 'boolean')
+
+
+@pytest.mark.parametrize('formula, truths, numbers', [
+    ('H(p => x < 3)', 'p', 'x'),
+    ('if p then q else r', 'pqr', ''),
+    ('x + y = z', '', 'xyz'),
+    ('p = (x > y)', 'p', 'xy'),
+    ('a = b and b = (not c)', 'abc', ''),
+    ('a = b and b = 1', '', 'ab'),
+    ('(false -> pre p) or (0.0 -> pre x) > y', 'p', 'xy'),
+    ('preBool(false, p) and preReal(0.0, x) > -y', 'p', 'xy'),
+    ('persisted(3, p) and OT(3, 0, q) and S(r, p)', 'pqr', ''),
+    ('ite(p, x, y) > max(z, 1)', 'p', 'xyz')])
+def test_the_use_of_names_shows_their_types(formula: str, truths: str, numbers: str) -> None:
+    tree = parse_cocospec(Text.whole(Source('f', formula)))
+    assert not isinstance(tree, Equations)
+    kinds = Kinds()
+    kinds.property(tree)
+    assert {name: kinds.is_truth(name) for name in truths + numbers} == {
+        **dict.fromkeys(truths, True), **dict.fromkeys(numbers, False)}
+
+
+def test_what_nothing_shows_is_not_known() -> None:
+    tree = parse_cocospec(Text.whole(Source('f', 'a = b')))
+    assert not isinstance(tree, Equations)
+    kinds = Kinds()
+    kinds.property(tree)
+    assert kinds.is_truth('a') is None
+    kinds.declare('b', False)
+    assert kinds.is_truth('a') is False

@@ -1,0 +1,75 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Variable databases and lists: what feeds an input."""
+
+from fret_monitor.diagnostics import Problems
+from fret_monitor.diagnostics import Source
+from fret_monitor.importing.topics import Connection
+from fret_monitor.importing.topics import is_list
+from fret_monitor.importing.topics import read_database
+from fret_monitor.importing.topics import read_list
+from importing.examples import DATABASE
+import pytest
+
+
+def test_a_database_gives_topic_type_and_field() -> None:
+    problems = Problems()
+    assert read_database(DATABASE, 'db.json', problems) == [
+        Connection('speed', '/wheels/speed', 'std_msgs/msg/Float32', None, 'float'),
+        Connection('armed', '/battery', 'sensor_msgs/msg/BatteryState', 'present', 'bool'),
+        Connection('level', type='int32_t',
+                   note="db.json connects it to 'cfs', not 'ros/message'")]
+    assert problems.warnings == ()
+
+
+def test_a_field_may_stand_with_the_types() -> None:
+    database = {
+        'inputs': [{'name': 'x', 'connections': [{'scope': 'ros/message', 'topic': '/pose'}]}],
+        'topics': [{'scope': 'ros/message', 'topic': '/pose',
+                    'type': 'geometry_msgs::msg::Point'}],
+        'types': [{'fromScope': 'ros/message', 'fromType': 'geometry_msgs::msg::Point',
+                   'fromField': 'x', 'toScope': 'C', 'toType': 'double'}]}
+    assert read_database(database, 'db.json', Problems()) == [
+        Connection('x', '/pose', 'geometry_msgs/msg/Point', 'x')]
+
+
+def test_a_list_has_two_columns_or_more() -> None:
+    text = 'speed /speed\n\n# none\nlevel, tank/level, std_msgs.msg.Int32, data  -- water\nodd\n'
+    assert read_list(Source('l', text), 'l', Problems()) == [
+        Connection('speed', '/speed'),
+        Connection('level', 'tank/level', 'std_msgs/msg/Int32', 'data'),
+        Connection('odd')]
+
+
+@pytest.mark.parametrize('line, told', [
+    ('speed /a//b', "a topic has no '//'"),
+    ('speed 7up', 'does not begin with a digit'),
+    ('speed /a std_msgs/srv/Empty', 'is not a message')])
+def test_what_ros_would_refuse_is_told_with_its_line(line: str, told: str) -> None:
+    problems = Problems()
+    found = read_list(Source('l', f'# first\n{line}\n'), 'l', problems)
+    assert found[0].name == 'speed'
+    assert found[0].topic is None or found[0].message_type is None
+    [warning] = problems.warnings
+    assert told in warning.title
+    assert warning.span is not None
+    assert warning.span.line == 2
+
+
+@pytest.mark.parametrize('text, answer', [
+    ('a b\nc d\n', True), ('a\n', True), ('# nothing\n', False), ('', False),
+    ('this is no list of names\n', False), ('1 /a\n', False)])
+def test_a_list_is_known_by_its_lines(text: str, answer: bool) -> None:
+    assert is_list(text) is answer
