@@ -83,13 +83,14 @@ def _difference(id: str, label: str, first: Property, name: str,
     roots = [first.formula, other.formula]
     feedback = tuple(dict([*first.feedback, *other.feedback]).items())
     nodes = postorder([*roots, *(equation for _, equation in feedback)])
-    for trace in _traces(nodes, Random(id)):
-        step = _first_difference(roots, trace, feedback)
-        if step is not None:
-            cut = {name: column[:step + 1] for name, column in trace.items()}
-            verdict = evaluate_all(roots, cut, feedback)[0][-1] is True
-            return Difference(id, label, name, verdict, cut)
-    return None
+    found = [{column: values[:step + 1] for column, values in trace.items()}
+             for trace in _traces(nodes, Random(id))
+             if (step := _first_difference(roots, trace, feedback)) is not None]
+    if not found:
+        return None
+    shortest = min(found, key=lambda trace: len(next(iter(trace.values()))))
+    verdict = evaluate_all(roots, shortest, feedback)[0][-1] is True
+    return Difference(id, label, name, verdict, shortest)
 
 
 def _first_difference(roots: Sequence[Formula], trace: dict[str, list[Value]],

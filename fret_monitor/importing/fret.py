@@ -99,11 +99,11 @@ def read_project(value: object, source: Source, file: str) -> list[Component]:
 def _owner(item: dict[str, object]) -> tuple[str, str]:
     semantics = mapping(item.get('semantics'))
     name = plain(text(semantics, 'component_name', 'component'))
-    return text(item, 'project'), name or _component_in(text(item, 'fulltext'))
+    return text(item, 'project'), name or component_in(text(item, 'fulltext'))
 
 
-def _component_in(sentence: str) -> str:
-    """Return the word before 'shall': a requirement without semantics names its component so."""
+def component_in(sentence: str) -> str:
+    """Return the word before 'shall', which mostly is the component."""
     match = re.search(r'(\w+)\s+shall\b', sentence)
     return match[1] if match else ''
 
@@ -193,13 +193,19 @@ def _all(content: dict[str, object], keys: tuple[str, ...]) -> list[dict[str, ob
 
 
 def component_name(name: str, requirements: tuple[ComponentRequirement, ...]) -> str:
-    """Return a component's name without the 'Spec' that FRET adds, unless sentences have it."""
-    sentences = (item.text for requirement in requirements for item in requirement.wordings
-                 if item.languages == (Language.FRETISH,))
-    if not name.endswith('Spec') or any(re.search(rf'\b{re.escape(name)}\b', sentence)
-                                        for sentence in sentences):
-        return name
-    return name.removesuffix('Spec') or name
+    """
+    Return the name of a component as sentences have it.
+
+    FRET adds 'Spec' to it in the files that it writes; what people write by hand may have any.
+    """
+    sentences = [item.text for requirement in requirements for item in requirement.wordings
+                 if item.languages == (Language.FRETISH,)]
+    own = name.removesuffix('Spec') or name
+    for known in (name, own):
+        if any(re.search(rf'\b{re.escape(known)}\b', sentence) for sentence in sentences):
+            return known
+    named = {component_in(sentence) for sentence in sentences} - {''}
+    return named.pop() if len(named) == 1 else own
 
 
 def _internal(item: dict[str, object], file: str) -> ComponentVariable:

@@ -347,3 +347,19 @@ def test_values_of_another_shape_are_as_if_they_were_not_there(tmp_path: Path, k
     paths = written(tmp_path, odd_json={'requirements': [item, good], 'variables': value})
     for found in import_bundles(paths, tmp_path / 'all', is_folder=True):
         assert found.draft.requirements
+
+
+@pytest.mark.parametrize('name, sentence, component', [
+    ('roverSpec', 'rover shall always satisfy p', 'rover'),
+    ('roverSpec', 'roverSpec shall always satisfy p', 'roverSpec'),
+    ('Any', 'when q the rover shall always satisfy p', 'rover'),
+    ('roverSpec', '', 'rover'),
+    ('Spec', '', 'Spec')])
+def test_the_component_is_the_one_that_sentences_name(tmp_path: Path, name: str, sentence: str,
+                                                      component: str) -> None:
+    specification = {name: {'Other_variables': [], 'Requirements': [
+        {'name': 'A', 'fretish': sentence, 'ptLTL': 'H p'}]}}
+    found = imported(tmp_path, spec_json=specification)
+    assert found.draft.component == component
+    assert found.draft.requirements[0].language is (
+        Language.FRETISH if sentence else Language.PTLTL)
