@@ -70,7 +70,7 @@ def formalize(text: Text, language: Literal['smv', 'cocospec'] = 'smv',
     term = sentence_term(sentence, scope_by_use(sentence), problems)
     problems.raise_errors()
     shown = (to_smv if language == 'smv' else to_cocospec)(formula_of(term), _LIMIT)
-    if len(shown) >= _LIMIT:
+    if shown.endswith(' ...'):
         refuse('the formula is too long to be shown', sentence.span,
                f'more than {_LIMIT:,} characters')
     return shown, (*sentence.remarks, *problems.warnings)

@@ -28,6 +28,7 @@ from fret_monitor.syntax._lalr import as_written
 from fret_monitor.syntax._lalr import END
 from fret_monitor.syntax._lalr import Lexeme
 from fret_monitor.syntax._lalr import open_brackets
+from fret_monitor.syntax._lalr import OPERAND_STARTS
 from fret_monitor.syntax._lalr import short
 from fret_monitor.syntax.fretish_words import WORDS
 
@@ -74,6 +75,7 @@ _EXPECTATIONS = (
     ({'DURING'}, 'a scope (in m mode, while p, before p, after p)'),
     ({'QUALIFIER'}, 'a condition (when p, if p, upon p, whenever p)'),
     ({'THE', 'SHALL'}, "the component and 'shall'"),
+    ({'THE', 'NAME'}, 'the component'),
     ({'THE'}, "'the'"),
     ({'SHALL'}, "'shall'"),
     ({'PLAIN'}, 'a timing (always, within 3 ticks, until p, at the next timepoint)'),
@@ -97,6 +99,12 @@ _EXPECTATIONS = (
     ({'RPAR'}, "')'"),
     ({END}, 'the end'),
 )
+# Kinds that need no phrase of their own beside another.
+_IMPLIED = {
+    'LPAR': ('NUMBER',), 'DURING': ('IN',), 'SHALL': ('NAME',), 'THE': ('NAME',),
+}
+_PLACES = frozenset({'IN', 'DURING', 'WHILE', 'AFTER', 'BEFORE', 'ONLY', 'EXCEPT'})
+_QUALIFIERS = frozenset({'QUALIFIER', 'WHEN', 'IF', 'UNLESS'})
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,9 +185,13 @@ def refuse_lexeme(misfit: Misfit) -> NoReturn:
 def _title(misfit: Misfit) -> str:
     found = misfit.found
     shown = misfit.written(found)
-    if _is_word(found) and {'NAME', 'LPAR'} <= misfit.fitting:
+    if _is_word(found) and _wants_operand(misfit):
         return f"'{shown}' is a word of FRETish, and no name"
     return f"'{shown}' does not fit here"
+
+
+def _wants_operand(misfit: Misfit) -> bool:
+    return {'NAME', 'LPAR'} <= misfit.fitting and 'INFIX' not in misfit.fitting
 
 
 def _is_word(lexeme: Lexeme) -> bool:
@@ -191,8 +203,9 @@ def _is_word(lexeme: Lexeme) -> bool:
 def _check_known_slips(misfit: Misfit) -> None:
     found = misfit.found
     if found.type == 'FOREIGN':
-        refuse(f"'{found.text}' is not written in FRETish", found.span,
-               _expectation(misfit.fitting), _FOREIGN.get(found.text, ''))
+        title = 'does not fit here' if found.text in '.;' else 'is not written in FRETish'
+        refuse(f"'{found.text}' {title}", found.span, _expectation(misfit.fitting),
+               _FOREIGN.get(found.text, ''))
     if found.type in _SYMBOLS and _in_expression(misfit):
         refuse(f"'{misfit.written(found)}' joins no expressions in FRETish", found.span,
                _expectation(misfit.fitting), f'write {_SYMBOLS[found.type]}')
@@ -201,7 +214,7 @@ def _check_known_slips(misfit: Misfit) -> None:
                "leave it out: if p the COMPONENT shall ... satisfy q")
     if found.type == 'NEGATION':
         refuse("'not' does not fit here", found.span, _expectation(misfit.fitting),
-               'write except in m mode, or when not in m mode')
+               'write when not in m mode, or except in m mode')
     _check_operators(misfit)
 
 
@@ -267,12 +280,17 @@ def _help(misfit: Misfit) -> str:
           if lexeme.type == 'AT']
     if at and {'THE', 'TIMEPOINT', 'WHICH'} & misfit.fitting:
         return f"did you mean 'at the {_point(misfit)} timepoint'?"
-    if _is_word(found) and 'NAME' in misfit.fitting:
+    if found.type in _PLACES and any(lexeme.type in _QUALIFIERS for lexeme in
+                                     misfit.lexemes[:misfit.index]):
+        return 'the scope comes first: in m mode when p the COMPONENT shall ...'
+    if _is_word(found) and _wants_operand(misfit):
         return f'write "{misfit.written(found)}", in quotes, where it is a name'
-    if 'SHALL' in misfit.fitting and found.type == END:
+    if 'SHALL' in misfit.fitting or {'THE', 'NAME'} <= misfit.fitting:
         return _EXAMPLE
-    if found.type == 'SATISFY' and 'UNIT' in misfit.fitting:
-        return 'write ticks for steps'
+    if misfit.fitting <= {'SATISFY', 'COMMA'} and found.type in OPERAND_STARTS:
+        return f'write satisfy before {misfit.written(found)}'
+    if 'NUMBER' in misfit.fitting and 'LPAR' not in misfit.fitting:
+        return 'write the number in digits: 3 ticks'
     return ''
 
 
@@ -289,8 +307,9 @@ def _expectation(fitting: frozenset[str]) -> str:
 
 
 def _phrases(fitting: frozenset[str]) -> Iterator[str]:
-    left = set(fitting)
+    # What follows an operand may begin with a name or a bracket, and is no expression yet.
+    left = fitting - {'LPAR'} if 'INFIX' in fitting else fitting
     for kinds, phrase in _EXPECTATIONS:
         if kinds <= left:
-            left -= kinds | ({'NUMBER', 'IF', 'AT'} if 'LPAR' in kinds else set())
+            left -= kinds.union(*(_IMPLIED.get(kind, ()) for kind in kinds))
             yield phrase
