@@ -33,6 +33,7 @@ lint: setup-test
 
 bench: setup
 	@$(PYTHON) bench/run.py
+	@$(PYTHON) -m bench.peers
 
 clean:
 	rm -rf .venv build install log .mypy_cache .ruff_cache .pytest_cache .hypothesis *.egg-info
