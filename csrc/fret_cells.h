@@ -32,6 +32,9 @@
 #if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0
 #error "fret_monitor needs float arithmetic without excess precision (on i386: -msse2 -mfpmath=sse)"
 #endif
+#if defined(__FAST_MATH__)
+#error "fret_monitor needs IEEE 754 arithmetic, with NaN and infinities (leave out -ffast-math)"
+#endif
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF  // gcc: -ffp-contract=off
 #endif

@@ -91,10 +91,12 @@ class _ModuleWriter:
         yield '// the bounds, and cannot fail.'
         yield ''
         yield from (f'#ifndef {guard}', f'#define {guard}', '', '#include "fret_monitor.h"', '')
+        yield from ('#ifdef __cplusplus', 'extern "C" {', '#endif', '')
         yield from self._inputs()
         yield from self._requirements()
         yield from self._state()
         yield from self._prototypes()
+        yield from ('#ifdef __cplusplus', '}  // extern "C"', '#endif', '')
         yield f'#endif  // {guard}'
 
     def _inputs(self) -> Iterator[str]:
@@ -113,9 +115,9 @@ class _ModuleWriter:
         yield f'enum {self._names.prefix}_requirement'
         yield '{'
         for number, item in enumerate(self._program.properties):
-            comma = ',' if number + 1 < len(self._program.properties) else ''
             shown = next(comment(f'{item.id}: {item.title or item.text}'))
-            yield f'  {self._names.requirements[number]} = {number}{comma}  {shown}'
+            yield f'  {self._names.requirements[number]} = {number},  {shown}'
+        yield f'  {self._names.requirement_count} = {len(self._program.properties)}  // all of them'
         yield '};'
         yield ''
 

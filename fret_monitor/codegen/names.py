@@ -38,6 +38,7 @@ _KEYWORDS = frozenset("""
 """.split())
 _OURS = frozenset({'s', 'in', 'state', 'inputs', 'verdicts', 'pow', 'fmod', 'fmodf', 'memset'})
 _GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+$')
+_MODULE = re.compile(r'req_.*|requirements|step|step_any|reset|monitor|groups?_.*')
 _LONGEST_PREFIX = 100  # names of files are made of it
 
 C_TYPES = {
@@ -68,8 +69,9 @@ SUFFIXES = {
 def identifier(name: str, prefix: str = 'fm') -> str:
     """Return a C identifier close to `name`, no keyword, macro or name of ours or of a module."""
     word = re.sub(r'[^A-Za-z0-9_]', '_', name) or '_'
-    is_taken = word in _KEYWORDS or word in _OURS or word.startswith(f'{prefix}_')
-    if is_taken or _GENERATED.match(word) or word[0].isdigit():
+    is_taken = word in _KEYWORDS or word in _OURS or word[0].isdigit()
+    is_of_module = word.startswith(f'{prefix}_') and _MODULE.fullmatch(word[len(prefix) + 1:])
+    if is_taken or is_of_module or _GENERATED.match(word):
         return 'v_' + word
     return word
 
@@ -110,6 +112,11 @@ class Names:
     def symbol(self) -> str:
         """The function that returns the module's description."""
         return f'{self.prefix}_monitor'
+
+    @property
+    def requirement_count(self) -> str:
+        """The number of requirements, and of verdicts."""
+        return f'{self.prefix}_requirements'
 
     @property
     def header(self) -> str:

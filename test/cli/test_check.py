@@ -51,7 +51,7 @@ def test_each_bundle_is_checked_and_one_that_is_bad_is_1(here: Here) -> None:
     assert [line for line in done.out.splitlines() if line.startswith(str(here.folder))] == [
         f'{path}: 3 requirements, 5 inputs on 0 topics, 3 bytes of state, 10 operations a step'
         for path in (good, other)]
-    assert f'{bad}:11:31: error: ' in done.err
+    assert f'{bad}:11:29: error: ' in done.err
     assert 'gone.yaml' in done.err
     assert str(good) not in done.err
     assert here.run('check', good, other).status == 0
