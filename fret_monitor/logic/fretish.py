@@ -116,30 +116,35 @@ class _Formalisation:
     def __init__(self, sentence: Sentence, scope: Scope, problems: Problems,
                  period: Fraction | None) -> None:
         self._sentence = sentence
-        self._scope = scope
         self._problems = problems
         self._period = period
+        # A scope's own expression looks back without an end.
+        mode: Formula | None = TRUE
+        if sentence.scope is not None:
+            outside = Elaborator(scope, problems, left=None)
+            mode = self._truth(outside, sentence.scope.mode, 'a scope')
+        self._mode = mode
+        self._interval = _interval(sentence.scope_kind, mode or TRUE)
+        self._elaborator = Elaborator(scope, problems, left=self._interval.left)
 
     def term(self) -> Term:
         """Return the formula; each part is read, so that all mistakes are told."""
         sentence = self._sentence
-        mode = self._truth(sentence.scope.mode, 'a scope', None) if sentence.scope else TRUE
-        interval = _interval(sentence.scope_kind, mode or TRUE)
-        condition = self._condition(interval)
-        stop, steps = self._limits(interval)
-        response = self._truth(sentence.response, "'satisfy'", interval.left)
-        if mode is None or condition is None or stop is None or steps is None or response is None:
+        condition, stop, steps = self._condition(), self._stop(), self._steps()
+        response = self._truth(self._elaborator, sentence.response, "'satisfy'")
+        if self._mode is None or condition is None or stop is None or steps is None or (
+                response is None):
             return Term(Broken(), sentence.span)
-        base = _Timed(interval, condition, sentence.condition_kind, stop, steps)
+        base = _Timed(self._interval, condition, sentence.condition_kind, stop, steps)
         timing, is_negated = _meant(sentence)
         formula = base.formula(timing, _not(response) if is_negated else response,
                                sentence.scope_kind.is_only)
         return Term(formula, sentence.span)
 
-    def _truth(self, expression: Expression, operator: str, left: Formula | None,
+    def _truth(self, elaborator: Elaborator, expression: Expression, operator: str,
                ) -> Formula | None:
         """Return the formula of a part that is true or false, None where it has a mistake."""
-        term = Elaborator(self._scope, self._problems, left=left).term(expression)
+        term = elaborator.term(expression)
         if term.is_broken:
             return None
         try:
@@ -148,26 +153,28 @@ class _Formalisation:
             self._problems.extend(error.diagnostics)
             return None
 
-    def _condition(self, interval: '_Interval') -> Formula | None:
+    def _condition(self) -> Formula | None:
         phrase = self._sentence.condition
         if phrase is None:
             return TRUE
         word = phrase.qualifiers[0].word
-        return self._truth(phrase.expression, f"'{word}'", interval.left)
+        return self._truth(self._elaborator, phrase.expression, f"'{word}'")
 
-    def _limits(self, interval: '_Interval') -> tuple[Formula | None, int | None]:
+    def _stop(self) -> Formula | None:
         timing = self._sentence.timing
-        if timing is None:
-            return TRUE, 0
-        if timing.stop is not None:
-            return self._truth(timing.stop, f"'{timing.kind.value}'", interval.left), 0
-        if timing.duration is None:
-            return TRUE, 0
+        if timing is None or timing.stop is None:
+            return TRUE
+        return self._truth(self._elaborator, timing.stop, f"'{timing.kind.value}'")
+
+    def _steps(self) -> int | None:
+        timing = self._sentence.timing
+        if timing is None or timing.duration is None:
+            return 0
         try:
-            return TRUE, steps_of(timing.duration, self._period)
+            return steps_of(timing.duration, self._period)
         except CompileError as error:
             self._problems.extend(error.diagnostics)
-            return TRUE, None
+            return None
 
 
 # Scopes

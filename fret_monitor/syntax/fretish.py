@@ -310,6 +310,7 @@ def parse_fretish(text: Text) -> Sentence:
 def parse_fretish_expression(text: Text) -> Expression:
     """Return the tree of an expression of FRETish; raises `CompileError` as `parse_fretish`."""
     lexemes = _scan(text)
+    fretish_help.check_expression(lexemes)
     tree: Expression = _lalr.parse(_LANGUAGE, text, lexemes, 'definition', _tell('definition'))
     return tree
 

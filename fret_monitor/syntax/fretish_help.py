@@ -141,6 +141,14 @@ def check_sentence(text: Text, lexemes: Sequence[Lexeme]) -> None:
                _EXAMPLE)
 
 
+def check_expression(lexemes: Sequence[Lexeme]) -> None:
+    """Refuse a sentence where an expression is wanted."""
+    for lexeme in lexemes:
+        if lexeme.type in ('SHALL', 'SATISFY'):
+            refuse('a definition is an expression, and no sentence', lexeme.span, 'not expected',
+                   'write what is true or false, as in x > 3 & p')
+
+
 def refuse_future(phrase: Span) -> NoReturn:
     """Refuse `at the next occurrence of`."""
     refuse('a monitor sees only the past', phrase, 'looks into the future',
