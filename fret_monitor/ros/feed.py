@@ -53,8 +53,9 @@ _REVIEWED_AT_ONCE = 50  # topics, of 50 us each: 1 % of a processor, however man
 _OVERLAP = 2.0
 _REMEMBERED = 4096  # messages of a topic that would be recognised if they came again
 
-# reception time, (source time, sequence number) that tell it from others, data, topic
-_Taken = tuple[int, tuple[int, int], bytes, '_Topic']
+# reception time, (source time, sequence number) that tell it from others, data, topic,
+# whether it came by a subscription that has been replaced
+_Taken = tuple[int, tuple[int, int], bytes, '_Topic', bool]
 
 
 class _Invisible(CallbackGroup):
@@ -98,7 +99,7 @@ class Feed:
         self._thread = Thread(target=self._run, name='feed', daemon=True)
         self._guard = _rclpy.GuardCondition(node.context.handle)
         self._held: list[_Taken] = []
-        self._sources: list[tuple[Any, _Topic]] = []
+        self._sources: list[tuple[Any, _Topic, bool]] = []
         self._wait_set: Any = None
         self._kept = _Keeper()
 
@@ -161,14 +162,15 @@ class Feed:
         self._next_reviewed = begin + _REVIEWED_AT_ONCE
         if self._next_reviewed >= len(self._topics):
             self._next_reviewed = 0
-        self._sources = [(handle, topic) for topic in self._topics for handle in topic.handles()]
+        self._sources = [(handle, topic, is_retired) for topic in self._topics
+                         for handle, is_retired in topic.handles()]
         self._wait_set = _rclpy.WaitSet(
             len(self._sources), 1, 0, 0, 0, 0, self._node.context.handle)
 
     def _wait(self, nanoseconds: int) -> None:
         # rcl clears what is not ready, so that all have to be added again
         self._wait_set.clear_entities()
-        for handle, _ in self._sources:
+        for handle, _, _ in self._sources:
             self._wait_set.add_subscription(handle)
         self._wait_set.add_guard_condition(self._guard)
         self._wait_set.wait(nanoseconds)
@@ -185,18 +187,19 @@ class Feed:
         # One of each subscription at most, so that sorting leaves the order of a topic alone
         rounds = [sorted(self._held, key=itemgetter(0))]
         self._held = []
-        for handle, topic in self._sources:
-            rounds.append(self._take_all(handle, topic, now))
+        for handle, topic, is_retired in self._sources:
+            rounds.append(self._take_all(handle, topic, is_retired, now))
         filled = [batch for batch in rounds if batch]
         return filled[0] if len(filled) == 1 else merge(*filled, key=itemgetter(0))
 
-    def _take_all(self, handle: Any, topic: '_Topic', now: int) -> list[_Taken]:
+    def _take_all(self, handle: Any, topic: '_Topic', is_retired: bool,
+                  now: int) -> list[_Taken]:
         batch: list[_Taken] = []
         while (taken := handle.take_message(topic.message_class, True)) is not None:
             data, info = taken
             stamp = info['received_timestamp'] or now
             key = (info['source_timestamp'], info['publication_sequence_number'])
-            item = (stamp, key, data, topic)
+            item = (stamp, key, data, topic, is_retired)
             if stamp > now:
                 self._held.append(item)
                 break
@@ -231,21 +234,26 @@ class _Topic:
         self._known: set[bytes] = set()
         self._recent: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED)
         self._seen: set[tuple[int, int]] | None = None
-        self._oldest_wanted = 0  # source time
+        self._has_history = False
+        self._newest = 0  # source time
         self._retired: list[tuple[Subscription, float]] = []
         self._current = self._subscribe(qos.wanted_profile((), fixed))
 
-    def handles(self) -> list[Any]:
-        """Return what to wait on and take from: the retired ones first."""
-        return [item.handle for item, _ in self._retired] + [self._current.handle]
+    def handles(self) -> list[tuple[Any, bool]]:
+        """Return what to wait on and take from, and whether it is retired; those first."""
+        return [*((item.handle, True) for item, _ in self._retired),
+                (self._current.handle, False)]
 
     def deliver(self, taken: _Taken) -> None:
         """Hand a message on, unless it has come already by the other subscription."""
-        stamp, key, data, _ = taken
+        stamp, key, data, _, is_retired = taken
         if self._seen is not None:
-            if key in self._seen or key[0] < self._oldest_wanted:
+            # What only the new one brings and is older than what was heard, is history.
+            is_history = self._has_history and not is_retired and key[0] < self._newest
+            if key in self._seen or is_history:
                 return
             self._seen.add(key)
+            self._newest = max(self._newest, key[0])
         self._recent.append(key)
         self._deliver(data, stamp)
 
@@ -282,8 +290,8 @@ class _Topic:
         # The new one may be sent what the old one was sent too; and a publisher's history, which
         # must not come after what it has said since.
         self._seen = set(self._recent)
-        if wanted.durability is DurabilityPolicy.TRANSIENT_LOCAL and self._recent:
-            self._oldest_wanted = max(source for source, _ in self._recent)
+        self._newest = max((source for source, _ in self._recent), default=0)
+        self._has_history = wanted.durability is DurabilityPolicy.TRANSIENT_LOCAL
         self._retired.append((before, monotonic() + _OVERLAP))
         self._current = self._subscribe(wanted)
         reason = f'to hear {_who(unheard[0])}' if unheard else 'as its publishers offer it'
@@ -298,7 +306,6 @@ class _Topic:
                 self._node.destroy_subscription(item)
         if not self._retired:
             self._seen = None
-            self._oldest_wanted = 0
 
     def _subscribe(self, profile: QoSProfile) -> Subscription:
         return self._node.create_subscription(
