@@ -21,6 +21,7 @@ that meets no new state any more has seen every trace there is of the rows it wa
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from fret_monitor.explain.trials import Row
 from fret_monitor.explain.trials import Run
@@ -46,13 +47,20 @@ class Exploration:
     steps: int
 
 
-def explore(trials: Trials, rows: Sequence[Row], limit: int) -> Exploration:
+class Wanted(NamedTuple):
+    """What is enough: so many true bits in a satisfying trace, and whether a recovery too."""
+
+    met: int
+    is_recovery: bool
+
+
+def explore(trials: Trials, rows: Sequence[Row], limit: int, wanted: Wanted) -> Exploration:
     """
     Look at all states that can be reached with some rows, until `limit` steps have been taken.
 
-    O(limit) time and memory.
+    It ends early when all that is wanted is found. O(limit) time and memory.
     """
-    return _Search(trials, rows).run(limit)
+    return _Search(trials, rows).run(limit, wanted)
 
 
 class _Search:
@@ -68,15 +76,21 @@ class _Search:
         self._violating: tuple[int, int] | None = None
         self._recovering: tuple[int, int] | None = None
 
-    def run(self, limit: int) -> Exploration:
+    def run(self, limit: int, wanted: Wanted) -> Exploration:
         number = 0
-        while number < len(self._nodes) and number * len(self._rows) < limit:
+        while (number < len(self._nodes) and number * len(self._rows) < limit
+               and not self._has(wanted)):
             self._visit(number)
             number += 1
         return Exploration(
             self._path(self._satisfying[1:]) if self._satisfying else None,
             self._path(self._violating), self._path(self._recovering),
             number == len(self._nodes), len(self._nodes), number * len(self._rows))
+
+    def _has(self, wanted: Wanted) -> bool:
+        return (self._violating is not None and self._satisfying is not None
+                and self._satisfying[0] == wanted.met
+                and not (wanted.is_recovery and self._recovering is None))
 
     def _visit(self, number: int) -> None:
         state, verdict = self._nodes[number]

@@ -124,7 +124,7 @@ def explain(path: Path, id: str | None = None) -> tuple[list[Explanation], tuple
     reading = read(path)
     chosen = _chosen(reading.specification, id)
     context = _context(path, reading.specification, {item.id for item in chosen})
-    budget = Budget(len(chosen))
+    budget = Budget()
     found = [
         _explanation(subject, find_examples(subject, budget), context)
         for subject in subjects(reading.specification, chosen, context.goals)
@@ -180,9 +180,13 @@ def _explanation(subject: Subject, examples: Examples, context: _Context) -> Exp
         fields = tuple(fretish.fields(parts))
         meaning = tuple(fretish.meaning(parts, context.period))
     return Explanation(
-        item.id, item.title, item.text, fields, meaning, _outlook(examples),
+        item.id, item.title, _cut(item.text), fields, meaning, _outlook(examples),
         to_smv(item.formula, _FORMULA, context.values), tuple(_remarks(subject, examples)),
         tuple(_timelines(subject, examples, context)))
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _WORDS else text[:_WORDS].rstrip() + ' ...'
 
 
 def _definitions(item: Property, context: _Context) -> Iterator[tuple[str, str]]:

@@ -35,6 +35,7 @@ from fret_monitor.explain.alphabet import Alphabet
 from fret_monitor.explain.alphabet import alphabet
 from fret_monitor.explain.explore import Exploration
 from fret_monitor.explain.explore import explore
+from fret_monitor.explain.explore import Wanted
 from fret_monitor.explain.finality import is_final
 from fret_monitor.explain.propositions import bounds
 from fret_monitor.explain.propositions import horizon
@@ -51,8 +52,10 @@ _Accept: TypeAlias = Callable[[_Bits, _Bits], bool]
 
 _BATCH = 48
 _LONGEST = 200_000
-_ROUNDS = 60
+_SIMPLIFIED = 600_000  # steps, and for each run as many as take Python as long:
+_EACH_RUN = 40
 _PADDING = 2
+_FAVOUR = 0.9
 
 
 class Recovery(Enum):
@@ -87,28 +90,26 @@ class Budget:
     """
     How much is tried, in steps, for some requirements that are explained together.
 
-    Each may take a large part of it and finds a small part in any case, so that the time stays
-    bounded for large bundles, and hard ones among easy ones are looked at closely.
+    Each may take a large part of what is left, and has a small part in any case: the time stays
+    bounded for large bundles, and a hard one among easy ones is looked at closely.
     """
 
-    def __init__(self, requirements: int) -> None:
-        """Take the number of requirements (at least one)."""
+    def __init__(self) -> None:
+        """Start with all of it."""
         self._left = {'explored': _EXPLORED, 'tried': _TRIED}
-        self._share = {name: max(left // requirements, _LEAST)
-                       for name, left in self._left.items()}
 
     def grant(self, name: str) -> int:
         """Return how many steps a requirement may take; `name` is 'explored' or 'tried'."""
-        return max(self._share[name], min(self._left[name], _LARGE))
+        return max(_LEAST, min(self._left[name], _LARGE))
 
     def take(self, name: str, steps: int) -> None:
         """Count steps that were taken."""
         self._left[name] -= steps
 
 
-_EXPLORED = 4_000_000
-_TRIED = 3_000_000
-_LARGE = 250_000
+_EXPLORED = 3_000_000
+_TRIED = 2_000_000
+_LARGE = 300_000
 _LEAST = 8_000
 
 
@@ -127,10 +128,11 @@ class _Finder:
         self._traces = 0
 
     def run(self) -> Examples:
-        found = self._explore()
         is_final_form = is_final(self._subject.item.formula)
-        if not found.is_complete:
-            found = self._with_random(found, is_final_form)
+        wanted = Wanted(1 + len(self._subject.triggers), not is_final_form)
+        found = self._explore(wanted)
+        if not found.is_complete or not self._alphabet.is_exact:
+            found = self._with_random(found, wanted)
         is_proved = found.is_complete and self._alphabet.is_exact
         simpler = Simplifier(self._subject.trials, self._alphabet)
         violating = simpler.run(found.violating, _violates)
@@ -151,28 +153,32 @@ class _Finder:
                 return candidate
         return None
 
-    def _explore(self) -> Exploration:
+    def _explore(self, wanted: Wanted) -> Exploration:
         """Explore with rows that people would try first, and those with a NaN for what is left."""
         plain, rows = self._alphabet.plain, self._alphabet.rows
-        found = self._explored(plain)
+        found = self._explored(plain, wanted)
         if not found.is_complete or len(plain) == len(rows):
             return found
-        more = self._explored(rows)
+        more = self._explored(rows, wanted)
         return Exploration(
             found.satisfying or more.satisfying, found.violating or more.violating,
             found.recovering or more.recovering, more.is_complete, more.states, more.steps)
 
-    def _explored(self, rows: Sequence[Row]) -> Exploration:
-        found = explore(self._subject.trials, rows, self._budget.grant('explored'))
+    def _explored(self, rows: Sequence[Row], wanted: Wanted) -> Exploration:
+        found = explore(self._subject.trials, rows, self._budget.grant('explored'), wanted)
         self._budget.take('explored', found.steps)
         return found
 
-    def _with_random(self, found: Exploration, is_final_form: bool) -> Exploration:
-        best = _Best(found)
-        wanted = 1 + len(self._subject.triggers)
+    def _met(self, trace: Trace) -> int:
+        bits, = self._subject.trials.run([trace])
+        return bits[-1].bit_count()
+
+    def _with_random(self, found: Exploration, wanted: Wanted) -> Exploration:
+        met = self._met(found.satisfying) if found.satisfying else 0
+        best = _Best(found, met)
         traces = random_traces(self._subject, self._alphabet, self._rng)
         left = granted = self._budget.grant('tried')
-        while left > 0 and not best.is_enough(wanted, is_final_form):
+        while left > 0 and not best.has(wanted):
             batch = _batch(traces, left)
             for trace, bits in zip(batch, self._subject.trials.run(batch), strict=True):
                 best.note(trace, bits)
@@ -214,14 +220,14 @@ def _recovers(bits: _Bits, first: _Bits) -> bool:
 class _Best:
     """The best examples among random traces, cut off behind what they show."""
 
-    def __init__(self, found: Exploration) -> None:
+    def __init__(self, found: Exploration, met: int) -> None:
         self.satisfying, self.violating = found.satisfying, found.violating
         self.recovering = found.recovering
-        self._met = 0
+        self._met = met
 
-    def is_enough(self, wanted: int, is_final_form: bool) -> bool:
-        return (self._met == wanted and self.violating is not None
-                and (is_final_form or self.recovering is not None))
+    def has(self, wanted: Wanted) -> bool:
+        return (self._met == wanted.met and self.violating is not None
+                and not (wanted.is_recovery and self.recovering is None))
 
     def note(self, trace: Trace, bits: _Bits) -> None:
         truth = bytes(word & 1 for word in bits)
@@ -273,15 +279,28 @@ def random_traces(subject: Subject, letters: Alphabet, rng: Random) -> Iterator[
 
 def _random_trace(levels: Sequence[Sequence[Value]], stays: Sequence[int], target: int,
                   rng: Random) -> Trace:
-    row = [rng.choice(values) for values in levels]
+    choose = _chooser(rng)
+    row = [choose(values) for values in levels]
     runs: list[Run] = []
     steps = 0
     while steps < target:
         runs.append(Run(tuple(row), rng.choice(stays) if rng.random() < 0.6 else 1))
         steps += runs[-1].steps
         for number in range(len(levels)) if rng.random() < 0.3 else _some(levels, rng):
-            row[number] = rng.choice(levels[number])
+            row[number] = choose(levels[number])
     return tuple(runs)
+
+
+def _chooser(rng: Random) -> Callable[[Sequence[Value]], Value]:
+    """
+    Return a way to choose values: any, or mostly the first ones, or mostly the last ones.
+
+    Many inputs that have to agree (`a & b & c & ...`) would hardly ever do so by chance.
+    """
+    favoured = rng.choice((None, 0, -1))
+    if favoured is None:
+        return rng.choice
+    return lambda values: values[favoured] if rng.random() < _FAVOUR else rng.choice(values)
 
 
 def _some(levels: Sequence[Sequence[Value]], rng: Random) -> list[int]:
@@ -294,38 +313,56 @@ class Simplifier:
     def __init__(self, trials: Trials, letters: Alphabet) -> None:
         """Take what runs the traces, and the values there are."""
         self._trials = trials
-        self._ranks = [{_key(value): rank for rank, value in enumerate(values)}
+        self._ranks = [{_key(value): (rank, value) for rank, value in enumerate(values)}
                        for values in letters.levels]
+        self._work = 0
 
     def run(self, trace: Trace | None, accept: _Accept) -> Trace | None:
-        """Return the simplest trace that is still accepted; None for None."""
+        """Return the simplest trace found that is still accepted; None for None."""
         if trace is None:
             return None
         trace = _joined(trace)
         first, = self._trials.run([trace])
-        for _ in range(_ROUNDS):
-            better = self._better(trace, first, accept)
-            if better is None:
-                break
+        self._work = _SIMPLIFIED
+        while (better := self._better(trace, first, accept)) is not None:
             trace = better
         return self._longer(trace, first, accept)
 
     def _better(self, trace: Trace, first: _Bits, accept: _Accept) -> Trace | None:
-        """Return a simpler trace that is accepted, the first one met."""
+        """Return a simpler trace that is accepted, the first one met while there is time."""
         cost = self._cost(trace)
-        candidates = (joined for each in _simpler(trace)
+        candidates = (joined for each in self._simpler(trace)
                       if (joined := _joined(each)) and self._cost(joined) < cost)
-        while batch := list(islice(candidates, _BATCH)):
+        size = max(1, min(_BATCH, _SIMPLIFIED // 50 // length(trace)))
+        while self._work > 0 and (batch := list(islice(candidates, size))):
+            self._work -= sum(_EACH_RUN * len(each) + length(each) for each in batch)
             for candidate, bits in zip(batch, self._trials.run(batch), strict=True):
                 if accept(bits, first):
                     return candidate
         return None
 
+    def _simpler(self, trace: Trace) -> Iterator[Trace]:
+        """Yield traces near one: shorter first, then with fewer changes."""
+        size = len(trace) // 2
+        while size > 0:
+            for start in range(0, len(trace), size):
+                yield (*trace[:start], *trace[start + size:])
+            size //= 2
+        for place, ranks in enumerate(self._ranks):
+            for value in ranks.values():
+                yield tuple(_with(run, place, value[1]) for run in trace)
+        for number, run in enumerate(trace):
+            for steps in dict.fromkeys((1, run.steps // 2, run.steps - 1)):
+                if 0 < steps < run.steps:
+                    yield (*trace[:number], Run(run.row, steps), *trace[number + 1:])
+        for number in range(len(trace)):
+            yield from _calmer(trace, number)
+
     def _cost(self, trace: Trace) -> tuple[int, int, int]:
         """Return steps, changes of inputs, and how far from the plainest its values are."""
         changes = sum(_key(a) != _key(b) for one, two in pairwise(trace)
                       for a, b in zip(one.row, two.row, strict=True))
-        ranks = sum(rank[_key(value)] for run in trace
+        ranks = sum(rank[_key(value)][0] for run in trace
                     for rank, value in zip(self._ranks, run.row, strict=True))
         return length(trace), changes, ranks
 
@@ -351,17 +388,9 @@ def _joined(trace: Trace) -> Trace:
     return tuple(runs)
 
 
-def _simpler(trace: Trace) -> Iterator[Trace]:
-    """Yield traces near one: shorter first, then with fewer changes."""
-    for size in (len(trace) // 2, len(trace) // 4, 1):
-        for start in range(0, len(trace), max(size, 1)):
-            yield (*trace[:start], *trace[start + max(size, 1):])
-    for number, run in enumerate(trace):
-        for steps in dict.fromkeys((1, run.steps // 2, run.steps - 1)):
-            if 0 < steps < run.steps:
-                yield (*trace[:number], Run(run.row, steps), *trace[number + 1:])
-    for number in range(len(trace)):
-        yield from _calmer(trace, number)
+def _with(run: Run, place: int, value: Value) -> Run:
+    """Return a run in which an input has another value."""
+    return Run((*run.row[:place], value, *run.row[place + 1:]), run.steps)
 
 
 def _calmer(trace: Trace, number: int) -> Iterator[Trace]:
@@ -370,5 +399,4 @@ def _calmer(trace: Trace, number: int) -> Iterator[Trace]:
     for neighbour in trace[max(number - 1, 0):number] + trace[number + 1:number + 2]:
         yield (*trace[:number], Run(neighbour.row, run.steps), *trace[number + 1:])
         for place, value in enumerate(neighbour.row):
-            row = (*run.row[:place], value, *run.row[place + 1:])
-            yield (*trace[:number], Run(row, run.steps), *trace[number + 1:])
+            yield (*trace[:number], _with(run, place, value), *trace[number + 1:])
