@@ -32,6 +32,7 @@ from ros.harness import BEST_EFFORT
 from ros.harness import LATCHED
 from ros.harness import NodeProcess
 from ros.harness import Partner
+from ros.harness import RELIABLE
 from ros.harness import started
 from ros.harness import wait_until
 from ros.reference import expected
@@ -418,3 +419,27 @@ def test_diagnostics_tell_of_requirements_and_topics(
         stranger.publisher(Int32, '/robot/topic/x')
         is_told('topic /robot/topic/x', b'\2',
                 'a publisher of std_msgs/msg/Int32, and not std_msgs/msg/Float32')
+
+
+def test_the_quality_that_the_bundle_asks_for_is_the_one_of_the_subscription(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    bundle = write(tmp_path, """
+format: 1
+inputs:
+  x:
+    topic: x
+    type: std_msgs/msg/Float32
+    qos: {reliability: best_effort, durability: volatile, depth: 7}
+requirements:
+  - {id: R-1, ptltl: "x < 0.25"}
+""")
+    x = partner.publisher(Float32, 'x', LATCHED)
+    with monitoring(partner, '-p', f'spec:={bundle}', handlers=('R_1',)):
+        wait_until(lambda: x.get_subscription_count() > 0, 'a match')
+        sleep(1.0)  # long enough for the monitor to find the publisher better than that
+        x.publish(Float32(data=1.0))
+        partner.expect({'R_1': 1})
+        offered, = (item.qos_profile for item in partner.node.get_subscriptions_info_by_topic('x'))
+        assert offered.reliability is BEST_EFFORT.reliability
+        assert offered.durability is RELIABLE.durability
