@@ -42,6 +42,8 @@ from fret_monitor.syntax.bundle import handler_name
 from fret_monitor.syntax.bundle import parse_bundle
 from fret_monitor.syntax.words import shown
 
+_LONGEST_NAME = 100
+
 
 @dataclass(frozen=True)
 class Imported:
@@ -78,11 +80,19 @@ def import_bundles(paths: Sequence[Path], output: Path, component: str | None = 
 
 
 def _targets(components: Sequence[Component], folder: Path) -> list[Path]:
-    names = [handler_name(item.name).removeprefix('handlerprop') or 'component'
-             for item in components]
-    full = [handler_name(item.full_name).removeprefix('handlerprop') for item in components]
-    return [folder / f'{whole if names.count(name) > 1 else name}.yaml'
-            for name, whole in zip(names, full, strict=True)]
+    """Return a file for each component: of its name, with the project's where two have it."""
+    names = [_file_name(item.name) for item in components]
+    found: dict[str, None] = {}
+    for item, name in zip(components, names, strict=True):
+        free = base = name if names.count(name) == 1 else _file_name(item.full_name)
+        while free in found:
+            free = f'{base}_{len(found) + 1}'
+        found[free] = None
+    return [folder / f'{name}.yaml' for name in found]
+
+
+def _file_name(name: str) -> str:
+    return handler_name(name).removeprefix('handlerprop')[:_LONGEST_NAME] or 'component'
 
 
 def _imported(component: Component, path: Path, files: Files, problems: Problems) -> Imported:
@@ -101,8 +111,7 @@ def _imported(component: Component, path: Path, files: Files, problems: Problems
 
 
 def _trace_file(path: Path, item: Difference, number: int) -> Path:
-    name = handler_name(item.id).removeprefix('handlerprop')
-    return path.with_name(f'{path.stem}.{name}.{number + 1}.csv')
+    return path.with_name(f'{path.stem}.{_file_name(item.id)}.{number + 1}.csv')
 
 
 def _tell(item: Difference, trace: Path, problems: Problems) -> None:
@@ -155,11 +164,18 @@ def write_bundles(found: Sequence[Imported], *, force: bool = False) -> None:
         if one is there, or a file cannot be written.
     """
     for item in found:
-        if item.path.exists() and not force:
+        if not force and _is_there(item.path):
             refuse(f'{shown(str(item.path))} is there already', help='--force writes it anew')
     for item in found:
         for path, text in (*item.traces, (item.path, item.text)):
             _write(path, text)
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False  # what is wrong with the name is told when it is written
 
 
 def _write(path: Path, text: str) -> None:

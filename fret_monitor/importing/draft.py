@@ -155,6 +155,7 @@ class _Drafter:
         self._connections = connections
         self._problems = problems
         self._todo: list[str] = []
+        self._missing: dict[str, str] = {}
         self._constants: dict[str, tuple[str, str]] = {}
         self._definitions: dict[str, tuple[str, Reading]] = {}
         self._inputs: dict[str, ComponentVariable] = {}
@@ -178,6 +179,7 @@ class _Drafter:
         used = self._used(taken)
         left_out = list(self._left_out(taken))
         self._tell_requirements(left_out)
+        self._todo += [task for key, task in self._missing.items() if key in used]
         self._tell_inputs([item for key, item in inputs.items() if key in used])
         return Draft(
             component=self._component.name,
@@ -243,7 +245,7 @@ class _Drafter:
 
     def _undefined(self, item: ComponentVariable, name: str) -> None:
         why = 'it has no value in FRET' if not item.assignments else 'its value cannot be read'
-        self._todo.append(
+        self._missing[key_of(item.name)] = (
             f"'{name}' is {_article(item.role)}, and {why}: define it, or map it to a topic"
             f'\ndefinitions:\n  {name}: ...')
 

@@ -363,3 +363,21 @@ def test_the_component_is_the_one_that_sentences_name(tmp_path: Path, name: str,
     assert found.draft.component == component
     assert found.draft.requirements[0].language is (
         Language.FRETISH if sentence else Language.PTLTL)
+
+
+def test_a_broken_definition_that_nothing_reads_is_no_task(tmp_path: Path) -> None:
+    project: dict[str, Any] = {**PROJECT, 'variables': [
+        *PROJECT['variables'], variable('odd', 'Internal', 'double', 'table(speed)')]}
+    found = imported(tmp_path, moon_json=project)
+    assert len(found.draft.todo) == 1
+    assert found.draft.unused == ('unread', 'odd')
+
+
+def test_files_of_a_folder_have_names_of_their_own(tmp_path: Path) -> None:
+    project = {'requirements': [
+        requirement('A', 'it shall always satisfy p', 'H p', component=name)
+        for name in ('a b', 'a_b', 'x' * 300, 'x' * 300 + 'y')]}
+    found = import_bundles(written(tmp_path, many_json=project), tmp_path / 'all', is_folder=True)
+    write_bundles(found)
+    assert len({item.path for item in found}) == 4
+    assert found[1].path.name == 'Moon_a_b_2.yaml'
