@@ -189,7 +189,7 @@ def _perform(story: Story, log: Path) -> list[str]:
     story.say('A quadrotor flies through wind. These are its requirements:')
     specification = build.read(BUNDLE).specification
     for item in specification.properties:
-        story.paragraph(f'  {item.id}  ', item.title)
+        story.paragraph(f'  {item.id}  ', item.title or item.text)
     story.say()
     with _process('monitor', f'spec:={BUNDLE}') as monitor, \
             _process('logger', f'spec:={BUNDLE}') as logger:

@@ -59,18 +59,18 @@ def advise(sentence: Sentence, bundle: Bundle, report: Report) -> Iterator[Diagn
 
 def _about_time(sentence: Sentence, duration: Duration, bundle: Bundle) -> Iterator[Diagnostic]:
     written = f'{duration.number} {duration.unit.value}'
+    count = next(_counts(sentence), None)
     if bundle.policy in _COUNTED:
+        beside = ', and plain counts stand beside it' if count else ''
         yield _warning(
             f"'{written}' counts {duration.number} {_COUNTED[bundle.policy]}", duration.span,
-            f'the policy is {bundle.policy.value}', f'write {duration.number} ticks; or, for '
-            'time, policy: periodic and a period under evaluation')
-    count = next(_counts(sentence), None)
-    if count is not None:
-        period = bundle.period if bundle.policy is Policy.PERIODIC else None
-        length = f' of {approximate(period)} s' if period else ''
+            f'the policy is {bundle.policy.value}{beside}', f'write {duration.number} ticks; or, '
+            'for time, policy: periodic and a period under evaluation')
+    elif count is not None:
+        length = f' of {approximate(bundle.period)} s' if bundle.period else ''
         yield _warning(
-            f"a plain count stands beside '{written}'", count, f'counts steps{length}, whatever '
-            'the policy', 'say both in ticks, or look at the bounds that check prints')
+            f"a plain count stands beside '{written}'", count, f'counts steps{length}',
+            'say both in ticks, or look at the bounds that check prints')
 
 
 def _warning(title: str, span: Span, label: str, help_: str) -> Diagnostic:
