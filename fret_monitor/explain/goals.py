@@ -62,12 +62,14 @@ def _formulas(bundle: Bundle, wanted: Sequence[tuple[Requirement, str]]) -> list
 
 def _denials(sentence: Sentence) -> Iterator[str]:
     """Yield sentences that are violated once something happens that makes an example telling."""
+    stop = sentence.timing.stop if sentence.timing else None
+    if not (sentence.scope or sentence.condition or stop):
+        return
     is_only = sentence.scope_kind.is_only
     component = sentence.component.name
     start = ' '.join(_written(part.span) for part in (sentence.scope, sentence.condition) if part)
     # What an `only` scope speaks of lies outside, and is denied there.
     yield f'{start} {component} shall immediately satisfy {"TRUE" if is_only else "FALSE"}'
-    stop = sentence.timing.stop if sentence.timing else None
     if stop is not None:
         never = 'eventually' if is_only else 'never'
         yield f'{start} {component} shall {never} satisfy ({_written(stop.span)})'

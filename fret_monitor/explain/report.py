@@ -178,7 +178,7 @@ def _explanation(subject: Subject, examples: Examples, context: _Context) -> Exp
     if item.id in context.sentences:
         parts = context.sentences[item.id]
         fields = tuple(fretish.fields(parts))
-        meaning = tuple(fretish.meaning(parts, context.period))
+        meaning = (*fretish.meaning(parts, context.period), *_definitions(item, context))
     return Explanation(
         item.id, item.title, _cut(item.text), fields, meaning, _outlook(examples),
         to_smv(item.formula, _FORMULA, context.values), tuple(_remarks(subject, examples)),
@@ -204,26 +204,38 @@ def _outlook(examples: Examples) -> str:
             return 'final: once false it stays false, whatever follows (by its form)'
         case Recovery.FINAL_BY_STATES:
             return ('final: once false it stays false, whatever follows '
-                    f'(all {examples.states:,} states looked at)')
+                    f'(all its {_count(examples.states, "state")} looked at)')
         case Recovery.POSSIBLE:
             return 'can recover: a false verdict can become true again, as shown below'
         case Recovery.NEVER_FALSE:
-            return f'never false (all {examples.states:,} states looked at)'
+            return f'never false (all its {_count(examples.states, "state")} looked at)'
         case Recovery.NONE_FOUND:
-            return (f'no recovery found in {examples.traces:,} traces and '
-                    f'{examples.states:,} states; this is no proof that there is none')
+            return f'no recovery found in {_looked(examples)}; this is no proof that none exists'
 
 
 def _remarks(subject: Subject, examples: Examples) -> Iterator[str]:
-    looked = f'{examples.traces:,} traces and {examples.states:,} states'
     for trace, kind in ((examples.satisfying, 'satisfies'), (examples.violating, 'violates')):
         if trace is None and examples.is_proved:
-            yield f'No trace {kind} it: all {examples.states:,} states were looked at.'
+            yield f'No trace {kind} it: all its {_count(examples.states, "state")} were looked at.'
         elif trace is None:
-            yield f'No trace that {kind} it was found in {looked}; there may be one.'
+            yield f'No trace that {kind} it was found in {_looked(examples)}; there may be one.'
+    if examples.violating and _has_nan(examples.violating):
+        yield 'Only a value that is no number (nan) was found to violate it.'
     if examples.satisfying and not _is_triggered(subject, examples.satisfying):
         yield ('No trace was found in which its condition comes true and the verdict is true: '
                'the satisfying example is trivial.')
+
+
+def _looked(examples: Examples) -> str:
+    return f'{_count(examples.traces, "trace")} and {_count(examples.states, "state")}'
+
+
+def _count(number: int, noun: str) -> str:
+    return f'{number:,} {noun}{"" if number == 1 else "s"}'
+
+
+def _has_nan(trace: Trace) -> bool:
+    return any(value != value for run in trace for value in run.row)
 
 
 def _is_triggered(subject: Subject, trace: Trace) -> bool:
@@ -236,9 +248,8 @@ def _timelines(subject: Subject, examples: Examples, context: _Context) -> Itera
                         (examples.recovering, 'is false and recovers')):
         if trace is None:
             continue
-        steps = length(trace)
-        count = f'{steps:,} step{"" if steps == 1 else "s"}'
-        yield _drawing(subject, trace, f'A trace that {kind}: {subject.item.id}, {count}', context)
+        title = f'A trace that {kind}: {subject.item.id}, {_count(length(trace), "step")}'
+        yield _drawing(subject, trace, title, context)
 
 
 def _drawing(subject: Subject, trace: Trace, title: str, context: _Context) -> Timeline:

@@ -73,7 +73,7 @@ def _timeline(line: Timeline, left: int, y: int) -> Iterator[str]:
     yield from _scale(line, left, y)
     y += _ROW * (1 + (line.period is not None))
     for text in line.values:
-        yield _text(_MARGIN, y, text, colour='faint')
+        yield _text(_MARGIN, y + 8, text, colour='faint')
         y += _ROW
 
 
