@@ -204,11 +204,11 @@ def _outlook(examples: Examples) -> str:
             return 'final: once false it stays false, whatever follows (by its form)'
         case Recovery.FINAL_BY_STATES:
             return ('final: once false it stays false, whatever follows '
-                    f'(all its {_count(examples.states, "state")} looked at)')
+                    f'(all its states looked at: {examples.states:,})')
         case Recovery.POSSIBLE:
             return 'can recover: a false verdict can become true again, as shown below'
         case Recovery.NEVER_FALSE:
-            return f'never false (all its {_count(examples.states, "state")} looked at)'
+            return f'never false (all its states looked at: {examples.states:,})'
         case Recovery.NONE_FOUND:
             return f'no recovery found in {_looked(examples)}; this is no proof that none exists'
 
@@ -216,7 +216,7 @@ def _outlook(examples: Examples) -> str:
 def _remarks(subject: Subject, examples: Examples) -> Iterator[str]:
     for trace, kind in ((examples.satisfying, 'satisfies'), (examples.violating, 'violates')):
         if trace is None and examples.is_proved:
-            yield f'No trace {kind} it: all its {_count(examples.states, "state")} were looked at.'
+            yield f'No trace {kind} it (all its states looked at: {examples.states:,}).'
         elif trace is None:
             yield f'No trace that {kind} it was found in {_looked(examples)}; there may be one.'
     if examples.violating and _has_nan(examples.violating):

@@ -40,6 +40,8 @@ _SECONDS = {
     Unit.HOUR: Fraction(3600),
 }
 
+_JOINTS = {'&': 'and', '|': 'or'}
+
 _SCOPES = {
     ScopeKind.GLOBAL: 'at all steps',
     ScopeKind.IN: 'while {m} holds; each such stretch of steps counts by itself',
@@ -121,7 +123,7 @@ def _condition(phrase: ConditionPhrase) -> str:
             text = part
             continue
         text = f'({text})' if joint not in ('', link.joint) else text
-        text, joint = f'{text} {link.joint} {part}', link.joint
+        text, joint = f'{text} {_JOINTS[link.joint]} {part}', link.joint
     return text
 
 

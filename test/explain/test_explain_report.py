@@ -1,0 +1,141 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What `explain` says, as text and as a picture."""
+
+from fractions import Fraction
+from pathlib import Path
+from xml.etree import ElementTree
+
+from explain.examples import bundle
+from fret_monitor.cli.main import main
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.explain.report import explain
+from fret_monitor.explain.report import shown
+from fret_monitor.explain.svg import to_svg
+from fret_monitor.explain.timeline import drawn
+from fret_monitor.explain.timeline import timeline
+import golden
+import pytest
+
+SVG = '{http://www.w3.org/2000/svg}'
+
+
+@pytest.mark.parametrize('path', golden.cases('explain'), ids=lambda path: path.stem)
+def test_explanations_read_as_they_did(path: Path) -> None:
+    found, _ = explain(path)
+    golden.check(path, '\n\n'.join('\n'.join(shown(item)) for item in found) + '\n')
+
+
+def test_one_requirement_is_explained_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = bundle(tmp_path, 'H p', 'H q')
+    assert main(['explain', str(path), 'R1']) == 0
+    said = capsys.readouterr()
+    assert 'R1' in said.out
+    assert 'R0' not in said.out
+    assert said.err == ''
+
+
+def test_an_unknown_id_is_told_with_one_like_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(['explain', str(bundle(tmp_path, 'H p')), 'R00']) == 1
+    said = capsys.readouterr()
+    assert said.out == ''
+    assert "no requirement 'R00'" in said.err
+    assert "did you mean 'R0'?" in said.err
+
+
+def test_a_bad_bundle_is_told_and_nothing_explained(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    drawing = tmp_path / 'out.svg'
+    path = bundle(tmp_path, 'H (p & zz)')
+    assert main(['explain', str(path), '--svg', str(drawing)]) == 1
+    assert main(['explain', str(tmp_path / 'none.yaml')]) == 1
+    said = capsys.readouterr()
+    assert said.out == ''
+    assert "'zz'" in said.err
+    assert not drawing.exists()
+
+
+def test_a_picture_that_cannot_be_written_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = bundle(tmp_path, 'H p')
+    assert main(['explain', str(path), '--svg', str(tmp_path / 'none' / 'a.svg')]) == 1
+    assert 'cannot write' in capsys.readouterr().err
+
+
+def test_the_picture_shows_every_step_of_every_row(tmp_path: Path) -> None:
+    found, _ = explain(bundle(tmp_path, 'H (x > 1.0 -> O[0,4] p)'))
+    lines = [line for item in found for line in item.timelines]
+    root = ElementTree.fromstring(to_svg('examples', lines))
+    assert root.tag == f'{SVG}svg'
+    assert root.attrib['version'] == '1.1'
+    assert {each.tag for each in root.iter()} == {
+        f'{SVG}{name}' for name in ('svg', 'title', 'rect', 'text')}
+    cells = [each for each in root.iter(f'{SVG}rect') if each.get('height') == '14']
+    assert len(cells) == sum((len(line.bands) + 1) * len(line.steps) for line in lines)
+    texts = [each.text or '' for each in root.iter(f'{SVG}text')]
+    assert 'x > 1.0' in texts
+
+
+def test_text_in_a_picture_is_escaped() -> None:
+    line = timeline('<a> & "b"\x00\ud800', ['p < q & </text>'], [[True]], [False], None)
+    root = ElementTree.fromstring(to_svg('<t>', [line]).encode())
+    texts = [each.text for each in root.iter(f'{SVG}text')]
+    assert '<a> & "b"\ufffd\ufffd' in texts
+    assert 'p < q & </text>' in texts
+
+
+def test_a_timeline_has_a_sign_for_each_step_and_a_scale() -> None:
+    line = timeline('t', ['p'], [[True] * 6 + [False]], [True] * 6 + [False], Fraction(1, 4))
+    assert list(drawn(line)) == [
+        'p        ######.',
+        'verdict  ######x',
+        'step     0    5',
+        'seconds  0    1.25',
+    ]
+
+
+def test_long_stretches_of_a_timeline_are_left_out() -> None:
+    truth = [True] * 500 + [False] * 2
+    line = timeline('t', ['p'], [truth], truth, None, ['x: 3'])
+    assert list(drawn(line)) == [
+        'p        ###~###..',
+        'verdict  ###~###xx',
+        'step     0   497 501',
+        'x: 3',
+    ]
+
+
+def test_restless_traces_of_any_length_fit_a_page() -> None:
+    truth = [step % 2 == 0 for step in range(100_000)]
+    assert max(len(text) for text in drawn(timeline('t', ['p'], [truth], truth, None))) < 250
+
+
+def test_deep_and_wide_requirements_are_explained(tmp_path: Path) -> None:
+    deep = 'Y ' * 2000 + 'p'
+    wide = ' & '.join(f'(O[0,{bound}] p -> q)' for bound in range(1, 1000))
+    nested = '(' * 1500 + 'p' + ' S q)' * 1500
+    found, _ = explain(bundle(tmp_path, deep, f'H ({wide})', nested))
+    assert all(len('\n'.join(shown(item))) < 20_000 for item in found)
+    assert [len(item.timelines) for item in found] == [3, 2, 3]
+
+
+def test_what_cannot_be_read_is_a_diagnostic(tmp_path: Path) -> None:
+    with pytest.raises(CompileError, match='there is no formula'):
+        explain(bundle(tmp_path, ''))
