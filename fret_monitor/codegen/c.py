@@ -100,6 +100,23 @@ def depth(expression: Expression) -> int:
             assert_never(expression)
 
 
+def calls(expression: Expression) -> bool:
+    """Whether a function is called in an expression; recurses like `depth`."""
+    match expression:
+        case Atom():
+            return False
+        case Negation() | Cast():
+            return calls(expression.operand)
+        case Operation():
+            return calls(expression.left) or calls(expression.right)
+        case Call():
+            return True
+        case Conditional():
+            return calls(expression.condition) or calls(expression.yes) or calls(expression.no)
+        case _:
+            assert_never(expression)
+
+
 def text(expression: Expression) -> str:
     """Return the C text."""
     match expression:

@@ -194,7 +194,10 @@ class PartWriter:
             return True
         is_pure = isinstance(equation.operation, Read | ApplyUnary | ApplyBinary | Power | Choose)
         is_used_here = self._layout.uses[index] == 1 and index not in self._layout.wires
-        return is_pure and is_used_here and equation.formula not in self._definitions \
+        # clang takes `f(x) & g(x)` for a slip.
+        is_called = equation.type is ValueType.BOOL and c.calls(expression)
+        return is_pure and is_used_here and not is_called \
+            and equation.formula not in self._definitions \
             and c.depth(expression) <= _INLINE_DEPTH \
             and len(c.text(expression)) <= _INLINE_WIDTH
 
