@@ -462,7 +462,7 @@ def _shortest_float32(value: float) -> str:
         text = f'{value:.{digits}g}'
         try:
             if to_float32(Fraction(text)) == value:
-                return text
+                return repr(float(text))  # 20.0, where the format says 2e+01
         except NumberError:
             continue
     return f'{value:.9g}'
