@@ -14,6 +14,9 @@
 
 /// floor.c: the yardstick. What an engineer would write by hand, with counters, for the formulas
 /// of bench/run.py: same inputs, same verdicts (bench/run.py compares them), same timing loop.
+///
+/// No step branches, so that no input is slow. Counters have 64 bits and need not saturate: that
+/// takes an operation off the way from one step to the next, which is what a step waits for.
 
 #include <string.h>
 
@@ -30,17 +33,15 @@ struct running_inputs
 
 struct running
 {
+  uint64_t run;     // steps in a row with overload
+  uint64_t age;     // what the steps since a response, or the start, will be at the next step
   uint16_t missed;  // bit k: k + 1 steps ago the condition became true without the response
-  uint8_t run;      // steps in a row with overload, up to 11
-  uint8_t left;     // for how many steps a response, or the start, still counts
-  bool persisted;
   bool held;
 };
 
 static void running_start(struct running * s)
 {
   memset(s, 0, sizeof(*s));
-  s->left = 11u;
   s->held = true;
 }
 
@@ -48,14 +49,13 @@ static inline bool running_step(struct running * s, const struct running_inputs 
 {
   const bool response = in->current_consumption <= 15.0f;
   const bool overload = (in->current_consumption > 15.0f) & (in->wind_speed > 8.0f);
-  s->run = overload ? (uint8_t)(s->run + (s->run < 11u)) : 0u;
-  const bool persisted = s->run == 11u;
-  const bool trigger = persisted & (!s->persisted);
-  s->persisted = persisted;
+  s->run = (s->run + 1u) & (0u - (uint64_t)overload);
+  const bool became_true = s->run == 11u;
   const bool due = ((s->missed >> 9) & 1u) != 0u;
-  s->missed = (uint16_t)((s->missed << 1) | (unsigned)(trigger & (!response)));
-  s->left = response ? 10u : (uint8_t)(s->left - (s->left > 0u));
-  s->held = s->held & ((!due) | (s->left > 0u));
+  s->missed = (uint16_t)((s->missed << 1) | (unsigned)(became_true & (!response)));
+  const uint64_t age = s->age & ((uint64_t)response - 1u);
+  s->age = age + 1u;
+  s->held = s->held & ((!due) | (age < 10u));
   return s->held;
 }
 
@@ -69,26 +69,30 @@ struct pair_inputs
 
 struct counter
 {
-  uint16_t left;
+  uint64_t age;  // at the next step, of what the operator looks for
 };
 
 static inline bool historically_step(struct counter * s, const struct pair_inputs * in)
 {
-  s->left = in->p ? (uint16_t)(s->left - (s->left > 0u)) : 1001u;
-  return s->left == 0u;
+  const uint64_t age = s->age & (0u - (uint64_t)in->p);
+  s->age = age + 1u;
+  return age > 1000u;
 }
 
 static inline bool once_step(struct counter * s, const struct pair_inputs * in)
 {
-  s->left = in->p ? 1001u : (uint16_t)(s->left - (s->left > 0u));
-  return s->left > 0u;
+  const uint64_t age = s->age & ((uint64_t)in->p - 1u);
+  s->age = age + 1u;
+  return age <= 1000u;
 }
 
 static inline bool since_step(struct counter * s, const struct pair_inputs * in)
 {
-  const uint16_t kept = in->p ? (uint16_t)(s->left - (s->left > 0u)) : (uint16_t)0u;
-  s->left = in->q ? 1001u : kept;
-  return s->left > 0u;
+  // Without p the top bit is set, and stays: no age comes there by counting.
+  const uint64_t kept = s->age | ((uint64_t)(!in->p) << 63);
+  const uint64_t age = kept & ((uint64_t)in->q - 1u);
+  s->age = age + 1u;
+  return age <= 1000u;
 }
 
 // -- descriptions, so that the same loop times both -------------------------------------------------
@@ -119,7 +123,7 @@ static void copies_group(void * state, const void * inputs, bool * verdicts)
   }
 }
 
-static void counter_reset(void * state) {memset(state, 0, sizeof(struct counter));}
+static void counter_reset(void * state) {((struct counter *)state)->age = 1001u;}
 
 static void historically_group(void * state, const void * inputs, bool * verdicts)
 {
