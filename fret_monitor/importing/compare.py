@@ -45,6 +45,7 @@ from fret_monitor.manifest import ValueType
 _SHORT_TRACES = 40
 _SHORT = 24
 _LONG_TRACES = 40
+_FEW = 4  # steps that short traces hold often enough
 _LONGEST = 400
 _MOST_WORK = 4_000_000  # nodes times steps times steps looked back at
 
@@ -108,7 +109,7 @@ def _traces(nodes: Sequence[Formula], random: Random) -> Iterator[dict[str, list
         return
     limit = min(max(_bounds(nodes), default=0), _LONGEST // 3)
     work = 0
-    for number in range(_SHORT_TRACES + _LONG_TRACES):
+    for number in range(_SHORT_TRACES + (_LONG_TRACES if limit > _FEW else 0)):
         steps = _SHORT if number < _SHORT_TRACES else 3 * limit + _SHORT
         work += len(nodes) * steps * min(steps, 8)
         if number and work > _MOST_WORK:

@@ -112,8 +112,7 @@ def _entry(key: str, text: str, is_text: bool = False) -> Iterator[str]:
 
 def _can_fold(text: str) -> bool:
     """Whether folding loses nothing: one line, with single blanks between its words."""
-    return not _UNSAFE.search(text) and text == ' '.join(text.split(' ')).strip() and (
-        '  ' not in text and '\xa0' not in text and len(text.split()) == len(text.split(' ')))
+    return not _UNSAFE.search(text) and text == ' '.join(text.split())
 
 
 def _can_stand(text: str) -> bool:

@@ -58,7 +58,8 @@ PROJECT = {
         variable('top', 'Internal', 'double', '2.5'),
         variable('fast', 'Internal', 'boolean', 'speed > top and not armed;'),
         variable('hold', 'Mode', 'boolean'),
-        {'modeldoc': True, 'variable_name': 'model_port', 'dataType': ['double']},
+        {'project': 'Moon', 'component_name': 'rover', 'modeldoc': True, 'idType': 'Internal',
+         'variable_name': 'model_port', 'dataType': ['double']},
     ],
 }
 
@@ -123,7 +124,7 @@ guarantee "R-1" H((speed <= top));
 
 (* Req text: a note that no one wrote in FRETish  *)
 assume "R-assumption" (last >= 0.0);
-guarantee on => armed;
+weakly assume on => armed;
 tel
 *)
 """

@@ -56,6 +56,7 @@ def test_a_project_becomes_sentences_constants_definitions_and_inputs(tmp_path: 
     assert {item.name: item.type for item in draft.inputs} == {
         'speed': 'float64', 'armed': 'bool', 'hold': 'bool'}
     assert draft.unused == ('unread',)
+    assert 'model_port' not in found.text
     assert draft.requirements[0].rationale == 'Wheels wear.\nSee the manual.'
     assert [item.id for item in meaning(found).properties] == ['R-1', 'R-2', 'R-3']
 
@@ -381,3 +382,45 @@ def test_files_of_a_folder_have_names_of_their_own(tmp_path: Path) -> None:
     write_bundles(found)
     assert len({item.path for item in found}) == 4
     assert found[1].path.name == 'Moon_a_b_2.yaml'
+
+
+def test_modes_of_an_old_export_are_true_or_false(tmp_path: Path) -> None:
+    old = requirement('A', '', 'H (mode_a = mode_b)')
+    old['semantics']['variables'] = {'regular': ['mode_b'], 'modes': ['mode_a']}
+    assert {item.type for item in imported(tmp_path, old_json=[old]).draft.inputs} == {'bool'}
+
+
+def test_functions_and_probabilities_of_a_specification_have_no_place(tmp_path: Path) -> None:
+    specification = {'roverSpec': {
+        'Other_variables': [{'name': 'x', 'type': 'real'}],
+        'Functions': [{'name': 'sine', 'moduleName': 'math'}],
+        'Requirements': [{'name': 'A', 'ptLTL': 'H (x < 1)', 'PCTL': 'P>=0.9 [G (x < 1)]'}]}}
+    found = imported(tmp_path, spec_json=specification)
+    assert 'sine' not in found.text
+    assert 'its probability is left out' in found.warnings[0].title
+
+
+def test_a_second_topic_of_an_input_is_told(tmp_path: Path) -> None:
+    found = imported(tmp_path, spec_json=SPECIFICATION, db_json=DATABASE,
+                     more_txt='speed /other\n')
+    assert found.draft.inputs[0].topic == '/wheels/speed'
+    [warning] = found.warnings
+    assert "'speed' has a topic already" in warning.title
+
+
+def test_halves_of_characters_do_not_get_into_a_bundle(tmp_path: Path) -> None:
+    project = {'requirements': [requirement('A\ud800', 'rover shall always satisfy p',
+                                            rationale='half \udc00')]}
+    found = imported(tmp_path, moon_json=project)
+    assert found.draft.requirements[0].id == 'A?'
+    assert found.draft.requirements[0].rationale == 'half ?'
+    meaning(found)
+
+
+def test_equations_in_a_specification_keep_their_own_names(tmp_path: Path) -> None:
+    specification = {'roverSpec': {
+        'Other_variables': [{'name': 'x', 'type': 'real'}],
+        'Requirements': [{'name': 'A', 'CoCoSpecCode': 'low = x < 1; all = H(low);'}]}}
+    found = imported(tmp_path, spec_json=specification)
+    assert [item.name for item in found.draft.inputs] == ['x']
+    meaning(found)

@@ -48,7 +48,8 @@ def draft(formula: str, note: str, title: str) -> Draft:
 @settings(max_examples=150)
 @given(TEXTS, TEXTS, TEXTS)
 @example('a: b # c', 'x\n\n  y\n', '- a')
-@example("it's", ' x', '"')
+@example("it's", ' x\ny', '"')
+@example('a\xa0b ' * 60 + 'c', 'x\ny\n ', 'a  b' * 40)
 @example('a' * 200, 'a\n' * 3, 'b ' * 90 + 'c')
 @example('\u2028 \x85 \ufeff', '\x07', '\U0001f600')
 def test_texts_are_read_back_as_they_were(formula: str, note: str, title: str) -> None:
@@ -62,5 +63,6 @@ def test_texts_are_read_back_as_they_were(formula: str, note: str, title: str) -
 def test_a_long_sentence_is_folded_and_a_note_stands_in_lines() -> None:
     text = emit(draft('word ' * 40 + 'end', 'first\nsecond', 't'))
     assert '    fretish: >-\n      word word' in text
+    assert '  - id: "on"\n' in text
     assert '    rationale: |-\n      first\n      second\n' in text
     assert max(map(len, text.splitlines())) < 100

@@ -53,15 +53,14 @@ def test_a_list_has_two_columns_or_more() -> None:
         Connection('odd')]
 
 
-@pytest.mark.parametrize('line, told', [
-    ('speed /a//b', "a topic has no '//'"),
-    ('speed 7up', 'does not begin with a digit'),
-    ('speed /a std_msgs/srv/Empty', 'is not a message')])
-def test_what_ros_would_refuse_is_told_with_its_line(line: str, told: str) -> None:
+@pytest.mark.parametrize('line, told, rest', [
+    ('speed /a//b', "a topic has no '//'", Connection('speed')),
+    ('speed 7up', 'does not begin with a digit', Connection('speed')),
+    ('speed /a std_msgs/srv/Empty', 'is not a message', Connection('speed', '/a'))])
+def test_what_ros_would_refuse_is_told_with_its_line(line: str, told: str,
+                                                     rest: Connection) -> None:
     problems = Problems()
-    found = read_list(Source('l', f'# first\n{line}\n'), 'l', problems)
-    assert found[0].name == 'speed'
-    assert found[0].topic is None or found[0].message_type is None
+    assert read_list(Source('l', f'# first\n{line}\n'), 'l', problems) == [rest]
     [warning] = problems.warnings
     assert told in warning.title
     assert warning.span is not None
