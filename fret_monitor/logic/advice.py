@@ -53,8 +53,8 @@ def advise(sentence: Sentence, bundle: Bundle, report: Report) -> Iterator[Diagn
     if report is Report.EVERY_STEP and is_not_yet(sentence):
         yield _warning(
             'this is announced at every step until it is fulfilled', _demand(sentence),
-            'false means "not yet" here', "write report: onset to hear of it once, or say by "
-            'when: within 10 ticks')
+            'false means "not yet" here',
+            'write report: onset to hear of it once, or say by when: within 10 ticks')
 
 
 def _about_time(sentence: Sentence, duration: Duration, bundle: Bundle) -> Iterator[Diagnostic]:

@@ -152,7 +152,7 @@ def check_expression(lexemes: Sequence[Lexeme]) -> None:
 def refuse_future(phrase: Span) -> NoReturn:
     """Refuse `at the next occurrence of`."""
     refuse('a monitor sees only the past', phrase, 'looks into the future',
-           "write at the previous occurrence of p, q; or make p the condition: upon p ... satisfy")
+           'write at the previous occurrence of p, q; or make p the condition: upon p ... satisfy')
 
 
 def refuse_probability(phrase: Span) -> NoReturn:
@@ -219,7 +219,7 @@ def _check_known_slips(misfit: Misfit) -> None:
                _expectation(misfit.fitting), f'write {_SYMBOLS[found.type]}')
     if found.type == 'THEN':
         refuse("'then' does not fit here", found.span, _expectation(misfit.fitting),
-               "leave it out: if p the COMPONENT shall ... satisfy q")
+               'leave it out: if p the COMPONENT shall ... satisfy q')
     if found.type == 'NEGATION':
         refuse("'not' does not fit here", found.span, _expectation(misfit.fitting),
                'write when not in m mode, or except in m mode')

@@ -195,6 +195,6 @@ class Sentence:
 
     @property
     def key(self) -> str:
-        """FRET's template key, such as `in,regular,within`."""
+        """The template key of FRET, such as `in,regular,within`."""
         kinds = (self.scope_kind, self.condition_kind, self.timing_kind)
         return ','.join(kind.value for kind in kinds)
