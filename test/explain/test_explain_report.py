@@ -139,3 +139,21 @@ def test_deep_and_wide_requirements_are_explained(tmp_path: Path) -> None:
 def test_what_cannot_be_read_is_a_diagnostic(tmp_path: Path) -> None:
     with pytest.raises(CompileError, match='there is no formula'):
         explain(bundle(tmp_path, ''))
+
+
+@pytest.mark.parametrize(('sentence', 'held'), [
+    ('in p mode upon q the sys shall never satisfy r', {'p', 'q'}),
+    ('before p upon q the sys shall within 2 ticks satisfy r', {'q', 'r'}),
+    ('only in p mode upon q shall the sys eventually satisfy r', {'q', 'r'}),
+    ('whenever q the sys shall until p satisfy r', {'p', 'q', 'r'}),
+])
+def test_a_satisfying_example_of_a_sentence_is_not_trivial(
+    sentence: str, held: set[str], tmp_path: Path,
+) -> None:
+    path = bundle(tmp_path, 'H p')
+    path.write_text(path.read_text().replace('ptltl: "H p"', f'fretish: "{sentence}"'))
+    (found,), _ = explain(path)
+    satisfying = found.timelines[0]
+    assert 'satisfies' in satisfying.title
+    assert {band.label for band in satisfying.bands if True in band.truth} >= held
+    assert dict(found.fields)['component'] == 'sys'

@@ -141,12 +141,12 @@ def test_the_same_bundle_gives_the_same_examples(tmp_path: Path) -> None:
 def test_the_72_template_keys_whose_false_means_not_yet_recover(tmp_path: Path) -> None:
     templates = facts.templates()
     path = tmp_path / 'templates.yaml'
+    keys = ['-'.join((item['scope'], item['condition'], item['timing'])) for item in templates]
     path.write_text(
         'format: 1\ninputs: {m: {type: bool}, c: {type: bool}, s: {type: bool}, r: {type: bool}}\n'
         'requirements:\n' + ''.join(
-            f'  - {{id: "{key}", ptltl: "{item["ptltl"]}"}}\n' for item in templates[::4]
-            for key in [f'{item["scope"]},{item["condition"]},{item["timing"]}'.replace(',', '-')]),
-        encoding='utf-8')
+            f'  - {{id: "{key}", ptltl: "{item["ptltl"]}"}}\n'
+            for key, item in list(zip(keys, templates, strict=True))[::4]), encoding='utf-8')
     for subject, found in examined(path):
         scope, _, timing = subject.item.id.split('-')
         late = ('always', 'never', 'finally') if scope.startswith('only') else (
