@@ -200,8 +200,8 @@ def test_what_was_compiled_before_is_replaced_as_a_whole(pump: Path, tmp_path: P
     assert verdicts(out, values) == [True, True, False]
 
 
-def test_a_relative_path_is_taken_from_where_one_is(pump: Path, tmp_path: Path,
-                                                   monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_relative_path_is_taken_from_where_one_is(
+        pump: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for folder in ('out', './other', 'in/../third/', 'out'):
         write_bundle(pump, Path(folder))
@@ -261,8 +261,7 @@ def test_a_folder_that_may_not_be_written_is_refused(pump: Path, tmp_path: Path)
     assert 'Permission denied' in refusal(pump, tmp_path / 'shut' / 'out')
 
 
-def test_a_disk_that_fills_up_leaves_what_was_there(pump: Path, tmp_path: Path,
-                                                   monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_disk_that_fills_up_leaves_what_was_there(pump: Path, tmp_path: Path) -> None:
     out = tmp_path / 'out'
     write_bundle(pump, out)
     before = contents(out)
@@ -313,7 +312,7 @@ def test_a_compiler_that_fails_leaves_nothing(pump: Path, tmp_path: Path,
     script.write_text('#!/bin/sh\necho "out of luck" >&2\nexit 3\n')
     script.chmod(0o755)
     monkeypatch.setenv('CC', str(script))
-    with pytest.raises(NativeError, match='(?s)exit status 3.*out of luck'):
+    with pytest.raises(NativeError, match=r'(?s)exit status 3.*out of luck'):
         write_bundle(pump, tmp_path / 'out')
     assert sorted(path.name for path in tmp_path.iterdir() if path.name != 'home') == ['in']
 

@@ -117,7 +117,8 @@ class _ModuleWriter:
         for number, item in enumerate(self._program.properties):
             shown = next(comment(f'{item.id}: {item.title or item.text}'))
             yield f'  {self._names.requirements[number]} = {number},  {shown}'
-        yield f'  {self._names.requirement_count} = {len(self._program.properties)}  // all of them'
+        count = len(self._program.properties)
+        yield f'  {self._names.requirement_count} = {count}  // all of them'
         yield '};'
         yield ''
 

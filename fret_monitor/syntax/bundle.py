@@ -44,6 +44,7 @@ from fret_monitor.syntax.expression import fret_name
 from fret_monitor.syntax.words import Fault
 from fret_monitor.syntax.words import handler_fault
 from fret_monitor.syntax.words import is_integer
+from fret_monitor.syntax.words import LONGEST_PATH
 from fret_monitor.syntax.words import looks_like_number
 from fret_monitor.syntax.words import name_fault
 from fret_monitor.syntax.words import number_fault
@@ -259,12 +260,12 @@ def read_source(path: Path, max_bytes: int = MAX_BYTES) -> Source:
     except (OSError, ValueError) as error:
         refuse(_unreadable(path, error))
     if len(data) > max_bytes:
-        refuse(f'{shown(str(path))} is larger than {max_bytes // 2 ** 20} MiB')
+        refuse(f'{shown(str(path), LONGEST_PATH)} is larger than {max_bytes // 2 ** 20} MiB')
     return _decoded(path, data)
 
 
 def _unreadable(path: Path, error: OSError | ValueError) -> str:
-    name = shown(str(path))
+    name = shown(str(path), LONGEST_PATH)
     match error:
         case FileNotFoundError():
             return f'there is no file {name}'

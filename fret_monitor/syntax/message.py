@@ -39,6 +39,7 @@ from fret_monitor.diagnostics import refuse
 from fret_monitor.diagnostics import Source
 from fret_monitor.diagnostics import Span
 from fret_monitor.diagnostics import Text
+from fret_monitor.syntax.words import LONGEST_PATH
 from fret_monitor.syntax.words import shown
 
 _SCALARS = (
@@ -210,7 +211,7 @@ def _read(path: Path, package: str, prefixes: tuple[Path, ...],
         with path.open('rb') as file:
             text = file.read(_MAX_BYTES).decode('utf-8', 'replace')
     except OSError as error:
-        refuse(f'{shown(str(path))} cannot be read: {error.strerror}')
+        refuse(f'{shown(str(path), LONGEST_PATH)} cannot be read: {error.strerror}')
     return _parse(Source(str(path), text), package, path.stem, prefixes)
 
 

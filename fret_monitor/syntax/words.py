@@ -40,6 +40,7 @@ _MESSAGE = re.compile(r'[A-Z][A-Za-z0-9]*')
 _TOPIC_TOKEN = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
 _SUBSTITUTION = re.compile(r'\{(?:node|ns|namespace)\}')
 _MAX_SHOWN = 60
+LONGEST_PATH = 4096  # shown whole: its end says most
 _MAX_EXPONENT = 30
 
 _MEANINGS = {
@@ -70,9 +71,9 @@ class Fault(NamedTuple):
     help: str = ''
 
 
-def shown(text: str) -> str:
+def shown(text: str, longest: int = _MAX_SHOWN) -> str:
     """Return a user's word in quotes, on one line, without what would move the terminal."""
-    short = text if len(text) <= _MAX_SHOWN else text[:_MAX_SHOWN] + '...'
+    short = text if len(text) <= longest else text[:longest] + '...'
     safe = ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in short)
     return f"'{safe}'"
 

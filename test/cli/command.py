@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command line as a user runs it, in a process of its own or, where that is enough, in ours."""
+"""The command line as a user runs it, in a process of its own or, where that will do, in ours."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

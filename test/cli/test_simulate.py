@@ -69,8 +69,8 @@ def refused(here: Here, trace: str | bytes) -> str:
 
 
 def test_a_row_a_step_is_written_with_the_ids_in_the_order_of_the_bundle(here: Here) -> None:
-    trace = here.file('trace.csv', HEADING + GOOD + '1,0.5,5,LANDING,stopped\n'
-                                                   '0,0,-128,7,moving\n')
+    rows = GOOD + '1,0.5,5,LANDING,stopped\n0,0,-128,7,moving\n'
+    trace = here.file('trace.csv', HEADING + rows)
     done = here.run('simulate', here.file('pump.yaml', PUMP), '--trace', trace)
     assert done.out == 'step,R-1,"R,2","R""3"\n0,0,1,1\n1,1,0,0\n2,0,1,1\n'
     assert (done.status, done.err) == (0, '')
@@ -210,8 +210,8 @@ def test_csv_is_read_as_spreadsheets_write_it(here: Here, trace: bytes) -> None:
     (HEADING + '0,0,0,0,"mov"ing\n', 'trace.csv:2:1: error: not CSV:'),
     (HEADING + '0,0,0,0,' + 'm' * 200_000 + '\n', 'trace.csv:2:1: error: not CSV: field larger'),
 ], ids=range(30))
-def test_a_trace_that_cannot_be_used_is_refused_with_its_place(here: Here, trace: str,
-                                                              expected: str) -> None:
+def test_a_trace_that_cannot_be_used_is_refused_with_its_place(
+        here: Here, trace: str, expected: str) -> None:
     said = refused(here, trace)
     assert expected in said
     assert len(said) < 1000

@@ -38,7 +38,8 @@ import pytest
 HOSTILE = [
     '*/ int x; /*', '/* never closed', 'ends in a backslash \\', 'a trigraph ??/', '???/', '????/',
     '??' * 50 + '/', '??\n/', 'line\nbreak', 'carriage\rreturn', 'a\x0bb\x0cc', 'next\x85line',
-    'line\u2028separator\u2029s', '"quoted" and \'quoted\'', '%s%n%d', 'nul\x00byte', '\x1b[31mred',
+    'line\u2028separator\u2029s', '"quoted" and \'quoted\'', '%s%n%d', 'nul\x00byte',
+    '\x1b[31mred',
     '\N{RIGHT-TO-LEFT OVERRIDE}txet', '\N{LEFT-TO-RIGHT ISOLATE}x', 'ש\u0631', '日本語', 'é' * 400,
     'x' * 5000, 'a \\ b ' * 100, '#include <x>', '#error no', '\ud800', '/' * 300, '/*' * 100,
     '*' * 95 + '/', 'x' * 88 + ' \\', '\\' * 500, '\N{ZERO WIDTH SPACE}', '', ' ', '-' * 200,
@@ -71,8 +72,8 @@ def test_ids_and_names_of_inputs_may_be_any_text() -> None:
 
 
 def test_what_is_harmless_stays_as_it_is() -> None:
-    for text in ('if p ROS_component shall within 10 seconds satisfy x <= cc_t', 'a / b * c', 'why?',
-                 'Übergröße', '日本語', 'x → y', '50 % of 3 µm'):
+    for text in ('if p ROS_component shall within 10 seconds satisfy x <= cc_t', 'a / b * c',
+                 'why?', 'Übergröße', '日本語', 'x → y', '50 % of 3 µm'):
         assert safe(text) == text
 
 

@@ -40,28 +40,30 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-KEYWORDS = '''
-auto break case char const continue default do double else enum extern float for goto if inline int
-long register restrict return short signed sizeof static struct switch typedef union unsigned void
-volatile while _Bool _Complex bool asm typeof class new delete this template private public and not
-xor nullptr constexpr thread_local namespace operator virtual
-'''.split()
-LIBRARY = '''
-errno NULL NAN INFINITY EOF INT64_MIN UINT64_C HUGE_VAL M_PI FLT_MAX DBL_EPSILON true false size_t
-int8_t uint64_t float_t ptrdiff_t max_align_t offsetof pow fmod fmodf memset memcpy sin exp log log2
-abs fabs round floor isnan signbit isinf gamma signgam y0 j1 y1 index main printf stdin stdout
-malloc environ linux unix i386 math_errhandling fpclassify nan nanf div time clock strlen bcmp
-FLT_EVAL_METHOD __FILE__ __func__ _Generic assert I
-'''.split()
-OURS = '''
-s in state inputs verdicts monitor groups requirements none fm_bit fm_monitor fm_once_within_u8 FM_ABI
-FM_EXPORT value_3 once_1 once_2 x_f64 x_f64_2_ _x __x x_ bits_0 next_0 wire_1 line_2 flag_1 number_5
-number_5_i64 group_0 v_int v_in v_s i random_step random_reset random_monitor random_req_R_1
-random_state struct_random inputs_0 requirements_0 fret fret_monitor counter_1 position_65 yesterday_1
-'''.split()
+KEYWORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline
+int long register restrict return short signed sizeof static struct switch typedef union
+unsigned void volatile while _Bool _Complex bool asm typeof class new delete this template
+private public and not xor nullptr constexpr thread_local namespace operator virtual
+""".split()
+LIBRARY = """
+errno NULL NAN INFINITY EOF INT64_MIN UINT64_C HUGE_VAL M_PI FLT_MAX DBL_EPSILON true false
+size_t int8_t uint64_t float_t ptrdiff_t max_align_t offsetof pow fmod fmodf memset memcpy sin
+exp log log2 abs fabs round floor isnan signbit isinf gamma signgam y0 j1 y1 index main printf
+stdin stdout malloc environ linux unix i386 math_errhandling fpclassify nan nanf div time clock
+strlen bcmp FLT_EVAL_METHOD __FILE__ __func__ _Generic assert I
+""".split()
+OURS = """
+s in state inputs verdicts monitor groups requirements none fm_bit fm_monitor fm_once_within_u8
+FM_ABI FM_EXPORT value_3 once_1 once_2 x_f64 x_f64_2_ _x __x x_ bits_0 next_0 wire_1 line_2
+flag_1 number_5 number_5_i64 group_0 v_int v_in v_s i random_step random_reset random_monitor
+random_req_R_1 random_state struct_random inputs_0 requirements_0 fret fret_monitor counter_1
+position_65 yesterday_1
+""".split()
 NAMES = list(dict.fromkeys([*KEYWORDS, *LIBRARY, *OURS]))
 QUOTED = ['two words', 'Übergröße', '日本', 'a%s%n', '*/ int', '// x', '??/', '9lives', 'a_DOT_b',
-          'a.b', '$cost', 'a' * 300, '100%', 'x y', 'x_y', 'x-y', "it's", '\N{RIGHT-TO-LEFT MARK}x']
+          'a.b', '$cost', 'a' * 300, '100%', 'x y', 'x_y', 'x-y', "it's",
+          '\N{RIGHT-TO-LEFT MARK}x']
 
 
 def small(name: str, kind: ValueType = ValueType.BOOL) -> Variable:
@@ -116,7 +118,7 @@ def test_definitions_have_any_names_those_of_inputs_once_written_in_c_too() -> N
         whole = Binary(BinaryOperator.IFF, whole, item)
     specification = replace(
         specify([whole, Historically(Window(0, 9), terms[3])]),
-        definitions=tuple((f'{name}\'', item) for name, item in zip(names, terms, strict=True)))
+        definitions=tuple((f"{name}'", item) for name, item in zip(names, terms, strict=True)))
     assert_clean_and_right(specification)
     specification = replace(
         specification,
@@ -127,8 +129,9 @@ def test_definitions_have_any_names_those_of_inputs_once_written_in_c_too() -> N
 
 @pytest.mark.parametrize('stem', [
     'fret', 'FRET', 'fm', 'fm_', 'math', 'string', 'int', 'main', 'errno', '9lives',
-    'fret_monitor', 'fret_cells', 'evaluator', 'Ünï', '日本', 'a b', 'a.b', '-', '_', '__x', '.yaml',
-    'FM', 'FM_EXPORT', 'NULL', 'bool', '??/', '%s', '"', 'x\\', '*/', 'x\n#error', 'linux', 'std',
+    'fret_monitor', 'fret_cells', 'evaluator', 'Ünï', '日本', 'a b', 'a.b', '-', '_', '__x',
+    '.yaml', 'FM', 'FM_EXPORT', 'NULL', 'bool', '??/', '%s', '"', 'x\\', '*/',
+    'x\n#error', 'linux', 'std',
     '\N{RIGHT-TO-LEFT OVERRIDE}lmay', '\udcff', 'clock', 'memset', 'n' * 100])
 def test_a_bundle_has_any_file_name(stem: str) -> None:
     p, q = small('p'), small('q')

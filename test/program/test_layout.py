@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where state lies: as narrow as its bounds allow, known before the run, and what C makes of it."""
+"""Where state lies: as narrow as its bounds allow, known before the run, and the same in C."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -60,7 +60,8 @@ def size(*formulas: str) -> int:
 
 @pytest.mark.parametrize(('formula', 'fields'), [
     # Counters hold bound + 1.
-    ('O[0,1] p', 'counter uint8'), ('O[0,254] p', 'counter uint8'), ('O[0,255] p', 'counter uint16'),
+    ('O[0,1] p', 'counter uint8'), ('O[0,254] p', 'counter uint8'),
+    ('O[0,255] p', 'counter uint16'),
     ('O[0,65534] p', 'counter uint16'), ('O[0,65535] p', 'counter uint32'),
     ('O[0,2147483647] p', 'counter uint32'), ('H[0,254] p', 'counter uint8'),
     ('H[0,255] p', 'counter uint16'), ('p S[0,254] q', 'counter uint8'),
@@ -126,7 +127,8 @@ def test_the_bytes_that_are_told_are_those_of_c(seed: int, tmp_path: Path) -> No
     specification = specification_of(properties)
     layouts = layouts_of(specification)
     module = c_module(specification)
-    told = [(f'struct random_group_{number}', layout.size) for number, layout in enumerate(layouts)]
+    told = [(f'struct random_group_{number}', layout.size)
+            for number, layout in enumerate(layouts)]
     told.append(('struct random_state', state_bytes(layouts)))
     lines = [f'typedef char size_{number}[sizeof({name}) == {bytes}u ? 1 : -1];'
              for number, (name, bytes) in enumerate(told)]
@@ -171,7 +173,8 @@ def test_many_small_states_are_refused_together() -> None:
 def test_16_mib_are_allowed_and_not_a_byte_more() -> None:
     steps = (MAX_STATE_BYTES - 4) * 8
     generate(specified(f'O[{steps},{steps}] p'))
-    assert 'the bundle needs 16,777,220 bytes' in refusal(specified(f'O[{steps + 1},{steps + 1}] p'))
+    said = refusal(specified(f'O[{steps + 1},{steps + 1}] p'))
+    assert 'the bundle needs 16,777,220 bytes' in said
 
 
 @pytest.mark.parametrize(('formula', 'most'), [

@@ -21,12 +21,8 @@ from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Variable
 from fret_monitor.logic.specification import Specification
 from fret_monitor.program.lower import lower
-from fret_monitor.program.monitor_program import AlwaysWithin
-from fret_monitor.program.monitor_program import Delay
-from fret_monitor.program.monitor_program import OnceWithin
 from program.written import operations
 from program.written import specified
-from program.written import state
 import pytest
 from strategies import random_trace
 from strategies import Trace
@@ -98,7 +94,8 @@ KINDS = [
     ('x = x', 'ApplyBinary'), ('x >= x', 'ApplyBinary'), ('x != x', 'ApplyBinary'),
     # the first time point
     ('FTP', 'FirstStep'), ('Y TRUE', 'FirstStep'), ('Z FALSE', 'FirstStep'),
-    ('Y p | FTP', 'Delay'), ('FTP | Y p', 'Delay'), ('Z p & !FTP', 'Delay'), ('!FTP & Y p', 'Delay'),
+    ('Y p | FTP', 'Delay'), ('FTP | Y p', 'Delay'), ('Z p & !FTP', 'Delay'),
+    ('!FTP & Y p', 'Delay'),
     ('O[3,7] TRUE', 'OnceBefore'), ('Y Y TRUE', 'Delay FirstStep'),
     ('O[0,5] FTP', 'OnceBefore'), ('H[0,5] !FTP', 'OnceBefore'),
     ('O[0,5] (FTP | p)', 'OnceWithin'), ('O[0,5] (p | FTP)', 'OnceWithin'),
@@ -117,8 +114,9 @@ KINDS = [
     ('ite(p, p, q)', 'ApplyBinary'), ('ite(p, q, r)', 'Choose'), ('ite(TRUE, q, r)', ''),
     ('ite(!p, q, r) | ite(p, r, q)', 'Choose'),
     # windows
-    ('O p', 'OnceEver'), ('H p', 'AlwaysSoFar'), ('p S q', 'SinceEver'), ('p T q', 'TriggeredEver'),
-    ('O[0,9] p', 'OnceWithin'), ('H[0,9] p', 'AlwaysWithin'), ('p S[0,9] q', 'SinceWithin'),
+    ('O p', 'OnceEver'), ('H p', 'AlwaysSoFar'), ('p S q', 'SinceEver'),
+    ('p T q', 'TriggeredEver'), ('O[0,9] p', 'OnceWithin'), ('H[0,9] p', 'AlwaysWithin'),
+    ('p S[0,9] q', 'SinceWithin'),
     ('p T[0,9] q', 'SinceWithin'), ('O[9,9] p', 'Delay'), ('H[9,9] p', 'Delay'),
     ('O[3,9] p', 'Delay OnceWithin'), ('H[3,9] p', 'AlwaysWithin Delay'),
     ('O[>=3] p', 'OnceBefore'), ('H[>=3] p', 'OnceBefore'), ('p S[>=3] q', 'SinceBefore'),

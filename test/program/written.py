@@ -75,5 +75,6 @@ def kinds(layout: GroupLayout) -> Sequence[str]:
 
 def state(*formulas: str) -> list[str]:
     """Return the fields of the state that formulas need, as kind, type and length."""
-    return sorted(f'{field.kind.value} {field.type.value}' + (f'[{field.length}]' * (field.length > 0))
-                  for layout in layouts_of(specified(*formulas)) for field in layout.fields)
+    fields = [field for layout in layouts_of(specified(*formulas)) for field in layout.fields]
+    return sorted(f'{field.kind.value} {field.type.value}'
+                  + (f'[{field.length}]' if field.length else '') for field in fields)

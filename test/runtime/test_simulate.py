@@ -1,0 +1,128 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Traces of random bundles: what `simulate` writes is what the reference says of each row."""
+
+from collections.abc import Iterator
+import csv
+from dataclasses import replace
+import math
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from fret_monitor.build import build_specification
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.logic.evaluate import verdicts
+from fret_monitor.logic.formula import FTP
+from fret_monitor.logic.specification import Specification
+from fret_monitor.manifest import Policy
+from fret_monitor.runtime import simulate as module
+from fret_monitor.runtime.simulate import simulate
+import pytest
+from strategies import INPUTS
+from strategies import property_of
+from strategies import random_inputs
+from strategies import random_property
+from strategies import random_trace
+from strategies import specification_of
+from strategies import Trace
+
+
+def random_specification(rng: Random, policy: Policy) -> Specification:
+    """Return random requirements, whose inputs have values before the first row."""
+    properties = [random_property(rng, f'R-{number}', random_inputs(rng), reach=70,
+                                  loops=number % 2) for number in range(20)]
+    plain = specification_of(properties, INPUTS, policy)
+    return replace(plain, signals=tuple(replace(item, initial=item.type.is_number and 1)
+                                        for item in plain.signals))
+
+
+def cell(rng: Random, value: Any) -> str:
+    """Write a value in one of the ways that a trace may."""
+    if isinstance(value, bool):
+        return rng.choice(['0', 'false', 'False'] if not value else ['1', 'true', 'TRUE'])
+    if isinstance(value, int):
+        return rng.choice([str(value), f' {value} ', f'{value:+}'])
+    if math.isfinite(value):
+        return rng.choice([repr(value), f'{value:.17e}', f'{value:+.20g}'])
+    return rng.choice([str(value), str(value).upper(), f' {value}'])
+
+
+def write_trace(rng: Random, trace: Trace, path: Path) -> None:
+    """Write a trace with its columns in any order, and one that nobody reads."""
+    names = list(trace)
+    rng.shuffle(names)
+    with path.open('w', newline='') as file:
+        writer = csv.writer(file, quoting=rng.choice([csv.QUOTE_ALL, csv.QUOTE_MINIMAL]))
+        writer.writerow([*names, 'note'])
+        for row in zip(*(trace[name] for name in names), strict=True):
+            writer.writerow([*(cell(rng, value) for value in row), 'a,"b"'])
+
+
+def rows(path: Path) -> Iterator[list[str]]:
+    """Yield the rows of a file of verdicts."""
+    with path.open(newline='') as file:
+        yield from csv.reader(file)
+
+
+@pytest.mark.parametrize('policy', Policy)
+@pytest.mark.parametrize('steps', [0, 1, 300])
+def test_verdicts_are_those_of_the_reference_under_every_policy(
+        tmp_path: Path, policy: Policy, steps: int) -> None:
+    rng = Random(steps)
+    specification = random_specification(rng, policy)
+    trace = random_trace(rng, INPUTS, steps)
+    write_trace(rng, trace, tmp_path / 'trace.csv')
+    summary = simulate(build_specification(specification).monitor, tmp_path / 'trace.csv',
+                       tmp_path / 'verdicts.csv')
+    heading, *found = rows(tmp_path / 'verdicts.csv')
+    expected = [verdicts(item.formula, trace, item.feedback) for item in specification.properties]
+    assert heading == ['step', *(item.id for item in specification.properties)]
+    assert found == [[str(step), *(str(int(column[step])) for column in expected)]
+                     for step in range(steps)]
+    assert summary.steps == steps
+    assert list(summary.violations.values()) == [column.count(False) for column in expected]
+
+
+@pytest.mark.parametrize('block', [1, 2, 7, 300])
+def test_blocks_of_any_size_give_the_same_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                               block: int) -> None:
+    rng = Random(7)
+    specification = random_specification(rng, Policy.EVERY_MESSAGE)
+    write_trace(rng, random_trace(rng, INPUTS, 300), tmp_path / 'trace.csv')
+    monitor = build_specification(specification).monitor
+    whole = simulate(monitor, tmp_path / 'trace.csv', tmp_path / 'whole.csv')
+    monkeypatch.setattr(module, '_BLOCK', block)
+    assert simulate(monitor, tmp_path / 'trace.csv', tmp_path / 'cut.csv') == whole
+    assert (tmp_path / 'cut.csv').read_bytes() == (tmp_path / 'whole.csv').read_bytes()
+
+
+def test_a_bundle_without_inputs_takes_a_step_a_row(tmp_path: Path) -> None:
+    monitor = build_specification(specification_of([property_of('R', FTP)], ())).monitor
+    (tmp_path / 'trace.csv').write_text('time\n0\n1\n2\n')
+    simulate(monitor, tmp_path / 'trace.csv', tmp_path / 'out.csv')
+    assert (tmp_path / 'out.csv').read_text() == 'step,R\n0,1\n1,0\n2,0\n'
+
+
+def test_a_trace_that_breaks_off_in_a_later_block_leaves_no_verdicts(tmp_path: Path) -> None:
+    rng = Random(1)
+    specification = random_specification(rng, Policy.EVERY_MESSAGE)
+    write_trace(rng, random_trace(rng, INPUTS, 9000), tmp_path / 'trace.csv')
+    with (tmp_path / 'trace.csv').open('a') as file:
+        file.write('1,2,3\n')
+    with pytest.raises(CompileError, match=r'trace.csv:9002:1: error: 3 cells in a row'):
+        simulate(build_specification(specification).monitor, tmp_path / 'trace.csv',
+                 tmp_path / 'out.csv')
+    assert [path.name for path in tmp_path.iterdir()] == ['trace.csv']
