@@ -63,6 +63,7 @@ from fret_monitor.syntax.smv import PRECEDENCE
 _POINTS = {'first': TimingKind.IMMEDIATELY, 'same': TimingKind.IMMEDIATELY,
            'next': TimingKind.NEXT, 'last': TimingKind.FINALLY,
            'initially': TimingKind.IMMEDIATELY}
+_END_OF_NUMBER = r'(?![\w.$])'
 
 
 class _Run(NamedTuple):
@@ -83,7 +84,10 @@ _Piece: TypeAlias = Operator | Expression | Pending
 
 def _pattern() -> re.Pattern[str]:
     operators = '|'.join(map(re.escape, sorted(OPERATORS, key=len, reverse=True)))
-    return re.compile(rf'\s+|{_lalr.NUMBER}|{_lalr.NAME}|{_lalr.QUOTED}'
+    # FRET reads `3seconds` as two words; `3s` is one slip, and not no number.
+    units = '|'.join(sorted((*UNITS, *fretish_help.ABBREVIATIONS), key=len, reverse=True))
+    number = _lalr.NUMBER.replace(_END_OF_NUMBER, rf'(?:{_END_OF_NUMBER}|(?=(?i:{units})\b))')
+    return re.compile(rf'\s+|{number}|{_lalr.NAME}|{_lalr.QUOTED}'
                       f'|(?P<OPERATOR>{operators})|(?P<BAD>.)', re.ASCII | re.DOTALL)
 
 

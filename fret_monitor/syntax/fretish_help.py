@@ -45,19 +45,23 @@ _FOREIGN = {
     '[': 'an element of an array is an input of its own: field: NAME[INDEX]',
     '{': 'write an enumeration as (x = A | x = B)',
 }
-# What people write for the words of FRETish.
-_MEANT = {
-    **dict.fromkeys(('should', 'must', 'will', 'can', 'may', 'has', 'does'), 'shall'),
-    **dict.fromkeys(('ensure', 'guarantee', 'be', 'meet', 'fulfil', 'fulfill', 'hold',
-                     'maintain', 'satisfies'), 'satisfy'),
+ABBREVIATIONS = {
     **dict.fromkeys(('ms', 'msec', 'msecs'), 'milliseconds'),
     **dict.fromkeys(('us', 'usec', 'usecs'), 'microseconds'),
     **dict.fromkeys(('s',), 'seconds'),
     **dict.fromkeys(('min', 'mins'), 'minutes'),
     **dict.fromkeys(('h', 'hr', 'hrs'), 'hours'),
+}
+"""What people write for units of time, which FRET does not read."""
+
+# What people write for the words of FRETish.
+_MEANT = {
+    **ABBREVIATIONS,
+    **dict.fromkeys(('should', 'must', 'will', 'can', 'may', 'has', 'does'), 'shall'),
+    **dict.fromkeys(('ensure', 'guarantee', 'be', 'meet', 'fulfil', 'fulfill', 'hold',
+                     'maintain', 'satisfies'), 'satisfy'),
     **dict.fromkeys(('step', 'steps', 'cycle', 'cycles', 'message', 'messages', 'samples',
                      'timepoints', 'timestep', 'timesteps'), 'ticks'),
-    **dict.fromkeys(('time', 'timestep', 'point', 'instant', 'step', 'moment'), 'timepoint'),
     **dict.fromkeys(('provided', 'given', 'assuming'), 'if'),
     **dict.fromkeys(('soon', 'once'), 'upon'),
     **dict.fromkeys(('globally', 'continuously', 'constantly', 'permanently'), 'always'),
@@ -66,6 +70,7 @@ _MEANT = {
     **dict.fromkeys(('following', 'subsequent'), 'next'),
     **dict.fromkeys(('state', 'phase'), 'mode'),
 }
+_POINTS = frozenset({'time', 'timestep', 'point', 'instant', 'step', 'moment'})
 _SYMBOLS = {'AND': '&', 'OR': '|', 'NEGATION': '!'}
 _NAMED_SYMBOLS = {'implies': '=>', 'iff': '<=>', 'equals': '=', 'plus': '+', 'minus': '-',
                   'times': '*', 'div': '/'}
@@ -273,6 +278,8 @@ def _meant(misfit: Misfit) -> tuple[Lexeme, str] | None:
 
 def _closest(name: str, fitting: frozenset[str]) -> str | None:
     words = [word for word, kind in WORDS.items() if kind in fitting]
+    if 'TIMEPOINT' in fitting and name.lower() in _POINTS:
+        return 'timepoint'
     meant = _MEANT.get(name.lower())
     if meant in words:
         return meant

@@ -157,6 +157,12 @@ def test_each_unit_is_read(words: str, unit: Unit) -> None:
         assert (timing.duration.number, timing.duration.unit) == ('5', unit)
 
 
+def test_a_unit_may_touch_its_number() -> None:
+    assert parse('the sw shall within 3seconds satisfy r').key == 'null,null,within'
+    assert "did you mean 'seconds'?" in str(error('the sw shall within 3s satisfy r'))
+    assert 'not a number' in str(error('the sw shall always satisfy x > 3x'))
+
+
 @pytest.mark.parametrize('sentence', [
     'when p the sw shall always satisfy r', 'when p shall the sw always satisfy r',
     'when p sw shall always satisfy r.', 'the sw when p shall always satisfy r',
@@ -232,6 +238,11 @@ def test_an_expression_alone_is_no_sentence() -> None:
 def test_errors_say_where_and_what_to_write(case: Path) -> None:
     sentences = case.read_text(encoding='utf-8').rstrip('\n').split('\n')
     golden.check(case, '\n\n'.join(str(error(sentence)) for sentence in sentences) + '\n')
+
+
+def test_a_step_is_a_tick_or_a_timepoint() -> None:
+    assert "did you mean 'ticks'?" in str(error('the sw shall within 3 step satisfy r'))
+    assert "did you mean 'timepoint'?" in str(error('the sw shall at the next step satisfy r'))
 
 
 def test_an_empty_text_is_refused_with_an_example() -> None:
