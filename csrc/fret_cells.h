@@ -45,7 +45,8 @@ static inline bool fm_bit(uint64_t word, unsigned k) {return ((word >> k) & 1u) 
 /// Counters. The state is one unsigned integer that can hold bound + 1. No cell branches: what a
 /// robot measures is hard to predict.
 ///
-/// The first three keep what the age of something will be at the next step, up to bound + 1.
+/// The first three keep what the age of something will be at the next step; any number above
+/// bound is never.
 /// once_within    O[0,bound] p: the age is the steps since the last p; starts at bound + 1, and
 ///                true until step m without any p from bound - m.
 /// always_within  H[0,bound] p: the age is the steps since the last !p; starts likewise.
