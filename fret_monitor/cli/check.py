@@ -81,7 +81,8 @@ def _report(path: Path, generated: GeneratedMonitor) -> Iterator[str]:
     manifest = generated.manifest
     operations = sum(group.operations for group in manifest.groups)
     yield (f'{path}: {counted(len(manifest.requirements), "requirement")}, '
-           f'{counted(len(manifest.inputs), "input")} on {counted(len(manifest.topics), "topic")}, '
+           f'{counted(len(manifest.inputs), "input")} on '
+           f'{counted(len(manifest.topics), "topic")}, '
            f'{counted(manifest.state_bytes, "byte")} of state, '
            f'{counted(operations, "operation")} a step')
     step = _STEPS[manifest.policy][0].format(period=manifest.period)

@@ -131,7 +131,7 @@ class Requirement:
 
     @property
     def handler(self) -> str:
-        """The name of its handler (see `handler_name`)."""
+        """The name of its handler, as `handler_name` says."""
         return handler_name(self.id.value)
 
 

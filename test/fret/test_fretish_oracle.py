@@ -39,7 +39,8 @@ def column(rng: Random, steps: int) -> list[bool]:
 
 def random_setting(rng: Random, duration: int) -> Setting:
     steps = rng.choice((1, 2, 3, 4, 5, 6, 8, 10, 12, 16))
-    return Setting(*(column(rng, steps) for _ in range(4)), duration)
+    mode, condition, response, stop = (column(rng, steps) for _ in range(4))
+    return Setting(mode, condition, response, stop, duration)
 
 
 def formulas_for(duration: int) -> list[Formula]:
@@ -84,11 +85,11 @@ def test_the_oracle_of_this_suite_agrees_with_that_of_fret() -> None:
     count = 0
     for (steps, duration, *spans), expected in zip(data['settings'], data['expected'],
                                                    strict=True):
-        columns = [[any(first <= step <= last for first, last in intervals)
-                    for step in range(steps)] for intervals in spans]
-        found = verdicts(Setting(*columns, duration))
+        mode, condition, response, stop = ([any(first <= step <= last for first, last in intervals)
+                                            for step in range(steps)] for intervals in spans)
+        found = verdicts(Setting(mode, condition, response, stop, duration))
         for name, verdict in zip(data['keys'], expected, strict=True):
-            key = tuple(name.split(',')[:3])
-            assert found[key] == (verdict in ('1', 1)), (name, spans)  # type: ignore[index]
+            scope, condition_kind, timing = name.split(',')[:3]
+            assert found[scope, condition_kind, timing] == (verdict in ('1', 1)), (name, spans)
             count += 1
     assert count == 26_400

@@ -267,7 +267,10 @@ def test_names_are_typed_by_their_use() -> None:
     sentence = parse('while p = q the sw shall always satisfy q & x > 3 & preInt(0, k) = n & '
                      'ite(r, y, z) = w & a')
     problems = Problems()
-    kinds = {name: item.term.value.type for name, item in scope_by_use(sentence).names.items()}
+    kinds = {}
+    for name, item in scope_by_use(sentence).names.items():
+        assert isinstance(item.term.value, Variable)
+        kinds[name] = item.term.value.type
     assert not problems.errors
     assert {name for name, kind in kinds.items() if kind is ValueType.BOOL} == set('pqra')
     assert {name for name, kind in kinds.items() if kind is ValueType.FLOAT64} >= set('xyzw')
