@@ -20,6 +20,7 @@ from io import StringIO
 import os
 from pathlib import Path
 import resource
+import signal
 import subprocess
 import sys
 import threading
@@ -380,3 +381,43 @@ def test_an_output_that_is_full_is_told(here: Here) -> None:
                                   stderr=subprocess.PIPE, text=True, check=False)
         assert done.returncode == 1
         assert done.stderr == 'error: cannot write to standard output: No space left on device\n'
+
+
+def test_an_interrupt_leaves_nothing_and_is_no_traceback(here: Here) -> None:
+    bundle, out, pipe = here.file('pump.yaml', PUMP), here.folder / 'out.csv', here.folder / 'pipe'
+    os.mkfifo(pipe)
+    process = subprocess.Popen(
+        command('simulate', bundle, '--trace', pipe, '--verdicts', out), env=environment(),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    with pipe.open('w') as writer:  # opens when the reader does
+        writer.write(HEADING + GOOD * 20_000)
+        writer.flush()
+        process.send_signal(signal.SIGINT)
+        said, err = process.communicate(timeout=60)
+    assert (process.returncode, said, err) == (130, '', '')
+    assert sorted(os.listdir(here.folder)) == ['pipe', 'pump.yaml']
+
+
+def test_odd_names_go_all_the_way(here: Here) -> None:
+    bundle = here.file('odd names *', '''\
+format: 1
+inputs:
+  '"a,b"': {type: bool}
+  '"two words"': {type: bool}
+  int: {type: int32}
+  math_errhandling: {type: float32}
+  a.b%c: {type: bool}
+definitions:
+  once_1: 'O[0,1] "a,b"'
+requirements:
+  - {id: "x, \\"y\\"", ptltl: 'once_1 & "two words"', title: "*/ ???/"}
+  - {id: 日本, ptltl: 'int > 3 | math_errhandling > 0.5 | a.b%c', title: 'ends in \\'}
+''')
+    heading = '"a,b",two words,int,math_errhandling,a.b%c\n'
+    trace = here.file('trace.csv', heading + '1,1,0,0,0\n0,1,4,0,0\n0,1,0,1,0\n0,0,0,0,1\n')
+    done = here.run('simulate', bundle, '--trace', trace)
+    assert (done.status, done.err) == (0, '')
+    assert done.out == 'step,"x, ""y""",日本\n0,1,0\n1,1,1\n2,0,1\n3,0,1\n'
+    done = here.run('compile', bundle, '--output', here.folder / 'out')
+    assert (done.status, done.err) == (0, '')
+    assert 'odd_names___monitor.c' in os.listdir(here.folder / 'out' / 'src')

@@ -103,6 +103,7 @@ KINDS = [
     ('H[0,3] !FTP & H[0,5] p', 'AlwaysWithin'), ('H[0,5] p & H[0,5] !FTP', 'AlwaysWithin'),
     ('H[0,5] p & H[0,6] !FTP', 'AlwaysWithin ApplyBinary OnceBefore'),
     ('H[0,5] p & H[0,3] !FTP & H[0,4] !FTP', 'AlwaysWithin'),
+    ('H[0,5] p & H[0,4] !FTP & H[0,3] !FTP', 'AlwaysWithin'),
     ('O[0,5] p | O[0,3] FTP', 'OnceWithin'),
     # factors
     ('(p & q) | (p & r)', 'ApplyBinary ApplyBinary'),
@@ -111,7 +112,9 @@ KINDS = [
     ('(p & q) | (p & !q)', ''),
     # choices
     ('ite(p, q, q)', ''), ('ite(p, TRUE, q)', 'ApplyBinary'), ('ite(p, q, FALSE)', 'ApplyBinary'),
-    ('ite(p, p, q)', 'ApplyBinary'), ('ite(p, q, r)', 'Choose'), ('ite(TRUE, q, r)', ''),
+    ('ite(p, p, q)', 'ApplyBinary'), ('ite(p, !p, q)', 'ApplyBinary'),
+    ('ite(p, q, p)', 'ApplyBinary'), ('ite(p, q, !p)', 'ApplyBinary'),
+    ('ite(p, q, r)', 'Choose'), ('ite(TRUE, q, r)', ''),
     ('ite(!p, q, r) | ite(p, r, q)', 'Choose'),
     # windows
     ('O p', 'OnceEver'), ('H p', 'AlwaysSoFar'), ('p S q', 'SinceEver'),

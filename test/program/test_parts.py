@@ -231,3 +231,17 @@ def test_one_requirement_larger_than_parts_and_files() -> None:
     specification = specification_of([property_of('R-1', formula)], FEW)
     assert len(layouts_of(specification)[0].group.equations) > 3000
     assert_equal(specification, random_trace(rng, FEW, 150))
+
+
+@pytest.mark.parametrize('count', [8, 9, 16, 17, 32, 33, 63, 64, 65, 128, 129, 200])
+def test_bits_of_every_place_in_words_keep_their_values(count: int) -> None:
+    chain: list[Formula] = [P]
+    for number in range(count):
+        before = Yesterday if number % 3 else WeakYesterday
+        chain.append(before(chain[-1]))
+    formulas = [Binary(BinaryOperator.IFF, item, Q) for item in chain[1:]]
+    specification = specification_of([property_of(f'R-{number}', item)
+                                      for number, item in enumerate(formulas)], (P, Q))
+    assert any(item.kind is layout.FieldKind.BITS for item in layouts_of(specification)[0].fields) \
+        == (count > 8)
+    assert_equal(specification, random_trace(Random(count), (P, Q), 400))
