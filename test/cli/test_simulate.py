@@ -399,7 +399,7 @@ def test_an_interrupt_leaves_nothing_and_is_no_traceback(here: Here) -> None:
 
 
 def test_odd_names_go_all_the_way(here: Here) -> None:
-    bundle = here.file('odd names *', '''\
+    bundle = here.file('odd names *', """\
 format: 1
 inputs:
   '"a,b"': {type: bool}
@@ -412,7 +412,7 @@ definitions:
 requirements:
   - {id: "x, \\"y\\"", ptltl: 'once_1 & "two words"', title: "*/ ???/"}
   - {id: 日本, ptltl: 'int > 3 | math_errhandling > 0.5 | a.b%c', title: 'ends in \\'}
-''')
+""")
     heading = '"a,b",two words,int,math_errhandling,a.b%c\n'
     trace = here.file('trace.csv', heading + '1,1,0,0,0\n0,1,4,0,0\n0,1,0,1,0\n0,0,0,0,1\n')
     done = here.run('simulate', bundle, '--trace', trace)

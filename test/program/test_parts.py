@@ -233,7 +233,7 @@ def test_one_requirement_larger_than_parts_and_files() -> None:
     assert_equal(specification, random_trace(rng, FEW, 150))
 
 
-@pytest.mark.parametrize('count', [8, 9, 16, 17, 32, 33, 63, 64, 65, 128, 129, 200])
+@pytest.mark.parametrize('count', [8, 9, 33, 64, 65, 129, 200])
 def test_bits_of_every_place_in_words_keep_their_values(count: int) -> None:
     chain: list[Formula] = [P]
     for number in range(count):
@@ -242,6 +242,6 @@ def test_bits_of_every_place_in_words_keep_their_values(count: int) -> None:
     formulas = [Binary(BinaryOperator.IFF, item, Q) for item in chain[1:]]
     specification = specification_of([property_of(f'R-{number}', item)
                                       for number, item in enumerate(formulas)], (P, Q))
-    assert any(item.kind is layout.FieldKind.BITS for item in layouts_of(specification)[0].fields) \
-        == (count > 8)
+    kinds_of_fields = {item.kind for item in layouts_of(specification)[0].fields}
+    assert (layout.FieldKind.BITS in kinds_of_fields) == (count > 8)
     assert_equal(specification, random_trace(Random(count), (P, Q), 400))
