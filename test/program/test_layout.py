@@ -161,6 +161,9 @@ def test_a_bound_that_asks_for_too_much_is_refused_at_its_place() -> None:
 def test_the_widest_of_many_bounds_is_named() -> None:
     said = refusal(specified('O[900,900] p', 'O[1000,1001] q', 'O[0,5000] r'), 200)
     assert 'R-1 looks back 1,000 steps: 125 bytes' in said
+    alike = [f'O[{steps},{steps}] p' for steps in (70, 900, 1000, 80)]
+    assert 'R-2 looks back 1,000 steps' in refusal(specified(*alike), 200)
+    assert 'R-3 looks back 1,000 steps' in refusal(specified('q', *alike), 200)
 
 
 def test_many_small_states_are_refused_together() -> None:

@@ -138,6 +138,10 @@ def test_small_pieces_compute_what_the_whole_does(
     specification = specification_of([*properties, *shared_by_many(rng, 6, 40)])
     layouts = layouts_of(specification)
     assert max(len(item.parts) for item in layouts) > 5
+    for item in layouts:
+        whole = range(len(item.group.equations))
+        assert [index for one in item.parts for index in one] == list(whole)
+        assert all(0 < len(one) <= part for one in item.parts if len(whole))
     assert len(c_module(specification).sources) > 1
     assert_equal(specification, random_trace(rng, INPUTS, 300))
 

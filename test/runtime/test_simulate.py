@@ -17,19 +17,28 @@
 from collections.abc import Iterator
 import csv
 from dataclasses import replace
+from functools import cache
 import math
+import os
 from pathlib import Path
 from random import Random
+import tempfile
 from typing import Any
 
 from fret_monitor.build import build_specification
 from fret_monitor.diagnostics import CompileError
 from fret_monitor.logic.evaluate import verdicts
 from fret_monitor.logic.formula import FTP
+from fret_monitor.logic.formula import Variable
 from fret_monitor.logic.specification import Specification
 from fret_monitor.manifest import Policy
+from fret_monitor.manifest import ValueType
+from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime import simulate as module
 from fret_monitor.runtime.simulate import simulate
+from hypothesis import given
+from hypothesis import settings
+from hypothesis import strategies as st
 import pytest
 from strategies import INPUTS
 from strategies import property_of
@@ -126,3 +135,37 @@ def test_a_trace_that_breaks_off_in_a_later_block_leaves_no_verdicts(tmp_path: P
         simulate(build_specification(specification).monitor, tmp_path / 'trace.csv',
                  tmp_path / 'out.csv')
     assert [path.name for path in tmp_path.iterdir()] == ['trace.csv']
+
+
+@settings(max_examples=300)
+@given(st.lists(st.tuples(st.integers(0, 400), st.sampled_from([
+    b'', b'\n', b'\r', b',', b'"', b'\x00', b'\xff', b'\xef\xbb\xbf', b'1', b'-', b'.', b'e9',
+    b'nan', b'\xc3\xa4', b' ', b'9' * 30, b'\x1b', b'true'])), max_size=6))
+def test_a_damaged_trace_is_refused_or_read_and_never_a_crash(
+        damage: list[tuple[int, bytes]]) -> None:
+    monitor = damaged_monitor()
+    content = b'p,n,x\n' + b'1,-5,2.5\n0,7,1e3\n' * 20
+    for place, piece in damage:
+        content = content[:place] + piece + content[place + len(piece) // 2:]
+    with tempfile.TemporaryDirectory() as name:
+        trace, out = Path(name) / 'trace.csv', Path(name) / 'out.csv'
+        trace.write_bytes(content)
+        try:
+            summary = simulate(monitor, trace, out)
+        except CompileError as error:
+            assert not out.exists()
+            assert len(error.diagnostics) == 1
+            assert str(error).isprintable() or '\n' in str(error)
+        else:
+            assert len(out.read_text().splitlines()) == summary.steps + 1
+        assert sorted(os.listdir(name)) in (['trace.csv'], ['out.csv', 'trace.csv'])
+
+
+@cache
+def damaged_monitor() -> Monitor:
+    """Return a monitor of three inputs."""
+    inputs = (Variable('p', ValueType.BOOL), Variable('n', ValueType.INT8),
+              Variable('x', ValueType.FLOAT32))
+    rng = Random(1)
+    properties = [random_property(rng, f'R-{number}', inputs) for number in range(3)]
+    return build_specification(specification_of(properties, inputs)).monitor
