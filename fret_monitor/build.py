@@ -53,6 +53,7 @@ from fret_monitor.native.folder import EVALUATOR_FILE
 from fret_monitor.native.folder import is_compiled
 from fret_monitor.native.folder import library_file
 from fret_monitor.native.folder import MANIFEST_FILE
+from fret_monitor.native.folder import open_folder
 from fret_monitor.native.monitor import CompiledMonitor
 from fret_monitor.native.monitor import load
 from fret_monitor.program.layout import check_bounds
@@ -68,15 +69,21 @@ from fret_monitor.runtime.benchmark import step_nanoseconds
 from fret_monitor.syntax.bundle import Bundle
 from fret_monitor.syntax.bundle import survey_bundle
 
+_SOURCES = Path('src')
+
 
 @dataclass(frozen=True)
 class Reading:
-    """A bundle as understood: what it means, what was odd about it, its hash and its files."""
+    """
+    A bundle as understood: what it means, what was odd about it, and its hash.
+
+    `files` are those it was read from, the bundle first, each with the SHA-256 of what was read.
+    """
 
     specification: Specification
     warnings: tuple[Diagnostic, ...]
     bundle_hash: str
-    files: tuple[Path, ...]
+    files: tuple[tuple[Path, str], ...]
 
 
 @dataclass(frozen=True)
@@ -109,7 +116,7 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
     bundle = _with_policy(written, policy, period)
     specification, warnings = specify(bundle, problems=problems)
     return Reading(specification, warnings, _bundle_hash(bundle, specification),
-                   tuple(Path(source.name) for source in bundle.sources))
+                   tuple((Path(source.name), text_hash(source.text)) for source in bundle.sources))
 
 
 def _with_policy(bundle: Bundle, policy: Policy | None, period: Fraction | None) -> Bundle:
@@ -122,12 +129,17 @@ def _with_policy(bundle: Bundle, policy: Policy | None, period: Fraction | None)
     return replace(bundle, policy=policy, period=period)
 
 
+def text_hash(text: str) -> str:
+    """Return the SHA-256 of a text."""
+    return hashlib.sha256(text.encode('utf-8', 'surrogatepass')).hexdigest()
+
+
 def _bundle_hash(bundle: Bundle, specification: Specification) -> str:
     """Hash the files' texts and what the message definitions and overrides made of them."""
     parts = [str(FORMAT), bundle.name, *(source.text for source in bundle.sources)]
     parts += [repr(signal) for signal in specification.signals]
     parts += [specification.policy.value, str(specification.period)]
-    return hashlib.sha256('\0'.join(parts).encode('utf-8', 'surrogatepass')).hexdigest()
+    return text_hash('\0'.join(parts))
 
 
 def generate_monitor(reading: Reading, *,
@@ -220,11 +232,30 @@ def _telling(directory: Path) -> Iterator[None]:
 def _refuse_occupied(directory: Path, place: Path) -> None:
     if place.is_dir() and not is_compiled(place) and any(place.iterdir()):
         refuse(f"'{directory}' holds other files", help='name an empty folder, or a new one')
+    for other in _others(place):
+        refuse(f"'{directory}' holds '{other}', which `compile` did not write",
+               help='move it away, or name a new folder')
     if place.exists() and not place.is_dir():
         refuse(f"'{directory}' is a file", help='name a folder')
     if place == Path.cwd():
         refuse(f"'{directory}' is the folder you are in", help='it is put in place as a whole: '
                'name a new folder')
+
+
+def _others(place: Path) -> Iterator[Path]:
+    """Yield what is in a compiled folder besides what belongs there."""
+    if not is_compiled(place):
+        return
+    manifest = open_folder(place).manifest
+    ours = {Path(MANIFEST_FILE), Path(EVALUATOR_FILE), Path(library_file(manifest)), _SOURCES}
+    ours |= {_SOURCES / name for name in (*manifest.sources, *(file.name for file in _csrc()))}
+    yield from (found for found in sorted(path.relative_to(place) for path in place.rglob('*'))
+                if found not in ours)
+
+
+def _csrc() -> list[Path]:
+    """Return the hand-written C that belongs beside generated C."""
+    return [*csrc_directory().glob('*.h'), csrc_directory() / 'evaluator.c']
 
 
 def _fill(folder: Path, generated: GeneratedMonitor, library: Path, evaluator: Path) -> None:
@@ -233,11 +264,11 @@ def _fill(folder: Path, generated: GeneratedMonitor, library: Path, evaluator: P
     (folder / MANIFEST_FILE).write_text(manifest.to_json(), encoding='utf-8')
     shutil.copyfile(library, folder / library_file(manifest))
     shutil.copyfile(evaluator, folder / EVALUATOR_FILE)
-    sources = folder / 'src'
+    sources = folder / _SOURCES
     sources.mkdir()
     for name, text in (generated.module.header, *generated.module.sources):
         (sources / name).write_text(text, encoding='utf-8')
-    for file in (*csrc_directory().glob('*.h'), csrc_directory() / 'evaluator.c'):
+    for file in _csrc():
         shutil.copyfile(file, sources / file.name)
 
 

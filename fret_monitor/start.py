@@ -60,7 +60,7 @@ def start(path: Path, *, policy: Policy | None = None,
         if there is no C compiler, it fails, or the cache is not safe to use.
     """
     note = _note(path, policy, period)
-    found = _recall(note) if note else None
+    found = _recall(note, path) if note else None
     return found or _build(path, policy, period, note)
 
 
@@ -83,7 +83,7 @@ def _note(path: Path, policy: Policy | None, period: Fraction | None) -> Path | 
         text = path.read_bytes()
     except OSError:
         return None
-    parts = [os.fsencode(os.path.abspath(path)), os.fsencode(path), text, repr(policy).encode(),
+    parts = [os.fsencode(Path.cwd() / path), os.fsencode(path), text, repr(policy).encode(),
              repr(period).encode(), find_compiler().identity.encode(), *_package()]
     return cache_directory() / _NOTES / f'{_hash(b"".join(map(_framed, parts)))}.json'
 
@@ -94,8 +94,8 @@ def _package() -> Iterator[bytes]:
     for folder in (package, csrc_directory()):
         for file in sorted(folder.rglob('*')):
             if file.suffix in ('.py', '.lark', '.c', '.h'):
-                status = file.stat()
-                yield f'{file}:{status.st_size}:{status.st_mtime_ns}'.encode()
+                yield os.fsencode(file)
+                yield file.read_bytes()
 
 
 def _framed(part: bytes) -> bytes:
@@ -109,22 +109,30 @@ def _hash(data: bytes) -> str:
 # -- recalling ------------------------------------------------------------------------------------
 
 
-def _recall(note: Path) -> CompiledMonitor | None:
-    """Return what a note tells of, if all of it still holds."""
+def _recall(note: Path, path: Path) -> CompiledMonitor | None:
+    """Return what a note tells of, if all of it still holds; a damaged note is none."""
     try:
         content = json.loads(note.read_text(encoding='utf-8'))
         manifest = Manifest.from_json(content['manifest'])
-        holds = is_kept(Path(content['library'])) and _are_same(content['files']) \
+        library = Path(content['library'])
+        warnings = tuple(str(item) for item in list(content['warnings']))
+        holds = is_kept(library) and _are_same(path, content['files']) \
             and all(_is_same(item) for item in manifest.inputs)
-        if not holds:
-            return None
-        return CompiledMonitor(manifest, Path(content['library']), tuple(content['warnings']))
-    except (OSError, ValueError, KeyError, TypeError, ManifestError, CompileError):
+        return CompiledMonitor(manifest, library, warnings) if holds else None
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError,
+            ManifestError, CompileError):
         return None
 
 
-def _are_same(files: Any) -> bool:
-    return all(_hash(Path(name).read_bytes()) == digest for name, digest in files)
+def _are_same(path: Path, files: Any) -> bool:
+    """Whether the files of a bundle say what was read of them when it was built."""
+    return str(Path.cwd() / path) == files[0][0] \
+        and all(_read(Path(name)) == digest for name, digest in files)
+
+
+def _read(file: Path) -> str:
+    """Return the hash of what a reader of bundles sees in a file."""
+    return _hash(file.read_bytes().removeprefix(b'\xef\xbb\xbf'))
 
 
 def _is_same(item: ManifestInput) -> bool:
@@ -146,7 +154,8 @@ def _written(path: tuple[str | int, ...]) -> str:
 # -- remembering ----------------------------------------------------------------------------------
 
 
-def _remember(note: Path, compiled: CompiledMonitor, files: tuple[Path, ...]) -> None:
+def _remember(note: Path, compiled: CompiledMonitor,
+              files: tuple[tuple[Path, str], ...]) -> None:
     """Write a note, as a whole; without one the next start takes longer, and that is all."""
     try:
         if not is_kept(compiled.library):
@@ -155,7 +164,8 @@ def _remember(note: Path, compiled: CompiledMonitor, files: tuple[Path, ...]) ->
             'manifest': compiled.manifest.to_json(),
             'library': str(compiled.library),
             'warnings': list(compiled.warnings),
-            'files': [[os.path.abspath(file), _hash(file.read_bytes())] for file in files],
+            # Of what was read then: what the files say by now may not be what was built.
+            'files': [[str(Path.cwd() / file), digest] for file, digest in files],
         })
         note.parent.mkdir(mode=0o700, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=note.parent)

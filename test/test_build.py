@@ -191,13 +191,25 @@ def test_an_empty_folder_is_filled(pump: Path, tmp_path: Path) -> None:
 def test_what_was_compiled_before_is_replaced_as_a_whole(pump: Path, tmp_path: Path) -> None:
     out = tmp_path / 'out'
     write_bundle(pump, out)
-    (out / 'src' / 'stale.c').write_text('')
     pump.write_text(PUMP.replace('O[0,3]', 'O[0,1]'))
     write_bundle(pump, out)
     assert sorted(os.listdir(tmp_path)) == ['in', 'out']
-    assert not (out / 'src' / 'stale.c').exists()
     values = [(True, 0.0), (False, 1.0), (False, 1.0)]
     assert verdicts(out, values) == [True, True, False]
+
+
+@pytest.mark.parametrize('name', ['mine/keep', 'src/mine.c', 'notes.txt'])
+def test_what_a_user_put_beside_what_was_compiled_is_not_lost(
+    name: str, pump: Path, tmp_path: Path,
+) -> None:
+    out = tmp_path / 'out'
+    write_bundle(pump, out)
+    (out / name).parent.mkdir(exist_ok=True)
+    (out / name).write_text('mine')
+    before = contents(out)
+    with pytest.raises(CompileError, match=f"holds '{name.removesuffix('/keep')}'"):
+        write_bundle(pump, out)
+    assert contents(out) == before
 
 
 def test_a_relative_path_is_taken_from_where_one_is(

@@ -1,0 +1,244 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A start finds what was built before, and never what was built of something else."""
+
+from collections.abc import Callable
+from fractions import Fraction
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+from typing import Any
+
+from fret_monitor import build
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.manifest import Policy
+from fret_monitor.native.cache import cache_directory
+from fret_monitor.native.monitor import CompiledMonitor
+from fret_monitor.runtime.evaluator import Evaluator
+from fret_monitor.start import start
+
+import pytest
+
+BUNDLE = """\
+format: 1
+signals: shared/signals.yaml
+requirements:
+  - {id: R, ptltl: "x <= limit"}
+"""
+SIGNALS = """\
+constants: {limit: 1.0}
+inputs: {x: {topic: a, type: my_msgs/msg/Level, field: level}}
+"""
+DAMAGES: list[Callable[[dict[str, Any]], Any]] = [
+    lambda note: '',
+    lambda note: '[' * 100_000,
+    lambda note: {},
+    lambda note: {**note, 'files': []},
+    lambda note: {**note, 'files': {}},
+    lambda note: {**note, 'files': note['files'][1:]},
+    lambda note: {**note, 'files': None},
+    lambda note: {**note, 'warnings': None},
+    lambda note: {**note, 'manifest': note['manifest'].replace('"symbol"', '"cymbal"')},
+    lambda note: {**note, 'manifest': 3},
+    lambda note: {**note, 'library': '/nowhere/lib.so'},
+    lambda note: {**note, 'library': 7},
+]
+
+
+@pytest.fixture(autouse=True)
+def ros_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Keep what is built in a folder of the test's."""
+    monkeypatch.setenv('ROS_HOME', str(tmp_path / 'ros'))
+    return tmp_path / 'ros'
+
+
+@pytest.fixture
+def bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a bundle with a signals file and a message definition of its own."""
+    prefix = tmp_path / 'prefix' / 'share' / 'my_msgs' / 'msg'
+    prefix.mkdir(parents=True)
+    (prefix / 'Level.msg').write_text('float32 level\n')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path / 'prefix'))
+    home = tmp_path / 'robot'
+    (home / 'shared').mkdir(parents=True)
+    (home / 'shared' / 'signals.yaml').write_text(SIGNALS)
+    (home / 'b.yaml').write_text(BUNDLE)
+    return home / 'b.yaml'
+
+
+@pytest.fixture
+def built(monkeypatch: pytest.MonkeyPatch) -> list[CompiledMonitor]:
+    """Return the list of what is built from here on, and not recalled."""
+    found: list[CompiledMonitor] = []
+    compile_monitor = build.compile_monitor
+
+    def counting(generated: build.GeneratedMonitor) -> CompiledMonitor:
+        found.append(compile_monitor(generated))
+        return found[-1]
+
+    monkeypatch.setattr(build, 'compile_monitor', counting)
+    return found
+
+
+def limit_of(compiled: CompiledMonitor) -> float:
+    """Return the limit that a monitor has, by trying it."""
+    evaluator = Evaluator(compiled.monitor)
+    for limit in (1.0, 2.0, 3.0):
+        evaluator.store(0, limit)
+        evaluator.tick(0)
+        evaluator.store(0, limit + 0.5)
+        evaluator.tick(0)
+        if not evaluator.verdicts[0]:
+            return limit
+    raise AssertionError('no limit')
+
+
+def note() -> Path:
+    """Return the one note there is."""
+    found, = (cache_directory() / 'bundles').iterdir()
+    return found
+
+
+def test_a_second_start_builds_nothing(bundle: Path, built: list[CompiledMonitor]) -> None:
+    first, second = start(bundle), start(bundle)
+    assert len(built) == 1
+    assert (second.manifest, second.library) == (first.manifest, first.library)
+    assert limit_of(second) == 1.0
+
+
+def test_a_second_start_loads_no_parser(bundle: Path) -> None:
+    start(bundle)
+    script = ('import sys\nfrom pathlib import Path\nfrom fret_monitor.start import start\n'
+              'start(Path(sys.argv[1]))\nprint(*sys.modules)')
+    path = os.pathsep.join(filter(None, sys.path))
+    done = subprocess.run([sys.executable, '-c', script, str(bundle)], text=True, check=True,
+                          capture_output=True, env={**os.environ, 'PYTHONPATH': path})
+    assert {'lark', 'yaml', 'fret_monitor.build'} & set(done.stdout.split()) == set()
+
+
+@pytest.mark.parametrize('name', ['b.yaml', 'shared/signals.yaml'])
+def test_a_changed_file_is_built_anew(
+    name: str, bundle: Path, built: list[CompiledMonitor],
+) -> None:
+    start(bundle)
+    file = bundle.parent / name
+    file.write_text(file.read_text().replace('limit: 1.0', 'limit: 2.0') + '# changed\n')
+    assert limit_of(start(bundle)) == (2.0 if 'signals' in name else 1.0)
+    assert len(built) == 2
+
+
+def test_a_file_that_changes_during_the_build_is_noticed_at_the_next_start(
+    bundle: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    compile_monitor = build.compile_monitor
+
+    def slow(generated: build.GeneratedMonitor) -> CompiledMonitor:
+        (bundle.parent / 'shared' / 'signals.yaml').write_text(SIGNALS.replace('1.0', '2.0'))
+        return compile_monitor(generated)
+
+    monkeypatch.setattr(build, 'compile_monitor', slow)
+    assert limit_of(start(bundle)) == 1.0
+    monkeypatch.setattr(build, 'compile_monitor', compile_monitor)
+    assert limit_of(start(bundle)) == 2.0
+
+
+def test_a_bundle_that_changes_between_two_looks_is_not_taken_for_what_it_was(
+    bundle: Path, built: list[CompiledMonitor], monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    read = build.read
+    other = BUNDLE.replace('x <= limit', 'x <= 3.0')
+
+    def late(path: Path, *, policy: Policy | None = None,
+             period: Fraction | None = None) -> build.Reading:
+        path.write_text(other)
+        return read(path, policy=policy, period=period)
+
+    monkeypatch.setattr(build, 'read', late)
+    assert limit_of(start(bundle)) == 3.0
+    bundle.write_text(BUNDLE)
+    monkeypatch.setattr(build, 'read', read)
+    assert limit_of(start(bundle)) == 1.0
+
+
+def test_a_link_on_the_way_is_followed_as_the_system_does(
+    bundle: Path, tmp_path: Path,
+) -> None:
+    # link/.. is not the folder that the link stands in
+    (bundle.parent / 'sub').mkdir()
+    moved = bundle.rename(bundle.parent / 'sub' / 'b.yaml')
+    moved.write_text(BUNDLE.replace('shared/', '../shared/'))
+    home = tmp_path / 'home'
+    (home / 'shared').mkdir(parents=True)
+    (home / 'shared' / 'signals.yaml').write_text(SIGNALS)
+    (home / 'link').symlink_to(moved.parent)
+    assert limit_of(start(home / 'link' / 'b.yaml')) == 1.0
+    (moved.parent.parent / 'shared' / 'signals.yaml').write_text(SIGNALS.replace('1.0', '2.0'))
+    assert limit_of(start(home / 'link' / 'b.yaml')) == 2.0
+
+
+def test_a_changed_message_definition_is_built_anew_or_refused(
+    bundle: Path, tmp_path: Path, built: list[CompiledMonitor],
+) -> None:
+    start(bundle)
+    definition = tmp_path / 'prefix' / 'share' / 'my_msgs' / 'msg' / 'Level.msg'
+    definition.write_text('float64 level\n')
+    assert start(bundle).manifest.inputs[0].value_type.value == 'float64'
+    definition.write_text('float64 height\n')
+    with pytest.raises(CompileError, match='height'):
+        start(bundle)
+    assert len(built) == 2
+
+
+def test_overrides_and_the_compiler_decide_too(
+    bundle: Path, tmp_path: Path, built: list[CompiledMonitor], monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    start(bundle)
+    start(bundle, policy=Policy.RELEVANT_MESSAGE)
+    start(bundle, policy=Policy.PERIODIC, period=Fraction(1, 10))
+    start(bundle, policy=Policy.PERIODIC, period=Fraction(1, 5))
+    assert [item.manifest.period for item in built] == [None, None, 0.1, 0.2]
+    wrapper = tmp_path / 'cc'
+    wrapper.write_text('#!/bin/sh\nexec gcc "$@"\n')
+    wrapper.chmod(0o755)
+    monkeypatch.setenv('CC', str(wrapper))
+    start(bundle)
+    assert len(built) == 5
+
+
+@pytest.mark.parametrize('damage', DAMAGES)
+def test_a_damaged_note_is_none(
+    damage: Callable[[dict[str, Any]], Any], bundle: Path, built: list[CompiledMonitor],
+) -> None:
+    start(bundle)
+    changed = damage(json.loads(note().read_text()))
+    note().write_text(changed if isinstance(changed, str) else json.dumps(changed))
+    assert limit_of(start(bundle)) == 1.0
+    assert len(built) == 2
+
+
+def test_a_damaged_library_is_built_anew(bundle: Path, built: list[CompiledMonitor]) -> None:
+    library = start(bundle).library
+    library.write_bytes(library.read_bytes()[:-1])
+    assert limit_of(start(bundle)) == 1.0
+    assert len(built) == 2
+
+
+def test_a_bad_bundle_leaves_no_note(bundle: Path) -> None:
+    bundle.write_text(BUNDLE.replace('limit"', 'limt"'))
+    with pytest.raises(CompileError, match='limt'):
+        start(bundle)
+    assert not (cache_directory() / 'bundles').exists()
