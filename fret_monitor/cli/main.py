@@ -15,10 +15,16 @@
 """`fret-monitor VERB`: parse the arguments, call the verb, tell errors."""
 
 from argparse import ArgumentParser
+from collections.abc import Iterator
 from collections.abc import Sequence
+from contextlib import contextmanager
 from io import TextIOWrapper
 import os
+import signal
 import sys
+from threading import current_thread
+from threading import main_thread
+from types import FrameType
 
 from fret_monitor.cli import bench
 from fret_monitor.cli import check
@@ -33,6 +39,10 @@ from fret_monitor.native.errors import NativeError
 _VERBS = (check, formalize, simulate, compile_verb, bench, import_, explain)
 
 
+class _Terminated(BaseException):
+    """The process has been asked to end."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """
     Run the command line.
@@ -40,8 +50,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 for success, 1 for a bad bundle or trace (or no compiler), 2 for wrong usage.
+        0 for success, 1 for a bad bundle or trace (or no compiler), 2 for wrong usage; as a
+        shell has it, 130 after SIGINT and 143 after SIGTERM.
     """
+    try:
+        with _terminable():
+            return _main(arguments)
+    except _Terminated:
+        return 128 + signal.SIGTERM
+
+
+def _main(arguments: Sequence[str] | None) -> int:
     options = _parser().parse_args(arguments)
     if isinstance(sys.stdout, TextIOWrapper):  # names need not be what a terminal can show
         sys.stdout.reconfigure(errors='backslashreplace')
@@ -63,7 +82,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f'error: cannot {place}: {error.strerror or error}', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        return 130
+        return 128 + signal.SIGINT
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """
+    Let SIGTERM raise `_Terminated` inside this block, so that it can clean up behind it.
+
+    Python would end at once, and leave a compiler running. A handler of the caller's stays.
+    """
+    is_ours = (current_thread() is main_thread()
+               and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL)
+    if not is_ours:
+        yield
+        return
+    signal.signal(signal.SIGTERM, _terminate)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    signal.signal(number, signal.SIG_IGN)  # a second one would cut the cleaning short
+    raise _Terminated
 
 
 def _drop_output() -> None:

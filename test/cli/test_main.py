@@ -14,10 +14,14 @@
 
 """The command line as a whole: what it answers with, and how it ends."""
 
+from collections.abc import Callable
 import os
 from pathlib import Path
+import signal
 import subprocess
 import sys
+from time import monotonic
+from time import sleep
 
 from cli.command import command
 from cli.command import environment
@@ -103,6 +107,62 @@ def test_a_compiler_that_is_missing_or_fails_is_1(
     assert (done.status, done.out) == (1, '')
     assert done.err.startswith(expected)
     assert not (here.folder / 'out').exists()
+
+
+def wait_until(is_true: Callable[[], bool], what: str) -> None:
+    end = monotonic() + 30
+    while not is_true():
+        assert monotonic() < end, f'waited in vain: {what}'
+        sleep(0.01)
+
+
+def is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize('verb', ['simulate', 'compile', 'bench'])
+@pytest.mark.parametrize(('number', 'status'), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_ends_the_compiler_too_and_leaves_nothing(
+        here: Here, verb: str, number: signal.Signals, status: int) -> None:
+    home, told = here.folder / 'home', here.folder / 'compiler'
+    slow = here.file('slow-cc', f"""#!/bin/sh
+[ "$1" = --version ] && exit
+echo $$ > '{told}.new'
+mv '{told}.new' '{told}'
+exec sleep 100
+""")
+    slow.chmod(0o755)
+    here.file('trace.csv', HEADING)
+    process = subprocess.Popen(
+        command(*arguments(verb, here.file('pump.yaml', PUMP))),
+        env=environment(ROS_HOME=str(home), CC=str(slow), TMPDIR=str(here.folder)),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    wait_until(told.exists, 'the compiler')
+    before = list(here.folder.glob('**/fret_monitor.h'))  # what the compiler is reading
+    process.send_signal(number)
+    said, err = process.communicate(timeout=30)
+    assert (process.returncode, said, err) == (status, '', '')
+    compiler = int(told.read_text())
+    wait_until(lambda: not is_alive(compiler), 'the end of the compiler')
+    assert before
+    left = {path.name for path in here.folder.iterdir()}
+    assert left <= {'compiler', 'home', 'pump.yaml', 'slow-cc', 'trace.csv'}
+    assert list((home / 'fret_monitor').glob('*')) == []
+
+
+def test_a_handler_of_who_runs_it_stays(here: Here) -> None:
+    former = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        assert here.run('check', here.file('pump.yaml', PUMP)).status == 0
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGTERM, former)
+    assert here.run('check', here.file('pump.yaml', PUMP)).status == 0
+    assert signal.getsignal(signal.SIGTERM) is former
 
 
 def test_check_needs_no_compiler(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
