@@ -47,6 +47,7 @@ LINK_FLAGS = ('-shared', '-Wl,-z,defs')
 LIBRARIES = ('-lm',)
 TIMEOUT = 600.0  # seconds for all commands of one library
 
+_SEARCHED = ('CPATH', 'C_INCLUDE_PATH', 'LIBRARY_PATH')  # variables: where compilers look
 _LAST_LINES = 30
 _VERSION_TIMEOUT = 20.0
 
@@ -56,8 +57,9 @@ class Compiler:
     """
     A C compiler: the command that starts it, and who it is.
 
-    `identity` changes when the compiler does: its file, size and date, and what it says of its
-    version. It is part of the key under which libraries are kept.
+    `identity` changes when the compiler does: its file, size and date, what it says of its
+    version, and the variables that say where it looks for headers and libraries. It is part of
+    the key under which libraries are kept.
     """
 
     command: tuple[str, ...]
@@ -77,32 +79,34 @@ def find_compiler(environment: Mapping[str, str] | None = None) -> Compiler:
     path = environment.get('PATH', os.defpath)
     wanted = environment.get('CC', '').strip()
     if wanted:
-        return _wanted(wanted, path)
+        return _wanted(wanted, environment)
     for name in ('cc', 'gcc', 'clang'):
         found = shutil.which(name, path=path)
         if found:
-            return _identified((found,))
+            return _identified((found,), environment)
     raise CompilerError('no C compiler found: install gcc (sudo apt install gcc) or set CC')
 
 
-def _wanted(wanted: str, path: str) -> Compiler:
+def _wanted(wanted: str, environment: Mapping[str, str]) -> Compiler:
     try:
         words = shlex.split(wanted)
     except ValueError as error:
         raise CompilerError(f"CC is set to '{wanted}', which is no command ({error})") from None
+    path = environment.get('PATH', os.defpath)
     found = shutil.which(words[0], path=path) if words else None
     if found is None:
         raise CompilerError(
             f"CC is set to '{wanted}', which cannot be run: "
             'install it, or unset CC to use cc, gcc or clang')
-    return _identified((found, *words[1:]))
+    return _identified((found, *words[1:]), environment)
 
 
-def _identified(command: tuple[str, ...]) -> Compiler:
+def _identified(command: tuple[str, ...], environment: Mapping[str, str]) -> Compiler:
     file = os.path.realpath(command[0])
     status = os.stat(file)
     return Compiler(command, '\n'.join((
-        *command, file, str(status.st_size), str(status.st_mtime_ns), _version(command))))
+        *command, file, str(status.st_size), str(status.st_mtime_ns),
+        *(f'{name}={environment.get(name)!r}' for name in _SEARCHED), _version(command))))
 
 
 def _version(command: Sequence[str]) -> str:

@@ -113,6 +113,17 @@ def test_the_identity_changes_with_the_version_the_file_and_the_arguments(tools:
     assert len({found.identity for found in (first, second, third, fourth, fifth)}) == 5
 
 
+@pytest.mark.parametrize('wanted', [{}, {'CC': 'cc'}])
+@pytest.mark.parametrize('variable', ['CPATH', 'C_INCLUDE_PATH', 'LIBRARY_PATH'])
+def test_the_identity_changes_with_where_the_compiler_looks(
+        tools: Path, variable: str, wanted: dict[str, str]) -> None:
+    script(tools, 'cc', 'echo version 1')
+    plain = {'PATH': str(tools), **wanted}
+    found = [find_compiler(plain), *(find_compiler({**plain, variable: value})
+                                     for value in ('', '/one', '/two'))]
+    assert len({compiler.identity for compiler in found}) == 4
+
+
 def test_a_compiler_that_knows_no_version_is_no_worse(tools: Path) -> None:
     script(tools, 'cc', 'exit 1')
     assert find_compiler({'PATH': str(tools)}).command == (str(tools / 'cc'),)
