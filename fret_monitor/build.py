@@ -113,19 +113,22 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
     written = survey_bundle(path, problems)
     if written is None:
         raise CompileError(problems.errors)
-    bundle = _with_policy(written, policy, period)
+    bundle = _with_policy(written, policy, period, problems)
     specification, warnings = specify(bundle, problems=problems)
     return Reading(specification, warnings, _bundle_hash(bundle, specification),
                    tuple((Path(source.name), text_hash(source.text)) for source in bundle.sources))
 
 
-def _with_policy(bundle: Bundle, policy: Policy | None, period: Fraction | None) -> Bundle:
+def _with_policy(bundle: Bundle, policy: Policy | None, period: Fraction | None,
+                 problems: Problems) -> Bundle:
+    """Put a policy and a period in; a period that the file itself lacks is told already."""
     policy = policy or bundle.policy
     period = (period or bundle.period) if policy is Policy.PERIODIC else period
-    if policy is Policy.PERIODIC and period is None:
-        refuse('the policy periodic needs a period', help='give a period (seconds) or a rate (Hz)')
+    if policy is Policy.PERIODIC and period is None and policy is not bundle.policy:
+        problems.error('the policy periodic needs a period',
+                       help='give a period (seconds) or a rate (Hz)')
     if policy is not Policy.PERIODIC and period is not None:
-        refuse(f'a period goes with the policy periodic, not with {policy.value}')
+        problems.error(f'a period goes with the policy periodic, not with {policy.value}')
     return replace(bundle, policy=policy, period=period)
 
 

@@ -355,6 +355,35 @@ def test_policy_and_period_stand_in_for_those_of_the_bundle(pump: Path) -> None:
         manifest(period=Fraction(1))
 
 
+def test_a_bad_period_hides_no_other_problem(pump: Path) -> None:
+    wrong = PUMP + '  - {id: R9, ptltl: H nothing}\nfoo: 1\n'
+    for evaluation, told in (
+            ('', []),
+            ('evaluation: {policy: periodic}\n', ["the policy periodic needs a 'period'"]),
+            ('evaluation: {policy: periodic, period: 0}\n', ["'period' must be greater"]),
+            ('evaluation: {policy: periodic, rate: 1e30}\n', ["'rate' is out of range"])):
+        pump.write_text(wrong + evaluation)
+        with pytest.raises(CompileError) as caught:
+            read(pump)
+        expected = ["'nothing' is not declared", "a bundle has no key 'foo'", *told]
+        titles = [item.title for item in caught.value.diagnostics]
+        assert len(titles) == len(expected), titles
+        assert all(title.startswith(start)
+                   for title, start in zip(titles, expected, strict=True)), titles
+        assert all(item.span for item in caught.value.diagnostics)
+
+
+def test_a_policy_from_outside_that_does_not_fit_hides_no_problem_of_the_bundle(
+        pump: Path) -> None:
+    pump.write_text(PUMP + '  - {id: R9, ptltl: H nothing}\n')
+    for options in ({'policy': Policy.PERIODIC}, {'period': Fraction(1)}):
+        with pytest.raises(CompileError) as caught:
+            read(pump, **options)
+        first, second = (item.title for item in caught.value.diagnostics)
+        assert 'period' in first
+        assert second == "'nothing' is not declared"
+
+
 def test_a_period_of_the_bundle_goes_with_its_policy_only(pump: Path) -> None:
     pump.write_text(PUMP + 'evaluation: {policy: periodic, rate: 20}\n')
     assert generate_monitor(read(pump)).manifest.period == 0.05

@@ -20,6 +20,7 @@ from argparse import Namespace
 from pathlib import Path
 import sys
 
+from fret_monitor.diagnostics import counted
 from fret_monitor.runtime.simulate import simulate
 from fret_monitor.runtime.simulate import Summary
 from fret_monitor.start import start
@@ -50,7 +51,7 @@ def run(options: Namespace) -> int:
 
 
 def _shown(summary: Summary) -> str:
-    lines = [f'{summary.steps:,} steps']
-    lines += [f'{name}: violated at {count:,} steps' if count else f'{name}: satisfied'
+    lines = [counted(summary.steps, 'step')]
+    lines += [f"{name}: violated at {counted(count, 'step')}" if count else f'{name}: satisfied'
               for name, count in summary.violations.items()]
     return '\n'.join(lines)

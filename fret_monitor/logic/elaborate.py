@@ -29,6 +29,7 @@ formula. The rules of types and numbers are in docs/numbers.md:
 
 from collections.abc import Iterable
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TypeAlias
 
 from fret_monitor.diagnostics import CompileError
@@ -38,6 +39,7 @@ from fret_monitor.diagnostics import Source
 from fret_monitor.diagnostics import Span
 from fret_monitor.diagnostics import Text
 from fret_monitor.logic.advice import advise
+from fret_monitor.logic.durations import SECONDS
 from fret_monitor.logic.elaborator import Elaborator
 from fret_monitor.logic.elaborator import references
 from fret_monitor.logic.equations import equations_term
@@ -76,6 +78,7 @@ from fret_monitor.syntax.expression import Name
 from fret_monitor.syntax.message import find_message as find_installed
 from fret_monitor.syntax.sentence import Component
 from fret_monitor.syntax.sentence import Sentence
+from fret_monitor.syntax.sentence import Unit
 
 _MANY = 8
 _Trees: TypeAlias = Mapping[str, Expression | Equations | None]
@@ -152,6 +155,15 @@ def _references(tree: Expression | Equations | None,
     return found
 
 
+def _untimed(sentence: Sentence) -> Sentence:
+    """Return a sentence with one step in the place of a time."""
+    timing = sentence.timing
+    if timing is None or timing.duration is None or timing.duration.unit not in SECONDS:
+        return sentence
+    duration = replace(timing.duration, number='1', unit=Unit.TICK)
+    return replace(sentence, timing=replace(timing, duration=duration))
+
+
 class _Reading:
     """One run over a bundle: what its names mean so far, and the problems found."""
 
@@ -175,7 +187,8 @@ class _Reading:
         signals = []
         for entry in bundle.inputs:
             signal, declaration = input_declaration(entry, find_message, self.problems)
-            self._names[entry.name.value] = declaration
+            if 'name' not in entry.damaged:
+                self._names[entry.name.value] = declaration
             signals.append(signal)
         return signals
 
@@ -254,8 +267,11 @@ class _Reading:
             return self._term(item.language, item.text, tree, item.id.value)
         self._check_component(tree.component)
         self.problems.extend(advise(tree, self._bundle, item.report))
-        period = self._bundle.period if self._bundle.policy is Policy.PERIODIC else None
-        return sentence_term(tree, self._scope, self.problems, period)
+        if self._bundle.policy is not Policy.PERIODIC:
+            return sentence_term(tree, self._scope, self.problems)
+        if self._bundle.period is None:  # told already: a time may be any number of steps
+            tree = _untimed(tree)
+        return sentence_term(tree, self._scope, self.problems, self._bundle.period)
 
     def _check_component(self, found: Component) -> None:
         expected = self._bundle.component

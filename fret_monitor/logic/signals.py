@@ -46,6 +46,7 @@ from fret_monitor.syntax.bundle import InputEntry
 from fret_monitor.syntax.bundle import ValueEntry
 from fret_monitor.syntax.message import MessageLayout
 from fret_monitor.syntax.message import resolve_field
+from fret_monitor.syntax.words import looks_like_number
 
 FindMessage = Callable[[str], MessageLayout]
 
@@ -70,7 +71,11 @@ def constant_declaration(entry: ConstantEntry, problems: Problems) -> Declaratio
 
 def input_declaration(entry: InputEntry, find_message: FindMessage,
                       problems: Problems) -> tuple[Signal | None, Declaration]:
-    """Return an input's signal, None where it has a mistake, and what its name means."""
+    """
+    Return an input's signal, None where it cannot be used, and what its name means.
+
+    Of an input that the reader has found damaged, the rest is checked.
+    """
     if entry.timeout is not None or entry.stale is not None:
         problems.error(f"'timeout' and 'stale' of the input '{entry.name}' are not supported yet",
                        entry.name.span, 'nothing would watch for its silence', 'leave them out')
@@ -78,16 +83,25 @@ def input_declaration(entry: InputEntry, find_message: FindMessage,
         signal = _signal(entry, find_message, problems)
     except CompileError as error:
         problems.extend(error.diagnostics)
+        signal = None
+    if signal is None:
         return None, Declaration(Role.INPUT, Term(Broken(), entry.name.span))
     vocabulary = Vocabulary(signal.values) if signal.values else None
     variable = Variable(signal.name, signal.type)
     return signal, Declaration(Role.INPUT, Term(variable, entry.name.span, vocabulary))
 
 
-def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) -> Signal:
+def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) -> Signal | None:
+    if _is_type_damaged(entry, find_message):
+        return None
     kind, message_type, path = _type(entry, find_message)
-    values = _values(entry, kind)
+    values = None if 'values' in entry.damaged else _values(entry, kind, problems)
     stored_as = ValueType.INT32 if kind is None else kind
+    if values is None:
+        # A number can be checked; anything else may be the name of a value.
+        if kind and entry.initial and looks_like_number(entry.initial.value.strip()):
+            _initial(entry, kind, ())
+        return None
     initial = None
     try:
         initial = _initial(entry, stored_as, values)
@@ -104,6 +118,16 @@ def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) ->
         initial=initial,
         qos=tuple((key.value, _qos_value(value.value)) for key, value in entry.qos),
     )
+
+
+def _is_type_damaged(entry: InputEntry, find_message: FindMessage) -> bool:
+    """Return whether the reader refused what decides the type; look for the message anyway."""
+    if entry.type is None:
+        return 'type' in entry.damaged
+    if 'field' not in entry.damaged or '/' not in entry.type.value:
+        return False
+    _layout(entry.type.value, entry.type, find_message)
+    return True
 
 
 def _qos_value(text: str) -> str | int:
@@ -142,13 +166,26 @@ def _scalar(name: str, text: Text, plain: dict[str, ValueType]) -> ValueType | N
     return plain[name]
 
 
-def _values(entry: InputEntry, kind: ValueType | None) -> tuple[tuple[str, int | str], ...]:
+def _values(entry: InputEntry, kind: ValueType | None,
+            problems: Problems) -> tuple[tuple[str, int | str], ...] | None:
+    """Return what the names of an input's values stand for, None where one of them is wrong."""
     if kind is None and not entry.values:
         refuse(f"the input '{entry.name}' is text, and monitors read numbers",
                (entry.type or entry.name).span, 'a string needs names for its values',
                'values: {IDLE: "idle", LANDING: "landing"}')
-    return tuple((item.name.value, _string(item) if kind is None else _value(item, kind))
-                 for item in entry.values)
+    if kind is ValueType.BOOL and entry.values:
+        refuse(f"'{entry.values[0].name}' cannot be a value of type bool",
+               entry.values[0].value.span, 'true and false have their names',
+               'leave out values, and write the input alone or with ! before it')
+    found: list[tuple[str, int | str]] = []
+    for item in entry.values:
+        try:
+            value = _string(item) if kind is None else _value(item, kind)
+        except CompileError as error:
+            problems.extend(error.diagnostics)
+        else:
+            found.append((item.name.value, value))
+    return tuple(found) if len(found) == len(entry.values) else None
 
 
 def _string(item: ValueEntry) -> str:
@@ -162,9 +199,6 @@ def _string(item: ValueEntry) -> str:
 def _value(item: ValueEntry, kind: ValueType) -> int:
     """Return the number that a name of a number input stands for."""
     title = f"'{item.name}' cannot be a value of type {kind.value}"
-    if kind is ValueType.BOOL:
-        refuse(title, item.value.span, 'true and false have their names',
-               'leave out values, and write the input alone or with ! before it')
     if item.is_string:
         refuse(title, item.value.span, 'this is text', 'write the number without quotes')
     try:

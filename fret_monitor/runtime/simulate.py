@@ -37,6 +37,7 @@ import tempfile
 from typing import Any
 from typing import TextIO
 
+from fret_monitor.diagnostics import counted
 from fret_monitor.diagnostics import refuse
 from fret_monitor.diagnostics import Source
 from fret_monitor.diagnostics import Span
@@ -229,8 +230,8 @@ class _Trace:
         while block := list(islice(rows, _BLOCK)):
             for row in block:
                 if len(row.cells) != self._width:
-                    self._refuse(row.line, row, f'{len(row.cells)} cells in a row of a trace '
-                                                f'with {self._width} columns', '')
+                    self._refuse(row.line, row, f"{counted(len(row.cells), 'cell')} in a row "
+                                 f"of a trace with {counted(self._width, 'column')}", '')
             yield block
 
     def columns(self, rows: list[_Row]) -> list['array[Any]']:

@@ -41,6 +41,7 @@ from fret_monitor.manifest import Policy
 from fret_monitor.manifest import Report
 from fret_monitor.manifest import Severity
 from fret_monitor.syntax.expression import fret_name
+from fret_monitor.syntax.words import exact
 from fret_monitor.syntax.words import Fault
 from fret_monitor.syntax.words import handler_fault
 from fret_monitor.syntax.words import is_integer
@@ -95,7 +96,11 @@ class ValueEntry:
 
 @dataclass(frozen=True, eq=False)
 class InputEntry:
-    """An input; `field` is the path as written, None where it was left out."""
+    """
+    An input; `field` is the path as written, None where it was left out.
+
+    `damaged` are the keys whose values were refused, and 'name' where its name was.
+    """
 
     name: Text
     topic: Text | None
@@ -106,6 +111,7 @@ class InputEntry:
     qos: tuple[tuple[Text, Text], ...]
     timeout: Fraction | None
     stale: str | None
+    damaged: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +153,8 @@ class Bundle:
     A whole bundle. `sources` are the files it was read from, the bundle itself first.
 
     `name` is the file's stem. `period` is in seconds, exact, None but with the policy periodic.
-    `unreadable` are names that are declared in a way that was refused (see `survey_bundle`).
+    `unreadable` are names that are declared in a way that was refused (see `survey_bundle`); an
+    input of these is in `inputs` all the same, with what could be read of it.
     """
 
     name: str
@@ -235,7 +242,8 @@ def survey_bundle(path: Path, problems: Problems) -> Bundle | None:
     Read what can be used of a bundle, and add what is wrong with it to `problems`.
 
     The names that were declared but cannot be used are in `Bundle.unreadable`: formulas that use
-    them have no problem of their own. Returns None where nothing can be used.
+    them have no problem of their own, unless what was refused of an input does not matter to
+    them. Returns None where nothing can be used.
     """
     try:
         source = read_source(path)
@@ -376,9 +384,11 @@ class _Reader:
             tell_choice(text, 'policy', words, self._problems)
         is_known = part.lacks('policy') or text is not None and text.value in words
         policy = Policy(text.value) if text and is_known else Policy.EVERY_MESSAGE
-        return policy, self._period(part, policy, is_known)
+        key = shape.key('evaluation')
+        return policy, self._period(part, key.span if key else part.span, policy, is_known)
 
-    def _period(self, part: Shape, policy: Policy, is_known: bool) -> Fraction | None:
+    def _period(self, part: Shape, place: Span, policy: Policy,
+                is_known: bool) -> Fraction | None:
         """Read `period` or `rate`; both are read so that both are checked."""
         period = part.positive('period', 'seconds', _SHORTEST, _LONGEST)
         rate = part.positive('rate', 'steps a second (Hz)', 1 / _LONGEST, 1 / _SHORTEST)
@@ -391,7 +401,7 @@ class _Reader:
                 f"'{keys[0].value}' goes with the policy periodic only", keys[0].span,
                 f'the policy is {policy.value}', 'policy: periodic')
         elif part.lacks('period', 'rate') and policy is Policy.PERIODIC:
-            self._problems.error("the policy periodic needs a 'period' or a 'rate'", part.span,
+            self._problems.error("the policy periodic needs a 'period' or a 'rate'", place,
                                  help='period: 0.1   # seconds')
         if policy is not Policy.PERIODIC:
             return None
@@ -437,12 +447,14 @@ class _Reader:
                 shape, 'inputs', 'speed: {topic: speed, type: std_msgs/msg/Float32}'):
             problems = Problems()
             self._declare(name, problems)
+            damaged = {'name'} if problems.errors else set()
             what = f'the input {shown(name.value)}'
             mapping = mapping_of(node, what, problems,
                                  f'{name.value}: {{topic: speed, type: std_msgs/msg/Float32}}')
             entry = _input(name, mapping, problems) if mapping else None
-            if self._is_usable(name, node, problems) and entry is not None:
-                yield entry
+            self._is_usable(name, node, problems)
+            if entry is not None:
+                yield replace(entry, damaged=entry.damaged | damaged)
 
     def _check_topics(self, inputs: Iterable[InputEntry]) -> None:
         """Hold together what inputs on one topic say of it."""
@@ -453,7 +465,7 @@ class _Reader:
 
     def _check_topic(self, item: InputEntry, topic: Text, first: InputEntry) -> None:
         for key, aspect in _TOPIC_ASPECTS:
-            if aspect(item) != aspect(first):
+            if key not in item.damaged | first.damaged and aspect(item) != aspect(first):
                 self._problems.error(
                     f"inputs on one topic must agree in '{key}'", topic.span,
                     f'{shown(first.name.value)} in {_line_of(first.name, topic.span)} '
@@ -610,48 +622,59 @@ def _name(key: Scalar) -> _Name:
 def _input(name: _Name, mapping: Mapping, problems: Problems) -> InputEntry:
     shape = Shape(mapping, 'an input', _INPUT_KEYS, problems,
                   {'message': 'type', 'message_type': 'type', 'msg': 'type', 'path': 'field'})
+    faults = {key: Problems() for key in ('values', 'qos')}
     entry = InputEntry(
         name=name.text,
         topic=_checked(shape, 'topic', topic_fault, problems),
         type=_checked(shape, 'type', type_fault, problems),
         field=shape.text('field'),
         initial=shape.text('initial'),
-        values=tuple(_values(shape.node('values'), problems)),
-        qos=tuple(_qos(shape.node('qos'), problems)),
+        values=tuple(_values(shape.node('values'), faults['values'])),
+        qos=tuple(_qos(shape.node('qos'), faults['qos'])),
         timeout=shape.positive('timeout', 'seconds', _SHORTEST, _LONGEST),
         stale=_stale(shape, problems),
     )
-    _check_input(entry, shape, problems)
-    return entry
+    damaged = {key for key in _INPUT_KEYS if shape.is_cut or not shape.lacks(key) and (
+        shape.key(key) is None or getattr(entry, key) is None)}
+    for key, found in faults.items():
+        problems.extend(found.errors)
+        damaged.update([key] if found.errors or isinstance(shape.node(key), Unread) else ())
+    return replace(entry, damaged=frozenset(damaged | _check_input(entry, shape, problems)))
 
 
 def _checked(shape: Shape, key: str, find_fault: Callable[[str], Fault | None],
              problems: Problems) -> Text | None:
     text = shape.text(key)
+    fault = find_fault(text.value) if text is not None else None
     if text is not None:
-        _tell(find_fault(text.value), text, problems)
-    return text
+        _tell(fault, text, problems)
+    return text if fault is None else None
 
 
-def _check_input(entry: InputEntry, shape: Shape, problems: Problems) -> None:
-    """Look at what the keys of an input need of one another."""
+def _check_input(entry: InputEntry, shape: Shape, problems: Problems) -> set[str]:
+    """Look at what the keys of an input need of one another; return those that were refused."""
+    damaged = set()
     if shape.lacks('type'):
+        damaged.add('type')
         problems.error(
             f'the input {shown(entry.name.value)} has no type', entry.name.span,
             help='type: float64' if shape.lacks('topic') else 'type: std_msgs/msg/Float32')
     if entry.field and entry.type and entry.type.value in PLAIN_TYPES:
+        damaged.add('field')
         problems.error(f"'{entry.type.value}' has no fields", entry.field.span,
                        'a field of nothing', "remove 'field', or name a message type")
     stale = shape.key('stale')
     if stale and shape.lacks('timeout'):
         problems.error("'stale' needs a 'timeout'", stale.span, 'stale after how long?',
                        'timeout: 0.5   # seconds')
+    return damaged
 
 
 def _stale(shape: Shape, problems: Problems) -> str | None:
     text = shape.text('stale')
     if text is not None and text.value not in STALE:
         tell_choice(text, 'stale', STALE, problems)
+        return None
     return text.value if text else None
 
 
@@ -685,16 +708,18 @@ def _value(key: Scalar, node: Node, problems: Problems) -> ValueEntry | None:
 
 
 def _check_values(entries: list[ValueEntry], problems: Problems) -> None:
-    strings: dict[str, ValueEntry] = {}
+    firsts: dict[str | Fraction, ValueEntry] = {}
     for item in entries:
         if item.is_string != entries[0].is_string:
             first = entries[0].name.value
             problems.error("'values' are all numbers, or all strings", item.value.span,
                            f'unlike {shown(first)}')
             return
-        same = strings.setdefault(item.value.value, item) if item.is_string else item
+        number = None if item.is_string else exact(item.value.value)
+        same = firsts.setdefault(item.value.value if number is None else number, item)
         if same is not item:
-            problems.error('two names for one string', item.value.span,
+            kind = 'string' if item.is_string else 'number'
+            problems.error(f'two names for one {kind}', item.value.span,
                            f'{shown(same.name.value)} stands for it already')
 
 

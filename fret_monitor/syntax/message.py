@@ -460,9 +460,13 @@ def _kind(kind: FieldType) -> str:
     """Say what a type is, in the user's words."""
     match kind.array:
         case ArrayKind.NONE:
-            return f'a message ({kind})' if kind.is_message else f'a {kind}'
+            return f'a message ({kind})' if kind.is_message else _with_article(str(kind))
         case ArrayKind.FIXED | ArrayKind.BOUNDED | ArrayKind.UNBOUNDED:
             return f'an array ({kind})'
+
+
+def _with_article(name: str) -> str:
+    return f'an {name}' if name.startswith('int') else f'a {name}'
 
 
 def _help(paths: Sequence[str]) -> str:

@@ -55,7 +55,8 @@ class Shape:
         self._problems = problems
         self._entries = {key.value: (key, node) for key, node in mapping.entries}
         self._meant: set[str] = set()
-        if not _tell_comma(mapping, self._known, problems):
+        self.is_cut = _tell_comma(mapping, self._known, problems)
+        if not self.is_cut:
             for key, _ in mapping.entries:
                 self._look_at(key, slips or {})
 

@@ -87,7 +87,7 @@ def test_a_file_of_verdicts_gets_what_standard_output_would(here: Here) -> None:
     out = here.folder / 'out.csv'
     done = here.run('simulate', bundle, '--trace', trace, '--verdicts', out)
     assert out.read_text() == here.run('simulate', bundle, '--trace', trace).out
-    assert done.out == '1 steps\nR-1: violated at 1 steps\nR,2: satisfied\nR"3: satisfied\n'
+    assert done.out == '1 step\nR-1: violated at 1 step\nR,2: satisfied\nR"3: satisfied\n'
     assert out.stat().st_mode & 0o777 == trace.stat().st_mode & 0o777
     assert sorted(os.listdir(here.folder)) == ['out.csv', 'pump.yaml', 'trace.csv']
 

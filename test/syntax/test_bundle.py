@@ -294,7 +294,8 @@ requirements:
     problems = Problems()
     bundle = survey_bundle(path, problems)
     assert bundle is not None
-    assert [item.name.value for item in bundle.inputs] == ['p']
+    assert [(item.name.value, set(item.damaged)) for item in bundle.inputs] == [
+        ('p', set()), ('q', {'type'})]
     assert [item.id.value for item in bundle.requirements] == ['R1']
     assert bundle.unreadable == {'limit', 'q', 'd'}
     assert len(problems.errors) == 4
