@@ -40,6 +40,7 @@ from fret_monitor.native.cache import cache_directory
 from fret_monitor.native.cache import csrc_directory
 from fret_monitor.native.cache import is_kept
 from fret_monitor.native.compiler import find_compiler
+from fret_monitor.native.errors import NativeError
 from fret_monitor.native.monitor import CompiledMonitor
 from fret_monitor.syntax.message import find_message
 from fret_monitor.syntax.message import resolve_field
@@ -62,6 +63,27 @@ def start(path: Path, *, policy: Policy | None = None,
     note = _note(path, policy, period)
     found = _recall(note, path) if note else None
     return found or _build(path, policy, period, note)
+
+
+def manifest_of(path: Path) -> Manifest:
+    """
+    Return what is known of a bundle, as `start` would; nothing is compiled, nor a compiler needed.
+
+    Raises
+    ------
+    CompileError
+        with all that is wrong with the bundle.
+    """
+    try:
+        note = _note(path, None, None)
+        found = _recall(note, path) if note else None
+    except NativeError:
+        found = None  # without a compiler no note can be found; it only saves time
+    if found:
+        return found.manifest
+    from fret_monitor.build import generate_monitor
+    from fret_monitor.build import read
+    return generate_monitor(read(path)).manifest
 
 
 def _build(path: Path, policy: Policy | None, period: Fraction | None,

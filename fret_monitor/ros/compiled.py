@@ -74,8 +74,8 @@ def open_manifest(settings: Settings) -> Manifest:
             _refuse_other_bundle(settings, settings.library, manifest)
             return manifest
         assert settings.spec is not None
-        from fret_monitor.start import start
-        return start(settings.spec).manifest
+        from fret_monitor.start import manifest_of
+        return manifest_of(settings.spec)
 
 
 @contextmanager

@@ -21,6 +21,8 @@ order has it at hand.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+import re
 import struct
 from time import monotonic
 
@@ -39,6 +41,29 @@ MOST_A_SECOND = 100
 LEVELS = {Severity.ERROR: DiagnosticStatus.ERROR, Severity.WARN: DiagnosticStatus.WARN}
 
 Value = bool | int | float | None
+
+_STEP = re.compile(r'[0-9]{1,20}')
+_STAMP = re.compile(r'-?[0-9]{1,12}\.[0-9]{9}')
+
+
+@dataclass(frozen=True)
+class Detail:
+    """A violation as told: its step, its time in seconds, and names and values of inputs."""
+
+    step: int
+    stamp: float
+    values: tuple[tuple[str, str], ...]
+
+
+def read_detail(status: DiagnosticStatus) -> Detail | None:
+    """Return what `Details` has told; None for what is from somebody else."""
+    pairs = [(item.key, item.value) for item in status.values]
+    if [key for key, _ in pairs[:3]] != ['step', 'stamp', 'suppressed']:
+        return None
+    step, stamp = pairs[0][1], pairs[1][1]
+    if not _STEP.fullmatch(step) or not _STAMP.fullmatch(stamp):
+        return None
+    return Detail(int(step), float(stamp), tuple(pairs[3:]))
 
 
 class Details:

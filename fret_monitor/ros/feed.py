@@ -43,8 +43,11 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-Deliver = Callable[[bytes, int], None]
-"""Takes a serialized message and its reception time (ns); called in the feed's thread."""
+Deliver = Callable[[bytes, int, int], None]
+"""
+Takes a serialized message, its reception time and its sender's time (ns); called in the feed's
+thread.
+"""
 
 _WAIT = 200_000_000  # ns; an idle wait without an end can outlive a shutdown
 _REVIEW_PERIOD = 0.25  # s between two looks at who publishes
@@ -255,7 +258,7 @@ class _Topic:
             self._seen.add(key)
             self._newest = max(self._newest, key[0])
         self._recent.append(key)
-        self._deliver(data, stamp)
+        self._deliver(data, stamp, key[0])
 
     def close(self) -> None:
         """Destroy all subscriptions."""

@@ -34,7 +34,10 @@ class MessageTypeError(Exception):
 
 
 # RMWError is a RuntimeError; the others come from making Python objects of what was decoded
-_UNDECODABLE = (AssertionError, RuntimeError, SystemError, ValueError)
+UNDECODABLE = (AssertionError, RuntimeError, SystemError, ValueError)
+
+
+_SHOWN = 60  # characters of a string that is none of the values
 
 
 class InputStore(Protocol):
@@ -54,12 +57,19 @@ class UnusableField(Exception):
     """A field whose value cannot be used: outside the array, or outside `values`."""
 
 
+TellUnusable = Callable[[int, str], None]
+"""Takes an input (index) whose field cannot be used for the first time, and why."""
+
+
 class MessageReader:
     """Stores the inputs that one topic feeds, from its serialized messages."""
 
-    def __init__(self, manifest: Manifest, topic: int) -> None:
+    def __init__(self, manifest: Manifest, topic: int,
+                 tell: TellUnusable = lambda index, reason: None) -> None:
         """
         Prepare for a topic, given by its index in the manifest.
+
+        `tell` is called once an input at most.
 
         Raises
         ------
@@ -71,6 +81,9 @@ class MessageReader:
         self.message_class = message_class(mapped.message_type)
         self._fields = tuple(
             (index, field_reader(manifest.inputs[index])) for index in mapped.inputs)
+        self._inputs = manifest.inputs
+        self._tell = tell
+        self._told: set[int] = set()
 
     def read(self, data: bytes, inputs: InputStore) -> bool:
         """
@@ -80,7 +93,7 @@ class MessageReader:
         """
         try:
             message = deserialize_message(data, self.message_class)
-        except _UNDECODABLE:
+        except UNDECODABLE:
             inputs.undecodable(self.topic)
             return False
         for index, read in self._fields:
@@ -88,9 +101,15 @@ class MessageReader:
                 value = read(message)
             except UnusableField:
                 inputs.unusable(index)
+                self._tell_once(index, message)
             else:
                 inputs.store(index, value)
         return True
+
+    def _tell_once(self, index: int, message: Any) -> None:
+        if index not in self._told:
+            self._told.add(index)
+            self._tell(index, why_unusable(self._inputs[index], message))
 
 
 def message_class(message_type: str) -> Any:
@@ -128,6 +147,30 @@ def field_reader(item: ManifestInput) -> Callable[[Any], bool | int | float]:
             raise UnusableField from None
 
     return read
+
+
+def why_unusable(item: ManifestInput, message: Any) -> str:
+    """Return why the field of an input cannot be used in this message, for a person."""
+    field = _path_text(item.path)
+    value = message
+    for place, step in enumerate(item.path):
+        if isinstance(step, str):
+            value = getattr(value, step)
+        elif step < len(value):
+            value = value[step]
+        else:
+            array = _path_text(item.path[:place])
+            which = 'the array' if place == len(item.path) - 1 else array
+            size = f'{len(value)} element{"" if len(value) == 1 else "s"}'
+            return f'{field} cannot be read ({which} has {size})'
+    shown = repr(value)
+    if len(shown) > _SHOWN:
+        shown = shown[:_SHOWN] + '...'
+    return f'{field} is {shown}, which is not among its values in the bundle'
+
+
+def _path_text(path: tuple[str | int, ...]) -> str:
+    return ''.join(f'[{step}]' if isinstance(step, int) else f'.{step}' for step in path)[1:]
 
 
 def _path_reader(path: tuple[str | int, ...]) -> Callable[[Any], Any]:

@@ -20,20 +20,44 @@ at all.
 """
 
 from contextlib import ExitStack
+from dataclasses import dataclass
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.manifest import ManifestRequirement, Severity
 from fret_monitor.ros.compiled import open_manifest
-from fret_monitor.ros.details import DETAILS_TOPIC
+from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
 from fret_monitor.ros.fed_node import FedNode
 from fret_monitor.ros.feed import Deliver
+from fret_monitor.ros.fields import UNDECODABLE
 from fret_monitor.ros.handlers import handler_topic
 from fret_monitor.ros.parameters import LOGGER_PARAMETERS, read_settings
 from fret_monitor.ros.qos import VIOLATION_REQUEST
 
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Empty
+
+_TOGETHER = 10**9
+"""The most between the sending of a detail and of its violation (ns): they are sent in a row."""
+
+
+@dataclass
+class Heard:
+    """What was heard of a requirement; the times (ns) are the sender's."""
+
+    detail: Detail | None = None
+    detail_sent: int = 0
+    violation_sent: int = 0
+
+    def keep(self, detail: Detail, sent: int) -> None:
+        """Keep the detail of a violation that is to come; of one that was told, it is too late."""
+        if not 0 < self.violation_sent - sent <= _TOGETHER:
+            self.detail, self.detail_sent = detail, sent
+
+    def take(self, sent: int) -> Detail | None:
+        """Return the detail of a violation, if it is here."""
+        detail, self.detail, self.violation_sent = self.detail, None, sent
+        return detail if 0 <= sent - self.detail_sent <= _TOGETHER else None
 
 
 class LoggerNode(FedNode):
@@ -49,7 +73,7 @@ class LoggerNode(FedNode):
             if parameters, bundle or library are not such that it can start. Nothing is left.
         """
         super().__init__(node_name, **options)
-        self._details: dict[str, tuple[float, str]] = {}
+        self._heard: dict[str, Heard] = {}
         with ExitStack() as undo:
             undo.callback(self.destroy_node)
             self._begin()
@@ -57,6 +81,7 @@ class LoggerNode(FedNode):
 
     def _begin(self) -> None:
         manifest = open_manifest(read_settings(self, LOGGER_PARAMETERS))
+        self._heard = {requirement.id: Heard() for requirement in manifest.requirements}
         self.feed.subscribe(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
                             self._keep_details, VIOLATION_REQUEST)
         for requirement in manifest.requirements:
@@ -72,25 +97,39 @@ class LoggerNode(FedNode):
         """Return the callback for a handler."""
         sentence = ' '.join((requirement.title or requirement.text).split())
         uses_received = not self.get_parameter('use_sim_time').value
+        heard = self._heard[requirement.id]
         # One call site a severity: rclpy remembers the severity of each.
         log = self._error if requirement.severity is Severity.ERROR else self._warn
 
-        def report(_: bytes, received: int) -> None:
-            now = received if uses_received else self.get_clock().now().nanoseconds
-            stamp, values = self._details.pop(requirement.id, (now / 1e9, ''))
+        def report(_: bytes, received: int, sent: int) -> None:
+            detail = heard.take(sent)
+            if detail is not None:
+                stamp, values = detail.stamp, f' {_shown(detail)}'
+            else:
+                now = received if uses_received else self.get_clock().now().nanoseconds
+                stamp, values = now / 1e9, ''
             log(f'{requirement.id} violated at {stamp:.3f}: {sentence}{values}')
 
         return report
 
-    def _keep_details(self, data: bytes, received: int) -> None:
+    def _keep_details(self, data: bytes, _: int, sent: int) -> None:
         """Keep step, time and values of violations whose own messages come next."""
-        for status in deserialize_message(data, DiagnosticArray).status:
-            step, stamp, _, *values = status.values
-            told = ', '.join(f'{item.key} = {item.value}' for item in values)
-            self._details[status.name] = (float(stamp.value), f' [step {step.value}: {told}]')
+        try:
+            array = deserialize_message(data, DiagnosticArray)
+        except UNDECODABLE:
+            return  # anybody may publish anything; the violations are told all the same
+        for status in array.status:
+            heard, detail = self._heard.get(status.name), read_detail(status)
+            if heard is not None and detail is not None:
+                heard.keep(detail, sent)
 
     def _error(self, text: str) -> None:
         self.get_logger().error(text)
 
     def _warn(self, text: str) -> None:
         self.get_logger().warning(text)
+
+
+def _shown(detail: Detail) -> str:
+    told = ', '.join(f'{name} = {value}' for name, value in detail.values)
+    return f'[step {detail.step}: {told}]'

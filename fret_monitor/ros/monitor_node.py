@@ -28,9 +28,14 @@ from fret_monitor.ros.compiled import open_monitor, Opened
 from fret_monitor.ros.details import Details
 from fret_monitor.ros.fed_node import FedNode
 from fret_monitor.ros.feed import Deliver
-from fret_monitor.ros.fields import message_class, MessageReader, MessageTypeError
+from fret_monitor.ros.fields import (
+    message_class,
+    MessageReader,
+    MessageTypeError,
+    TellUnusable,
+)
 from fret_monitor.ros.handlers import Handlers
-from fret_monitor.ros.health import Health, PERIOD
+from fret_monitor.ros.health import describe_missing, Health, PERIOD
 from fret_monitor.ros.parameters import MONITOR_PARAMETERS, read_settings, Refusal
 from fret_monitor.runtime import Evaluator, Violation
 
@@ -38,6 +43,8 @@ from rclpy.clock import Clock
 from rclpy.clock import ClockType
 from rclpy.exceptions import InvalidTopicNameException
 from std_srvs.srv import Trigger
+
+_PATIENCE = 5.0  # s until it is told what has not come at all
 
 
 class MonitorNode(FedNode):
@@ -68,7 +75,7 @@ class MonitorNode(FedNode):
         manifest = opened.monitor.manifest
         refuse_inputs_off_ros(manifest)
         self._refuse_merged_topics(manifest)
-        readers = _readers(manifest)
+        readers = _readers(manifest, self._tell_unusable)
         self._evaluator = Evaluator(
             opened.monitor, policy=opened.policy, library=opened.evaluator)
         try:
@@ -85,7 +92,9 @@ class MonitorNode(FedNode):
             assert opened.period is not None
             self.create_timer(float(opened.period), self._tick)
         self._health = Health(self, self._evaluator)
-        self.create_timer(PERIOD, self._tell_health, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(PERIOD, self._tell_health, clock=steady)
+        self._patience = self.create_timer(_PATIENCE, self._tell_missing, clock=steady)
         for warning in opened.warnings:
             self.get_logger().warning(warning)
         self.feed.start()
@@ -107,7 +116,7 @@ class MonitorNode(FedNode):
         evaluator, topic, lock = self._evaluator, reader.topic, self._lock
         uses_received = not self.get_parameter('use_sim_time').value
 
-        def deliver(data: bytes, received: int) -> None:
+        def deliver(data: bytes, received: int, _: int) -> None:
             with lock:
                 if not reader.read(data, evaluator):
                     self._tell_undecodable(topic)
@@ -126,6 +135,13 @@ class MonitorNode(FedNode):
                 f'a message on {self.resolve_topic_name(mapped.name)} cannot be decoded as '
                 f'{mapped.message_type}; such messages are counted and are no step')
 
+    def _tell_unusable(self, index: int, reason: str) -> None:
+        item = self._evaluator.monitor.manifest.inputs[index]
+        assert item.topic is not None
+        outcome = 'has no value yet' if self._evaluator.value(index) is None else 'keeps its value'
+        self.get_logger().warning(
+            f"{self.resolve_topic_name(item.topic)}: {reason}; input '{item.name}' {outcome}")
+
     def _tick(self) -> None:
         with self._lock:
             violations = self._evaluator.tick(self._now())
@@ -142,6 +158,14 @@ class MonitorNode(FedNode):
     def _tell_health(self) -> None:
         with self._lock:
             self._health.publish(self.feed.hearings())
+
+    def _tell_missing(self) -> None:
+        self._patience.cancel()
+        with self._lock:
+            told = describe_missing(
+                self._evaluator, self.feed.hearings(), self.resolve_topic_name)
+        if told is not None:
+            self.get_logger().warning(told)
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:
@@ -179,7 +203,7 @@ def _lines_wanted(item: ManifestInput) -> list[str]:
             f'      type: {item.message_type or f"std_msgs/msg/{standard}"}']
 
 
-def _readers(manifest: Manifest) -> list[MessageReader]:
+def _readers(manifest: Manifest, tell: TellUnusable) -> list[MessageReader]:
     problems: list[str] = []
     for message_type in sorted({topic.message_type for topic in manifest.topics}):
         try:
@@ -188,7 +212,7 @@ def _readers(manifest: Manifest) -> list[MessageReader]:
             problems.append(str(error))
     if problems:
         raise Refusal(*problems)
-    return [MessageReader(manifest, topic) for topic in range(len(manifest.topics))]
+    return [MessageReader(manifest, topic, tell) for topic in range(len(manifest.topics))]
 
 
 def _announcement(opened: Opened) -> str:
@@ -196,6 +220,7 @@ def _announcement(opened: Opened) -> str:
     return (f'watching {_count(len(manifest.requirements), "requirement")} '
             f'on {_count(len(manifest.inputs), "input")} '
             f'of {_count(len(manifest.topics), "topic")}, policy {opened.policy.value}, '
+            f'{"" if opened.period is None else f"{opened.period:g} s, "}'
             f'{_count(manifest.state_bytes, "byte")} of state ({opened.origin})')
 
 

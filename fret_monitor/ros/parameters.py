@@ -34,7 +34,7 @@ from rclpy.parameter import Parameter
 
 MONITOR_PARAMETERS = ('spec', 'library', 'policy', 'period', 'rate')
 LOGGER_PARAMETERS = ('spec', 'library')
-# rclpy's own, and those of the standard `qos_overrides`
+# rclpy's own
 _FOREIGN = ('use_sim_time', 'start_type_description_service')
 
 
@@ -86,7 +86,12 @@ def _look_for_slips(node: Node, given: Mapping[str, Any], names: tuple[str, ...]
     # A file of parameters with the wildcard `/**` names those of other nodes too: what looks like
     # none of ours is let pass.
     for name in given:
-        if name in names + _FOREIGN or name.startswith('qos_overrides.'):
+        if name in names + _FOREIGN:
+            continue
+        if name.startswith('qos_overrides.'):
+            node.get_logger().warning(
+                f"ignored parameter '{name}': overrides of the quality of service are not read "
+                'yet; say `qos` of the input in the bundle')
             continue
         hint = did_you_mean(name, names)
         if hint:

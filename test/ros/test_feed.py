@@ -53,8 +53,8 @@ class Listener:
         for topic in topics:
             self.feed.subscribe(topic, 'std_msgs/msg/Int32', Int32, self._keep(topic), fixed)
 
-    def _keep(self, topic: str) -> Callable[[bytes, int], None]:
-        def keep(data: bytes, stamp: int) -> None:
+    def _keep(self, topic: str) -> Callable[[bytes, int, int], None]:
+        def keep(data: bytes, stamp: int, sent: int) -> None:
             self.got.append((topic, deserialize_message(data, Int32).data))
         return keep
 
@@ -235,7 +235,7 @@ def test_a_publisher_of_another_type_is_told_once_with_both_types(
 
 
 def test_an_error_in_a_callback_stops_the_feed_and_is_kept(partner: Partner) -> None:
-    def fail(data: bytes, stamp: int) -> None:
+    def fail(data: bytes, stamp: int, sent: int) -> None:
         raise RuntimeError('oh')
 
     node: Any = Node('fret_monitor', context=partner.context)

@@ -99,6 +99,8 @@ def test_a_period_needs_the_policy_periodic_and_that_a_period(
 def test_a_bundle_that_is_not_there_is_told_by_its_name(context: Context, tmp_path: Path) -> None:
     told = refusal(context, spec='no.yaml')
     assert told == "error: there is no file 'no.yaml'"
+    deep = '/'.join([str(tmp_path), *['folder'] * 30, 'no.yaml'])
+    assert refusal(context, spec=deep) == f"error: there is no file '{deep}'"
 
 
 def test_a_wrong_bundle_is_told_as_check_tells_it(context: Context, tmp_path: Path) -> None:

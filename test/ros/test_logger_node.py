@@ -1,0 +1,169 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The logger among strangers: what it is told, by whom, and in which order."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from time import sleep
+from typing import Any
+
+from fret_monitor.ros.details import Detail
+from fret_monitor.ros.logger_node import Heard
+from fret_monitor.start import manifest_of
+import pytest
+from rclpy.publisher import Publisher
+from ros.harness import NodeProcess
+from ros.harness import Partner
+from ros.harness import started
+from ros.harness import wait_until
+from std_msgs.msg import Empty
+
+diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
+
+BUNDLE = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+requirements:
+  - {id: A-1, ptltl: "x < 0.5"}
+"""
+
+
+@pytest.fixture
+def arguments(tmp_path: Path) -> tuple[str, ...]:
+    (tmp_path / 'bundle.yaml').write_text(BUNDLE)
+    return '-p', f"spec:={tmp_path / 'bundle.yaml'}"
+
+
+def _is_heard(publisher: Publisher) -> bool:
+    return bool(publisher.get_subscription_count())
+
+
+class Voice:
+    """Somebody who says what a monitor would, and other things."""
+
+    def __init__(self, partner: Partner) -> None:
+        self._empty = partner.publisher(Empty, 'copilot/handlerpropA_1')
+        self._details = partner.publisher(diagnostic_msgs.DiagnosticArray, 'copilot/violations')
+        for publisher in (self._empty, self._details):
+            wait_until(partial(_is_heard, publisher), 'a logger')
+        sleep(0.5)  # the logger knows us a moment later, and may subscribe anew
+
+    def violation(self) -> None:
+        self._empty.publish(Empty())
+
+    def detail(self, *pairs: tuple[str, str], name: str = 'A-1') -> None:
+        self._details.publish(diagnostic_msgs.DiagnosticArray(status=[status(name, *pairs)]))
+
+    def raw_detail(self, data: bytes) -> None:
+        self._details.publish(data)
+
+
+def status(name: str, *pairs: tuple[str, str]) -> Any:
+    return diagnostic_msgs.DiagnosticStatus(
+        name=name, values=[diagnostic_msgs.KeyValue(key=key, value=text) for key, text in pairs])
+
+
+def right(step: int, value: str = '0.7') -> tuple[tuple[str, str], ...]:
+    return ('step', str(step)), ('stamp', '12.345678901'), ('suppressed', '0'), ('x', value)
+
+
+def lines(node: NodeProcess, number: int) -> list[str]:
+    """Wait for so many violations and return what was told of them."""
+    wait_until(lambda: node.output.count('A-1 violated at') >= number, f'{number} lines')
+    return [line.partition('A-1 violated at ')[2] for line in node.output.splitlines()
+            if 'A-1 violated at' in line]
+
+
+WRONG: dict[str, Callable[[Voice], None]] = {
+    'nothing': lambda voice: voice.detail(),
+    'too little': lambda voice: voice.detail(*right(1)[:2]),
+    'other keys': lambda voice: voice.detail(*reversed(right(1))),
+    'no number': lambda voice: voice.detail(('step', 'one'), *right(1)[1:]),
+    'no time': lambda voice: voice.detail(right(1)[0], ('stamp', 'nan'), *right(1)[2:]),
+    'no message': lambda voice: voice.raw_detail(b'\0\1\0\0\1'),
+    'no requirement': lambda voice: voice.detail(*right(1), name='B-1'),
+}
+
+
+@pytest.mark.parametrize('kind', WRONG)
+def test_what_no_monitor_says_is_passed_over(
+    kind: str, partner: Partner, arguments: tuple[str, ...],
+) -> None:
+    with started('logger', *arguments) as node:
+        voice = Voice(partner)
+        WRONG[kind](voice)
+        sleep(0.1)
+        voice.violation()
+        assert '[step' not in lines(node, 1)[0]
+        voice.detail(*right(2))
+        voice.violation()
+        assert lines(node, 2)[1] == '12.346: x < 0.5 [step 2: x = 0.7]'
+
+
+def test_a_detail_is_told_with_the_violation_it_was_sent_with_in_any_order() -> None:
+    one, two = Detail(1, 0.5, ()), Detail(2, 0.6, ())
+    heard = Heard()
+    heard.keep(one, sent=10)
+    assert (heard.take(sent=11), heard.take(sent=12)) == (one, None)
+    heard.keep(one, sent=9)  # late: that violation was told without
+    assert heard.take(sent=13) is None
+    heard.keep(two, sent=14)
+    heard.keep(one, sent=8)
+    assert heard.take(sent=15) == two
+
+
+def test_a_violation_from_a_clock_far_ahead_makes_no_detail_late() -> None:
+    heard = Heard(violation_sent=10**15)
+    heard.keep(Detail(1, 0.5, ()), sent=10)
+    assert heard.take(sent=11) == Detail(1, 0.5, ())
+
+
+def test_a_detail_whose_violation_never_came_is_dropped(
+    partner: Partner, arguments: tuple[str, ...],
+) -> None:
+    with started('logger', *arguments) as node:
+        voice = Voice(partner)
+        voice.detail(*right(1))
+        sleep(1.2)
+        voice.violation()
+        assert '[step' not in lines(node, 1)[0]
+
+
+def test_the_logger_needs_no_compiler_and_builds_nothing(
+    domain: int, arguments: tuple[str, ...], tmp_path: Path,
+) -> None:
+    environment = {'PATH': str(tmp_path / 'empty'), 'ROS_HOME': str(tmp_path / 'home'), 'CC': ''}
+    with started('logger', *arguments, environment=environment) as node:
+        assert 'listening for violations of 1 requirements: A-1' in node.output
+    assert not (tmp_path / 'home' / 'fret_monitor').exists()
+
+
+def test_overrides_of_quality_are_told_not_to_be_read(
+    domain: int, arguments: tuple[str, ...],
+) -> None:
+    override = 'qos_overrides./x.subscription.depth'
+    with started('logger', *arguments, '-p', f'{override}:=5') as node:
+        assert f"ignored parameter '{override}': overrides of the quality of service are not " \
+            'read yet' in node.output
+
+
+def test_the_manifest_is_that_of_the_compiled_bundle(tmp_path: Path) -> None:
+    from fret_monitor.start import start
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE)
+    generated = manifest_of(bundle)
+    assert start(bundle).manifest == generated == manifest_of(bundle)
