@@ -23,13 +23,19 @@ Its JSON carries a format number; a manifest of another format is refused.
 from dataclasses import asdict, dataclass
 from enum import Enum
 import json
-from typing import Any
+import math
+import re
+from typing import NoReturn
+from typing import TypeVar
 
 FORMAT = 1
 
+_SYMBOL = re.compile('[A-Za-z_][A-Za-z0-9_]*')
+_Choice = TypeVar('_Choice', bound=Enum)
+
 
 class ManifestError(Exception):
-    """A manifest that cannot be read: not JSON, of another format, or incomplete."""
+    """A manifest that cannot be read: not JSON, of another format, incomplete or damaged."""
 
 
 class ValueType(Enum):
@@ -183,17 +189,18 @@ class Manifest:
         Raises
         ------
         ManifestError
-            if the text is not such JSON, or of another format.
+            if the text is not such JSON, or of another format, or a value in it cannot be; with
+            the key of that value.
         """
         try:
-            content = json.loads(text)
-            if content['format'] != FORMAT:
-                raise ManifestError(
-                    f"manifest has format {content['format']}, this version reads {FORMAT}: "
-                    'compile the bundle again')
-            return _manifest(content)
-        except (KeyError, TypeError, ValueError) as error:
+            content = _Value('', json.loads(text))
+        except (ValueError, RecursionError) as error:
             raise ManifestError(f'not a manifest of fret_monitor ({error})') from None
+        number = content['format'].natural()
+        if number != FORMAT:
+            raise ManifestError(f'manifest has format {str(number)[:20]}, this version reads '
+                                f'{FORMAT}: compile the bundle again')
+        return _manifest(content)
 
 
 def _plain(value: object) -> object:
@@ -202,53 +209,179 @@ def _plain(value: object) -> object:
     raise TypeError(f'{value!r} is not part of a manifest')
 
 
-def _manifest(content: dict[str, Any]) -> Manifest:
+@dataclass(frozen=True)
+class _Value:
+    """A value of the JSON text and the key that leads to it; each method checks what it is."""
+
+    key: str
+    found: object
+
+    def refuse(self, wanted: str) -> NoReturn:
+        shown = ascii(self.found) if isinstance(self.found, str | int | float | None) \
+            else type(self.found).__name__
+        raise ManifestError(f"not a manifest of fret_monitor ({self.key or 'the whole'} is to be "
+                            f'{wanted}, not {shown[:40]})')
+
+    def __getitem__(self, name: str) -> '_Value':
+        key = f'{self.key}.{name}' if self.key else name
+        if not isinstance(self.found, dict):
+            self.refuse('an object')
+        if name not in self.found:
+            raise ManifestError(f'not a manifest of fret_monitor ({key} is missing)')
+        return _Value(key, self.found[name])
+
+    def items(self) -> list['_Value']:
+        if not isinstance(self.found, list):
+            self.refuse('a list')
+        return [_Value(f'{self.key}[{place}]', item) for place, item in enumerate(self.found)]
+
+    def pairs(self) -> list[tuple['_Value', '_Value']]:
+        found = []
+        for item in self.items():
+            pair = item.items()
+            if len(pair) != 2:
+                item.refuse('a list of two')
+            found.append((pair[0], pair[1]))
+        return found
+
+    def text(self) -> str:
+        if not isinstance(self.found, str):
+            self.refuse('a text')
+        try:
+            self.found.encode()
+        except UnicodeEncodeError:
+            self.refuse('a text in Unicode')  # half of a surrogate pair
+        return self.found
+
+    def symbol(self) -> str:
+        text = self.text()
+        if not _SYMBOL.fullmatch(text):
+            self.refuse('a name in C')
+        return text
+
+    def text_or_none(self) -> str | None:
+        return None if self.found is None else self.text()
+
+    def whole(self, wanted: str = 'a whole number') -> int:
+        if not isinstance(self.found, int) or isinstance(self.found, bool):
+            self.refuse(wanted)
+        return self.found
+
+    def natural(self) -> int:
+        number = self.whole('a whole number from 0')
+        return number if number >= 0 else self.refuse('a whole number from 0')
+
+    def text_or_whole(self) -> str | int:
+        return self.text() if isinstance(self.found, str) else self.whole('a text or whole number')
+
+    def step(self) -> str | int:
+        return self.text() if isinstance(self.found, str) else self.natural()
+
+    def index(self, count: int) -> int:
+        number = self.natural()
+        return number if number < count else self.refuse(f'an index below {count}')
+
+    def indices(self, count: int) -> tuple[int, ...]:
+        return tuple(item.index(count) for item in self.items())
+
+    def choice(self, kind: type[_Choice]) -> _Choice:
+        for member in kind:
+            if member.value == self.found:
+                return member
+        self.refuse('one of ' + ', '.join(str(member.value) for member in kind))
+
+    def number(self, wanted: str) -> int | float:
+        if not isinstance(self.found, int | float) or isinstance(self.found, bool):
+            self.refuse(wanted)
+        try:
+            float(self.found)
+        except OverflowError:
+            self.refuse(wanted)
+        return self.found
+
+    def period(self, policy: Policy) -> float | None:
+        if self.found is None and policy is not Policy.PERIODIC:
+            return None
+        wanted = 'a number of seconds above 0'
+        seconds = self.number(wanted)
+        return seconds if 0 < seconds < math.inf else self.refuse(wanted)
+
+    def initial(self, kind: ValueType) -> bool | int | float | None:
+        if self.found is None:
+            return None
+        if kind is ValueType.BOOL:
+            return self.found if isinstance(self.found, bool) else self.refuse('true or false')
+        if kind.is_float:
+            return self.number('a number')
+        signed = kind.value.startswith('int')
+        bits = int(kind.value.removeprefix('u').removeprefix('int'))
+        low, high = (-2 ** (bits - 1), 2 ** (bits - 1) - 1) if signed else (0, 2 ** bits - 1)
+        number = self.whole()
+        return number if low <= number <= high else self.refuse(f'a number of {kind.value}')
+
+
+def _manifest(content: _Value) -> Manifest:
+    inputs = tuple(_input(item) for item in content['inputs'].items())
+    groups, requirements = content['groups'].items(), content['requirements'].items()
+    policy = content['policy'].choice(Policy)
     return Manifest(
-        name=content['name'],
-        symbol=content['symbol'],
-        component=content['component'],
-        policy=Policy(content['policy']),
-        period=content['period'],
-        inputs=tuple(_input(item) for item in content['inputs']),
-        topics=tuple(_topic(item) for item in content['topics']),
-        groups=tuple(_group(item) for item in content['groups']),
-        requirements=tuple(_requirement(item) for item in content['requirements']),
-        state_bytes=content['state_bytes'],
-        bundle_hash=content['bundle_hash'],
-        source_hash=content['source_hash'],
-        sources=tuple(content['sources']),
+        name=content['name'].text(),
+        symbol=content['symbol'].symbol(),
+        component=content['component'].text(),
+        policy=policy,
+        period=content['period'].period(policy),
+        inputs=inputs,
+        topics=tuple(_topic(item, len(inputs)) for item in content['topics'].items()),
+        groups=tuple(_group(item, len(inputs), len(requirements)) for item in groups),
+        requirements=tuple(_requirement(item, len(inputs), len(groups)) for item in requirements),
+        state_bytes=content['state_bytes'].natural(),
+        bundle_hash=content['bundle_hash'].text(),
+        source_hash=content['source_hash'].text(),
+        sources=tuple(item.text() for item in content['sources'].items()),
     )
 
 
-def _input(item: dict[str, Any]) -> ManifestInput:
-    return ManifestInput(**{
-        **item,
-        'value_type': ValueType(item['value_type']),
-        'path': tuple(item['path']),
-        'values': tuple((name, value) for name, value in item['values']),
-    })
+def _input(item: _Value) -> ManifestInput:
+    value_type = item['value_type'].choice(ValueType)
+    return ManifestInput(
+        name=item['name'].text(),
+        value_type=value_type,
+        topic=item['topic'].text_or_none(),
+        message_type=item['message_type'].text_or_none(),
+        path=tuple(step.step() for step in item['path'].items()),
+        values=tuple((name.text(), value.text_or_whole())
+                     for name, value in item['values'].pairs()),
+        initial=item['initial'].initial(value_type),
+    )
 
 
-def _topic(item: dict[str, Any]) -> ManifestTopic:
-    return ManifestTopic(**{
-        **item,
-        'inputs': tuple(item['inputs']),
-        'qos': tuple((key, value) for key, value in item['qos']),
-    })
+def _topic(item: _Value, inputs: int) -> ManifestTopic:
+    return ManifestTopic(
+        name=item['name'].text(),
+        message_type=item['message_type'].text(),
+        inputs=item['inputs'].indices(inputs),
+        qos=tuple((key.text(), value.text_or_whole()) for key, value in item['qos'].pairs()),
+    )
 
 
-def _group(item: dict[str, Any]) -> ManifestGroup:
-    return ManifestGroup(**{
-        **item,
-        'inputs': tuple(item['inputs']),
-        'requirements': tuple(item['requirements']),
-    })
+def _group(item: _Value, inputs: int, requirements: int) -> ManifestGroup:
+    return ManifestGroup(
+        inputs=item['inputs'].indices(inputs),
+        requirements=item['requirements'].indices(requirements),
+        state_bytes=item['state_bytes'].natural(),
+        operations=item['operations'].natural(),
+    )
 
 
-def _requirement(item: dict[str, Any]) -> ManifestRequirement:
-    return ManifestRequirement(**{
-        **item,
-        'report': Report(item['report']),
-        'severity': Severity(item['severity']),
-        'inputs': tuple(item['inputs']),
-    })
+def _requirement(item: _Value, inputs: int, groups: int) -> ManifestRequirement:
+    return ManifestRequirement(
+        id=item['id'].text(),
+        handler=item['handler'].text(),
+        text=item['text'].text(),
+        title=item['title'].text(),
+        formula=item['formula'].text(),
+        report=item['report'].choice(Report),
+        severity=item['severity'].choice(Severity),
+        group=item['group'].index(groups),
+        inputs=item['inputs'].indices(inputs),
+    )
