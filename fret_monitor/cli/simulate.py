@@ -52,6 +52,7 @@ def run(options: Namespace) -> int:
 
 def _shown(summary: Summary) -> str:
     lines = [counted(summary.steps, 'step')]
-    lines += [f"{name}: violated at {counted(count, 'step')}" if count else f'{name}: satisfied'
+    otherwise = 'satisfied' if summary.steps else 'not judged'
+    lines += [f"{name}: violated at {counted(count, 'step')}" if count else f'{name}: {otherwise}'
               for name, count in summary.violations.items()]
     return '\n'.join(lines)

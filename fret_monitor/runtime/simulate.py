@@ -50,6 +50,8 @@ from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.runtime.evaluator import TYPECODES
 
 _BLOCK = 4096
+_LONGEST = 16 * 1024 * 1024  # characters of a row
+_SHOWN = 200  # characters of a row that is too long
 _TRUTHS = {'0': 0, '1': 1, 'false': 0, 'true': 1}
 _INTEGER = re.compile(r'[+-]?[0-9]+')
 _REAL = re.compile(r'[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf)',
@@ -94,7 +96,7 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None) -> Summary:
     """
     if verdicts is not None and _is_same(verdicts, trace):
         refuse(f"'{verdicts}' is the trace itself", help='name another file for the verdicts')
-    with _reading(trace) as file, _writing(verdicts) as out:
+    with _reading(trace) as file, _wide_cells(), _writing(verdicts) as out:
         return _run(Evaluator(monitor), _Trace(trace, file, monitor.manifest), out)
 
 
@@ -147,6 +149,16 @@ def _reading(path: Path) -> Iterator[TextIO]:
 
 
 @contextmanager
+def _wide_cells() -> Iterator[None]:
+    """Let a cell be as long as a row; the limit is one for the whole process."""
+    former = csv.field_size_limit(_LONGEST)
+    try:
+        yield
+    finally:
+        csv.field_size_limit(former)
+
+
+@contextmanager
 def _writing(path: Path | None) -> Iterator[TextIO]:
     if path is None:
         yield sys.stdout
@@ -184,7 +196,10 @@ class _Trace:
     def __init__(self, path: Path, file: TextIO, manifest: Manifest) -> None:
         self._name = str(path)
         self._inputs = manifest.inputs
-        self._last = ''
+        self._first = self._last = ''  # lines of the row that is being read
+        self._line = 0  # number of the first one
+        self._read = self._before = 0  # characters of the trace, and of those before the row
+        self._is_over = False
         self._reader = csv.reader(self._remembered(file), strict=True)
         heading = [cell.strip() for cell in next(self._rows(), _Row(1, [])).cells]
         self._width = len(heading)
@@ -192,9 +207,17 @@ class _Trace:
 
     def _remembered(self, file: TextIO) -> Iterator[str]:
         try:
-            for line in file:
+            while line := file.readline(_LONGEST + 1):
+                if self._read == self._before:
+                    self._first, self._line = line, self._reader.line_num + 1
                 self._last = line
+                self._read += len(line)
+                if self._read - self._before > _LONGEST:
+                    self._refuse(self._line, None, f'a row of more than {_LONGEST:,} characters',
+                                 'a row ends with its line, and that with a line feed; in quotes '
+                                 'it goes on', shown=self._first[:_SHOWN])
                 yield line
+            self._is_over = True
         except UnicodeDecodeError:
             refuse(f"'{self._name}' is not text in UTF-8")
         except OSError as error:
@@ -215,6 +238,7 @@ class _Trace:
         blank = 0
         try:
             for cells in self._reader:
+                self._before = self._read
                 if not cells:
                     blank = blank or self._reader.line_num
                     continue
@@ -222,17 +246,28 @@ class _Trace:
                     self._refuse(blank, None, 'empty row', 'a row is a step; leave no line empty')
                 yield _Row(self._reader.line_num, cells)
         except csv.Error as error:
-            self._refuse(self._reader.line_num, None, f'not CSV: {error}', '')
+            if self._is_over:
+                self._refuse(self._line, None, f'not CSV: {error}',
+                             'a quote (") in this row is not closed', shown=self._first)
+            self._refuse(self._reader.line_num, None, f'not CSV: {error}', '', shown=self._last)
 
     def blocks(self) -> Iterator[list[_Row]]:
         """Yield the rows, some thousand at a time."""
         rows = self._rows()
-        while block := list(islice(rows, _BLOCK)):
+        while block := list(islice(self._some(rows), _BLOCK)):
             for row in block:
                 if len(row.cells) != self._width:
                     self._refuse(row.line, row, f"{counted(len(row.cells), 'cell')} in a row "
                                  f"of a trace with {counted(self._width, 'column')}", '')
             yield block
+
+    def _some(self, rows: Iterator[_Row]) -> Iterator[_Row]:
+        """Yield rows that can be held together."""
+        end = self._read + _LONGEST
+        for row in rows:
+            yield row
+            if self._read > end:
+                return
 
     def columns(self, rows: list[_Row]) -> list['array[Any]']:
         """Return the values of each input in some rows."""
@@ -260,9 +295,10 @@ class _Trace:
                      _wanted(item), place)
 
     def _refuse(self, line: int, row: _Row | None, title: str, help: str,
-                place: int | None = None) -> None:
+                place: int | None = None, shown: str | None = None) -> None:
         """Refuse with a place: a source that has this line, and empty ones before it."""
-        shown = ','.join(row.cells) if row else self._last if line == 1 else ''
+        if shown is None:
+            shown = ','.join(row.cells) if row else self._last if line == 1 else ''
         start = 0
         width = len(shown.rstrip('\r\n'))
         if row and place is not None:

@@ -97,6 +97,14 @@ def test_a_trace_without_rows_gives_no_verdicts(here: Here) -> None:
     assert verdicts(here, HEADING.rstrip()) == [['step', 'R-1', 'R,2', 'R"3']]
 
 
+def test_a_trace_without_rows_judges_nothing(here: Here) -> None:
+    bundle, trace = here.file('pump.yaml', PUMP), here.file('trace.csv', HEADING)
+    done = here.run('simulate', bundle, '--trace', trace, '--verdicts', here.folder / 'out.csv',
+                    '--fail-on-violation')
+    assert done.out == '0 steps\nR-1: not judged\nR,2: not judged\nR"3: not judged\n'
+    assert (done.status, done.err) == (0, '')
+
+
 @pytest.mark.parametrize('policy', [
     'every_message', 'relevant_message', 'all_inputs', '{policy: periodic, period: 0.1}'])
 def test_a_row_is_a_step_under_every_policy(here: Here, policy: str) -> None:
@@ -209,7 +217,7 @@ def test_csv_is_read_as_spreadsheets_write_it(here: Here, trace: bytes) -> None:
     (HEADING + '0,0,\x00,0,moving\n', "is no value of 'n'"),
     (HEADING + '0,0,0,0,"moving\n', 'trace.csv:2:1: error: not CSV: unexpected end of data'),
     (HEADING + '0,0,0,0,"mov"ing\n', 'trace.csv:2:1: error: not CSV:'),
-    (HEADING + '0,0,0,0,' + 'm' * 200_000 + '\n', 'trace.csv:2:1: error: not CSV: field larger'),
+    (HEADING + '0,0,0,0,' + 'm' * 200_000 + '\n', "trace.csv:2:9: error: 'mmmm"),
 ], ids=range(30))
 def test_a_trace_that_cannot_be_used_is_refused_with_its_place(
         here: Here, trace: str, expected: str) -> None:
@@ -238,6 +246,46 @@ def test_a_cell_is_underlined(here: Here) -> None:
         '   |     ^^',
         '    = help: write a whole number (int8)',
     ]
+
+
+@pytest.mark.parametrize('rest', ['', '\n', '\n0,0,0,0,moving\n\n'])
+def test_a_quote_that_is_not_closed_is_shown_where_its_row_begins(here: Here, rest: str) -> None:
+    assert refused(here, HEADING + GOOD + '1,"2' + rest).splitlines() == [
+        'trace.csv:3:1: error: not CSV: unexpected end of data',
+        ' 3 | 1,"2',
+        '   | ^^^^',
+        '    = help: a quote (") in this row is not closed',
+    ]
+
+
+def test_a_quote_within_a_cell_is_shown_with_its_line(here: Here) -> None:
+    said = refused(here, HEADING + GOOD + '0,0,0,0,"mov\n"ing\n' + GOOD)
+    assert said.startswith('trace.csv:4:1: error: not CSV: ')
+    assert said.splitlines()[1:3] == [' 4 | "ing', '   | ^^^^']
+
+
+def test_a_long_cell_of_a_column_that_nobody_reads_does_not_matter(here: Here) -> None:
+    long = 'm' * 1_000_000
+    trace = f'p,x,n,mode,word,{long}\n1,0,0,0,moving,{long}\n0,0,0,0,moving,"{long}\n"\n'
+    assert verdicts(here, trace)[1:] == [['0', '1', '1', '1'], ['1', '0', '1', '1']]
+
+
+def test_a_line_without_end_is_refused_and_never_held(here: Here) -> None:
+    bundle = here.file('pump.yaml', PUMP)
+    done = subprocess.run(
+        [sys.executable, '-c', PEAK, 'simulate', bundle, '--trace', '/dev/zero'],
+        env=environment(), capture_output=True, text=True, check=False, timeout=60,
+        preexec_fn=limited)
+    said, _, peak = done.stderr.rstrip('\n').rpartition('\n')
+    assert (done.returncode, done.stdout) == (1, '')
+    assert said.startswith('/dev/zero:1:1: error: a row of more than 16,777,216 characters\n')
+    assert len(said) < 1000
+    assert int(peak) < 300 * 1024
+
+
+def limited() -> None:
+    """End in an error, not with all memory of the machine."""
+    resource.setrlimit(resource.RLIMIT_AS, (2 ** 30, 2 ** 30))
 
 
 def test_a_place_is_right_behind_a_cell_of_several_lines(here: Here) -> None:

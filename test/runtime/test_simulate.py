@@ -15,6 +15,7 @@
 """Traces of random bundles: what `simulate` writes is what the reference says of each row."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 import csv
 from dataclasses import replace
 from functools import cache
@@ -135,6 +136,48 @@ def test_a_trace_that_breaks_off_in_a_later_block_leaves_no_verdicts(tmp_path: P
         simulate(build_specification(specification).monitor, tmp_path / 'trace.csv',
                  tmp_path / 'out.csv')
     assert [path.name for path in tmp_path.iterdir()] == ['trace.csv']
+
+
+@pytest.mark.parametrize(('rows_of_it', 'line'), [
+    ('1,1,' + 'm' * 100 + '\n', 3), ('1,1,"m\n' + 'm\n' * 60 + '"\n', 3),
+    ('1,1,1' + ',"\n"' * 40 + '\n', 3)])
+def test_a_row_that_is_too_long_is_refused_where_it_begins(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows_of_it: str, line: int) -> None:
+    monkeypatch.setattr(module, '_LONGEST', 100)
+    trace = tmp_path / 'trace.csv'
+    trace.write_text('p,n,x\n1,-5,2.5\n' + rows_of_it)
+    with pytest.raises(CompileError) as caught:
+        simulate(damaged_monitor(), trace, tmp_path / 'out.csv')
+    title, shown, *_ = str(caught.value).splitlines()
+    assert title == f'{trace}:{line}:1: error: a row of more than 100 characters'
+    assert shown == f' {line} | {rows_of_it.splitlines()[0][:101]}'  # it read no further
+    assert os.listdir(tmp_path) == ['trace.csv']
+
+
+def test_long_rows_are_not_held_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, '_LONGEST', 100)
+    (tmp_path / 'trace.csv').write_text('p,n,x,y\n' + ('1,-5,2.5,' + 'm' * 40 + '\n') * 90)
+    blocks: list[int] = []
+    monkeypatch.setattr(module.Evaluator, 'rows', recorded(module.Evaluator.rows, blocks))
+    assert simulate(damaged_monitor(), tmp_path / 'trace.csv', tmp_path / 'out.csv').steps == 90
+    assert blocks == [3] * 30
+
+
+def recorded(rows: Any, counts: list[int]) -> Any:
+    """Return a method that does the same and notes the number of rows."""
+    def method(evaluator: Any, columns: Any, count: int) -> Any:
+        counts.append(count)
+        return rows(evaluator, columns, count)
+    return method
+
+
+def test_the_limit_of_cells_is_that_of_before_when_all_is_done(tmp_path: Path) -> None:
+    before = csv.field_size_limit()
+    for text in ('p,n,x\n1,1,1\n', 'p,n,x\n1,1\n'):
+        (tmp_path / 'trace.csv').write_text(text)
+        with suppress(CompileError):
+            simulate(damaged_monitor(), tmp_path / 'trace.csv', tmp_path / 'out.csv')
+        assert csv.field_size_limit() == before
 
 
 @settings(max_examples=300)
