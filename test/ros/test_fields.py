@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+from collections.abc import Callable
 from typing import Any
 
 from fret_monitor.manifest import Manifest
@@ -24,6 +25,7 @@ from fret_monitor.ros.fields import message_class
 from fret_monitor.ros.fields import MessageReader
 from fret_monitor.ros.fields import MessageTypeError
 from fret_monitor.ros.fields import UnusableField
+from fret_monitor.ros.fields import why_unusable
 import pytest
 from rclpy.serialization import serialize_message
 
@@ -110,13 +112,15 @@ def test_a_string_is_its_place_among_the_values_and_no_other_can_be_used() -> No
             read(std_msgs.String(data=unknown))
 
 
-def joint_reader() -> MessageReader:
+def joint_reader(
+    tell: Callable[[int, str], None] = lambda index, reason: None,
+) -> MessageReader:
     inputs = (an_input(ValueType.FLOAT64, 'position', 0), an_input(ValueType.FLOAT64, 'effort', 1))
     topics = (ManifestTopic('other', 'std_msgs/msg/Bool', (), ()),
               ManifestTopic('joints', 'sensor_msgs/msg/JointState', (0, 1), ()))
     manifest = Manifest('m', 'm', '', Policy.EVERY_MESSAGE, None, inputs, topics, (), (), 0, '',
                         '', ())
-    return MessageReader(manifest, 1)
+    return MessageReader(manifest, 1, tell)
 
 
 def test_a_message_whose_field_cannot_be_used_still_stores_the_others() -> None:
@@ -124,6 +128,34 @@ def test_a_message_whose_field_cannot_be_used_still_stores_the_others() -> None:
     message = sensor_msgs.JointState(position=[7.0], effort=[1.0])
     assert joint_reader().read(serialize_message(message), stored)
     assert (stored.values, stored.unusable_inputs) == ({0: 7.0}, [1])
+
+
+def test_what_cannot_be_used_is_told_once_an_input() -> None:
+    told: list[tuple[int, str]] = []
+    reader = joint_reader(lambda index, reason: told.append((index, reason)))
+    for size in (2, 1, 0):
+        message = sensor_msgs.JointState(position=[7.0] * size, effort=[1.0] * size)
+        assert reader.read(serialize_message(message), Stored())
+    assert told == [(1, 'effort[1] cannot be read (the array has 1 element)'),
+                    (0, 'position[0] cannot be read (the array has 0 elements)')]
+
+
+def test_of_arrays_in_arrays_the_one_too_short_is_named() -> None:
+    status = message_class('diagnostic_msgs/msg/DiagnosticStatus')
+    message = message_class('diagnostic_msgs/msg/DiagnosticArray')(status=[status()])
+    inner = an_input(ValueType.INT32, 'status', 0, 'values', 2, 'value', values=(('A', 'a'),))
+    assert why_unusable(inner, message) == (
+        'status[0].values[2].value cannot be read (status[0].values has 0 elements)')
+    outer = an_input(ValueType.UINT8, 'status', 1, 'level')
+    assert why_unusable(outer, message) == (
+        'status[1].level cannot be read (status has 1 element)')
+
+
+def test_a_string_outside_the_values_is_told_and_a_long_one_cut() -> None:
+    item = an_input(ValueType.INT32, 'data', values=(('IDLE', 'idle'),))
+    assert why_unusable(item, std_msgs.String(data='broken\n')) == (
+        r"data is 'broken\n', which is not among its values in the bundle")
+    assert len(why_unusable(item, std_msgs.String(data='x' * 100_000))) < 130
 
 
 @pytest.mark.parametrize('data', [b'', b'\0\1\0\0', b'\0\1\0\0' + b'\xff' * 20])

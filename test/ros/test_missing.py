@@ -1,0 +1,160 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the monitor tells of inputs that do not come, or come and cannot be used."""
+
+from pathlib import Path
+from time import sleep
+from types import SimpleNamespace
+from typing import Any
+
+from fret_monitor.manifest import Manifest
+from fret_monitor.manifest import ManifestInput
+from fret_monitor.manifest import ManifestRequirement
+from fret_monitor.manifest import ManifestTopic
+from fret_monitor.manifest import Policy
+from fret_monitor.manifest import Report
+from fret_monitor.manifest import Severity
+from fret_monitor.manifest import ValueType
+import pytest
+from ros.harness import Partner
+from ros.harness import started
+from ros.harness import wait_until
+from std_msgs.msg import String
+
+diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
+sensor_msgs = pytest.importorskip('sensor_msgs.msg')
+health = pytest.importorskip('fret_monitor.ros.health')
+feed = pytest.importorskip('fret_monitor.ros.feed')
+
+SCAN = """
+format: 1
+inputs:
+  front: {topic: scan, type: sensor_msgs/msg/LaserScan, field: "ranges[180]"}
+  state: {topic: state, type: std_msgs/msg/String, values: {IDLE: "idle", GO: "go"}}
+  wind: {topic: windspeed, type: std_msgs/msg/Float32}
+requirements:
+  - {id: ROS-001, ptltl: "wind < 8.0"}
+  - {id: ROS-002, ptltl: "front > 1.0 | state = GO"}
+"""
+
+
+def test_what_cannot_be_used_and_what_does_not_come_is_told_once(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(SCAN, encoding='utf-8')
+    heard: list[Any] = []
+    partner.node.create_subscription(
+        diagnostic_msgs.DiagnosticArray, '/diagnostics', heard.append, 10)
+
+    def told() -> dict[str, tuple[bytes, str]]:
+        return {item.name.partition(': ')[2]: (item.level, item.message)
+                for item in (heard[-1].status if heard else ())}
+
+    def is_told(name: str, level: bytes, message: str) -> None:
+        wait_until(lambda: told().get(name) == (level, message), f'{name}: {message}')
+
+    with started('monitor', '-p', f'spec:={bundle}') as node:
+        scan = partner.publisher(sensor_msgs.LaserScan, 'scan')
+        state = partner.publisher(String, 'state')
+        partner.wait_for_listener(scan, state)
+        state.publish(String(data='go'))
+        sleep(0.2)
+        for _ in range(3):
+            scan.publish(sensor_msgs.LaserScan(ranges=[2.0] * 100))
+            state.publish(String(data='broken'))
+        is_told('topic /scan', b'\1', 'fields cannot be used: front')
+        is_told('topic /state', b'\1', 'fields cannot be used: state')
+        is_told('topic /scan', b'\0', 'received')
+        node.wait_for('/scan: ranges[180] cannot be read (the array has 100 elements); '
+                      "input 'front' has no value yet")
+        node.wait_for("/state: data is 'broken', which is not among its values in the bundle; "
+                      "input 'state' keeps its value")
+        node.wait_for(
+            'ROS-001, ROS-002 are not evaluated yet: nothing usable received on /scan '
+            "(1 publisher) for 'front'; nothing received on /windspeed (0 publishers) for 'wind'")
+        scan.publish(sensor_msgs.LaserScan(ranges=[2.0] * 100))
+        is_told('topic /scan', b'\1', 'fields cannot be used: front')
+        sleep(6.0)
+        assert node.output.count('cannot be read') == 1
+        assert node.output.count('which is not among') == 1
+        assert node.output.count('not evaluated yet') == 1
+
+
+def test_the_first_line_says_the_period(partner: Partner, tmp_path: Path) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(SCAN, encoding='utf-8')
+    with started('monitor', '-p', f'spec:={bundle}', '-p', 'policy:=periodic',
+                 '-p', 'rate:=20.0') as node:
+        node.wait_for('policy periodic, 0.05 s, ')
+
+
+class Values:
+    """What `describe_missing` asks of an evaluator."""
+
+    def __init__(self, manifest: Manifest, values: dict[int, float],
+                 messages: dict[int, int] | None = None) -> None:
+        self.monitor = SimpleNamespace(manifest=manifest)
+        self.value = values.get
+        self._messages = messages or {}
+
+    def topic_counts(self, index: int) -> Any:
+        return SimpleNamespace(messages=self._messages.get(index, 0))
+
+
+def a_manifest(count: int) -> Manifest:
+    """Return one of so many requirements, each of an input and topic of its own."""
+    names = [f'x{index}' for index in range(count)]
+    return Manifest(
+        'm', 'm', '', Policy.EVERY_MESSAGE, None,
+        tuple(ManifestInput(name, ValueType.FLOAT32, name, 'any', ('data',), (), None)
+              for name in names),
+        tuple(ManifestTopic(name, 'std_msgs/msg/Float32', (index,), ())
+              for index, name in enumerate(names)),
+        (), tuple(ManifestRequirement(f'R-{index}', f'R_{index}', '', '', '', Report.EVERY_STEP,
+                                      Severity.ERROR, 0, (index,)) for index in range(count)),
+        0, '', '', ())
+
+
+def missing(evaluator: Values, hearings: list[Any]) -> Any:
+    return health.describe_missing(evaluator, hearings, lambda name: f'/{name}')
+
+
+def test_nothing_is_missing_when_every_input_has_a_value() -> None:
+    assert missing(Values(a_manifest(2), {0: 0.0, 1: 0.0}), [feed.Hearing()] * 2) is None
+
+
+def test_only_who_waits_is_told_with_what_it_waits_for() -> None:
+    assert missing(Values(a_manifest(2), {0: 0.0}), [feed.Hearing(), feed.Hearing(2)]) == (
+        "R-1 is not evaluated yet: nothing received on /x1 (2 publishers) for 'x1'")
+
+
+def test_an_input_that_nothing_reads_is_not_told() -> None:
+    manifest = a_manifest(3)
+    read = Manifest(**{**vars(manifest), 'requirements': manifest.requirements[:2]})
+    assert missing(Values(read, {0: 0.0, 1: 0.0}), [feed.Hearing()] * 3) is None
+    assert '/x2' not in missing(Values(read, {0: 0.0}), [feed.Hearing()] * 3)
+
+
+def test_publishers_of_another_type_are_no_publishers_of_the_type() -> None:
+    told = missing(Values(a_manifest(1), {}), [feed.Hearing(0, (), ('std_msgs/msg/Int32',))])
+    assert '(0 publishers of std_msgs/msg/Float32)' in told
+
+
+def test_of_many_the_first_five_are_named() -> None:
+    told = missing(Values(a_manifest(300), {}), [feed.Hearing()] * 300)
+    assert told.startswith('R-0, R-1, R-2, R-3, R-4 and 295 more are not evaluated yet: ')
+    assert told.endswith("on /x4 (0 publishers) for 'x4' and 295 more")
+    assert 'x5' not in told
