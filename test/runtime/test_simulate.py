@@ -36,6 +36,7 @@ from fret_monitor.manifest import Policy
 from fret_monitor.manifest import ValueType
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime import simulate as module
+from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.runtime.simulate import simulate
 from hypothesis import given
 from hypothesis import settings
@@ -158,7 +159,7 @@ def test_long_rows_are_not_held_together(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(module, '_LONGEST', 100)
     (tmp_path / 'trace.csv').write_text('p,n,x,y\n' + ('1,-5,2.5,' + 'm' * 40 + '\n') * 90)
     blocks: list[int] = []
-    monkeypatch.setattr(module.Evaluator, 'rows', recorded(module.Evaluator.rows, blocks))
+    monkeypatch.setattr(Evaluator, 'rows', recorded(Evaluator.rows, blocks))
     assert simulate(damaged_monitor(), tmp_path / 'trace.csv', tmp_path / 'out.csv').steps == 90
     assert blocks == [3] * 30
 
