@@ -42,11 +42,12 @@
 /// Bit k of a word, k < 64.
 static inline bool fm_bit(uint64_t word, unsigned k) {return ((word >> k) & 1u) != 0u;}
 
-/// Counters. The state is one unsigned integer that can hold bound + 1. No cell branches: what a
-/// robot measures is hard to predict.
+/// Counters. The state is one unsigned integer. No cell branches: what a robot measures is hard to
+/// predict.
 ///
 /// The first three keep what the age of something will be at the next step; any number above
-/// bound is never.
+/// bound is never. Ages stop where the highest bit is set: bound is less than that. The last two
+/// need an integer that can hold bound + 1.
 /// once_within    O[0,bound] p: the age is the steps since the last p; starts at bound + 1, and
 ///                true until step m without any p from bound - m.
 /// always_within  H[0,bound] p: the age is the steps since the last !p; starts likewise.
@@ -61,27 +62,27 @@ static inline bool fm_bit(uint64_t word, unsigned k) {return ((word >> k) & 1u) 
   { \
     return (type)(0u - (unsigned)p); \
   } \
-  static inline type fm_older_ ## suffix(type age, type bound) \
+  static inline type fm_older_ ## suffix(type age) \
   { \
-    return (type)(age + 1u - (age > bound)); \
+    return (type)(age + 1u - (age >> (8u * sizeof(type) - 1u))); \
   } \
   static inline bool fm_once_within_ ## suffix(type * next, type bound, bool p) \
   { \
     const type age = (type)(*next & fm_ones_if_ ## suffix(!p)); \
-    *next = fm_older_ ## suffix(age, bound); \
+    *next = fm_older_ ## suffix(age); \
     return age <= bound; \
   } \
   static inline bool fm_always_within_ ## suffix(type * next, type bound, bool p) \
   { \
     const type age = (type)(*next & fm_ones_if_ ## suffix(p)); \
-    *next = fm_older_ ## suffix(age, bound); \
+    *next = fm_older_ ## suffix(age); \
     return age > bound; \
   } \
   static inline bool fm_since_within_ ## suffix(type * next, type bound, bool p, bool q) \
   { \
     const type kept = (type)(*next | fm_ones_if_ ## suffix(!p)); \
     const type age = (type)(kept & fm_ones_if_ ## suffix(!q)); \
-    *next = fm_older_ ## suffix(age, bound); \
+    *next = fm_older_ ## suffix(age); \
     return age <= bound; \
   } \
   static inline bool fm_once_before_ ## suffix(type * counter, type bound, bool p) \

@@ -127,7 +127,8 @@ def _bounds(item: Property, policy: Policy, period: Fraction | None) -> str:
     shown = ', '.join(f'{number:,}' for number in numbers[-_MANY:])
     shown = f'... {shown}' if len(numbers) > _MANY else shown
     if period is None:
-        return f'{shown} {_STEPS[policy][1]}'
+        noun = _STEPS[policy][1]
+        return f'{shown} {noun.removesuffix("s") if numbers == [1] else noun}'
     times = ', '.join(f'{float(number * period):g}' for number in numbers[-_MANY:])
     return f'{shown} steps = {times} s'
 

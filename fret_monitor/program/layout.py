@@ -32,7 +32,6 @@ from fret_monitor.diagnostics import Problems
 from fret_monitor.manifest import ValueType
 from fret_monitor.program.monitor_program import AlwaysSoFar
 from fret_monitor.program.monitor_program import AlwaysWithin
-from fret_monitor.program.monitor_program import CounterCell
 from fret_monitor.program.monitor_program import Delay
 from fret_monitor.program.monitor_program import FirstStep
 from fret_monitor.program.monitor_program import Literal
@@ -303,9 +302,11 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
     for index, equation in enumerate(group.equations):
         operation = equation.operation
         match operation:
-            case OnceWithin() | AlwaysWithin() | SinceWithin() | OnceBefore() | SinceBefore():
-                kind = _holding(operation.bound + 1)
+            case OnceWithin() | AlwaysWithin() | SinceWithin():
+                kind = _holding(2 * operation.bound + 1)  # an age stops at the highest bit
                 yield StateField(FieldKind.COUNTER, index, kind, 0, _start(operation))
+            case OnceBefore() | SinceBefore():
+                yield StateField(FieldKind.COUNTER, index, _holding(operation.bound + 1))
             case PreviousNumber():
                 yield StateField(FieldKind.NUMBER, index, equation.type, 0, operation.initial)
             case Delay() if operation.steps > 1:
@@ -314,15 +315,9 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
                 pass
 
 
-def _start(cell: CounterCell) -> int:
-    """Return a counter's value at the start: see csrc/fret_cells.h."""
-    match cell:
-        case OnceWithin() | AlwaysWithin():
-            return cell.bound + 1 - cell.head
-        case SinceWithin():
-            return cell.bound + 1
-        case _:
-            return 0
+def _start(cell: OnceWithin | AlwaysWithin | SinceWithin) -> int:
+    """Return the age that a counter starts with: see csrc/fret_cells.h."""
+    return cell.bound + 1 - (0 if isinstance(cell, SinceWithin) else cell.head)
 
 
 def _line(index: int, delay: Delay) -> StateField:

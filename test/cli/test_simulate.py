@@ -436,7 +436,9 @@ def test_an_interrupt_leaves_nothing_and_is_no_traceback(here: Here) -> None:
     os.mkfifo(pipe)
     process = subprocess.Popen(
         command('simulate', bundle, '--trace', pipe, '--verdicts', out), env=environment(),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        # A shell lets what runs in the background ignore it.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
     with pipe.open('w') as writer:  # opens when the reader does
         writer.write(HEADING + GOOD * 20_000)
         writer.flush()

@@ -103,12 +103,18 @@ static const struct cell CELLS[] = {ENTRIES(u8, 8u), ENTRIES(u16, 16u), ENTRIES(
 
 static uint64_t greatest(const struct cell * cell) {return UINT64_MAX >> (64u - cell->bits);}
 
-/// The bounds that a cell may have: its type holds bound + 1.
-static bool fits(const struct cell * cell, uint64_t bound) {return bound < greatest(cell);}
-
 static bool is_within(const struct cell * cell)
 {
   return cell->kind == ONCE_WITHIN || cell->kind == ALWAYS_WITHIN || cell->kind == SINCE_WITHIN;
+}
+
+/// Where an age stops: the highest bit.
+static uint64_t oldest(const struct cell * cell) {return (greatest(cell) >> 1) + 1u;}
+
+/// The bounds that a cell may have: less than where an age stops, or its type holds bound + 1.
+static bool fits(const struct cell * cell, uint64_t bound)
+{
+  return bound < (is_within(cell) ? oldest(cell) : greatest(cell));
 }
 
 /// The state at the start, as the header says: nothing has happened.
@@ -124,9 +130,9 @@ static uint64_t started(uint64_t bound, uint64_t head) {return bound + 1u - head
 /// The state after so many quiet steps more: nothing happens, and p of a since holds.
 static uint64_t after_quiet(const struct cell * cell, uint64_t state, uint64_t bound, uint64_t n)
 {
-  const uint64_t grown = state + n;
-  const bool stays = state > bound || (!is_within(cell) && state == 0u);
-  return stays ? state : grown > bound + 1u ? bound + 1u : grown;
+  const uint64_t end = is_within(cell) ? oldest(cell) : bound + 1u;
+  const bool stays = state >= end || (!is_within(cell) && state == 0u);
+  return stays ? state : state + n > end ? end : state + n;
 }
 
 // ---- counters: the operators by their quantifiers ----------------------------------------------
@@ -268,7 +274,8 @@ static bool quiet_p(const struct cell * cell)
 
 static void many_quiet_steps_are_what_the_checks_take_them_for(void)
 {
-  static const uint64_t bounds[] = {0u, 1u, 7u, 254u, 255u, 65534u, 65535u, INT32_MAX};
+  static const uint64_t bounds[] = {
+    0u, 1u, 7u, 127u, 128u, 254u, 255u, 32767u, 32768u, 65534u, 65535u, INT32_MAX};
   for (size_t k = 0; k < LENGTH(CELLS) * LENGTH(bounds); ++k) {
     const struct cell * const cell = &CELLS[k % LENGTH(CELLS)];
     const uint64_t bound = bounds[k / LENGTH(CELLS)];
@@ -338,10 +345,10 @@ static void counters_are_right_at_the_borders_of_their_types(void)
   }
 }
 
-/// No jumps: 65534 and 65535 are the least bounds at which a 16-bit counter could overflow.
+/// No jumps: these are the least bounds at which a 16-bit counter could overflow.
 static void counters_of_16_bits_are_right_step_by_step_at_their_border(void)
 {
-  static const uint64_t bounds[] = {65533u, 65534u, 65535u};
+  static const uint64_t bounds[] = {32766u, 32767u, 32768u, 65533u, 65534u, 65535u};
   for (size_t k = 0; k < LENGTH(CELLS) * LENGTH(bounds); ++k) {
     const struct cell * const cell = &CELLS[k % LENGTH(CELLS)];
     const uint64_t bound = bounds[k / LENGTH(CELLS)];
@@ -360,7 +367,7 @@ static void counters_forget_a_state_that_was_never_theirs(void)
   for (int round = 0; round < 20000; ++round) {
     const struct cell * const cell = &CELLS[random_below(LENGTH(CELLS))];
     const uint64_t edge = random_below(2u) * greatest(cell);
-    const uint64_t bound = random_bits() % (random_below(2u) ? greatest(cell) : 20u);
+    const uint64_t bound = random_bits() % (random_below(2u) ? oldest(cell) : 20u);
     uint64_t state = (edge + random_below(5u) - 2u) & greatest(cell);
     struct model model = {0u, 0u, false};
     (void)cell->step(&state, bound, quiet_p(cell), false);
@@ -411,7 +418,7 @@ static void follow_starts(const struct cell * cell, int bound)
 
 static void counters_can_start_as_if_something_had_been(void)
 {
-  static const int bounds[] = {0, 1, 2, 3, 4, 5, 9, 10, 31, 64, 253, 254, 255, 256};
+  static const int bounds[] = {0, 1, 2, 3, 4, 5, 9, 10, 31, 64, 126, 127, 128, 254, 255, 256};
   for (size_t k = 0; k < LENGTH(CELLS) * LENGTH(bounds); ++k) {
     const struct cell * const cell = &CELLS[k % LENGTH(CELLS)];
     const int bound = bounds[k / LENGTH(CELLS)];
