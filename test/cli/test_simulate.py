@@ -471,3 +471,14 @@ requirements:
     done = here.run('compile', bundle, '--output', here.folder / 'out')
     assert (done.status, done.err) == (0, '')
     assert 'odd_names___monitor.c' in os.listdir(here.folder / 'out' / 'src')
+
+
+def test_a_link_to_a_file_of_verdicts_stays_a_link(here: Here) -> None:
+    bundle, trace = here.file('pump.yaml', PUMP), here.file('trace.csv', HEADING + GOOD)
+    link, place = here.folder / 'link.csv', here.folder / 'place.csv'
+    link.symlink_to('place.csv')
+    for _ in range(2):
+        assert here.run('simulate', bundle, '--trace', trace, '--verdicts', link).status == 0
+        assert link.is_symlink()
+        assert place.read_text().startswith('step,')
+        place.unlink()
