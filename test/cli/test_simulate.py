@@ -400,6 +400,19 @@ def test_a_pipe_and_a_device_take_the_verdicts(here: Here) -> None:
     assert Path('/dev/null').is_char_device()
 
 
+def test_a_pipe_whose_reader_goes_away_is_no_error(files: Path, here: Here) -> None:
+    pipe = here.folder / 'pipe'
+    os.mkfifo(pipe)
+    process = subprocess.Popen(
+        command('simulate', files / 'many.yaml', '--trace', files / '100000.csv', '--verdicts',
+                pipe),
+        env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    with pipe.open() as reader:
+        assert reader.readline().startswith('step,R-0,')
+    assert process.communicate(timeout=60) == ('', '')
+    assert process.returncode == 1
+
+
 def test_a_trace_can_come_through_a_pipe(here: Here) -> None:
     done = run('simulate', here.file('pump.yaml', PUMP), '--trace', '/dev/stdin',
                stdin=HEADING + GOOD)

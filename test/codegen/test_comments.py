@@ -16,6 +16,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+import unicodedata
 
 from codegen.workbench import assert_clean_and_right
 from codegen.workbench import specify
@@ -88,6 +89,9 @@ def test_a_text_cannot_leave_its_comment(text: str) -> None:
         assert len(line) <= 110
         for sign in ('??', '*/', '/*', '\\'):
             assert sign not in line
+        # Nothing is read from the right: what stands in a line stands where it seems to.
+        assert not {unicodedata.bidirectional(char) for char in line} & {
+            'R', 'AL', 'AN', 'RLO', 'RLE', 'RLI', 'LRO', 'LRE', 'LRI', 'FSI', 'PDF', 'PDI', 'BN'}
 
 
 @settings(max_examples=300)
