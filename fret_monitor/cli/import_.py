@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`import FILE... -o BUNDLE`: a bundle of what a team has in FRET or Ogma."""
+"""`import FILE... [-o BUNDLE]`: a bundle of what a team has in FRET or Ogma."""
 
 from argparse import _SubParsersAction
 from argparse import ArgumentParser
@@ -20,6 +20,7 @@ from argparse import Namespace
 from pathlib import Path
 import sys
 
+from fret_monitor.diagnostics import counted
 from fret_monitor.importing import import_bundles
 from fret_monitor.importing import Imported
 from fret_monitor.importing import write_bundles
@@ -31,8 +32,9 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     parser.add_argument('files', metavar='FILE', nargs='+', type=Path,
                         help="FRET's project, component specification or Lustre; Ogma's variable "
                              'database; a list of names and topics')
-    parser.add_argument('-o', '--output', metavar='BUNDLE', required=True,
-                        help='the bundle to write; a folder for a bundle of each component')
+    parser.add_argument('-o', '--output', metavar='BUNDLE',
+                        help='the bundle to write; a folder for a bundle of each component; '
+                             'without it, a bundle goes to standard output')
     parser.add_argument('--component', metavar='NAME',
                         help='which component, if there are several')
     parser.add_argument('--force', action='store_true', help='write over a bundle that is there')
@@ -41,27 +43,41 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
 
 def run(options: Namespace) -> int:
     """Import; 0 if there are bundles, however much is left to do."""
+    if options.output is None:
+        return _print(options)
     output = Path(options.output)
     is_folder = options.output.endswith('/') or output.is_dir()
     found = import_bundles(options.files, output, options.component, is_folder=is_folder)
     write_bundles(found, force=options.force)
     for item in found:
-        _tell(item)
+        _tell(item, f'{item.path}: ')
+        print(f'{item.path}: {_summary(item)}')
     return 0
 
 
-def _tell(item: Imported) -> None:
+def _print(options: Namespace) -> int:
+    """Print the only bundle, and nothing else; what there is to say goes to standard error."""
+    [item] = import_bundles(options.files, Path('bundle.yaml'), options.component)
+    print(item.text, end='')
+    _tell(item, '')
+    if item.traces:
+        names = ', '.join(str(path) for path, _ in item.traces)
+        print(f'not written without -o: {names}', file=sys.stderr)
+    print(_summary(item), file=sys.stderr)
+    return 0
+
+
+def _tell(item: Imported, place: str) -> None:
     for warning in item.warnings:
         print(warning.render(), file=sys.stderr)
     if item.draft.todo:
-        print(f'{item.path}: to do by hand ({len(item.draft.todo)}):', file=sys.stderr)
+        print(f'{place}to do by hand ({len(item.draft.todo)}):', file=sys.stderr)
     for task in item.draft.todo:
         print('- ' + task.replace('\n', '\n      '), file=sys.stderr)
+
+
+def _summary(item: Imported) -> str:
     left, missing = len(item.draft.left_out), sum(one.topic is None for one in item.draft.inputs)
-    print(f'{item.path}: {_count(len(item.draft.requirements), "requirement")}'
-          f'{f" ({left} left out)" if left else ""}, {_count(len(item.draft.inputs), "input")}'
-          f'{f" ({missing} without a topic)" if missing else ""}')
-
-
-def _count(number: int, noun: str) -> str:
-    return f'{number:,} {noun}{"" if number == 1 else "s"}'
+    return (f'{counted(len(item.draft.requirements), "requirement")}'
+            f'{f" ({left} left out)" if left else ""}, {counted(len(item.draft.inputs), "input")}'
+            f'{f" ({missing} without a topic)" if missing else ""}')

@@ -14,6 +14,7 @@
 
 """From files of FRET and Ogma to bundles: nothing is written before all has been read."""
 
+from collections.abc import Iterable
 from collections.abc import Iterator
 from collections.abc import Sequence
 from contextlib import suppress
@@ -24,7 +25,9 @@ from io import StringIO
 from pathlib import Path
 
 from fret_monitor.diagnostics import CompileError
+from fret_monitor.diagnostics import counted
 from fret_monitor.diagnostics import Diagnostic
+from fret_monitor.diagnostics import Level
 from fret_monitor.diagnostics import Problems
 from fret_monitor.diagnostics import refuse
 from fret_monitor.diagnostics import Source
@@ -35,7 +38,6 @@ from fret_monitor.importing.draft import Draft
 from fret_monitor.importing.draft import draft
 from fret_monitor.importing.emit import emit
 from fret_monitor.importing.files import choose
-from fret_monitor.importing.files import Files
 from fret_monitor.importing.files import read_files
 from fret_monitor.logic.evaluate import Value
 from fret_monitor.syntax.bundle import handler_name
@@ -65,6 +67,8 @@ def import_bundles(paths: Sequence[Path], output: Path, component: str | None = 
     """
     Make the bundle of the files' component, or with `is_folder` one of each, in that folder.
 
+    What is in no bundle is told in the warnings of the first.
+
     Raises
     ------
     CompileError
@@ -75,8 +79,52 @@ def import_bundles(paths: Sequence[Path], output: Path, component: str | None = 
     chosen = [choose(files.components, component)] if component or not is_folder else list(
         files.components)
     targets = _targets(chosen, output) if is_folder else [output]
-    return [_imported(item, target, files, problems if number == 0 else Problems())
-            for number, (item, target) in enumerate(zip(chosen, targets, strict=True))]
+    problems.extend(_not_chosen(files.components, chosen))
+    found: list[Imported] = []
+    failed: list[tuple[Component, CompileError]] = []
+    for item, target in zip(chosen, targets, strict=True):
+        own = Problems()
+        try:
+            drafted = draft(item, files.connections, own)
+        except CompileError as error:
+            failed.append((item, error))
+        else:
+            found.append(_imported(drafted, target, own))
+    if not found:
+        raise CompileError([told for _, reason in failed for told in reason.diagnostics])
+    for item, reason in failed:
+        problems.extend(_not_made(item, reason))
+    warnings = (*problems.warnings, *found[0].warnings)
+    return [replace(found[0], warnings=warnings), *found[1:]]
+
+
+def _not_chosen(components: Iterable[Component],
+                chosen: Sequence[Component]) -> Iterator[Diagnostic]:
+    """Tell what the files have beside the component that was chosen."""
+    others = [item for item in components if item not in chosen]
+    named = [f'{item.full_name} ({counted(len(item.requirements), "requirement")})'
+             for item in others if item.name]
+    if named:
+        yield Diagnostic(f'not of {chosen[0].full_name}, and left out: {", ".join(named)}',
+                         level=Level.WARNING)
+    yield from (_unnamed(item) for item in others if not item.name)
+
+
+def _not_made(component: Component, error: CompileError) -> Iterator[Diagnostic]:
+    """Tell why there is no bundle of a component, while there are others."""
+    yield from (replace(item, level=Level.WARNING) for item in error.diagnostics)
+    yield _unnamed(component) if not component.name else Diagnostic(
+        f"no bundle of '{component.full_name}': none of its requirements can be monitored: "
+        f'{_ids(component)}', level=Level.WARNING)
+
+
+def _unnamed(component: Component) -> Diagnostic:
+    return Diagnostic(f'without a component, and in no bundle: {_ids(component)}',
+                      help="a sentence names its component before 'shall'", level=Level.WARNING)
+
+
+def _ids(component: Component) -> str:
+    return ', '.join(item.id for item in component.requirements)
 
 
 def _targets(components: Sequence[Component], folder: Path) -> list[Path]:
@@ -95,8 +143,7 @@ def _file_name(name: str) -> str:
     return handler_name(name).removeprefix('handlerprop')[:_LONGEST_NAME] or 'component'
 
 
-def _imported(component: Component, path: Path, files: Files, problems: Problems) -> Imported:
-    found = draft(component, files.connections, problems)
+def _imported(found: Draft, path: Path, problems: Problems) -> Imported:
     different = [item for one in found.comparisons for item in differences(one)]
     traces = [_trace_file(path, item, number) for number, item in enumerate(different)]
     for item, trace in zip(different, traces, strict=True):

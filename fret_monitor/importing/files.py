@@ -17,7 +17,8 @@ The files of an import: what each of them is, and what they say together.
 
 A file is known by what is in it, not by its name. Several files may speak of one component: a
 project, its specification and its Lustre then give one component, whose requirements have the
-wordings of all. Requirements that only share an id, or a handler, get ids of their own.
+wordings of all. Requirements that only share an id, or a handler, get ids of their own. One
+without a component (FRET could not read its sentence) belongs to the only one of its project.
 """
 
 from collections.abc import Iterable
@@ -84,7 +85,7 @@ def read_files(paths: Sequence[Path], problems: Problems) -> Files:
         components += found
         for item in links:
             _connect(item, connections, path.name, problems)
-    merged = tuple(_told_apart(item, problems) for item in _merged(components))
+    merged = tuple(_told_apart(item, problems) for item in _settled(_merged(components)))
     if not any(item.requirements for item in merged):
         refuse('there is no requirement in ' + ', '.join(shown(str(path)) for path in paths),
                help=f'give {_KINDS}')
@@ -148,6 +149,18 @@ def _merged(components: Iterable[Component]) -> list[Component]:
             key = same[0]
         found[key] = _joined(found[key], item) if key in found else item
     return list(found.values())
+
+
+def _settled(components: Sequence[Component]) -> Iterator[Component]:
+    """Give requirements without a component to that of their project, if it has only one."""
+    settled = list(components)
+    for item in components:
+        named = [place for place, one in enumerate(settled)
+                 if one.name and one.requirements and one.project in ('', item.project)]
+        if not item.name and len(named) == 1:
+            settled[named[0]] = _joined(settled[named[0]], item)
+            settled.remove(item)
+    yield from settled
 
 
 def _joined(first: Component, second: Component) -> Component:
@@ -240,15 +253,17 @@ def _variables(variables: Iterable[ComponentVariable]) -> Iterator[ComponentVari
 
 def choose(components: Sequence[Component], name: str | None) -> Component:
     """
-    Return the component that is asked for, or the only one.
+    Return the component that is asked for, or the only one that has a name.
 
     Raises
     ------
     CompileError
         if there are several, or none of that name.
     """
-    full = [item.full_name for item in components]
-    fitting = [item for item in components if name in (None, item.name, item.full_name)]
+    named = [item for item in components if item.name]
+    full = [item.full_name for item in named]
+    fitting = named if name is None and named else [
+        item for item in components if name in (None, item.name, item.full_name)]
     if len(fitting) == 1:
         return fitting[0]
     if not fitting:

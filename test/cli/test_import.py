@@ -75,6 +75,55 @@ def test_a_folder_takes_a_bundle_of_each_component(tmp_path: Path) -> None:
         'arm.yaml', 'rover.yaml']
 
 
+def test_without_output_the_bundle_goes_to_standard_output(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    [file] = written(tmp_path, moon_json=PROJECT)
+    assert main(['import', str(file), '-o', str(tmp_path / 'rover.yaml')]) == 0
+    capsys.readouterr()
+    assert main(['import', str(file)]) == 0
+    said = capsys.readouterr()
+    assert said.out == (tmp_path / 'rover.yaml').read_text()
+    assert said.err.startswith('to do by hand (1):\n- no file says on what topic')
+    assert said.err.endswith('\n3 requirements, 3 inputs (3 without a topic)\n')
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['moon.json', 'rover.yaml']
+
+
+def test_without_output_several_components_are_refused(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    project = {'requirements': [requirement('A', 'rover shall always satisfy p'),
+                                requirement('A', 'arm shall always satisfy p', component='arm')]}
+    [file] = written(tmp_path, moon_json=project)
+    assert main(['import', str(file)]) == 1
+    said = capsys.readouterr()
+    assert said.out == ''
+    assert 'there are 2 components' in said.err
+
+
+def test_without_output_it_is_told_that_traces_are_not_written(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    project = {'requirements': [
+        requirement('A', 'rover shall always satisfy speed < 3', '(H (speed <= 3))')]}
+    [file] = written(tmp_path, moon_json=project)
+    monkeypatch.chdir(tmp_path)
+    assert main(['import', str(file)]) == 0
+    assert 'not written without -o: bundle.A.1.csv\n' in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ['moon.json']
+
+
+def test_a_sentence_that_is_none_does_not_spoil_a_folder(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    project = {'requirements': [
+        requirement('R-1', 'rover shall always satisfy p'),
+        requirement('R-1', 'arm shall always satisfy p', component='arm'),
+        requirement('R-3', 'rover must be nice', component='')]}
+    [file] = written(tmp_path, moon_json=project)
+    assert main(['import', str(file), '-o', f'{tmp_path}/bundles/']) == 0
+    assert sorted(path.name for path in (tmp_path / 'bundles').iterdir()) == [
+        'arm.yaml', 'rover.yaml']
+    assert 'warning: without a component, and in no bundle: R-3' in capsys.readouterr().err
+
+
 def test_a_file_that_is_no_export_is_refused_and_nothing_is_written(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     [file] = written(tmp_path, odd_json='{"requirements": [')

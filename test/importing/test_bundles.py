@@ -374,6 +374,96 @@ def test_a_broken_definition_that_nothing_reads_is_no_task(tmp_path: Path) -> No
     assert found.draft.unused == ('unread', 'odd')
 
 
+STRAY = requirement('R-3', 'rover must be nice', component='')
+SINE = requirement('S', 'arm shall always satisfy sin(x) < 1', component='arm')
+
+
+def test_a_requirement_without_component_is_a_comment_in_the_only_one(tmp_path: Path) -> None:
+    project = {'requirements': [
+        requirement('R-1', 'rover shall always satisfy p'), STRAY,
+        requirement('R-2', 'rover shall always satisfy q')]}
+    found = imported(tmp_path, moon_json=project)
+    assert found.draft.component == 'rover'
+    assert [item.id for item in found.draft.requirements] == ['R-1', 'R-2']
+    assert [item.id for item, _ in found.draft.left_out] == ['R-3']
+    assert '#  left out: R-3 (' in found.text
+    assert 'fretish: rover must be nice' in found.text
+    assert any('not monitored' in item and 'R-3' in item for item in found.draft.todo)
+    meaning(found)
+    [alone] = import_bundles([tmp_path / 'moon.json'], tmp_path / 'all', is_folder=True)
+    assert alone.draft == found.draft
+    [chosen] = import_bundles([tmp_path / 'moon.json'], tmp_path / 'b.yaml', 'Moon/rover')
+    assert chosen.draft == found.draft
+    assert [item.title for item in chosen.warnings] == [
+        "'must' is no word of FRETish that fits here"]
+
+
+def test_a_requirement_without_component_joins_that_of_its_project_alone(tmp_path: Path) -> None:
+    project = {'requirements': [
+        requirement('A', 'rover shall always satisfy p'),
+        requirement('A', 'rover shall always satisfy q', project='Mars'), STRAY]}
+    found = import_bundles(written(tmp_path, many_json=project), tmp_path / 'all', is_folder=True)
+    assert [(item.path.name, [one.id for one, _ in item.draft.left_out]) for item in found] == [
+        ('Moon_rover.yaml', ['R-3']), ('Mars_rover.yaml', [])]
+
+
+def test_a_requirement_without_component_joins_that_of_a_specification(tmp_path: Path) -> None:
+    found = imported(tmp_path, moon_json={'requirements': [STRAY]}, spec_json=SPECIFICATION)
+    assert [item.id for item in found.draft.requirements] == ['R-1']
+    assert [item.id for item, _ in found.draft.left_out] == ['R-3']
+
+
+def test_a_folder_takes_what_can_be_monitored_and_the_rest_is_told(tmp_path: Path) -> None:
+    project = {'requirements': [
+        SINE, STRAY, requirement('R-1', 'rover shall always satisfy p'),
+        requirement('R-1', 'lander shall always satisfy p', component='lander')]}
+    found = import_bundles(written(tmp_path, many_json=project), tmp_path / 'all', is_folder=True)
+    assert [item.path.name for item in found] == ['rover.yaml', 'lander.yaml']
+    titles = [item.title for item in found[0].warnings]
+    assert "no bundle of 'Moon/arm': none of its requirements can be monitored: S" in titles
+    assert 'without a component, and in no bundle: R-3' in titles
+    assert "there is no function 'sin'" in titles
+    assert found[1].warnings == ()
+
+
+def test_a_folder_for_what_cannot_be_monitored_at_all_is_refused(tmp_path: Path) -> None:
+    paths = written(tmp_path, many_json={'requirements': [
+        SINE, requirement('L', 'lander shall always satisfy cos(x) < 1', component='lander')]})
+    with pytest.raises(CompileError) as raised:
+        import_bundles(paths, tmp_path / 'all', is_folder=True)
+    assert "there is no function 'sin'" in str(raised.value)
+    assert "there is no function 'cos'" in str(raised.value)
+    assert 'warning' not in str(raised.value)
+
+
+@pytest.mark.parametrize('is_folder', [True, False])
+def test_what_is_not_of_the_chosen_component_is_told(tmp_path: Path, is_folder: bool) -> None:
+    paths = written(tmp_path, many_json={'requirements': [*SEVERAL['requirements'], requirement(
+        'B', 'lander shall always satisfy q', component='lander'), STRAY, requirement(
+        'L-1', 'lander shall always satisfy r', component='lander')]})
+    [found] = import_bundles(paths, tmp_path / 'b', 'Moon/rover', is_folder=is_folder)
+    assert [item.title for item in found.warnings] == [
+        'not of Moon/rover, and left out: Moon/lander (3 requirements), Mars/rover '
+        '(1 requirement)',
+        'without a component, and in no bundle: R-3']
+
+
+def test_components_to_choose_from_have_names(tmp_path: Path) -> None:
+    told = refused(tmp_path, many_json={'requirements': [STRAY, *SEVERAL['requirements']]})
+    assert 'there are 3 components, and a bundle is of one: Moon/rover, Moon/lander' in told
+    assert 'Moon/,' not in told
+
+
+def test_requirements_without_any_component_are_a_bundle(tmp_path: Path) -> None:
+    project = {'requirements': [STRAY, requirement('A', '', 'H p', component='')]}
+    found = imported(tmp_path, moon_json=project)
+    assert found.draft.component == ''
+    assert [item.id for item in found.draft.requirements] == ['A']
+    assert [item.title for item in found.warnings] == [
+        "'must' is no word of FRETish that fits here"]
+    meaning(found)
+
+
 def test_files_of_a_folder_have_names_of_their_own(tmp_path: Path) -> None:
     project = {'requirements': [
         requirement('A', 'it shall always satisfy p', 'H p', component=name)
