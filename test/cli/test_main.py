@@ -140,7 +140,9 @@ exec sleep 100
     process = subprocess.Popen(
         command(*arguments(verb, here.file('pump.yaml', PUMP))),
         env=environment(ROS_HOME=str(home), CC=str(slow), TMPDIR=str(here.folder)),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        # Who runs these tests in the background may ignore SIGINT, and children inherit that.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
     wait_until(told.exists, 'the compiler')
     before = list(here.folder.glob('**/fret_monitor.h'))  # what the compiler is reading
     process.send_signal(number)
