@@ -27,6 +27,7 @@ from pathlib import Path
 import textwrap
 
 from fret_monitor.build import read
+from fret_monitor.diagnostics import counted
 from fret_monitor.diagnostics import Diagnostic
 from fret_monitor.diagnostics import did_you_mean
 from fret_monitor.diagnostics import Problems
@@ -227,11 +228,7 @@ def _remarks(subject: Subject, examples: Examples) -> Iterator[str]:
 
 
 def _looked(examples: Examples) -> str:
-    return f'{_count(examples.traces, "trace")} and {_count(examples.states, "state")}'
-
-
-def _count(number: int, noun: str) -> str:
-    return f'{number:,} {noun}{"" if number == 1 else "s"}'
+    return f'{counted(examples.traces, "trace")} and {counted(examples.states, "state")}'
 
 
 def _has_nan(trace: Trace) -> bool:
@@ -248,7 +245,7 @@ def _timelines(subject: Subject, examples: Examples, context: _Context) -> Itera
                         (examples.recovering, 'is false and recovers')):
         if trace is None:
             continue
-        title = f'A trace that {kind}: {subject.item.id}, {_count(length(trace), "step")}'
+        title = f'A trace that {kind}: {subject.item.id}, {counted(length(trace), "step")}'
         yield _drawing(subject, trace, title, context)
 
 
