@@ -113,7 +113,7 @@ struct fm_monitor
   const char * name;
   const char * source_hash;  // SHA-256 of the generated C, as in the manifest, or ""
   /// Step all groups, as their own functions would one after the other, in less time.
-  /// NULL: there is one group only, or no such function. Complexity and failure as there.
+  /// NULL: there is no such function. Complexity and failure as there.
   void (* step)(void * state, const void * inputs, bool * verdicts);
 };
 

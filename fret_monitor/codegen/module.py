@@ -310,7 +310,7 @@ class _ModuleWriter:
 
     @property
     def _is_many(self) -> bool:
-        """Whether stepping all groups at once saves anything."""
+        """Whether stepping all groups at once is more than the step of one."""
         return len(self._layouts) > 1
 
     # -- description --------------------------------------------------------------------------
@@ -330,7 +330,9 @@ class _ModuleWriter:
         yield f'    {table}, groups, requirements,'
         yield f'    "{names.prefix}",'
         yield f'    "{_HASH_FIELD}",'
-        yield f'    {f"{names.prefix}_step_any" if self._is_many else "NULL"}'
+        together = f'{names.prefix}_step_any' if self._is_many \
+            else names.group_function(0, 'step')
+        yield f'    {together}'
         yield '  };'
         yield '  return &monitor;'
         yield '}'

@@ -39,6 +39,8 @@ from fret_monitor.runtime.evaluator import TYPECODES
 _ROWS = 1 << 17
 _BYTES = 4 << 20
 _WORD = 8
+_LINE = 64
+_PAGE = 4096
 _ROUND_NANOSECONDS = 20_000_000
 _LASTING = 200
 _SIGNATURE = ('uint64_t (*)(const struct fm_monitor *, void *, const void *, uint64_t, uint64_t, '
@@ -105,8 +107,13 @@ class StepTimer:
         self._time: Any = ffi.cast(_SIGNATURE, self._library.find('fm_benchmark'))
         self._monitor = monitor
         self._inputs = inputs
-        self._state = ffi.new('uint64_t[]', monitor.state_bytes // _WORD + 1)
-        self._verdicts = ffi.new('bool[]', max(1, len(monitor.manifest.requirements)))
+        # Where blocks share cache lines, or the lower bits of their addresses, the same step takes
+        # a third longer: what is compared begins where a page does, verdicts a line behind.
+        after = (monitor.state_bytes // _LINE + 1) * _LINE
+        self._memory = ffi.new('char[]', _PAGE + after + len(monitor.manifest.requirements) + 1)
+        start = -(-int(ffi.cast('uintptr_t', self._memory)) // _PAGE) * _PAGE
+        self._state: Any = ffi.cast('void *', start)
+        self._verdicts: Any = ffi.cast('bool *', start + after)
         for group in range(monitor.pointer.n_groups):
             monitor.pointer.groups[group].reset(self._state)
         self._repeats = max(1, round(_ROUND_NANOSECONDS / max(1, self._pass())))
