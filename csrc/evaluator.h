@@ -37,15 +37,6 @@ enum fm_policy
   FM_PERIODIC = 3           // all ready groups, at fm_evaluator_tick only
 };
 
-/// A value on its way in: the member that the input's type asks for
-/// (i: bool and intN, u: uintN, f: float32 and float64; a float32 is stored as (float)f).
-union fm_value
-{
-  int64_t i;
-  uint64_t u;
-  double f;
-};
-
 /// What a topic feeds: the inputs, as indices. Constant, owned by the caller, outlives the
 /// evaluator. A topic need not feed any; an input is fed by one topic at most, once.
 struct fm_topic

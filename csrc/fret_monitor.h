@@ -75,6 +75,15 @@ struct fm_input
   uint8_t type;  // enum fm_type
 };
 
+/// A value on its way in: the member that the input's type asks for
+/// (i: bool and intN, u: uintN, f: float32 and float64; a float32 is stored as (float)f).
+union fm_value
+{
+  int64_t i;
+  uint64_t u;
+  double f;
+};
+
 /// A step group: requirements that read the same inputs, and start and step together.
 struct fm_group
 {
