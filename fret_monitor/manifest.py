@@ -20,6 +20,7 @@ groups, ids, texts and policy, so that a robot runs a monitor with neither parse
 Its JSON carries a format number; a manifest of another format is refused.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from enum import Enum
 import json
@@ -28,7 +29,10 @@ import re
 from typing import NoReturn
 from typing import TypeVar
 
-FORMAT = 1
+FORMAT = 2
+
+SECONDS = 'seconds'  # of a builtin_interfaces/msg/Time or Duration
+REDUCTIONS = ('len', 'min', 'max', 'sum', 'mean', 'any', 'all', 'norm')
 
 _SYMBOL = re.compile('[A-Za-z_][A-Za-z0-9_]*')
 _Choice = TypeVar('_Choice', bound=Enum)
@@ -100,7 +104,8 @@ class ManifestInput:
     `value_type` is how it is stored. `values` are its names: (name, number or string); a string
     input is stored as int32, the index of its string in `values`. `initial` is None or the value
     it starts with, as stored. `path` is the field path within the message, one step each:
-    a field name or an index.
+    a field name or an index; `reduction` what is taken of the array, string or message at its end:
+    one of `REDUCTIONS`, or `SECONDS`; '' for the field's own value.
     """
 
     name: str
@@ -110,6 +115,7 @@ class ManifestInput:
     path: tuple[str | int, ...]
     values: tuple[tuple[str, int | str], ...]
     initial: bool | int | float | None
+    reduction: str = ''
 
     @property
     def is_string(self) -> bool:
@@ -159,7 +165,8 @@ class Manifest:
 
     `symbol` is the one name the library exports that leads to all others. `bundle_hash` is the
     SHA-256 of what was compiled (bundle, signals files, message definitions), `source_hash` of
-    the C text; `sources` are the file names of the generated C. `period` is in seconds.
+    the C text; `sources` are the file names of the generated C. `period` is in seconds. `readers`
+    is the exported name that leads to the readers of the topics, '' where there are no topics.
     """
 
     name: str
@@ -175,6 +182,7 @@ class Manifest:
     bundle_hash: str
     source_hash: str
     sources: tuple[str, ...]
+    readers: str = ''
 
     def to_json(self) -> str:
         """Return the JSON text, the same for the same manifest."""
@@ -259,6 +267,9 @@ class _Value:
             self.refuse('a name in C')
         return text
 
+    def symbol_or_empty(self) -> str:
+        return '' if self.found == '' else self.symbol()
+
     def text_or_none(self) -> str | None:
         return None if self.found is None else self.text()
 
@@ -285,10 +296,12 @@ class _Value:
         return tuple(item.index(count) for item in self.items())
 
     def choice(self, kind: type[_Choice]) -> _Choice:
-        for member in kind:
-            if member.value == self.found:
-                return member
-        self.refuse('one of ' + ', '.join(str(member.value) for member in kind))
+        return kind(self.one_of([str(member.value) for member in kind]))
+
+    def one_of(self, words: Sequence[str]) -> str:
+        if not isinstance(self.found, str) or self.found not in words:
+            self.refuse('one of ' + ', '.join(filter(None, words)))
+        return self.found
 
     def number(self, wanted: str) -> int | float:
         if not isinstance(self.found, int | float) or isinstance(self.found, bool):
@@ -338,6 +351,7 @@ def _manifest(content: _Value) -> Manifest:
         bundle_hash=content['bundle_hash'].text(),
         source_hash=content['source_hash'].text(),
         sources=tuple(item.text() for item in content['sources'].items()),
+        readers=content['readers'].symbol_or_empty(),
     )
 
 
@@ -352,6 +366,7 @@ def _input(item: _Value) -> ManifestInput:
         values=tuple((name.text(), value.text_or_whole())
                      for name, value in item['values'].pairs()),
         initial=item['initial'].initial(value_type),
+        reduction=item['reduction'].one_of(('', SECONDS, *REDUCTIONS)),
     )
 
 

@@ -39,13 +39,15 @@ MANIFEST = Manifest(
     inputs=(ManifestInput('on', ValueType.BOOL, '/on', 'std_msgs/msg/Bool', ('data',), (), True),
             ManifestInput('mode', ValueType.INT32, '/m', 'm/msg/M', ('modes', 3),
                           (('A', 'a'), ('B', 'b')), 1),
-            ManifestInput('level', ValueType.FLOAT64, None, None, (), (('FULL', 9),), -2.5)),
+            ManifestInput('level', ValueType.FLOAT64, None, None, (), (('FULL', 9),), -2.5,
+                          'mean')),
     topics=(ManifestTopic('/on', 'std_msgs/msg/Bool', (0,), ()),
             ManifestTopic('/m', 'm/msg/M', (1,), (('depth', 5), ('reliability', 'reliable')))),
     groups=(ManifestGroup((0, 1, 2), (0,), 8, 3),),
     requirements=(ManifestRequirement('R', 'handlerpropR', 'text', '', 'on', Report.ONSET,
                                       Severity.WARN, 0, (0, 2)),),
-    state_bytes=8, bundle_hash='b', source_hash='s', sources=('pump.h', 'pump.c'))
+    state_bytes=8, bundle_hash='b', source_hash='s', sources=('pump.h', 'pump.c'),
+    readers='fm_pump_readers')
 
 HUGE = 7 * 10 ** 400
 ANYTHING: list[Any] = [None, True, -1, 0.5, float('nan'), HUGE, 'x\ud800', [], {}, [[]], [None]]
@@ -137,11 +139,13 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
 @pytest.mark.parametrize(('key', 'value', 'expected'), [
     ('source_hash', None, '(source_hash is to be a text, not None)'),
     ('format', True, '(format is to be a whole number from 0, not True)'),
-    ('format', 2, 'manifest has format 2, this version reads 1: compile the bundle again'),
+    ('format', 1, 'manifest has format 1, this version reads 2: compile the bundle again'),
     ('period', 0, '(period is to be a number of seconds above 0, not 0)'),
     ('period', float('inf'), '(period is to be a number of seconds above 0, not inf)'),
     ('symbol', '../x', "(symbol is to be a name in C, not '../x')"),
     ('symbol', 'x\x00', '(symbol is to be a name in C'),
+    ('readers', '../x', "(readers is to be a name in C, not '../x')"),
+    ('inputs[2].reduction', 'median', "(inputs[2].reduction is to be one of seconds, len, min, "),
     ('policy', 'never', '(policy is to be one of every_message, '),
     ('inputs[1].initial', 2 ** 31, '(inputs[1].initial is to be a number of int32'),
     ('topics[0].inputs[0]', 3, '(topics[0].inputs[0] is to be an index below 3'),

@@ -15,8 +15,8 @@
 """
 What Python calls of csrc, in C: the text that cffi reads.
 
-It repeats `csrc/fret_monitor.h` and `csrc/evaluator.h` (a test compares sizes, offsets, values
-and signatures), and leaves out what Python has no business with. Reading it takes cffi longer
+It repeats `csrc/fret_monitor.h`, `csrc/fret_fields.h` and `csrc/evaluator.h` (a test compares
+sizes, offsets, values and signatures), and leaves out what Python has no business with. Reading it takes cffi longer
 than all else at a start, so what cffi makes of it is kept as `binding.py`. After a change:
 
     python3 -m fret_monitor.native.declarations
@@ -87,6 +87,41 @@ struct fm_monitor
   void (* step)(void * state, const void * inputs, bool * verdicts);
 };
 
+union fm_value
+{
+  int64_t i;
+  uint64_t u;
+  double f;
+};
+
+enum fm_outcome
+{
+  FM_FIELD_READ = 0,
+  FM_FIELD_OUTSIDE = 1,
+  FM_FIELD_UNNAMED = 2,
+  FM_FIELD_EMPTY = 3
+};
+
+struct fm_field
+{
+  union fm_value value;
+  uint32_t outcome;
+  uint32_t length;
+};
+
+struct fm_reader
+{
+  bool (* read)(const uint8_t * message, size_t size, struct fm_field * fields);
+  uint32_t n_inputs;
+};
+
+struct fm_readers
+{
+  uint32_t abi;
+  uint32_t n_topics;
+  const struct fm_reader * topics;
+};
+
 enum fm_policy
 {
   FM_EVERY_MESSAGE = 0,
@@ -149,6 +184,9 @@ void fm_evaluator_initial_from(
   struct fm_evaluator * evaluator, uint32_t input, const void * value);
 void fm_evaluator_unusable(struct fm_evaluator * evaluator, uint32_t input);
 void fm_evaluator_undecodable(struct fm_evaluator * evaluator, uint32_t topic);
+uint32_t fm_evaluator_stale(
+  struct fm_evaluator * evaluator, uint32_t input, uint64_t received, int64_t stamp,
+  struct fm_violation * out);
 uint32_t fm_evaluator_message(
   struct fm_evaluator * evaluator, uint32_t topic, int64_t stamp, struct fm_violation * out);
 uint32_t fm_evaluator_tick(
@@ -162,6 +200,7 @@ uint64_t fm_evaluator_steps(const struct fm_evaluator * evaluator, uint32_t grou
 const bool * fm_evaluator_verdicts(const struct fm_evaluator * evaluator);
 const void * fm_evaluator_inputs(const struct fm_evaluator * evaluator);
 bool fm_evaluator_has_value(const struct fm_evaluator * evaluator, uint32_t input);
+bool fm_evaluator_is_stale(const struct fm_evaluator * evaluator, uint32_t input);
 struct fm_requirement_counts fm_evaluator_requirement_counts(
   const struct fm_evaluator * evaluator, uint32_t requirement);
 struct fm_input_counts fm_evaluator_input_counts(

@@ -102,13 +102,15 @@ class Monitor:
     """
     A loaded bundle. `pointer` is its `const struct fm_monitor *`.
 
-    It is constant: any number of evaluators, in any threads, may stand on one. The library stays
-    open while this object, or an evaluator made of it, lives.
+    `readers` is its `const struct fm_readers *`, None if it has no topics. All is constant: any
+    number of evaluators, in any threads, may stand on one. The library stays open while this
+    object, or an evaluator made of it, lives.
     """
 
     manifest: Manifest
     library: Library
     pointer: CData
+    readers: CData | None = None
 
     @property
     def state_bytes(self) -> int:
@@ -134,11 +136,17 @@ def load(library: Path, manifest: Manifest) -> Monitor:
     """
     opened = Library(library)
     enter = ffi.cast('const struct fm_monitor * (*)(void)', opened.find(manifest.symbol))
-    monitor = Monitor(manifest, opened, enter())
+    monitor = Monitor(manifest, opened, enter(), _readers(opened, manifest))
     for difference in _differences(monitor):
         raise LibraryError(
             f'{library} does not fit its manifest ({difference}): compile the bundle again')
     return monitor
+
+
+def _readers(opened: Library, manifest: Manifest) -> CData | None:
+    if not manifest.readers:
+        return None
+    return ffi.cast('const struct fm_readers * (*)(void)', opened.find(manifest.readers))()
 
 
 @dataclass(frozen=True)
@@ -187,6 +195,8 @@ def _differences(monitor: Monitor) -> Iterator[str]:
         yield from _input_differences(pointer, manifest)
         yield from _requirement_differences(pointer, manifest)
         yield from _group_differences(pointer, manifest)
+        if monitor.readers is not None:
+            yield from _reader_differences(monitor.readers, manifest)
 
 
 def _input_differences(pointer: CData, manifest: Manifest) -> Iterator[str]:
@@ -224,6 +234,20 @@ def _group_differences(pointer: CData, manifest: Manifest) -> Iterator[str]:
             yield f'group {index} reads other inputs'
         if _indices(found.requirements, found.n_requirements) != expected.requirements:
             yield f'group {index} holds other requirements'
+
+
+def _reader_differences(readers: CData, manifest: Manifest) -> Iterator[str]:
+    if readers == ffi.NULL:
+        yield 'it has no readers of messages'
+    elif readers.abi != ffi.integer_const('FM_ABI'):
+        yield f'its readers of messages were compiled for interface {readers.abi}'
+    elif readers.n_topics != len(manifest.topics):
+        yield f'it reads {readers.n_topics} topics instead of {len(manifest.topics)}'
+    else:
+        for index, topic in enumerate(manifest.topics):
+            if (found := readers.topics[index].n_inputs) != len(topic.inputs):
+                yield f"of the topic '{topic.name}' it reads {found} inputs " \
+                      f'instead of {len(topic.inputs)}'
 
 
 def _indices(pointer: CData, count: int) -> tuple[int, ...]:

@@ -29,6 +29,7 @@ import pytest
 NOT_DECLARED = {'fm_evaluator_store', 'fm_evaluator_initial'}
 STRUCTS = [
     'struct fm_input', 'struct fm_group', 'struct fm_requirement', 'struct fm_monitor',
+    'struct fm_field', 'struct fm_reader', 'struct fm_readers',
     'struct fm_topic', 'struct fm_evaluator_options', 'struct fm_violation',
     'struct fm_requirement_counts', 'struct fm_input_counts', 'struct fm_topic_counts',
 ]
@@ -36,7 +37,7 @@ STRUCTS = [
 
 def headers() -> str:
     return ''.join((csrc_directory() / name).read_text(encoding='utf-8')
-                   for name in ('fret_monitor.h', 'evaluator.h'))
+                   for name in ('fret_monitor.h', 'fret_fields.h', 'evaluator.h'))
 
 
 def enumerators() -> list[str]:
@@ -72,7 +73,7 @@ def test_sizes_offsets_and_values_are_those_of_the_headers(tmp_path: Path) -> No
         for text, value in pairs)
     program = tmp_path / 'check.c'
     program.write_text(
-        '#include "evaluator.h"\n#include <stdio.h>\n'
+        '#include "evaluator.h"\n#include "fret_fields.h"\n#include <stdio.h>\n'
         f'int main(void)\n{{\n  int wrong = 0;\n{checks}\n  return wrong;\n}}\n',
         encoding='utf-8')
     subprocess.run(
