@@ -66,5 +66,9 @@ def _bound(bound: Bound | None) -> str:
     if bound is None:
         return ''
     if bound.relation == '[]':
-        return f'[{bound.low},{bound.high}]'
-    return f'[{bound.relation}{bound.low}]'
+        return f'[{_end(bound.low)},{_end(bound.high or "")}]'
+    return f'[{bound.relation}{_end(bound.low)}]'
+
+
+def _end(end: str | Expression) -> str:
+    return end if isinstance(end, str) else show(end)

@@ -23,6 +23,7 @@ mistakes and none twice.
 is not walked.
 """
 
+from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
 from dataclasses import replace
@@ -63,9 +64,11 @@ from fret_monitor.logic.functions import previous
 from fret_monitor.logic.numbers import Literal
 from fret_monitor.logic.numbers import NumberError
 from fret_monitor.logic.numbers import parse_number
+from fret_monitor.logic.scope import Role
 from fret_monitor.logic.scope import Scope
 from fret_monitor.logic.terms import alike
 from fret_monitor.logic.terms import Broken
+from fret_monitor.logic.terms import describe
 from fret_monitor.logic.terms import Term
 from fret_monitor.logic.terms import truth
 from fret_monitor.logic.terms import Undeclared
@@ -80,6 +83,7 @@ from fret_monitor.syntax.expression import Expression
 from fret_monitor.syntax.expression import Infix
 from fret_monitor.syntax.expression import Name
 from fret_monitor.syntax.expression import Number
+from fret_monitor.syntax.expression import postorder
 from fret_monitor.syntax.expression import Prefix
 
 _CONNECTIVES = {item.value: item for item in BinaryOperator if item.is_boolean}
@@ -209,7 +213,7 @@ class Elaborator:
         if isinstance(node, Name):
             return replace(self._declared(node), span=node.span)
         operands = self._named(node, operands)
-        if any(term.is_broken for term in operands):
+        if any(term.is_broken for term in operands) or any(map(self._is_told, _bound_names(node))):
             return Term(Broken(), node.span)
         try:
             value, vocabulary = self._meaning(node, operands)
@@ -272,6 +276,28 @@ class Elaborator:
             f"'{name}' is neither declared nor a value of what it is compared with", span,
             'unknown name', help_ or f'the values are {vocabulary}')
 
+    def _constant(self, node: Name) -> int:
+        """Return the number of steps that a name in a bound stands for."""
+        declaration = self._scope.find(node.text)
+        if declaration is None:
+            refuse(f"'{node.text}' is not declared", node.span,
+                   'a bound takes numbers and constants',
+                   did_you_mean(node.text, self._scope.constants)
+                   or f'declare it, as in constants: {{{node.text}: 10}}')
+        if declaration.role is not Role.CONSTANT:
+            refuse('a bound takes numbers and constants', node.span,
+                   f'this is {declaration.role.value}')
+        value = declaration.term.value
+        if not isinstance(value, Literal) or value.is_real or value.value < 0:
+            is_real = isinstance(value, Literal) and value.value.denominator == 1 and value.is_real
+            refuse('a bound counts steps, so it takes whole numbers from 0', node.span,
+                   f'this is {describe(declaration.term)}' + ', as a real number' * is_real)
+        return value.value.numerator
+
+    def _is_told(self, name: Name) -> bool:
+        declaration = self._scope.find(name.text)
+        return declaration is not None and declaration.term.is_broken
+
     # Meaning
 
     def _meaning(self, node: Number | Boolean | Prefix | Infix | Call | Conditional,
@@ -301,7 +327,7 @@ class Elaborator:
         if node.operator == '-':
             return arithmetic.minus(operand), None
         argument = truth(operand, f"'{node.operator}'")
-        past = window(node.bound)
+        past = window(node.bound, self._constant)
         return _past(node, past, argument), None
 
     def _infix(self, node: Infix, left: Term, right: Term) -> tuple[Value, Vocabulary | None]:
@@ -330,7 +356,7 @@ class Elaborator:
         p, q = _both_true(left, right, name)
         if node.operator in _CONNECTIVES:
             return Binary(_CONNECTIVES[node.operator], p, q)
-        past = window(node.bound)
+        past = window(node.bound, self._constant)
         if self._is_lustre and past.low > 0:
             self._problems.warning(
                 "with a lower bound above 0 FRET's own Lustre library means something else",
@@ -376,6 +402,14 @@ class Elaborator:
         refuse(f"there is no function '{node.function}'", node.function_span, '',
                did_you_mean(node.function, FUNCTIONS)
                or 'there are ' + ', '.join(sorted(FUNCTIONS)))
+
+
+def _bound_names(node: Expression) -> Iterator[Name]:
+    """Yield the names in the bound of a node, if it has one."""
+    if isinstance(node, Prefix | Infix) and node.bound is not None:
+        for end in (node.bound.low, node.bound.high):
+            if end is not None and not isinstance(end, str):
+                yield from (part for part in postorder(end) if isinstance(part, Name))
 
 
 def _number(node: Number) -> Literal:

@@ -157,8 +157,8 @@ def _real(call: Application, term: Term) -> Term:
 def _count(term: Term, name: str) -> int:
     value = term.value
     if not isinstance(value, Literal) or value.is_real or not 0 <= value.value <= MAX_BOUND:
-        refuse(f'{name} takes a number of steps, from 0 to {MAX_BOUND}, written as a number',
-               term.span, f'this is {describe(term)}')
+        refuse(f'{name} takes a number of steps, from 0 to {MAX_BOUND}, as digits or '
+               'as a constant', term.span, f'this is {describe(term)}')
     return value.value.numerator
 
 

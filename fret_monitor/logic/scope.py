@@ -74,6 +74,11 @@ class Scope:
     def _by_spelling(self) -> dict[str, Declaration]:
         return {fret_name(name): item for name, item in self.names.items()}
 
+    @property
+    def constants(self) -> list[str]:
+        """The names of all constants."""
+        return [name for name, item in self.names.items() if item.role is Role.CONSTANT]
+
     @cached_property
     def owners(self) -> dict[str, list[str]]:
         """For each name of a value, the inputs that have it."""

@@ -13,13 +13,18 @@
 # limitations under the License.
 """Bounds as written (`[0,10]`, `[<n]`) to the windows of distances that they mean."""
 
+from collections.abc import Callable
+
 from fret_monitor.diagnostics import refuse
 from fret_monitor.logic.formula import ALWAYS
 from fret_monitor.logic.formula import Window
 from fret_monitor.logic.numbers import Literal
 from fret_monitor.logic.numbers import NumberError
 from fret_monitor.logic.numbers import parse_number
+from fret_monitor.syntax.bounds import work_out
 from fret_monitor.syntax.expression import Bound
+from fret_monitor.syntax.expression import Expression
+from fret_monitor.syntax.expression import Name
 
 MAX_BOUND = 2 ** 31 - 1
 
@@ -27,9 +32,11 @@ MAX_BOUND = 2 ** 31 - 1
 _FRETS_EMPTY = Window(0, -1)
 
 
-def window(bound: Bound | None) -> Window:
+def window(bound: Bound | None, constant: Callable[[Name], int]) -> Window:
     """
     Return the window of a bound; that of no bound is the whole past.
+
+    `constant` gives the number of a name in the bound; what it raises is raised.
 
     Raises
     ------
@@ -39,9 +46,9 @@ def window(bound: Bound | None) -> Window:
     """
     if bound is None:
         return ALWAYS
-    low = _steps(bound, bound.low)
+    low = _steps(bound, bound.low, constant)
     if bound.relation == '[]':
-        return _closed(bound, low, _steps(bound, bound.high or ''))
+        return _closed(bound, low, _steps(bound, bound.high or '', constant))
     result = {
         '<=': Window(0, low),
         '<': Window(0, low - 1),
@@ -77,12 +84,14 @@ def _short(steps: int) -> str:
     return str(steps) if steps < 10 ** 20 else 'more than 10^20'
 
 
-def _steps(bound: Bound, text: str) -> int:
-    literal = _literal(bound, text)
+def _steps(bound: Bound, end: str | Expression, constant: Callable[[Name], int]) -> int:
+    if not isinstance(end, str):
+        return work_out(end, constant)
+    literal = _literal(bound, end)
     if literal.is_real or literal.value.denominator != 1:
         whole = literal.value.denominator == 1
         refuse('a bound counts steps, so it is a whole number', bound.span,
-               f'{text} has a fraction' if not whole else f'{text} is written as a real number',
+               f'{end} has a fraction' if not whole else f'{end} is written as a real number',
                f'write {literal.value}' if whole and literal.value <= MAX_BOUND else '')
     return literal.value.numerator
 

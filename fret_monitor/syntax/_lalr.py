@@ -40,7 +40,6 @@ from fret_monitor.syntax.expression import Expression
 from fret_monitor.syntax.expression import Infix
 from fret_monitor.syntax.expression import Name
 from fret_monitor.syntax.expression import Number
-from fret_monitor.syntax.expression import postorder
 from fret_monitor.syntax.expression import Prefix
 from fret_monitor.syntax.precedence import Chain
 from fret_monitor.syntax.precedence import Operator
@@ -53,7 +52,6 @@ OPERAND_STARTS = frozenset({'NAME', 'NUMBER', 'NEGATIVE', 'TRUE', 'FALSE', 'LPAR
                             'DELAY', 'PRE', 'IF'})
 _CLOSES = {'RPAR': 'LPAR', 'RBRACK': 'LBRACK'}
 _OPENS = frozenset(_CLOSES.values())
-_MAX_BOUND_DIGITS = 30
 
 # A number is refused as a whole where a letter, a point or a second zero makes it none.
 NUMBER = (r'(?P<NUMBER>(?:(?:0|[1-9][0-9]*)(?:\.[0-9]+)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)'
@@ -469,54 +467,3 @@ def placed(node: Expression, span: Span) -> Expression:
 def join(first: Span, last: Span) -> Span:
     """Return the place from the start of one span to the end of another."""
     return Span(first.source, first.start, last.end)
-
-
-def bound_number(node: Expression) -> str:
-    """
-    Return the number of a bound as text with an optional sign; sums are worked out.
-
-    FRET writes `10-1` there. Raises `CompileError` for what is no number.
-    """
-    match node:
-        case Number():
-            return node.text
-        case Prefix(operator='-', argument=Number(text=text)):
-            return f'-{text}'
-        case _:
-            return str(_work_out(node))
-
-
-def _work_out(root: Expression) -> int:
-    values: list[int] = []
-    for node in postorder(root):
-        match node:
-            case Number(text=text) if text.isdecimal() and len(text) <= _MAX_BOUND_DIGITS:
-                values.append(int(text))
-            case Prefix(operator='-'):
-                values.append(-values.pop())
-            case Infix(operator='+' | '-' | '*'):
-                right, left = values.pop(), values.pop()
-                values.append(_calculate(node.operator, left, right))
-            case _:
-                _refuse_bound(node)
-        if abs(values[-1]) >= 10 ** _MAX_BOUND_DIGITS:
-            refuse('the bound is too large', root.span, 'a bound is at most 2147483647')
-    return values[0]
-
-
-def _calculate(operator: str, left: int, right: int) -> int:
-    match operator:
-        case '+':
-            return left + right
-        case '-':
-            return left - right
-        case _:
-            return left * right
-
-
-def _refuse_bound(node: Expression) -> NoReturn:
-    if isinstance(node, Name) and node.text.lower() in ('inf', 'infinity', 'oo'):
-        refuse('a bound is a whole number', node.span, 'a name', 'for no upper bound write [>=n]')
-    if isinstance(node, Name):
-        refuse('a bound is a whole number', node.span, 'a name', 'write its value here')
-    refuse('a bound is a whole number', node.span, 'not a number')

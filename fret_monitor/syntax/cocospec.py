@@ -32,9 +32,9 @@ from fret_monitor.diagnostics import Diagnostic
 from fret_monitor.diagnostics import refuse
 from fret_monitor.diagnostics import Text
 from fret_monitor.syntax import _lalr
-from fret_monitor.syntax._lalr import bound_number
 from fret_monitor.syntax._lalr import join
 from fret_monitor.syntax._lalr import Lexeme
+from fret_monitor.syntax.bounds import bound_end
 from fret_monitor.syntax.expression import Bound
 from fret_monitor.syntax.expression import Call
 from fret_monitor.syntax.expression import Conditional
@@ -199,8 +199,8 @@ def _bound(high: Expression, low: Expression) -> Bound:
     if isinstance(low, Name) and low.text == 'NotEqual':
         refuse("a bound has no 'NotEqual'", low.span, 'not a range of steps')
     if isinstance(low, Name) and low.text in _RELATIONS:
-        return Bound(_RELATIONS[low.text], bound_number(high), None, span)
-    return Bound('[]', bound_number(low), bound_number(high), span)
+        return Bound(_RELATIONS[low.text], bound_end(high), None, span)
+    return Bound('[]', bound_end(low), bound_end(high), span)
 
 
 def _check_distinct(items: Sequence[Equation | Declaration]) -> None:

@@ -57,12 +57,13 @@ class Bound:
     A bound as written: `[low,high]`, or a relation and a number.
 
     `relation` is '[]' for the closed form, else one of '<', '<=', '=', '>', '>='. For those,
-    `low` holds the number and `high` is None. Numbers are kept as text with an optional sign.
+    `low` holds the number and `high` is None. Numbers are kept as text with an optional sign, an
+    end that names constants as its tree.
     """
 
     relation: str
-    low: str
-    high: str | None
+    low: 'str | Expression'
+    high: 'str | Expression | None'
     span: Span
 
 

@@ -30,9 +30,9 @@ from fret_monitor.diagnostics import Diagnostic
 from fret_monitor.diagnostics import refuse
 from fret_monitor.diagnostics import Text
 from fret_monitor.syntax import _lalr
-from fret_monitor.syntax._lalr import bound_number
 from fret_monitor.syntax._lalr import join
 from fret_monitor.syntax._lalr import Lexeme
+from fret_monitor.syntax.bounds import bound_end
 from fret_monitor.syntax.expression import Bound
 from fret_monitor.syntax.expression import Expression
 from fret_monitor.syntax.precedence import Precedence
@@ -106,24 +106,25 @@ def _pattern(blank: str) -> re.Pattern[str]:
 class _Builder(_lalr.Builder):
 
     def window(self, parts: list[Any]) -> Bound:
-        low, high = self._number(parts[1]), self._number(parts[3])
+        low, high = self._end(parts[1]), self._end(parts[3])
         return Bound('[]', low, high, join(parts[0].span, parts[4].span))
 
     def one_sided(self, parts: list[Any]) -> Bound:
         relation = parts[1]
         if relation.text == '!=':
             refuse("a bound has no '!='", relation.span, 'not a range of steps')
-        return Bound(relation.text, self._number(parts[2]), None,
+        return Bound(relation.text, self._end(parts[2]), None,
                      join(parts[0].span, parts[3].span))
 
     def one_number(self, parts: list[Any]) -> NoReturn:
-        number = self._number(parts[1])
+        end = self._end(parts[1])
+        number = end if isinstance(end, str) else 'n'
         refuse('a bound has two numbers, or a relation', join(parts[0].span, parts[2].span),
                'one number', f'write [0,{number}] for the last {number} steps, '
                              f'[={number}] for exactly {number} steps ago')
 
-    def _number(self, part: Any) -> str:
-        return bound_number(self.finish(part))
+    def _end(self, part: Any) -> str | Expression:
+        return bound_end(self.finish(part))
 
     def call(self, parts: list[Any]) -> Expression:
         if parts[0].text in _COCOSPEC:

@@ -177,6 +177,19 @@ class TestOperators:
         assert smv(f'H{bound} p') is Historically(window, P)
         assert smv(f'p S{bound} q') is Since(window, P, Q)
 
+    @pytest.mark.parametrize(('bound', 'window'), [
+        ('[0,three]', Window(0, 3)), ('[three,3]', Window(3, 3)), ('[<three]', Window(0, 2)),
+        ('[>=three]', Window(3, None)), ('[three-1, 2*three+1]', Window(2, 7)),
+        ('[=LANDED]', Window(9, 9)),
+    ])
+    def test_a_constant_in_a_bound_is_its_number(self, bound: str, window: Window) -> None:
+        assert smv(f'O{bound} p') is Once(window, P)
+        assert smv(f'p S{bound} q') is Since(window, P, Q)
+        if ',' in bound:
+            low, high = bound.strip('[]').split(',')
+            assert lustre(f'OT({high}, {low}, p)') is Once(window, P)
+            assert lustre(f'ST({high}, {low}, q, p)') is Since(window, P, Q)
+
     @pytest.mark.parametrize(('bound', 'title'), [
         ('[3,1]', 'this bound ends before it begins'),
         ('[1,-1]', 'a bound cannot be negative'),
@@ -438,9 +451,9 @@ class TestMistakes:
         ('ite(p, 1, q)', [("'ite' takes two numbers, or two that are true or false", '1',
                            'this is the number 1, the other is true or false')]),
         ('persisted(-1, p)', [("'persisted' takes a number of steps, from 0 to 2147483647, "
-                               'written as a number', '-1', 'this is the number -1')]),
+                               'as digits or as a constant', '-1', 'this is the number -1')]),
         ('occurred(i8, p)', [("'occurred' takes a number of steps, from 0 to 2147483647, "
-                              'written as a number', 'i8', 'this is a number (int8)')]),
+                              'as digits or as a constant', 'i8', 'this is a number (int8)')]),
         ('persisted(3, 5)', [("'persisted' takes what is true or false", '5',
                               'this is the number 5')]),
         ('occurred(4, 2, p)', [("'occurred' takes the smaller number of steps first", '4',
