@@ -40,6 +40,7 @@ struct input_cell
   uint32_t topic;
   enum fm_type type;
   bool has_value;
+  bool stale;
 };
 
 struct group_cell
@@ -49,6 +50,8 @@ struct group_cell
   uint64_t stepped_at;    // the clock at its last step or reset
   uint32_t unset;         // inputs without a value
   uint32_t awaited;       // inputs not received since stepped_at
+  uint32_t stale;         // inputs that are
+  bool knows_stale;       // its verdicts are false of it already
 };
 
 struct requirement_cell
@@ -469,9 +472,36 @@ static void renew(struct fm_evaluator * evaluator, struct input_cell * input)
   input->received_at = evaluator->clock;
 }
 
+// A group's last stale input has spoken. If others keep it from stepping, nothing would ever
+// take back what the silence said.
+static void end_silence(struct fm_evaluator * evaluator, uint32_t g)
+{
+  const struct fm_group * group = &evaluator->monitor->groups[g];
+  evaluator->groups[g].knows_stale = false;
+  for (uint32_t k = 0; evaluator->groups[g].unset > 0 && k < group->n_requirements; ++k) {
+    evaluator->requirements[group->requirements[k]].previous = true;
+    evaluator->verdicts[group->requirements[k]] = true;
+  }
+}
+
+static void note_speech(struct fm_evaluator * evaluator, struct input_cell * input)
+{
+  input->stale = false;
+  for (uint32_t k = 0; k < input->n_readers; ++k) {
+    struct group_cell * group = &evaluator->groups[input->readers[k]];
+    group->stale -= 1;
+    if (group->stale == 0) {
+      end_silence(evaluator, input->readers[k]);
+    }
+  }
+}
+
 static void note_receipt(struct fm_evaluator * evaluator, struct input_cell * input)
 {
   note_value(evaluator, input);
+  if (input->stale) {
+    note_speech(evaluator, input);
+  }
   input->counts.received += 1;
   if (evaluator->policy == FM_ALL_INPUTS) {
     renew(evaluator, input);
@@ -565,14 +595,33 @@ static void judge(
   cell->previous = verdict;
 }
 
+static void judge_group(struct fm_evaluator * evaluator, uint32_t g, struct report * report)
+{
+  const struct fm_group * group = &evaluator->monitor->groups[g];
+  for (uint32_t k = 0; k < group->n_requirements; ++k) {
+    judge(evaluator, group->requirements[k], evaluator->groups[g].steps, report);
+  }
+}
+
+// Whatever the formulas say of old values, the verdicts are false.
+static void overrule(struct fm_evaluator * evaluator, uint32_t g)
+{
+  const struct fm_group * group = &evaluator->monitor->groups[g];
+  for (uint32_t k = 0; k < group->n_requirements; ++k) {
+    evaluator->verdicts[group->requirements[k]] = false;
+  }
+  evaluator->groups[g].knows_stale = true;
+}
+
 // Judge the verdicts of a group's step, and count it.
 static void account(struct fm_evaluator * evaluator, uint32_t g, struct report * report)
 {
   const struct fm_group * group = &evaluator->monitor->groups[g];
   struct group_cell * cell = &evaluator->groups[g];
-  for (uint32_t k = 0; k < group->n_requirements; ++k) {
-    judge(evaluator, group->requirements[k], cell->steps, report);
+  if (cell->stale > 0) {
+    overrule(evaluator, g);
   }
+  judge_group(evaluator, g, report);
   cell->steps += 1;
   cell->stepped_at = evaluator->clock;
   cell->awaited = group->n_inputs;
@@ -651,6 +700,37 @@ uint32_t fm_evaluator_message(
   return report.n;
 }
 
+static void mark_stale(struct fm_evaluator * evaluator, struct input_cell * input)
+{
+  if (!input->stale) {
+    input->stale = true;
+    for (uint32_t k = 0; k < input->n_readers; ++k) {
+      evaluator->groups[input->readers[k]].stale += 1;
+    }
+  }
+}
+
+uint32_t fm_evaluator_stale(
+  struct fm_evaluator * evaluator, uint32_t input, uint64_t received, int64_t stamp,
+  struct fm_violation * out)
+{
+  struct report report = {out, stamp, 0};
+  if (input >= evaluator->monitor->n_inputs ||
+    evaluator->inputs[input].counts.received != received)
+  {
+    return 0;
+  }
+  struct input_cell * cell = &evaluator->inputs[input];
+  mark_stale(evaluator, cell);
+  for (uint32_t k = 0; k < cell->n_readers; ++k) {
+    if (!evaluator->groups[cell->readers[k]].knows_stale) {
+      overrule(evaluator, cell->readers[k]);
+      judge_group(evaluator, cell->readers[k], &report);
+    }
+  }
+  return report.n;
+}
+
 uint32_t fm_evaluator_tick(
   struct fm_evaluator * evaluator, int64_t stamp, struct fm_violation * out)
 {
@@ -696,6 +776,7 @@ static void reset_group(struct fm_evaluator * evaluator, uint32_t g)
   cell->steps = 0;
   cell->stepped_at = evaluator->clock;
   cell->awaited = evaluator->monitor->groups[g].n_inputs;
+  cell->knows_stale = false;
 }
 
 void fm_evaluator_reset(struct fm_evaluator * evaluator)
@@ -734,6 +815,11 @@ const void * fm_evaluator_inputs(const struct fm_evaluator * evaluator)
 bool fm_evaluator_has_value(const struct fm_evaluator * evaluator, uint32_t input)
 {
   return input < evaluator->monitor->n_inputs && evaluator->inputs[input].has_value;
+}
+
+bool fm_evaluator_is_stale(const struct fm_evaluator * evaluator, uint32_t input)
+{
+  return input < evaluator->monitor->n_inputs && evaluator->inputs[input].stale;
 }
 
 struct fm_requirement_counts fm_evaluator_requirement_counts(

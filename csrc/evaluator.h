@@ -68,9 +68,9 @@ struct fm_violation
 struct fm_requirement_counts
 {
   uint64_t steps;
-  uint64_t violations;   // steps whose verdict was false
+  uint64_t violations;   // steps whose verdict was false, and silences (fm_evaluator_stale)
   uint64_t announced;    // those that were reported (all, or onsets)
-  bool verdict;          // of the last step; true before the first
+  bool verdict;          // of the last step or silence; true before the first
 };
 
 /// Counters of an input.
@@ -124,6 +124,22 @@ FM_EXPORT void fm_evaluator_unusable(struct fm_evaluator * evaluator, uint32_t i
 /// Count a message that cannot be decoded: it is no step.
 FM_EXPORT void fm_evaluator_undecodable(struct fm_evaluator * evaluator, uint32_t topic);
 
+/// An input is silent for longer than may be: from here until its next store it is stale, and so
+/// is each group that reads it. A stale group steps as ever, on the old values, so that its past
+/// goes on; but all its verdicts are false, whatever its formulas say.
+/// A group that becomes stale by this call violates its requirements once, without a step, ready
+/// or not: they are counted and, unless report_onset finds the last verdict false already,
+/// announced, with the number of the group's next step. As `out` and the value returned of
+/// fm_evaluator_message.
+/// `received` is what fm_evaluator_input_counts said when the silence was found: if a value has
+/// come since, nothing happens. To say it again of a stale input does nothing either, except
+/// after a reset: the groups that have not stepped since are violated anew.
+/// When its last silence ends, a group that is not ready counts as satisfied again; one that is
+/// keeps its verdict until its next step. O(groups that read the input, and their requirements).
+FM_EXPORT uint32_t fm_evaluator_stale(
+  struct fm_evaluator * evaluator, uint32_t input, uint64_t received, int64_t stamp,
+  struct fm_violation * out);
+
 /// A message of a topic has been stored: take the steps that the policy wants.
 /// Writes the violations to announce to `out`, by group, then requirement; `out` has room for
 /// n_requirements, or is NULL: they are counted only. Returns their number.
@@ -149,8 +165,9 @@ FM_EXPORT uint64_t fm_evaluator_rows(
   bool * verdicts);
 
 /// Start all groups afresh: cells, first time point, step numbers, last verdicts (onset), and
-/// what counts as received anew. The inputs' values and the counters stay. O(state bytes).
-/// The verdicts read true again until the next step.
+/// what counts as received anew. The inputs' values and the counters stay, and a stale input is
+/// stale until its next store. O(state bytes).
+/// The verdicts read true again until the next step, or fm_evaluator_stale.
 FM_EXPORT void fm_evaluator_reset(struct fm_evaluator * evaluator);
 
 /// Whether every input that the group reads has a value.
@@ -160,7 +177,7 @@ FM_EXPORT bool fm_evaluator_ready(const struct fm_evaluator * evaluator, uint32_
 FM_EXPORT uint64_t fm_evaluator_steps(const struct fm_evaluator * evaluator, uint32_t group);
 
 /// Verdicts of the last steps, n_requirements flags, owned by the evaluator; true where a
-/// requirement's group has not stepped yet.
+/// requirement's group has neither stepped nor been stale yet.
 FM_EXPORT const bool * fm_evaluator_verdicts(const struct fm_evaluator * evaluator);
 
 /// The current values, the module's struct of inputs, owned by the evaluator.
@@ -168,6 +185,9 @@ FM_EXPORT const void * fm_evaluator_inputs(const struct fm_evaluator * evaluator
 
 /// Whether an input has a value.
 FM_EXPORT bool fm_evaluator_has_value(const struct fm_evaluator * evaluator, uint32_t input);
+
+/// Whether an input is stale.
+FM_EXPORT bool fm_evaluator_is_stale(const struct fm_evaluator * evaluator, uint32_t input);
 
 FM_EXPORT struct fm_requirement_counts fm_evaluator_requirement_counts(
   const struct fm_evaluator * evaluator, uint32_t requirement);

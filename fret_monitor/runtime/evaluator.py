@@ -70,7 +70,7 @@ class Violation(NamedTuple):
 
 @dataclass(frozen=True)
 class RequirementCounts:
-    """Counters of a requirement, through all resets; `verdict` is of the last step."""
+    """Counters of a requirement, through all resets; `verdict` is of the last step or silence."""
 
     steps: int
     violations: int
@@ -185,6 +185,29 @@ class Evaluator:
         """Count a message of a topic that cannot be decoded; it is no step."""
         self._library.fm_evaluator_undecodable(self.pointer, topic)
 
+    def stale(self, index: int, received: int, stamp: int) -> list[Violation]:
+        """
+        Take an input for stale until its next value: what reads it is violated.
+
+        Parameters
+        ----------
+        index
+            of the input.
+        received
+            how many values of it there were when it was found silent; if there are more by now,
+            nothing happens.
+        stamp
+            nanoseconds, handed through to the violations.
+
+        Returns
+        -------
+        list[Violation]
+            those to announce at once; none where it was stale before, unless there was a reset.
+        """
+        count = self._library.fm_evaluator_stale(
+            self.pointer, index, received, stamp, self._violations)
+        return self._found(count) if count else []
+
     def message(self, topic: int, stamp: int) -> list[Violation]:
         """
         Take the steps that a message of a topic asks for, its fields having been stored.
@@ -276,6 +299,10 @@ class Evaluator:
         """Return the current value of an input, None where it has none yet."""
         current: bool | int | float = self._current[index][0]
         return current if self._library.fm_evaluator_has_value(self.pointer, index) else None
+
+    def is_stale(self, index: int) -> bool:
+        """Return whether an input is stale."""
+        return bool(self._library.fm_evaluator_is_stale(self.pointer, index))
 
     def requirement_counts(self, index: int) -> RequirementCounts:
         """Return the counters of a requirement."""

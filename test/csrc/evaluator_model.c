@@ -199,6 +199,8 @@ static struct
   unsigned char values[8 * MAX_INPUTS];
   bool has_value[MAX_INPUTS];
   bool is_new[MAX_GROUPS][MAX_INPUTS];
+  bool is_stale[MAX_INPUTS];
+  bool told[MAX_GROUPS];  // that one of its inputs is stale, since its last silence or a reset
   uint64_t steps[MAX_GROUPS];
   bool verdicts[MAX_REQUIREMENTS];
   struct fm_requirement_counts requirements[MAX_REQUIREMENTS];
@@ -226,6 +228,16 @@ static bool is_ready(uint32_t g)
     }
   }
   return true;
+}
+
+static bool is_silenced(uint32_t g)
+{
+  for (uint32_t i = 0; i < monitor.n_inputs; ++i) {
+    if (reads(g, i) && model.is_stale[i]) {
+      return true;
+    }
+  }
+  return false;
 }
 
 static bool is_renewed(uint32_t g)
@@ -268,10 +280,28 @@ static void model_write(uint32_t i, uint64_t bits, bool as_float, double number)
   }
 }
 
+// What was false of silence alone, and will not be judged again for want of values, is true.
+static void model_hear(uint32_t i)
+{
+  const bool was_stale = model.is_stale[i];
+  model.is_stale[i] = false;
+  for (uint32_t g = 0; g < monitor.n_groups; ++g) {
+    if (was_stale && reads(g, i) && !is_silenced(g)) {
+      model.told[g] = false;
+      for (uint32_t r = 0; r < monitor.n_requirements; ++r) {
+        if (requirements[r].group == g && !is_ready(g)) {
+          model.verdicts[r] = true;
+        }
+      }
+    }
+  }
+}
+
 static void model_receive(uint32_t i)
 {
   bool lost = false;
   model.has_value[i] = true;
+  model_hear(i);
   model.inputs[i].received += 1;
   for (uint32_t g = 0; g < monitor.n_groups; ++g) {
     lost = lost || (reads(g, i) && model.is_new[g][i]);
@@ -282,12 +312,10 @@ static void model_receive(uint32_t i)
   }
 }
 
-static void model_judge(uint32_t r, uint64_t step, int64_t stamp)
+static void model_judge(uint32_t r, bool now, uint64_t step, int64_t stamp)
 {
   const bool before = model.verdicts[r];
-  const bool now = verdict_of(requirements[r].group, r, step, model.values);
   model.verdicts[r] = now;
-  model.requirements[r].steps += 1;
   model.requirements[r].violations += !now;
   if (!now && (before || !onset[r])) {
     model.requirements[r].announced += 1;
@@ -302,9 +330,12 @@ static void model_step(uint32_t g, int64_t stamp)
 {
   for (uint32_t r = 0; r < monitor.n_requirements; ++r) {
     if (requirements[r].group == g) {
-      model_judge(r, model.steps[g], stamp);
+      const bool holds = verdict_of(g, r, model.steps[g], model.values);
+      model_judge(r, holds && !is_silenced(g), model.steps[g], stamp);
+      model.requirements[r].steps += 1;
     }
   }
+  model.told[g] = is_silenced(g);
   model.steps[g] += 1;
   memset(model.is_new[g], 0, sizeof model.is_new[g]);
 }
@@ -348,8 +379,26 @@ static void model_tick(int64_t stamp)
   }
 }
 
+static void model_stale(uint32_t i, uint64_t received, int64_t stamp)
+{
+  model.n_out = 0;
+  if (i >= monitor.n_inputs || received != model.inputs[i].received) {
+    return;
+  }
+  model.is_stale[i] = true;
+  for (uint32_t g = 0; g < monitor.n_groups; ++g) {
+    for (uint32_t r = 0; r < monitor.n_requirements; ++r) {
+      if (reads(g, i) && !model.told[g] && requirements[r].group == g) {
+        model_judge(r, false, model.steps[g], stamp);
+      }
+    }
+    model.told[g] = model.told[g] || reads(g, i);
+  }
+}
+
 static void model_reset(void)
 {
+  memset(model.told, 0, sizeof model.told);
   memset(model.steps, 0, sizeof model.steps);
   memset(model.is_new, 0, sizeof model.is_new);
   for (uint32_t r = 0; r < MAX_REQUIREMENTS; ++r) {
@@ -394,6 +443,7 @@ static void compare_inputs(const struct fm_evaluator * evaluator)
   const unsigned char * values = fm_evaluator_inputs(evaluator);
   for (uint32_t i = 0; i < monitor.n_inputs; ++i) {
     const struct fm_input_counts counts = fm_evaluator_input_counts(evaluator, i);
+    AGREE("being stale", fm_evaluator_is_stale(evaluator, i) == model.is_stale[i]);
     AGREE("having a value", fm_evaluator_has_value(evaluator, i) == model.has_value[i]);
     AGREE("received", counts.received == model.inputs[i].received);
     AGREE("unusable", counts.unusable == model.inputs[i].unusable);
@@ -470,6 +520,18 @@ static void row(struct fm_evaluator * evaluator, struct fm_violation * out)
   compare_violations(out, n);
 }
 
+// Sometimes of an input that is none, or of one that has spoken since.
+static void silence(struct fm_evaluator * evaluator, struct fm_violation * out)
+{
+  const uint32_t i = random_below(monitor.n_inputs + 1);
+  const uint64_t received =
+    fm_evaluator_input_counts(evaluator, i).received - (random_below(8) == 0 ? 1 : 0);
+  const int64_t stamp = (int64_t)random_bits();
+  const uint32_t n = fm_evaluator_stale(evaluator, i, received, stamp, out);
+  model_stale(i, received, stamp);
+  compare_violations(out, n);
+}
+
 static void other_call(struct fm_evaluator * evaluator)
 {
   const uint32_t what = random_below(6);
@@ -499,6 +561,8 @@ static void run(void)
     const uint32_t what = random_below(12);
     if (what == 0) {
       other_call(evaluator);
+    } else if (what == 2) {
+      silence(evaluator, out);
     } else if (what == 1 || options.policy == FM_PERIODIC) {
       random_below(2) == 0 ? row(evaluator, out) : message(evaluator, out);
     } else {

@@ -476,6 +476,98 @@ static void reset_makes_all_inputs_wait_for_everything_anew(void)
   CHECK(fm_evaluator_input_counts(evaluator, LEVEL).overwritten == 0);
 }
 
+// ---- silence -----------------------------------------------------------------------------------
+
+static uint32_t stale(struct fm_evaluator * evaluator, uint32_t input)
+{
+  const uint64_t received = fm_evaluator_input_counts(evaluator, input).received;
+  return fm_evaluator_stale(evaluator, input, received, 300, out);
+}
+
+static void what_reads_a_stale_input_is_violated_at_once_and_without_a_step(void)
+{
+  struct fm_evaluator * evaluator = with_policy(FM_RELEVANT_MESSAGE);
+  (void)level_message(evaluator, 1.0);
+  (void)flag_message(evaluator, true);
+  CHECK(stepped(evaluator, 1, 1, 2));
+  CHECK(stale(evaluator, FLAG) == 2 && is_violation(0, A, 1, 300) && is_violation(1, C, 1, 300));
+  CHECK(fm_evaluator_is_stale(evaluator, FLAG) && !fm_evaluator_is_stale(evaluator, LEVEL));
+  CHECK(stepped(evaluator, 1, 1, 2) && !fm_evaluator_verdicts(evaluator)[C]);
+  CHECK(fm_evaluator_verdicts(evaluator)[B] && fm_evaluator_ready(evaluator, 0));
+  const struct fm_requirement_counts counts = fm_evaluator_requirement_counts(evaluator, C);
+  CHECK(counts.steps == 1 && counts.violations == 1 && counts.announced == 1 && !counts.verdict);
+}
+
+static void a_silence_is_told_once_and_by_each_step_that_is_due(void)
+{
+  struct fm_evaluator * evaluator = with_policy(FM_RELEVANT_MESSAGE);
+  (void)level_message(evaluator, 1.0);
+  (void)flag_message(evaluator, true);
+  CHECK(stale(evaluator, FLAG) == 2 && stale(evaluator, FLAG) == 0);
+  CHECK(stale(evaluator, LEVEL) == 1 && is_violation(0, B, 1, 300));  // A and C are told of
+  // A reports its onset, and that was the silence.
+  CHECK(level_message(evaluator, 1.0) == 1 && is_violation(0, C, 1, 200));
+  CHECK(stepped(evaluator, 2, 2, 3) && fm_evaluator_verdicts(evaluator)[B]);
+}
+
+static void a_value_ends_a_silence_and_the_past_went_on(void)
+{
+  struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
+  (void)level_message(evaluator, 1.0);
+  (void)flag_message(evaluator, true);
+  CHECK(stale(evaluator, FLAG) == 2);
+  store_flag(evaluator, true);
+  CHECK(!fm_evaluator_is_stale(evaluator, FLAG) && !fm_evaluator_verdicts(evaluator)[A]);
+  CHECK(fm_evaluator_message(evaluator, FLAG_TOPIC, 100, out) == 0);
+  CHECK(fm_evaluator_verdicts(evaluator)[A] && stepped(evaluator, 2, 3, 3));
+  CHECK(stale(evaluator, FLAG) == 2 && is_violation(0, A, 2, 300));
+}
+
+static void a_value_that_came_meanwhile_is_no_silence(void)
+{
+  struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
+  (void)flag_message(evaluator, true);
+  const uint64_t received = fm_evaluator_input_counts(evaluator, FLAG).received;
+  (void)flag_message(evaluator, true);
+  CHECK(fm_evaluator_stale(evaluator, FLAG, received, 300, out) == 0);
+  CHECK(!fm_evaluator_is_stale(evaluator, FLAG));
+}
+
+static void an_input_that_never_spoke_is_told_and_forgiven_when_it_does(void)
+{
+  struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
+  CHECK(stale(evaluator, LEVEL) == 3 && is_violation(0, A, 0, 300) && is_violation(2, B, 0, 300));
+  CHECK(stepped(evaluator, 0, 0, 0) && !fm_evaluator_verdicts(evaluator)[A]);
+  CHECK(level_message(evaluator, 1.0) == 0 && fm_evaluator_verdicts(evaluator)[B]);
+  // Nothing can be said of A without a flag; a second silence is news.
+  CHECK(fm_evaluator_verdicts(evaluator)[A] && !fm_evaluator_ready(evaluator, 0));
+  CHECK(stale(evaluator, LEVEL) == 3 && is_violation(0, A, 0, 300) && is_violation(2, B, 1, 300));
+}
+
+static void an_onset_that_is_violated_already_is_not_told_anew_by_a_silence(void)
+{
+  struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
+  (void)level_message(evaluator, 1.0);
+  CHECK(flag_message(evaluator, false) == 2);  // A, and D at its step 1
+  CHECK(stale(evaluator, FLAG) == 1 && is_violation(0, C, 1, 300));
+  CHECK(fm_evaluator_requirement_counts(evaluator, A).violations == 2);
+  CHECK(fm_evaluator_requirement_counts(evaluator, A).announced == 1);
+}
+
+static void a_stale_input_is_told_anew_after_a_reset(void)
+{
+  struct fm_evaluator * evaluator = with_policy(FM_PERIODIC);
+  store_flag(evaluator, true);
+  store_level(evaluator, 1.0);
+  CHECK(stale(evaluator, FLAG) == 2);
+  fm_evaluator_reset(evaluator);
+  CHECK(fm_evaluator_is_stale(evaluator, FLAG) && fm_evaluator_verdicts(evaluator)[A]);
+  CHECK(stale(evaluator, FLAG) == 2 && is_violation(0, A, 0, 300) && stale(evaluator, FLAG) == 0);
+  fm_evaluator_reset(evaluator);
+  CHECK(fm_evaluator_tick(evaluator, 7, out) == 2 && is_violation(0, A, 0, 7));
+  CHECK(stale(evaluator, FLAG) == 0);  // a step has told it
+}
+
 // ---- values ------------------------------------------------------------------------------------
 
 struct all_types
@@ -612,6 +704,8 @@ static void indices_out_of_range_are_ignored(void)
     fm_evaluator_unusable(evaluator, wrong[k]);
     fm_evaluator_undecodable(evaluator, wrong[k]);
     CHECK(fm_evaluator_message(evaluator, wrong[k], 0, out) == 0);
+    CHECK(fm_evaluator_stale(evaluator, wrong[k], 0, 0, out) == 0);
+    CHECK(!fm_evaluator_is_stale(evaluator, wrong[k]));
     CHECK(!fm_evaluator_ready(evaluator, wrong[k]));
     CHECK(fm_evaluator_steps(evaluator, wrong[k]) == 0);
     CHECK(!fm_evaluator_has_value(evaluator, wrong[k]));
@@ -767,6 +861,13 @@ static const struct scenario SCENARIOS[] = {
   SCENARIO(verdicts_are_true_until_the_first_step),
   SCENARIO(reset_starts_all_groups_afresh_and_keeps_values_and_counters),
   SCENARIO(reset_makes_all_inputs_wait_for_everything_anew),
+  SCENARIO(what_reads_a_stale_input_is_violated_at_once_and_without_a_step),
+  SCENARIO(a_silence_is_told_once_and_by_each_step_that_is_due),
+  SCENARIO(a_value_ends_a_silence_and_the_past_went_on),
+  SCENARIO(a_value_that_came_meanwhile_is_no_silence),
+  SCENARIO(an_input_that_never_spoke_is_told_and_forgiven_when_it_does),
+  SCENARIO(an_onset_that_is_violated_already_is_not_told_anew_by_a_silence),
+  SCENARIO(a_stale_input_is_told_anew_after_a_reset),
   SCENARIO(integers_wrap_to_the_type_of_the_input),
   SCENARIO(a_bool_is_whether_the_integer_is_not_zero),
   SCENARIO(a_bool_in_memory_may_be_any_byte),

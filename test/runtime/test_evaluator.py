@@ -222,6 +222,19 @@ def test_a_reset_starts_afresh_and_keeps_values_and_counters() -> None:
     assert evaluator.requirement_counts(COOL) == RequirementCounts(2, 2, 2, False)
 
 
+def test_what_reads_a_stale_input_is_violated_until_it_speaks() -> None:
+    evaluator = toy(toys.with_initial(True, 0))
+    assert evaluator.stale(FLAG, 1, 5) == [], 'a value came meanwhile, it seems'
+    assert evaluator.stale(FLAG, 0, 5) == [Violation(LAMP, 0, 5), Violation(COOL, 0, 5)]
+    assert evaluator.stale(FLAG, 0, 6) == [] and evaluator.is_stale(FLAG)
+    assert not evaluator.is_stale(LEVEL)
+    assert evaluator.tick(7) == [Violation(LAMP, 0, 7)], 'COOL reports its onset'
+    assert evaluator.requirement_counts(LAMP) == RequirementCounts(1, 2, 2, False)
+    evaluator.store(FLAG, True)
+    assert not evaluator.is_stale(FLAG)
+    assert evaluator.message(FLAG, 8) == [] and evaluator.verdicts == [True, True]
+
+
 def test_everything_is_counted() -> None:
     evaluator = toy(policy=Policy.ALL_INPUTS)
     for value in (1, 2, 30):
