@@ -71,6 +71,7 @@ class Details:
 
     def __init__(self, node: Node, manifest: Manifest) -> None:
         """Advertise the topic."""
+        self._node = node
         self._manifest = manifest
         self._publisher = node.create_publisher(DiagnosticArray, DETAILS_TOPIC, VIOLATION_QOS)
         self._quotas = [Quota() for _ in manifest.requirements]
@@ -84,6 +85,10 @@ class Details:
             array = DiagnosticArray(status=[self._status(item, value) for item in shown])
             array.header.stamp = as_time(shown[0].stamp)
             self._publisher.publish(array)
+
+    def close(self) -> None:
+        """Withdraw the topic."""
+        self._node.destroy_publisher(self._publisher)
 
     def _status(self, violation: Violation, value: Callable[[int], Value]) -> DiagnosticStatus:
         requirement = self._manifest.requirements[violation.requirement]

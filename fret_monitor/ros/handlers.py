@@ -35,6 +35,7 @@ class Handlers:
 
     def __init__(self, node: Node, manifest: Manifest) -> None:
         """Advertise the handlers of all requirements."""
+        self._node = node
         self._message = serialize_message(Empty())
         self._publishers = [
             node.create_publisher(Empty, handler_topic(requirement), VIOLATION_QOS)
@@ -44,3 +45,8 @@ class Handlers:
         """Publish a message for each violation, in order; never suppressed."""
         for violation in violations:
             self._publishers[violation.requirement].publish(self._message)
+
+    def close(self) -> None:
+        """Withdraw the topics."""
+        for publisher in self._publishers:
+            self._node.destroy_publisher(publisher)

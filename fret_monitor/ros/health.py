@@ -62,6 +62,10 @@ class Health:
               for index, item in enumerate(self._manifest.topics))]
         self._publisher.publish(array)
 
+    def close(self) -> None:
+        """Withdraw the topic."""
+        self._node.destroy_publisher(self._publisher)
+
     def _rates(self) -> Iterator[float]:
         """Yield messages a second since the last time, of real time, for each topic."""
         since, self._time = self._time, monotonic()

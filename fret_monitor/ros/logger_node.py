@@ -27,16 +27,19 @@ from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.manifest import ManifestRequirement, Severity
 from fret_monitor.ros.compiled import open_manifest
 from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
-from fret_monitor.ros.fed_node import FedNode
-from fret_monitor.ros.feed import Deliver
+from fret_monitor.ros.feed import Deliver, Feed
 from fret_monitor.ros.fields import UNDECODABLE
 from fret_monitor.ros.handlers import handler_topic
 from fret_monitor.ros.parameters import LOGGER_PARAMETERS, read_settings
 from fret_monitor.ros.qos import VIOLATION_REQUEST
 
+from rclpy.clock import Clock
+from rclpy.clock import ClockType
+from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Empty
 
+_CHECK = 1.0  # s
 _TOGETHER = 10**9
 """The most between the sending of a detail and of its violation (ns): they are sent in a row."""
 
@@ -60,7 +63,7 @@ class Heard:
         return detail if 0 <= sent - self.detail_sent <= _TOGETHER else None
 
 
-class LoggerNode(FedNode):
+class LoggerNode(Node):
     """Logs violations from its making until `destroy_node`; needs no executor for that."""
 
     def __init__(self, node_name: str = 'fret_logger', **options: Any) -> None:
@@ -72,22 +75,35 @@ class LoggerNode(FedNode):
         Refusal
             if parameters, bundle or library are not such that it can start. Nothing is left.
         """
-        super().__init__(node_name, **options)
+        super().__init__(
+            node_name, automatically_declare_parameters_from_overrides=True, **options)
+        self._feed = Feed(self)
         self._heard: dict[str, Heard] = {}
         with ExitStack() as undo:
             undo.callback(self.destroy_node)
             self._begin()
             undo.pop_all()
 
+    def _check(self) -> None:
+        """Raise in the executor what went wrong in the feed's thread, if anything did."""
+        if self._feed.failure is not None:
+            raise self._feed.failure
+
+    def destroy_node(self) -> None:
+        """End the feed, then the node."""
+        self._feed.close()
+        super().destroy_node()
+
     def _begin(self) -> None:
         manifest = open_manifest(read_settings(self, LOGGER_PARAMETERS))
         self._heard = {requirement.id: Heard() for requirement in manifest.requirements}
-        self.feed.subscribe(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
-                            self._keep_details, VIOLATION_REQUEST)
+        self._feed.subscribe(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
+                             self._keep_details, VIOLATION_REQUEST)
         for requirement in manifest.requirements:
-            self.feed.subscribe(handler_topic(requirement), 'std_msgs/msg/Empty', Empty,
-                                self._report(requirement), VIOLATION_REQUEST)
-        self.feed.start()
+            self._feed.subscribe(handler_topic(requirement), 'std_msgs/msg/Empty', Empty,
+                                 self._report(requirement), VIOLATION_REQUEST)
+        self._feed.start()
+        self.create_timer(_CHECK, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(
             f'listening for violations of {len(manifest.requirements)} requirements: '
             + ', '.join(requirement.id for requirement in manifest.requirements[:10])

@@ -17,13 +17,13 @@
 from collections.abc import Callable
 import sys
 
-from fret_monitor.ros.fed_node import FedNode
 from fret_monitor.ros.parameters import Refusal
 from fret_monitor.ros.signals import StopRequest
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
@@ -36,7 +36,7 @@ usage: ros2 run fret_monitor {name} --ros-args -p spec:=BUNDLE.yaml
 """
 
 
-def run(name: str, make_node: Callable[[], FedNode], stop: StopRequest) -> int:
+def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:
     """
     Make a node and spin it until a signal comes; return the exit status.
 
@@ -73,7 +73,7 @@ def _tell_usage(name: str, argument: str) -> int:
     return 1
 
 
-def _run(make_node: Callable[[], FedNode], stop: StopRequest) -> int:
+def _run(make_node: Callable[[], Node], stop: StopRequest) -> int:
     with stop.interruptible():
         node = make_node()
     executor = SingleThreadedExecutor()
@@ -81,7 +81,6 @@ def _run(make_node: Callable[[], FedNode], stop: StopRequest) -> int:
     try:
         while not stop.requested and node.context.ok():
             executor.spin_once(timeout_sec=_SPIN)
-            node.check()
     finally:
         executor.shutdown()
         node.destroy_node()
