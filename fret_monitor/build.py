@@ -46,6 +46,7 @@ from fret_monitor.manifest import Policy
 from fret_monitor.native.cache import build_library
 from fret_monitor.native.cache import csrc_directory
 from fret_monitor.native.cache import evaluator_library
+from fret_monitor.native.cache import EVALUATOR_SOURCES
 from fret_monitor.native.cache import runtime_headers
 from fret_monitor.native.compiler import compile_library
 from fret_monitor.native.compiler import find_compiler
@@ -56,6 +57,9 @@ from fret_monitor.native.folder import MANIFEST_FILE
 from fret_monitor.native.folder import open_folder
 from fret_monitor.native.monitor import CompiledMonitor
 from fret_monitor.native.monitor import load
+from fret_monitor.native.stack import call_graph
+from fret_monitor.program.cost import Cost
+from fret_monitor.program.cost import step_cost
 from fret_monitor.program.layout import check_bounds
 from fret_monitor.program.layout import GroupLayout
 from fret_monitor.program.layout import lay_out
@@ -258,7 +262,8 @@ def _others(place: Path) -> Iterator[Path]:
 
 def _csrc() -> list[Path]:
     """Return the hand-written C that belongs beside generated C."""
-    return [*csrc_directory().glob('*.h'), csrc_directory() / 'evaluator.c']
+    return [*csrc_directory().glob('*.h'),
+            *(csrc_directory() / name for name in EVALUATOR_SOURCES)]
 
 
 def _fill(folder: Path, generated: GeneratedMonitor, library: Path, evaluator: Path) -> None:
@@ -287,6 +292,45 @@ def _put_in_place(folder: Path, directory: Path) -> None:
         former.rename(directory)
         raise
     shutil.rmtree(former, ignore_errors=True)
+
+
+@dataclass(frozen=True)
+class Stack:
+    """
+    Bytes of stack at most: of the monitors' functions, and of the evaluator's that call them.
+
+    `library` are the functions of the C library that are called; their stack comes on top.
+    """
+
+    monitor: int
+    evaluator: int
+    library: tuple[str, ...]
+
+
+def worst_cost(generated: GeneratedMonitor) -> Cost:
+    """Return the most instructions that a step of all groups takes."""
+    return step_cost(generated.layouts)
+
+
+def worst_stack(generated: GeneratedMonitor) -> Stack | None:
+    """
+    Return the most stack that a step takes; None if the C compiler cannot tell (only gcc can).
+
+    Errors are those of `find_compiler`.
+    """
+    header, text = generated.module.header
+    files = {**runtime_headers(), header: text, **dict(generated.module.sources)}
+    files['evaluator.c'] = (csrc_directory() / 'evaluator.c').read_text(encoding='utf-8')
+    compiler = find_compiler()
+    monitor = call_graph(compiler, files, [name for name, _ in generated.module.sources])
+    evaluator = call_graph(compiler, files, ['evaluator.c'])
+    if monitor is None or evaluator is None:
+        return None
+    below = max(map(monitor.depth, monitor.frames))
+    total = max(evaluator.depth(name, below) for name in evaluator.frames)
+    functions = {name for name in monitor.external | evaluator.external
+                 if name not in monitor.frames}
+    return Stack(below, total - below, tuple(sorted(functions)))
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,9 @@ from fret_monitor.native.errors import CacheError
 from fret_monitor.native.errors import CompilerError
 from fret_monitor.native.errors import NativeError
 
+#: The evaluator, and what feeds it from the middleware: one library.
+EVALUATOR_SOURCES = ('evaluator.c', 'watch.c', 'hot_path.c')
+
 _SEAL = 'seal.json'
 _UNFINISHED = '.building-'
 _LITTER_AGE = 24 * 3600.0  # seconds after which an unfinished folder belongs to nobody
@@ -120,9 +123,10 @@ def runtime_headers() -> dict[str, str]:
 
 
 def evaluator_library() -> Path:
-    """Return the library of `csrc/evaluator.c`, built if need be; errors as `build_library`."""
-    file = csrc_directory() / 'evaluator.c'
-    return build_library({file.name: file.read_text(encoding='utf-8')}, name='fm_evaluator')
+    """Return the library of the evaluator and what is around it; errors as `build_library`."""
+    files = (csrc_directory() / name for name in EVALUATOR_SOURCES)
+    return build_library(
+        {file.name: file.read_text(encoding='utf-8') for file in files}, name='fm_evaluator')
 
 
 @cache

@@ -44,7 +44,7 @@ COMPILE_FLAGS = (
     '-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Wswitch-enum',
 )
 LINK_FLAGS = ('-shared', '-Wl,-z,defs')
-LIBRARIES = ('-lm',)
+LIBRARIES = ('-lm', '-pthread')
 TIMEOUT = 600.0  # seconds for all commands of one library
 
 _SEARCHED = ('CPATH', 'C_INCLUDE_PATH', 'LIBRARY_PATH')  # variables: where compilers look

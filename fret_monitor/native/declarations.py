@@ -207,6 +207,94 @@ struct fm_input_counts fm_evaluator_input_counts(
   const struct fm_evaluator * evaluator, uint32_t input);
 struct fm_topic_counts fm_evaluator_topic_counts(
   const struct fm_evaluator * evaluator, uint32_t topic);
+
+struct fm_watch;
+
+struct fm_watch_options
+{
+  struct fm_evaluator * evaluator;
+  const struct fm_monitor * monitor;
+  const struct fm_readers * readers;
+  const struct fm_topic * topics;
+  uint32_t n_topics;
+};
+
+struct fm_origin
+{
+  int64_t received;
+  int64_t sent;
+  uint64_t sequence;
+  bool is_retired;
+};
+
+enum fm_receipt
+{
+  FM_RECEIVED = 0,
+  FM_UNDECODABLE = 1,
+  FM_REPEATED = 2
+};
+
+struct fm_detail
+{
+  struct fm_violation violation;
+  uint64_t suppressed;
+};
+
+struct fm_watch * fm_watch_create(const struct fm_watch_options * options);
+void fm_watch_destroy(struct fm_watch * watch);
+void fm_watch_close(struct fm_watch * watch);
+bool fm_watch_is_closed(struct fm_watch * watch);
+uint32_t fm_watch_message(
+  struct fm_watch * watch, uint32_t topic, const uint8_t * message, size_t size,
+  const struct fm_origin * origin);
+void fm_watch_activate(struct fm_watch * watch, bool is_active);
+void fm_watch_tick(struct fm_watch * watch, int64_t stamp);
+void fm_watch_reset(struct fm_watch * watch);
+void fm_watch_use_clock(
+  struct fm_watch * watch, int (* now)(void * clock, int64_t * nanoseconds), void * clock);
+void fm_watch_overlap(struct fm_watch * watch, uint32_t topic, bool has_history);
+void fm_watch_settle(struct fm_watch * watch, uint32_t topic);
+uint32_t fm_watch_take(
+  struct fm_watch * watch, struct fm_violation * out, uint32_t room, uint32_t milliseconds);
+void fm_watch_detail(struct fm_watch * watch, bool is_wanted, uint32_t most);
+bool fm_watch_take_detail(
+  struct fm_watch * watch, struct fm_detail * out, uint32_t milliseconds);
+size_t fm_watch_evidence(
+  struct fm_watch * watch, uint32_t topic, uint8_t * out, size_t room);
+uint64_t fm_watch_lost(struct fm_watch * watch);
+struct fm_requirement_counts fm_watch_requirement_counts(
+  struct fm_watch * watch, uint32_t requirement);
+struct fm_input_counts fm_watch_input_counts(struct fm_watch * watch, uint32_t input);
+struct fm_topic_counts fm_watch_topic_counts(struct fm_watch * watch, uint32_t topic);
+bool fm_watch_value(struct fm_watch * watch, uint32_t input, void * out);
+
+struct fm_serialized;
+struct fm_message_info;
+typedef void (* fm_on_message)(const void * user_data, size_t count);
+
+struct fm_middleware
+{
+  int (* take)(
+    const void * subscription, struct fm_serialized * message, bool * taken,
+    struct fm_message_info * info, void * allocation);
+  int (* listen)(void * subscription, fm_on_message callback, const void * user_data);
+  int (* publish)(const void * publisher, const void * message, void * allocation);
+  void (* forget_error)(void);
+};
+
+struct fm_source;
+struct fm_source * fm_source_start(
+  struct fm_watch * watch, const struct fm_middleware * middleware, void * subscription,
+  uint32_t topic);
+void fm_source_drain(struct fm_source * source);
+void fm_source_retire(struct fm_source * source);
+void fm_source_stop(struct fm_source * source);
+struct fm_announcer;
+struct fm_announcer * fm_announcer_start(
+  struct fm_watch * watch, const struct fm_middleware * middleware, void * const * publishers,
+  uint32_t n_publishers);
+uint64_t fm_announcer_failures(const struct fm_announcer * announcer);
+void fm_announcer_join(struct fm_announcer * announcer);
 """
 
 _HEAD = '''# flake8: noqa

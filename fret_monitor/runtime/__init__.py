@@ -20,12 +20,18 @@ from fret_monitor.runtime.evaluator import RequirementCounts
 from fret_monitor.runtime.evaluator import TopicCounts
 from fret_monitor.runtime.evaluator import TYPECODES
 from fret_monitor.runtime.evaluator import Violation
+from fret_monitor.runtime.watch import Receipt
+from fret_monitor.runtime.watch import ViolationDetail
+from fret_monitor.runtime.watch import Watch
 
 __all__ = [
     'TYPECODES',
     'Evaluator',
     'InputCounts',
+    'Receipt',
     'RequirementCounts',
     'TopicCounts',
     'Violation',
+    'ViolationDetail',
+    'Watch',
 ]

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 from typing import NamedTuple
 
+from fret_monitor.manifest import Manifest
 from fret_monitor.manifest import Policy
 from fret_monitor.manifest import Report
 from fret_monitor.manifest import ValueType
@@ -58,6 +59,12 @@ _C_TYPES = {
     ValueType.FLOAT32: 'float',
     ValueType.FLOAT64: 'double',
 }
+
+
+def c_types(manifest: Manifest) -> list[str]:
+    """Return the C types of the inputs."""
+    return [_C_TYPES.get(item.value_type, f'{item.value_type.value}_t')
+            for item in manifest.inputs]
 
 
 class Violation(NamedTuple):
@@ -150,7 +157,7 @@ class Evaluator:
         """Make a place for the next value of each input, and views of the current ones."""
         values = ffi.cast('const char *', self._library.fm_evaluator_inputs(self.pointer))
         inputs = self.monitor.manifest.inputs
-        types = [_C_TYPES.get(item.value_type, f'{item.value_type.value}_t') for item in inputs]
+        types = c_types(self.monitor.manifest)
         self._next = [ffi.new(f'{name} *') for name in types]
         self._current = [
             ffi.cast(f'const {name} *', values + self.monitor.pointer.inputs[index].offset)
@@ -159,6 +166,16 @@ class Evaluator:
             if item.initial is not None:
                 self._next[index][0] = item.initial
                 self._library.fm_evaluator_initial_from(self.pointer, index, self._next[index])
+
+    @property
+    def library(self) -> Any:
+        """The functions of csrc, loaded."""
+        return self._library
+
+    @property
+    def options(self) -> CData:
+        """The `struct fm_evaluator_options` that it was made with."""
+        return self._options.pointer
 
     def store(self, index: int, value: bool | int | float) -> None:
         """

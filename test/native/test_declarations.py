@@ -32,12 +32,13 @@ STRUCTS = [
     'struct fm_field', 'struct fm_reader', 'struct fm_readers',
     'struct fm_topic', 'struct fm_evaluator_options', 'struct fm_violation',
     'struct fm_requirement_counts', 'struct fm_input_counts', 'struct fm_topic_counts',
+    'struct fm_watch_options', 'struct fm_origin', 'struct fm_detail', 'struct fm_middleware',
 ]
 
 
 def headers() -> str:
     return ''.join((csrc_directory() / name).read_text(encoding='utf-8')
-                   for name in ('fret_monitor.h', 'fret_fields.h', 'evaluator.h'))
+                   for name in ('fret_monitor.h', 'fret_fields.h', 'evaluator.h', 'watch.h', 'hot_path.h'))
 
 
 def enumerators() -> list[str]:
@@ -50,7 +51,7 @@ def enumerators() -> list[str]:
 def signatures(text: str) -> dict[str, str]:
     """Return name to declaration of each function of the evaluator, blanks made one."""
     text = re.sub(r'//[^\n]*', '', text).replace('FM_EXPORT', '')
-    found = re.findall(r'([\w ]+[ *]+(fm_evaluator_\w+)\([^)]*\);)', text)
+    found = re.findall(r'([\w ]+[ *]+(fm_(?:evaluator|watch|source|announcer)_\w+)\([^)]*\);)', text)
     return {name: ' '.join(declaration.split()) for declaration, name in found}
 
 
@@ -73,7 +74,7 @@ def test_sizes_offsets_and_values_are_those_of_the_headers(tmp_path: Path) -> No
         for text, value in pairs)
     program = tmp_path / 'check.c'
     program.write_text(
-        '#include "evaluator.h"\n#include "fret_fields.h"\n#include <stdio.h>\n'
+        '#include "hot_path.h"\n#include <stdio.h>\n'
         f'int main(void)\n{{\n  int wrong = 0;\n{checks}\n  return wrong;\n}}\n',
         encoding='utf-8')
     subprocess.run(

@@ -1,0 +1,605 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+
+/// watch.c: see watch.h for the contract.
+///
+/// One mutex guards all of it. The functions whose names end in _locked are called with it held.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include "watch_locked.h"
+
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#define FIRST_CAPACITY 64u
+#define MOST_QUEUED (1u << 20)
+#define MOST_DETAILS 1024u
+#define DETAIL_MEMORY (4u << 20)
+#define REMEMBERED 4096u  // messages of a topic that would be recognised if they came again
+
+struct key
+{
+  int64_t sent;
+  uint64_t sequence;
+};
+
+struct topic
+{
+  struct key * keys;  // of the last messages, a ring; NULL until the first
+  uint64_t n_keys;    // so far
+  int64_t newest;     // sent; of those heard before the overlap, and since by the new one
+  bool overlaps;
+  bool has_history;
+  uint8_t * evidence;
+  size_t evidence_size;
+};
+
+// How many details of a requirement this second has seen.
+struct quota
+{
+  int64_t second;
+  uint32_t spent;
+  uint64_t refused;
+};
+
+struct fm_watch
+{
+  pthread_mutex_t mutex;
+  pthread_cond_t violation_queued;
+  pthread_cond_t detail_queued;
+  struct fm_watch_options options;
+  struct fm_field * fields;      // of one message
+  struct fm_violation * found;   // by one step
+  struct topic * topics;
+  struct quota * quotas;
+  struct fm_violation * queue;   // a ring; capacity is a power of two
+  uint32_t queue_begin;
+  uint32_t queued;
+  uint32_t queue_capacity;
+  uint64_t lost;
+  uint8_t * details;             // a ring of slots
+  size_t slot;                   // bytes of one
+  uint32_t detail_slots;
+  uint32_t detail_begin;
+  uint32_t detailed;
+  uint32_t most_details;
+  int (* now)(void * clock, int64_t * nanoseconds);
+  void * clock;
+  bool wants_details;
+  bool is_active;
+  bool is_closed;
+};
+
+// ---- making ------------------------------------------------------------------------------------
+
+static uint32_t most_inputs(const struct fm_watch_options * options)
+{
+  uint32_t most = 1;
+  for (uint32_t t = 0; t < options->n_topics; ++t) {
+    most = options->topics[t].n_inputs > most ? options->topics[t].n_inputs : most;
+  }
+  return most;
+}
+
+static bool readers_fit(const struct fm_watch_options * options)
+{
+  if (options->n_topics == 0) {
+    return true;
+  }
+  const struct fm_readers * readers = options->readers;
+  if (readers == NULL || readers->abi != FM_ABI || readers->n_topics != options->n_topics) {
+    return false;
+  }
+  for (uint32_t t = 0; t < options->n_topics; ++t) {
+    if (readers->topics[t].n_inputs != options->topics[t].n_inputs) {
+      return false;
+    }
+  }
+  return true;
+}
+
+static bool make_condition(pthread_cond_t * condition)
+{
+  pthread_condattr_t attributes;
+  if (pthread_condattr_init(&attributes) != 0) {
+    return false;
+  }
+  const bool is_made = pthread_condattr_setclock(&attributes, CLOCK_MONOTONIC) == 0 &&
+    pthread_cond_init(condition, &attributes) == 0;
+  pthread_condattr_destroy(&attributes);
+  return is_made;
+}
+
+static void * room_for(size_t count, size_t size) {return calloc(count == 0 ? 1 : count, size);}
+
+static bool make_memory(struct fm_watch * watch)
+{
+  const struct fm_watch_options * options = &watch->options;
+  const size_t requirements = options->monitor->n_requirements;
+  watch->fields = room_for(most_inputs(options), sizeof(struct fm_field));
+  watch->found = room_for(requirements, sizeof(struct fm_violation));
+  watch->quotas = room_for(requirements, sizeof(struct quota));
+  watch->topics = room_for(options->n_topics, sizeof(struct topic));
+  watch->queue = room_for(FIRST_CAPACITY, sizeof(struct fm_violation));
+  watch->queue_capacity = FIRST_CAPACITY;
+  return watch->fields != NULL && watch->found != NULL && watch->quotas != NULL &&
+         watch->topics != NULL && watch->queue != NULL;
+}
+
+static void free_memory(struct fm_watch * watch)
+{
+  for (uint32_t t = 0; watch->topics != NULL && t < watch->options.n_topics; ++t) {
+    free(watch->topics[t].keys);
+    free(watch->topics[t].evidence);
+  }
+  free(watch->fields);
+  free(watch->found);
+  free(watch->quotas);
+  free(watch->topics);
+  free(watch->queue);
+  free(watch->details);
+  free(watch);
+}
+
+struct fm_watch * fm_watch_create(const struct fm_watch_options * options)
+{
+  struct fm_watch * watch = readers_fit(options) ? calloc(1, sizeof(*watch)) : NULL;
+  if (watch == NULL) {
+    return NULL;
+  }
+  watch->options = *options;
+  watch->is_active = true;
+  if (!make_memory(watch) || pthread_mutex_init(&watch->mutex, NULL) != 0) {
+    free_memory(watch);
+    return NULL;
+  }
+  if (!make_condition(&watch->violation_queued) || !make_condition(&watch->detail_queued)) {
+    pthread_mutex_destroy(&watch->mutex);
+    free_memory(watch);
+    return NULL;
+  }
+  return watch;
+}
+
+void fm_watch_destroy(struct fm_watch * watch)
+{
+  pthread_cond_destroy(&watch->violation_queued);
+  pthread_cond_destroy(&watch->detail_queued);
+  pthread_mutex_destroy(&watch->mutex);
+  free_memory(watch);
+}
+
+void fm_watch_close(struct fm_watch * watch)
+{
+  pthread_mutex_lock(&watch->mutex);
+  watch->is_closed = true;
+  pthread_cond_broadcast(&watch->violation_queued);
+  pthread_cond_broadcast(&watch->detail_queued);
+  pthread_mutex_unlock(&watch->mutex);
+}
+
+bool fm_watch_is_closed(struct fm_watch * watch)
+{
+  pthread_mutex_lock(&watch->mutex);
+  const bool is_closed = watch->is_closed;
+  pthread_mutex_unlock(&watch->mutex);
+  return is_closed;
+}
+
+void fm_watch_activate(struct fm_watch * watch, bool is_active)
+{
+  pthread_mutex_lock(&watch->mutex);
+  watch->is_active = is_active;
+  pthread_mutex_unlock(&watch->mutex);
+}
+
+// ---- queues ------------------------------------------------------------------------------------
+
+static bool grow_queue_locked(struct fm_watch * watch)
+{
+  const uint32_t before = watch->queue_capacity;
+  if (before >= MOST_QUEUED) {
+    return false;
+  }
+  struct fm_violation * queue = malloc(2u * (size_t)before * sizeof(*queue));
+  if (queue == NULL) {
+    return false;
+  }
+  for (uint32_t k = 0; k < watch->queued; ++k) {
+    queue[k] = watch->queue[(watch->queue_begin + k) & (before - 1u)];
+  }
+  free(watch->queue);
+  watch->queue = queue;
+  watch->queue_begin = 0;
+  watch->queue_capacity = 2u * before;
+  return true;
+}
+
+static void queue_violation_locked(struct fm_watch * watch, const struct fm_violation * item)
+{
+  if (watch->queued == watch->queue_capacity && !grow_queue_locked(watch)) {
+    watch->lost += 1;
+    return;
+  }
+  watch->queue[(watch->queue_begin + watch->queued) & (watch->queue_capacity - 1u)] = *item;
+  watch->queued += 1;
+}
+
+static int64_t monotonic_seconds(void)
+{
+  struct timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return (int64_t)now.tv_sec;
+}
+
+static bool may_detail_locked(struct fm_watch * watch, struct quota * quota, int64_t second)
+{
+  if (second != quota->second) {
+    quota->second = second;
+    quota->spent = 0;
+  }
+  return quota->spent < watch->most_details && watch->detailed < watch->detail_slots;
+}
+
+static void queue_detail_locked(struct fm_watch * watch, const struct fm_violation * item)
+{
+  struct quota * quota = &watch->quotas[item->requirement];
+  if (!may_detail_locked(watch, quota, monotonic_seconds())) {
+    quota->refused += 1;
+    return;
+  }
+  const struct fm_detail detail = {*item, quota->refused};
+  const uint32_t place = (watch->detail_begin + watch->detailed) % watch->detail_slots;
+  uint8_t * slot = watch->details + place * watch->slot;
+  memcpy(slot, &detail, sizeof(detail));
+  memcpy(
+    slot + sizeof(detail), fm_evaluator_inputs(watch->options.evaluator),
+    (size_t)watch->options.monitor->inputs_bytes);
+  uint8_t * flags = slot + sizeof(detail) + watch->options.monitor->inputs_bytes;
+  for (uint32_t i = 0; i < watch->options.monitor->n_inputs; ++i) {
+    flags[i] = fm_evaluator_has_value(watch->options.evaluator, i) ? 1u : 0u;
+  }
+  quota->spent += 1;
+  watch->detailed += 1;
+}
+
+static void announce_locked(struct fm_watch * watch, uint32_t n)
+{
+  for (uint32_t k = 0; k < n; ++k) {
+    queue_violation_locked(watch, &watch->found[k]);
+    if (watch->wants_details) {
+      queue_detail_locked(watch, &watch->found[k]);
+    }
+  }
+  if (n > 0) {
+    pthread_cond_signal(&watch->violation_queued);
+    if (watch->wants_details) {
+      pthread_cond_signal(&watch->detail_queued);
+    }
+  }
+}
+
+static size_t detail_bytes(const struct fm_watch * watch)
+{
+  const struct fm_monitor * monitor = watch->options.monitor;
+  return sizeof(struct fm_detail) + (size_t)monitor->inputs_bytes + monitor->n_inputs;
+}
+
+static bool make_details_locked(struct fm_watch * watch)
+{
+  watch->slot = (detail_bytes(watch) + 15u) & ~(size_t)15u;
+  const size_t slots = DETAIL_MEMORY / watch->slot + 1u;
+  watch->detail_slots = slots > MOST_DETAILS ? MOST_DETAILS : (uint32_t)slots;
+  watch->details = malloc(watch->detail_slots * watch->slot);
+  return watch->details != NULL;
+}
+
+void fm_watch_detail(struct fm_watch * watch, bool is_wanted, uint32_t most)
+{
+  pthread_mutex_lock(&watch->mutex);
+  watch->most_details = most;
+  watch->wants_details =
+    is_wanted && (watch->details != NULL || make_details_locked(watch));
+  pthread_mutex_unlock(&watch->mutex);
+}
+
+static struct timespec in_milliseconds(uint32_t milliseconds)
+{
+  struct timespec end;
+  clock_gettime(CLOCK_MONOTONIC, &end);
+  end.tv_sec += (time_t)(milliseconds / 1000u);
+  end.tv_nsec += (long)(milliseconds % 1000u) * 1000000L;
+  if (end.tv_nsec >= 1000000000L) {
+    end.tv_nsec -= 1000000000L;
+    end.tv_sec += 1;
+  }
+  return end;
+}
+
+// Wait until something is queued, the time is over, or it is closed.
+static void wait_locked(
+  struct fm_watch * watch, pthread_cond_t * condition, const uint32_t * queued,
+  uint32_t milliseconds)
+{
+  if (*queued > 0 || milliseconds == 0) {
+    return;
+  }
+  const struct timespec end = in_milliseconds(milliseconds);
+  while (*queued == 0 && !watch->is_closed) {
+    if (pthread_cond_timedwait(condition, &watch->mutex, &end) != 0) {
+      return;
+    }
+  }
+}
+
+uint32_t fm_watch_take(
+  struct fm_watch * watch, struct fm_violation * out, uint32_t room, uint32_t milliseconds)
+{
+  pthread_mutex_lock(&watch->mutex);
+  wait_locked(watch, &watch->violation_queued, &watch->queued, milliseconds);
+  const uint32_t n = watch->queued < room ? watch->queued : room;
+  for (uint32_t k = 0; k < n; ++k) {
+    out[k] = watch->queue[(watch->queue_begin + k) & (watch->queue_capacity - 1u)];
+  }
+  watch->queue_begin = (watch->queue_begin + n) & (watch->queue_capacity - 1u);
+  watch->queued -= n;
+  pthread_mutex_unlock(&watch->mutex);
+  return n;
+}
+
+bool fm_watch_take_detail(struct fm_watch * watch, struct fm_detail * out, uint32_t milliseconds)
+{
+  pthread_mutex_lock(&watch->mutex);
+  wait_locked(watch, &watch->detail_queued, &watch->detailed, milliseconds);
+  const bool has_one = watch->detailed > 0;
+  if (has_one) {
+    memcpy(out, watch->details + watch->detail_begin * watch->slot, detail_bytes(watch));
+    watch->detail_begin = (watch->detail_begin + 1u) % watch->detail_slots;
+    watch->detailed -= 1;
+  }
+  pthread_mutex_unlock(&watch->mutex);
+  return has_one;
+}
+
+uint64_t fm_watch_lost(struct fm_watch * watch)
+{
+  pthread_mutex_lock(&watch->mutex);
+  const uint64_t lost = watch->lost;
+  pthread_mutex_unlock(&watch->mutex);
+  return lost;
+}
+
+// ---- messages that come twice ------------------------------------------------------------------
+
+static bool is_known(const struct topic * topic, struct key key)
+{
+  const uint64_t n = topic->n_keys < REMEMBERED ? topic->n_keys : REMEMBERED;
+  for (uint64_t k = 1; k <= n; ++k) {
+    const struct key known = topic->keys[(topic->n_keys - k) % REMEMBERED];
+    if (known.sent == key.sent && known.sequence == key.sequence) {
+      return true;
+    }
+  }
+  return false;
+}
+
+static bool is_repeated(const struct topic * topic, const struct fm_origin * origin)
+{
+  const struct key key = {origin->sent, origin->sequence};
+  const bool is_history =
+    topic->has_history && !origin->is_retired && origin->sent < topic->newest;
+  return is_history || is_known(topic, key);
+}
+
+static void remember(struct topic * topic, const struct fm_origin * origin)
+{
+  if (topic->keys == NULL) {
+    topic->keys = malloc(REMEMBERED * sizeof(*topic->keys));
+    if (topic->keys == NULL) {
+      return;
+    }
+  }
+  topic->keys[topic->n_keys % REMEMBERED] = (struct key) {origin->sent, origin->sequence};
+  topic->n_keys += 1;
+  topic->newest = origin->sent > topic->newest ? origin->sent : topic->newest;
+}
+
+void fm_watch_overlap(struct fm_watch * watch, uint32_t topic, bool has_history)
+{
+  if (topic < watch->options.n_topics) {
+    pthread_mutex_lock(&watch->mutex);
+    watch->topics[topic].overlaps = true;
+    watch->topics[topic].has_history = has_history;
+    pthread_mutex_unlock(&watch->mutex);
+  }
+}
+
+void fm_watch_settle(struct fm_watch * watch, uint32_t topic)
+{
+  if (topic < watch->options.n_topics) {
+    pthread_mutex_lock(&watch->mutex);
+    watch->topics[topic].overlaps = false;
+    pthread_mutex_unlock(&watch->mutex);
+  }
+}
+
+// ---- messages ----------------------------------------------------------------------------------
+
+static void keep_evidence(struct topic * topic, const uint8_t * message, size_t size)
+{
+  if (topic->evidence == NULL && size > 0) {
+    topic->evidence = malloc(size);
+    if (topic->evidence != NULL) {
+      memcpy(topic->evidence, message, size);
+      topic->evidence_size = size;
+    }
+  }
+}
+
+size_t fm_watch_evidence(struct fm_watch * watch, uint32_t topic, uint8_t * out, size_t room)
+{
+  size_t size = 0;
+  if (topic < watch->options.n_topics) {
+    pthread_mutex_lock(&watch->mutex);
+    struct topic * cell = &watch->topics[topic];
+    size = cell->evidence == NULL ? 0 : cell->evidence_size;
+    if (size > 0 && size <= room) {
+      memcpy(out, cell->evidence, size);
+      free(cell->evidence);
+      cell->evidence = NULL;
+    }
+    pthread_mutex_unlock(&watch->mutex);
+  }
+  return size;
+}
+
+// Store what was read. Returns whether all of it could be used.
+static bool store_locked(struct fm_watch * watch, uint32_t topic)
+{
+  const struct fm_topic * fed = &watch->options.topics[topic];
+  bool is_usable = true;
+  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+    if (watch->fields[k].outcome == FM_FIELD_READ) {
+      fm_evaluator_store(watch->options.evaluator, fed->inputs[k], watch->fields[k].value);
+    } else {
+      fm_evaluator_unusable(watch->options.evaluator, fed->inputs[k]);
+      is_usable = false;
+    }
+  }
+  return is_usable;
+}
+
+static int64_t stamp_of(const struct fm_watch * watch, const struct fm_origin * origin)
+{
+  int64_t stamp = origin->received;
+  return watch->now != NULL && watch->now(watch->clock, &stamp) != 0 ? origin->received : stamp;
+}
+
+void fm_watch_lock(struct fm_watch * watch) {pthread_mutex_lock(&watch->mutex);}
+void fm_watch_unlock(struct fm_watch * watch) {pthread_mutex_unlock(&watch->mutex);}
+
+uint32_t fm_watch_message_locked(
+  struct fm_watch * watch, uint32_t topic, const uint8_t * message, size_t size,
+  const struct fm_origin * origin)
+{
+  if (topic >= watch->options.n_topics || !watch->is_active || watch->is_closed) {
+    return FM_RECEIVED;
+  }
+  struct topic * cell = &watch->topics[topic];
+  struct fm_evaluator * evaluator = watch->options.evaluator;
+  if (cell->overlaps && is_repeated(cell, origin)) {
+    return FM_REPEATED;
+  }
+  remember(cell, origin);
+  if (!watch->options.readers->topics[topic].read(message, size, watch->fields)) {
+    fm_evaluator_undecodable(evaluator, topic);
+    keep_evidence(cell, message, size);
+    return FM_UNDECODABLE;
+  }
+  if (!store_locked(watch, topic)) {
+    keep_evidence(cell, message, size);
+  }
+  announce_locked(
+    watch, fm_evaluator_message(evaluator, topic, stamp_of(watch, origin), watch->found));
+  return FM_RECEIVED;
+}
+
+uint32_t fm_watch_message(
+  struct fm_watch * watch, uint32_t topic, const uint8_t * message, size_t size,
+  const struct fm_origin * origin)
+{
+  pthread_mutex_lock(&watch->mutex);
+  const uint32_t receipt = fm_watch_message_locked(watch, topic, message, size, origin);
+  pthread_mutex_unlock(&watch->mutex);
+  return receipt;
+}
+
+void fm_watch_tick(struct fm_watch * watch, int64_t stamp)
+{
+  pthread_mutex_lock(&watch->mutex);
+  if (watch->is_active && !watch->is_closed) {
+    announce_locked(watch, fm_evaluator_tick(watch->options.evaluator, stamp, watch->found));
+  }
+  pthread_mutex_unlock(&watch->mutex);
+}
+
+void fm_watch_reset(struct fm_watch * watch)
+{
+  pthread_mutex_lock(&watch->mutex);
+  fm_evaluator_reset(watch->options.evaluator);
+  pthread_mutex_unlock(&watch->mutex);
+}
+
+void fm_watch_use_clock(
+  struct fm_watch * watch, int (* now)(void * clock, int64_t * nanoseconds), void * clock)
+{
+  pthread_mutex_lock(&watch->mutex);
+  watch->now = now;
+  watch->clock = clock;
+  pthread_mutex_unlock(&watch->mutex);
+}
+
+// ---- answers -----------------------------------------------------------------------------------
+
+struct fm_requirement_counts fm_watch_requirement_counts(
+  struct fm_watch * watch, uint32_t requirement)
+{
+  pthread_mutex_lock(&watch->mutex);
+  const struct fm_requirement_counts counts =
+    fm_evaluator_requirement_counts(watch->options.evaluator, requirement);
+  pthread_mutex_unlock(&watch->mutex);
+  return counts;
+}
+
+struct fm_input_counts fm_watch_input_counts(struct fm_watch * watch, uint32_t input)
+{
+  pthread_mutex_lock(&watch->mutex);
+  const struct fm_input_counts counts =
+    fm_evaluator_input_counts(watch->options.evaluator, input);
+  pthread_mutex_unlock(&watch->mutex);
+  return counts;
+}
+
+struct fm_topic_counts fm_watch_topic_counts(struct fm_watch * watch, uint32_t topic)
+{
+  pthread_mutex_lock(&watch->mutex);
+  const struct fm_topic_counts counts =
+    fm_evaluator_topic_counts(watch->options.evaluator, topic);
+  pthread_mutex_unlock(&watch->mutex);
+  return counts;
+}
+
+static size_t size_of(uint8_t type)
+{
+  static const uint8_t sizes[] = {1, 1, 2, 4, 8, 1, 2, 4, 8, 4, 8};  // by enum fm_type
+  return type < sizeof(sizes) ? sizes[type] : 0;
+}
+
+bool fm_watch_value(struct fm_watch * watch, uint32_t input, void * out)
+{
+  if (input >= watch->options.monitor->n_inputs) {
+    return false;
+  }
+  const struct fm_input * item = &watch->options.monitor->inputs[input];
+  pthread_mutex_lock(&watch->mutex);
+  const bool has_value = fm_evaluator_has_value(watch->options.evaluator, input);
+  const uint8_t * values = fm_evaluator_inputs(watch->options.evaluator);
+  memcpy(out, values + item->offset, size_of(item->type));
+  pthread_mutex_unlock(&watch->mutex);
+  return has_value;
+}

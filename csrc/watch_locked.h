@@ -1,0 +1,32 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+
+/// watch_locked.h: what hot_path.c needs of a watch beyond watch.h: to take a message and deliver
+/// it without letting another one pass in between.
+
+#ifndef WATCH_LOCKED_H_
+#define WATCH_LOCKED_H_
+
+#include "watch.h"
+
+void fm_watch_lock(struct fm_watch * watch);
+void fm_watch_unlock(struct fm_watch * watch);
+
+/// fm_watch_message, for whoever holds the lock.
+uint32_t fm_watch_message_locked(
+  struct fm_watch * watch, uint32_t topic, const uint8_t * message, size_t size,
+  const struct fm_origin * origin);
+
+#endif  // WATCH_LOCKED_H_

@@ -1,0 +1,192 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The hot path: messages that cost no Python (DESIGN 8).
+
+rclpy makes the subscriptions and publishers; C in `csrc/hot_path.c` takes the messages on their
+handles, in the middleware's own threads, and publishes the handlers in a thread of its own. What C
+calls of the middleware is found here, by name, in the libraries that rclpy has loaded.
+"""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from typing import Any
+
+from fret_monitor.native.binding import ffi
+from fret_monitor.runtime.watch import Watch
+
+from rclpy.publisher import Publisher
+from rclpy.subscription import Subscription
+from rclpy.utilities import get_rmw_implementation_identifier
+
+PROVEN = ('rmw_fastrtps_cpp',)
+"""The middlewares whose new-message callback is known to bear taking from it."""
+
+_LAZY, _ALREADY_LOADED = 1, 4  # RTLD_LAZY, RTLD_NOLOAD
+_C_LIBRARY: Any = ffi.dlopen(None)
+
+
+class Unavailable(Exception):
+    """What the hot path needs is not there; the text says what."""
+
+
+class Middleware:
+    """The functions of the middleware, as C calls them."""
+
+    def __init__(self) -> None:
+        """
+        Find them.
+
+        Raises
+        ------
+        Unavailable
+            if one of them is not there.
+        """
+        rmw, rcl = _loaded('librmw_implementation.so'), _loaded('librcl.so')
+        rcutils = _loaded('librcutils.so')
+        self.functions = ffi.new('struct fm_middleware *')
+        for field, source, name in (
+                ('take', rmw, 'rmw_take_serialized_message_with_info'),
+                ('listen', rmw, 'rmw_subscription_set_on_new_message_callback'),
+                ('publish', rmw, 'rmw_publish'),
+                ('forget_error', rcutils, 'rcutils_reset_error')):
+            kind = ffi.typeof(getattr(self.functions, field))
+            setattr(self.functions, field, ffi.cast(kind, _symbol(source, name)))
+        self._of_subscription = ffi.cast('void * (*)(void *)', _symbol(
+            rcl, 'rcl_subscription_get_rmw_handle'))
+        self._of_publisher = ffi.cast('void * (*)(void *)', _symbol(
+            rcl, 'rcl_publisher_get_rmw_handle'))
+        self.clock_now = ffi.cast('int (*)(void *, int64_t *)', _symbol(
+            rcl, 'rcl_clock_get_now'))
+
+    def subscription(self, handle: Any) -> Any:
+        """Return the middleware's object for the handle of a subscription, which is held."""
+        return _found(self._of_subscription(ffi.cast('void *', handle.pointer)))
+
+    def publisher(self, handle: Any) -> Any:
+        """Return the middleware's object for the handle of a publisher, which is held."""
+        return _found(self._of_publisher(ffi.cast('void *', handle.pointer)))
+
+
+def find_middleware(*, even_unproven: bool = False) -> Middleware:
+    """
+    Return what the hot path calls.
+
+    Raises
+    ------
+    Unavailable
+        if the middleware is none of `PROVEN` (unless `even_unproven`), or misses a function.
+    """
+    name = get_rmw_implementation_identifier()
+    if name not in PROVEN and not even_unproven:
+        raise Unavailable(f'it is known to work with {", ".join(PROVEN)}, not with {name}')
+    return Middleware()
+
+
+class Source:
+    """One subscription whose messages C delivers to a watch."""
+
+    def __init__(self, watch: Watch, middleware: Middleware, subscription: Subscription,
+                 topic: int) -> None:
+        """
+        Start delivering; what the subscription holds already comes first.
+
+        Raises
+        ------
+        Unavailable
+            if the middleware has no such callback.
+        """
+        self._library = watch.library
+        self._watch = watch
+        with ExitStack() as undo:
+            handle = undo.enter_context(subscription.handle)
+            pointer = self._library.fm_source_start(
+                watch.pointer, middleware.functions, middleware.subscription(handle), topic)
+            if pointer == ffi.NULL:
+                raise Unavailable('the middleware tells nobody of new messages')
+            self._pointer = pointer
+            self._held = undo.pop_all()
+        self._middleware = middleware
+
+    def drain(self) -> None:
+        """Take what is there and was not told of."""
+        self._library.fm_source_drain(self._pointer)
+
+    def retire(self) -> None:
+        """Another subscription is about to take its place."""
+        self._library.fm_source_retire(self._pointer)
+
+    def stop(self) -> None:
+        """End delivering; the subscription may be destroyed then."""
+        self._library.fm_source_stop(self._pointer)
+        self._held.close()
+
+
+class Announcer:
+    """The thread in C that publishes the violations of a watch."""
+
+    def __init__(self, watch: Watch, middleware: Middleware,
+                 publishers: Sequence[Publisher]) -> None:
+        """
+        Start it; `publishers` of std_msgs/msg/Empty, by requirement.
+
+        Raises
+        ------
+        Unavailable
+            if there can be no thread.
+        """
+        self._library = watch.library
+        self._watch = watch
+        with ExitStack() as undo:
+            handles = [undo.enter_context(item.handle) for item in publishers]
+            found = [middleware.publisher(handle) for handle in handles]
+            pointer = self._library.fm_announcer_start(
+                watch.pointer, middleware.functions, ffi.new('void *[]', [*found, ffi.NULL]),
+                len(found))
+            if pointer == ffi.NULL:
+                raise Unavailable('no thread can be started')
+            self._pointer = pointer
+            self._held = undo.pop_all()
+        self._middleware = middleware
+
+    @property
+    def failures(self) -> int:
+        """Violations that could not be published."""
+        return int(self._library.fm_announcer_failures(self._pointer))
+
+    def join(self) -> None:
+        """Wait until all is published; the watch was closed before."""
+        self._library.fm_announcer_join(self._pointer)
+        self._held.close()
+
+
+def _loaded(name: str) -> Any:
+    found = _C_LIBRARY.dlopen(name.encode(), _LAZY | _ALREADY_LOADED)
+    if found == ffi.NULL:
+        raise Unavailable(f'{name} is not loaded')
+    return found
+
+
+def _symbol(source: Any, name: str) -> Any:
+    found = _C_LIBRARY.dlsym(source, name.encode())
+    if found == ffi.NULL:
+        raise Unavailable(f'the middleware has no {name}')
+    return found
+
+
+def _found(pointer: Any) -> Any:
+    if pointer == ffi.NULL:
+        raise Unavailable('a handle leads nowhere')
+    return pointer

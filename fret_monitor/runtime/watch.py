@@ -1,0 +1,238 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+An evaluator that several threads share, fed with messages as they are on the wire: `csrc/watch.c`.
+
+Its mutex lies in C and is held only inside a call, so that nobody who holds it waits for Python's
+interpreter lock. It knows no ROS.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+from fret_monitor.native.binding import ffi
+from fret_monitor.native.errors import LibraryError
+from fret_monitor.native.monitor import Monitor
+from fret_monitor.runtime.evaluator import c_types
+from fret_monitor.runtime.evaluator import Evaluator
+from fret_monitor.runtime.evaluator import InputCounts
+from fret_monitor.runtime.evaluator import RequirementCounts
+from fret_monitor.runtime.evaluator import TopicCounts
+from fret_monitor.runtime.evaluator import Violation
+
+MOST_DETAILS = 100
+"""Details of a requirement in a second; the rest is counted."""
+
+_BATCH = 64
+
+
+class Receipt(Enum):
+    """What became of a message."""
+
+    RECEIVED = 0
+    UNDECODABLE = 1
+    REPEATED = 2
+
+
+@dataclass(frozen=True)
+class ViolationDetail:
+    """
+    A violation, and the values that all inputs had then (None: no value yet).
+
+    `suppressed` counts the details of this requirement that were left out so far.
+    """
+
+    violation: Violation
+    suppressed: int
+    values: tuple[bool | int | float | None, ...]
+
+
+class Watch:
+    """
+    Takes messages, keeps what is to be announced in queues.
+
+    All methods may be called from any thread. The evaluator is the watch's alone from now on.
+    """
+
+    def __init__(self, evaluator: Evaluator) -> None:
+        """
+        Take an evaluator over.
+
+        Raises
+        ------
+        LibraryError
+            if the monitor's library does not read the messages of its topics.
+        """
+        self.evaluator = evaluator
+        self._library: Any = evaluator.library
+        self._monitor = evaluator.monitor
+        options = evaluator.options
+        readers = self._monitor.readers
+        pointer = self._library.fm_watch_create(ffi.new('struct fm_watch_options *', {
+            'evaluator': evaluator.pointer,
+            'monitor': self._monitor.pointer,
+            'readers': ffi.NULL if readers is None else readers,
+            'topics': options.topics,
+            'n_topics': options.n_topics,
+        }))
+        if pointer == ffi.NULL:
+            raise LibraryError('the library does not read the topics of its manifest')
+        self.pointer: Any = ffi.gc(pointer, self._library.fm_watch_destroy)
+        self._origin = ffi.new('struct fm_origin *')
+        self._violations = ffi.new('struct fm_violation[]', _BATCH)
+        self._types = c_types(self._monitor.manifest)
+        self._values = [ffi.new(f'{name} *') for name in self._types]
+        self._inputs_bytes = int(self._monitor.pointer.inputs_bytes)
+        self._detail = ffi.new(
+            'char[]', ffi.sizeof('struct fm_detail') + self._inputs_bytes + len(self._types))
+
+    @property
+    def library(self) -> Any:
+        """The functions of csrc, loaded."""
+        return self._library
+
+    @property
+    def monitor(self) -> Monitor:
+        """What is run."""
+        return self._monitor
+
+    def close(self) -> None:
+        """Ignore what comes from now on, and wake who waits; they empty the queues and end."""
+        self._library.fm_watch_close(self.pointer)
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it was closed."""
+        return bool(self._library.fm_watch_is_closed(self.pointer))
+
+    def activate(self, is_active: bool) -> None:
+        """While active, as at the start, messages and ticks are steps; else they are ignored."""
+        self._library.fm_watch_activate(self.pointer, is_active)
+
+    def message(self, topic: int, message: bytes, received: int, *, sent: int = 0,
+                sequence: int = 0, is_retired: bool = False) -> Receipt:
+        """
+        Deliver a serialized message of a topic; one thread at a time may call this.
+
+        Parameters
+        ----------
+        topic
+            index in the manifest's topics.
+        message
+            CDR with its encapsulation header.
+        received, sent
+            nanoseconds, by the clocks of who received and who sent it.
+        sequence
+            the sender's number of it.
+        is_retired
+            whether it came by a subscription that is about to be replaced.
+        """
+        origin = self._origin
+        origin.received, origin.sent, origin.sequence = received, sent, sequence
+        origin.is_retired = is_retired
+        return Receipt(self._library.fm_watch_message(
+            self.pointer, topic, ffi.from_buffer('uint8_t[]', message), len(message), origin))
+
+    def tick(self, stamp: int) -> None:
+        """Step all ready groups: a period has passed."""
+        self._library.fm_watch_tick(self.pointer, stamp)
+
+    def reset(self) -> None:
+        """Start all groups afresh; the values of the inputs and the counters stay."""
+        self._library.fm_watch_reset(self.pointer)
+
+    def use_clock(self, now: Any, clock: Any) -> None:
+        """
+        Stamp violations by a clock in C, or by times of reception where both are `ffi.NULL`.
+
+        The clock outlives the watch, or the next call of this.
+        """
+        self._library.fm_watch_use_clock(self.pointer, now, clock)
+
+    def overlap(self, topic: int, *, has_history: bool) -> None:
+        """A new subscription is about to bring what the old one brings too (`watch.h`)."""
+        self._library.fm_watch_overlap(self.pointer, topic, has_history)
+
+    def settle(self, topic: int) -> None:
+        """The old subscription is gone."""
+        self._library.fm_watch_settle(self.pointer, topic)
+
+    def take(self, milliseconds: int) -> list[Violation]:
+        """Return what is to be announced, in order; wait for it so long. One thread calls this."""
+        count = self._library.fm_watch_take(self.pointer, self._violations, _BATCH, milliseconds)
+        return [Violation(item.requirement, item.step, item.stamp)
+                for item in self._violations[0:count]]
+
+    def want_details(self, are_wanted: bool) -> None:
+        """Keep details from now on, or no longer."""
+        self._library.fm_watch_detail(self.pointer, are_wanted, MOST_DETAILS)
+
+    def take_detail(self, milliseconds: int) -> ViolationDetail | None:
+        """Return the next detail; wait for it so long. One thread calls this."""
+        detail = ffi.cast('struct fm_detail *', self._detail)
+        if not self._library.fm_watch_take_detail(self.pointer, detail, milliseconds):
+            return None
+        item = detail.violation
+        values = self._detail + ffi.sizeof('struct fm_detail')
+        flags = values + self._inputs_bytes
+        return ViolationDetail(
+            Violation(item.requirement, item.step, item.stamp), detail.suppressed,
+            tuple(self._value_at(index, values) if flags[index] == b'\x01' else None
+                  for index in range(len(self._types))))
+
+    def _value_at(self, index: int, values: Any) -> bool | int | float:
+        place = values + self._monitor.pointer.inputs[index].offset
+        value: bool | int | float = ffi.cast(f'const {self._types[index]} *', place)[0]
+        return value
+
+    def evidence(self, topic: int) -> bytes | None:
+        """Return a message of a topic that could not be used, once; None if there is none."""
+        size = self._library.fm_watch_evidence(self.pointer, topic, ffi.NULL, 0)
+        while size > 0:
+            room = ffi.new('uint8_t[]', size)
+            found = self._library.fm_watch_evidence(self.pointer, topic, room, size)
+            if found <= size:
+                return bytes(ffi.buffer(room, found))
+            size = found
+        return None
+
+    @property
+    def lost(self) -> int:
+        """Violations that were lost since nobody took them."""
+        return int(self._library.fm_watch_lost(self.pointer))
+
+    def value(self, index: int) -> bool | int | float | None:
+        """Return the current value of an input, None where it has none yet."""
+        place = self._values[index]
+        has_value = self._library.fm_watch_value(self.pointer, index, place)
+        current: bool | int | float = place[0]
+        return current if has_value else None
+
+    def requirement_counts(self, index: int) -> RequirementCounts:
+        """Return the counters of a requirement."""
+        found = self._library.fm_watch_requirement_counts(self.pointer, index)
+        return RequirementCounts(
+            found.steps, found.violations, found.announced, bool(found.verdict))
+
+    def input_counts(self, index: int) -> InputCounts:
+        """Return the counters of an input."""
+        found = self._library.fm_watch_input_counts(self.pointer, index)
+        return InputCounts(found.received, found.unusable, found.overwritten)
+
+    def topic_counts(self, index: int) -> TopicCounts:
+        """Return the counters of a topic."""
+        found = self._library.fm_watch_topic_counts(self.pointer, index)
+        return TopicCounts(found.messages, found.undecodable)
