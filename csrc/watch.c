@@ -538,6 +538,26 @@ void fm_watch_tick(struct fm_watch * watch, int64_t stamp)
   pthread_mutex_unlock(&watch->mutex);
 }
 
+void fm_watch_stale(
+  struct fm_watch * watch, uint32_t input, uint64_t received, int64_t stamp)
+{
+  pthread_mutex_lock(&watch->mutex);
+  if (watch->is_active && !watch->is_closed) {
+    announce_locked(
+      watch, fm_evaluator_stale(
+        watch->options.evaluator, input, received, stamp, watch->found));
+  }
+  pthread_mutex_unlock(&watch->mutex);
+}
+
+bool fm_watch_is_stale(struct fm_watch * watch, uint32_t input)
+{
+  pthread_mutex_lock(&watch->mutex);
+  const bool is_stale = fm_evaluator_is_stale(watch->options.evaluator, input);
+  pthread_mutex_unlock(&watch->mutex);
+  return is_stale;
+}
+
 void fm_watch_reset(struct fm_watch * watch)
 {
   pthread_mutex_lock(&watch->mutex);

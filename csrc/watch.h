@@ -92,8 +92,12 @@ FM_EXPORT uint32_t fm_watch_message(
 /// While active (the start) messages and ticks are steps; otherwise they are ignored.
 FM_EXPORT void fm_watch_activate(struct fm_watch * watch, bool is_active);
 
-/// fm_evaluator_tick and fm_evaluator_reset; ticks queue what is to be announced.
+/// fm_evaluator_tick, fm_evaluator_stale and fm_evaluator_reset; what the first two announce is
+/// queued.
 FM_EXPORT void fm_watch_tick(struct fm_watch * watch, int64_t stamp);
+FM_EXPORT void fm_watch_stale(
+  struct fm_watch * watch, uint32_t input, uint64_t received, int64_t stamp);
+FM_EXPORT bool fm_watch_is_stale(struct fm_watch * watch, uint32_t input);
 FM_EXPORT void fm_watch_reset(struct fm_watch * watch);
 
 /// Stamp violations by a clock, and no longer by the messages' times of reception; NULL: no clock.

@@ -249,6 +249,9 @@ uint32_t fm_watch_message(
   const struct fm_origin * origin);
 void fm_watch_activate(struct fm_watch * watch, bool is_active);
 void fm_watch_tick(struct fm_watch * watch, int64_t stamp);
+void fm_watch_stale(
+  struct fm_watch * watch, uint32_t input, uint64_t received, int64_t stamp);
+bool fm_watch_is_stale(struct fm_watch * watch, uint32_t input);
 void fm_watch_reset(struct fm_watch * watch);
 void fm_watch_use_clock(
   struct fm_watch * watch, int (* now)(void * clock, int64_t * nanoseconds), void * clock);

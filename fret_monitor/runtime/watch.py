@@ -150,6 +150,14 @@ class Watch:
         """Step all ready groups: a period has passed."""
         self._library.fm_watch_tick(self.pointer, stamp)
 
+    def stale(self, index: int, received: int, stamp: int) -> None:
+        """Tell that an input is silent, of which `received` values have come (`evaluator.h`)."""
+        self._library.fm_watch_stale(self.pointer, index, received, stamp)
+
+    def is_stale(self, index: int) -> bool:
+        """Return whether an input is stale."""
+        return bool(self._library.fm_watch_is_stale(self.pointer, index))
+
     def reset(self) -> None:
         """Start all groups afresh; the values of the inputs and the counters stay."""
         self._library.fm_watch_reset(self.pointer)
