@@ -17,11 +17,15 @@
 from argparse import _SubParsersAction
 from argparse import ArgumentParser
 from argparse import Namespace
+from collections.abc import Iterator
 from pathlib import Path
 import sys
 
 from fret_monitor.build import generate_monitor
+from fret_monitor.build import GeneratedMonitor
 from fret_monitor.build import read
+from fret_monitor.build import worst_cost
+from fret_monitor.build import worst_stack
 from fret_monitor.build import write
 from fret_monitor.diagnostics import counted
 
@@ -31,6 +35,8 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     parser = verbs.add_parser('compile', help='write C, libraries and manifest to a folder')
     parser.add_argument('bundle', metavar='BUNDLE', type=Path)
     parser.add_argument('--output', metavar='DIR', type=Path, required=True)
+    parser.add_argument('--worst-case', action='store_true',
+                        help='tell the most instructions and stack that a step takes')
     parser.set_defaults(run=run)
 
 
@@ -42,7 +48,24 @@ def run(options: Namespace) -> int:
     write(generated, options.output)
     manifest = generated.manifest
     operations = sum(group.operations for group in manifest.groups)
+    cost = worst_cost(generated)
     print(f'{options.output}: {counted(len(manifest.requirements), "requirement")}, '
           f'{counted(manifest.state_bytes, "byte")} of state, '
-          f'{counted(operations, "operation")} a step')
+          f'{counted(operations, "operation")} and '
+          f'at most {counted(cost.own + cost.library, "instruction")} a step')
+    if options.worst_case:
+        print('\n'.join(_worst_case(generated)))
     return 0
+
+
+def _worst_case(generated: GeneratedMonitor) -> Iterator[str]:
+    cost, stack = worst_cost(generated), worst_stack(generated)
+    more = f', and {cost.library:,} in fmod and pow of glibc' if cost.library else ''
+    yield 'worst case of a step of all requirements:'
+    yield f'  at most {counted(cost.own, "instruction")}{more} (x86-64, gcc -O2)'
+    if stack is None:
+        yield '  stack: only gcc from version 10 on tells it; name one in CC'
+    else:
+        yield (f'  at most {counted(stack.monitor + stack.evaluator, "byte")} of stack: '
+               f'{stack.evaluator:,} of the evaluator, {stack.monitor:,} of the monitors, '
+               f'and what the C library needs in {", ".join(stack.library)}')

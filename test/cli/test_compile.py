@@ -15,11 +15,15 @@
 """`compile`: a folder, and a line that says what is in it."""
 
 import os
+import re
+import shutil
+import sys
 
 from cli.command import Here
 from cli.command import PUMP
 from fret_monitor.native.folder import open_folder
 from fret_monitor.native.monitor import load
+import pytest
 
 
 def test_it_writes_a_folder_and_says_what_is_in_it(here: Here) -> None:
@@ -29,8 +33,38 @@ def test_it_writes_a_folder_and_says_what_is_in_it(here: Here) -> None:
     held = open_folder(out)
     monitor = load(held.library, held.manifest)
     operations = sum(group.operations for group in held.manifest.groups)
-    assert done.out == (f'{out}: 3 requirements, {monitor.state_bytes} bytes of state, '
-                        f'{operations} operations a step\n')
+    found = re.fullmatch(
+        rf'{re.escape(str(out))}: 3 requirements, {monitor.state_bytes} bytes of state, '
+        rf'{operations} operations and at most (\d+) instructions a step\n', done.out)
+    assert found and 3 * operations < int(found[1]) < 20 * operations
+
+
+def test_the_worst_case_is_told_in_instructions_and_stack(
+    here: Here, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    gcc = shutil.which('gcc')
+    if gcc is None:
+        pytest.skip('needs gcc')
+    monkeypatch.setenv('CC', gcc)
+    bundle = here.file('pump.yaml', PUMP)
+    done = here.run('compile', bundle, '--output', here.folder / 'out', '--worst-case')
+    assert (done.status, done.err) == (0, '')
+    assert re.fullmatch(
+        r'worst case of a step of all requirements:\n'
+        r'  at most \d+ instructions \(x86-64, gcc -O2\)\n'
+        r'  at most \d+ bytes of stack: \d+ of the evaluator, \d+ of the monitors, and what the '
+        r'C library needs in memcpy, memset\n', done.out.partition('\n')[2])
+
+
+def test_a_compiler_that_cannot_tell_the_stack_is_told(
+    here: Here, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip('ziglang')
+    monkeypatch.setenv('CC', f'{sys.executable} -m ziglang cc')
+    bundle = here.file('pump.yaml', PUMP)
+    done = here.run('compile', bundle, '--output', here.folder / 'out', '--worst-case')
+    assert (done.status, done.err) == (0, '')
+    assert done.out.endswith('  stack: only gcc from version 10 on tells it; name one in CC\n')
 
 
 def test_what_is_refused_is_told_on_one_line_and_written_nowhere(here: Here) -> None:

@@ -1,0 +1,130 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How much stack C functions take, and what they call, as the compiler tells it.
+
+gcc writes a call graph with the frame of every function beside an object (`-fcallgraph-info=su`,
+from gcc 10 on); other compilers have nothing like it. A frame holds the return address.
+"""
+
+from collections.abc import Iterable
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+import re
+import subprocess
+import tempfile
+
+from fret_monitor.native.compiler import COMPILE_FLAGS
+from fret_monitor.native.compiler import Compiler
+from fret_monitor.native.compiler import TIMEOUT
+
+INDIRECT = '__indirect_call'
+
+_NODE = re.compile(r'node: \{ title: "([^"]*)" label: "((?:[^"\\]|\\.)*)"')
+_EDGE = re.compile(r'edge: \{ sourcename: "([^"]*)" targetname: "([^"]*)"')
+_FRAME = re.compile(r'(\d+) bytes \((.*?)\)')
+
+
+class StackError(Exception):
+    """A call graph that gives no bound: recursion, or a frame whose size is not fixed."""
+
+
+@dataclass(frozen=True)
+class CallGraph:
+    """
+    The functions of some C files: bytes of their frames, and what they call.
+
+    What is called and has no frame is defined elsewhere; `INDIRECT` stands for a call through a
+    pointer. Names of static functions begin with their file's.
+    """
+
+    frames: Mapping[str, int]
+    calls: Mapping[str, frozenset[str]]
+
+    @property
+    def external(self) -> frozenset[str]:
+        """What is called and not defined here, but for calls through pointers."""
+        called = {name for names in self.calls.values() for name in names}
+        return frozenset(called - self.frames.keys() - {INDIRECT})
+
+    def depth(self, entry: str, indirect: int = 0) -> int:
+        """
+        Return the most bytes of stack that a call of `entry` takes, its own frame included.
+
+        A function that is not defined here counts for nothing, a call through a pointer as
+        `indirect` bytes.
+
+        Raises
+        ------
+        StackError
+            if a function may call itself.
+        """
+        return self._depth(entry, indirect, ())
+
+    def _depth(self, name: str, indirect: int, path: tuple[str, ...]) -> int:
+        if name in path:
+            raise StackError(f'{" calls ".join((*path, name))}')
+        if name not in self.frames:
+            return indirect if name == INDIRECT else 0
+        below = (self._depth(called, indirect, (*path, name))
+                 for called in self.calls.get(name, ()))
+        return self.frames[name] + max(below, default=0)
+
+
+def call_graph(compiler: Compiler, files: Mapping[str, str],
+               sources: Iterable[str]) -> CallGraph | None:
+    """
+    Compile C files as `compile_library` does, and return their call graph.
+
+    `files` are the texts of sources and headers by file name. None: the compiler cannot tell.
+
+    Raises
+    ------
+    StackError
+        if a frame has no fixed size.
+    """
+    with tempfile.TemporaryDirectory(prefix='fret_monitor-') as name:
+        folder = Path(name)
+        for file, text in files.items():
+            (folder / file).write_text(text, encoding='utf-8')
+        told = []
+        for source in sources:
+            done = subprocess.run(
+                [*compiler.command, *COMPILE_FLAGS, '-fcallgraph-info=su', '-c', source,
+                 '-o', f'{source}.o'], cwd=folder, capture_output=True, stdin=subprocess.DEVNULL,
+                timeout=TIMEOUT, check=False)
+            graph = next(folder.glob(f'{source.removesuffix(".c")}*.ci'), None)
+            if done.returncode or graph is None:
+                return None
+            told.append(graph.read_text(encoding='utf-8', errors='replace'))
+            graph.unlink()
+    return parse('\n'.join(told))
+
+
+def parse(text: str) -> CallGraph:
+    """Read call graphs as gcc writes them; errors as `call_graph`."""
+    frames: dict[str, int] = {}
+    calls: dict[str, set[str]] = {}
+    for title, label in _NODE.findall(text):
+        frame = _FRAME.search(label)
+        if frame is None:
+            continue
+        if frame[2] not in ('static', 'dynamic,bounded'):
+            raise StackError(f'the frame of {title} has no fixed size')
+        frames[title] = int(frame[1])
+    for source, target in _EDGE.findall(text):
+        calls.setdefault(source, set()).add(target)
+    return CallGraph(frames, {name: frozenset(called) for name, called in calls.items()})

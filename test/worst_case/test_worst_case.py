@@ -1,0 +1,271 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a step costs at most, against what is counted: instructions by valgrind, stack by painting.
+
+`count.c` beside this file steps a monitor over hostile and over lasting inputs.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from random import Random
+import re
+import shutil
+import subprocess
+from typing import Any
+
+from differential.compiled import compile_c
+from differential.compiled import CSRC
+from differential.compiled import gcc
+from differential.compiled import write_module
+from differential.test_clean_c import every_window
+from fret_monitor.build import read
+from fret_monitor.codegen.module import CModule
+from fret_monitor.codegen.module import generate
+from fret_monitor.logic.formula import Binary
+from fret_monitor.logic.formula import BinaryOperator
+from fret_monitor.logic.formula import Constant
+from fret_monitor.logic.formula import Once
+from fret_monitor.logic.formula import Since
+from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.formula import Window
+from fret_monitor.logic.specification import Property
+from fret_monitor.logic.specification import Specification
+from fret_monitor.manifest import ValueType
+from fret_monitor.native.compiler import COMPILE_FLAGS
+from fret_monitor.native.compiler import Compiler
+from fret_monitor.native.stack import call_graph
+from fret_monitor.program.cost import Cost
+from fret_monitor.program.cost import COSTS
+from fret_monitor.program.cost import kinds
+from fret_monitor.program.cost import LIBRARY_COSTS
+from fret_monitor.program.cost import step_cost
+from fret_monitor.program.layout import GroupLayout
+from fret_monitor.program.layout import lay_out
+from fret_monitor.program.lower import lower
+import pytest
+from strategies import INPUTS
+from strategies import property_of
+from strategies import random_inputs
+from strategies import random_property
+from strategies import specification_of
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)
+STEPS = 120
+SLACK = 4  # a bound further above what is counted says little
+BUNDLES = [*sorted((ROOT / 'config').glob('*.yaml')), ROOT / 'test/golden/check/every_message.yaml']
+
+
+def layouts_of(specification: Specification) -> tuple[GroupLayout, ...]:
+    return tuple(lay_out(group) for group in lower(specification).groups)
+
+
+def random_specification(seed: int) -> Specification:
+    rng = Random(1000 + seed)
+    size = (6, 12, 25, 60)[seed % 4]
+    return specification_of([
+        random_property(rng, f'R-{number}', random_inputs(rng), size=size,
+                        reach=rng.choice((9, 300, 2 ** 31 - 1)), loops=number % 3)
+        for number in range((1, 4, 12)[seed % 3])])
+
+
+def windows_apart() -> Specification:
+    """Return a requirement for each operator and form of window, in one group."""
+    return specification_of([property_of(f'W-{number}', item)
+                             for number, item in enumerate(every_window())], (P, Q))
+
+
+def many_of_a_group() -> Specification:
+    """Return a group that is cut into several functions, with values that later ones read."""
+    shared = Since(Window(0, 7), P, Q)
+    return specification_of([
+        property_of(f'M-{number}', Binary(
+            BinaryOperator.XOR, shared, Once(Window(number, 2 * number), P)))
+        for number in range(1, 200)], (P, Q))
+
+
+def remainders() -> Specification:
+    """Return the divisions that the C library does bit by bit, and its powers."""
+    found: list[Property] = []
+    for kind in (ValueType.FLOAT32, ValueType.FLOAT64):
+        x, y = Variable(f'x_{kind.value}', kind), Variable(f'y_{kind.value}', kind)
+        operators = (BinaryOperator.MOD, BinaryOperator.POW)[:1 + (kind is ValueType.FLOAT64)]
+        found += [property_of(f'{operator.name}-{kind.value}', Binary(
+            BinaryOperator.LT, Binary(operator, x, y), Constant(0.5, kind)))
+            for operator in operators]
+    return specification_of(found)
+
+
+def tool(name: str) -> str:
+    found = shutil.which(name)
+    if found is None:
+        pytest.skip(f'needs {name}')
+    return found
+
+
+def build(specification: Specification, folder: Path) -> tuple[Path, CModule, Cost]:
+    """Compile a specification as `native` does, with `count.c`."""
+    found = gcc()
+    if found is None:
+        pytest.skip('needs gcc')
+    if 'x86_64' not in subprocess.run([*found, '-dumpmachine'], capture_output=True, text=True,
+                                      check=True).stdout:
+        pytest.skip('the costs are those of x86-64')
+    program = lower(specification)
+    layouts = tuple(lay_out(group) for group in program.groups)
+    module = generate(program, layouts)
+    sources = write_module(module, folder)
+    objects: list[Path] = []
+    for source in sources:
+        objects.append(source.with_suffix('.o'))
+        compile_c([*found, *COMPILE_FLAGS, f'-I{CSRC}', f'-I{folder}', '-c', source, '-o',
+                   objects[-1]])
+    # The loader's work at the first call of a function is none of a step's: -z now.
+    compile_c([*found, '-O2', f'-DMONITOR={module.symbol}', f'-I{CSRC}', HERE / 'count.c',
+               *objects, '-lm', '-lpthread', '-Wl,-z,now', '-o', folder / 'count'])
+    return folder / 'count', module, step_cost(layouts)
+
+
+def instructions(program: Path) -> list[int]:
+    """Return the instructions of each step, as valgrind counts them."""
+    out = program.parent / 'counted'
+    done = subprocess.run(
+        [tool('valgrind'), '--tool=callgrind', f'--callgrind-out-file={out}', '--combine-dumps=no',
+         '--toggle-collect=counted_step', '--dump-after=counted_step', program, str(STEPS), '-'],
+        capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return [int(found[1]) for file in program.parent.glob('counted.*')
+            if (found := re.search(r'^summary: (\d+)', file.read_text(), re.MULTILINE))
+            and int(found[1])]
+
+
+def check(specification: Specification, folder: Path, slack: float | None = None) -> None:
+    """Hold the bound against what is counted; and not far above, where `slack` is given."""
+    program, _, cost = build(specification, folder)
+    counted = instructions(program)
+    assert len(counted) == STEPS
+    most = max(counted) - 5  # counted_step itself: three loads, a jump, a return
+    print(most, cost, round(cost.own / most, 2))
+    assert most <= cost.own + cost.library
+    if slack is not None:
+        assert cost.own <= slack * most
+
+
+@pytest.mark.parametrize('bundle', BUNDLES, ids=lambda path: path.stem)
+def test_a_bundle_takes_no_more_instructions_than_told_and_not_far_less(
+    bundle: Path, tmp_path: Path,
+) -> None:
+    if not bundle.is_file():
+        pytest.skip('needs the source tree')
+    check(read(bundle).specification, tmp_path, SLACK)
+
+
+@pytest.mark.parametrize('seed', range(12))
+def test_random_requirements_take_no_more_instructions_than_told(
+    seed: int, tmp_path: Path,
+) -> None:
+    check(random_specification(seed), tmp_path)
+
+
+def test_each_operator_with_each_window_takes_no_more_instructions_than_told(
+    tmp_path: Path,
+) -> None:
+    check(windows_apart(), tmp_path, SLACK)
+
+
+def test_a_group_of_several_functions_takes_no_more_instructions_than_told(
+    tmp_path: Path,
+) -> None:
+    check(many_of_a_group(), tmp_path, SLACK)
+
+
+def test_remainders_and_powers_of_floats_take_no_more_instructions_than_told(
+    tmp_path: Path,
+) -> None:
+    check(remainders(), tmp_path)
+
+
+def test_bounds_do_not_change_what_a_step_costs() -> None:
+    def cost(bound: int) -> Cost:
+        windows = (Window(0, bound), Window(bound, None), Window(bound, 2 * bound))
+        return step_cost(layouts_of(specification_of(
+            [property_of(f'R-{number}', Since(window, P, Q))
+             for number, window in enumerate(windows)], (P, Q))))
+    assert cost(100) == cost(1_000_000)
+
+
+def test_every_kind_of_equation_has_a_cost_and_every_cost_a_kind() -> None:
+    specifications = [windows_apart(), remainders(), *map(random_specification, range(60)),
+                      many_of_a_group()]
+    found = {kind for item in specifications for kind in kinds(layouts_of(item))}
+    assert found == COSTS.keys() | LIBRARY_COSTS.keys()
+
+
+def test_the_costs_in_the_documentation_are_those_reckoned_with() -> None:
+    page = ROOT / 'docs' / 'worst_case.md'
+    if not page.is_file():
+        pytest.skip('needs the source tree')
+    rows = re.findall(r'^\| `(.*?)` \|.*\| ([\d,]+) \|$', page.read_text(), re.MULTILINE)
+    assert {name: int(cost.replace(',', '')) for name, cost in rows} == COSTS | LIBRARY_COSTS
+
+
+# -- stack --------------------------------------------------------------------------------------
+
+
+def bools(seed: int) -> Specification:
+    """Return requirements that need nothing of the C library."""
+    rng = Random(seed)
+    return specification_of([random_property(rng, f'R-{number}', INPUTS[:4], size=40, loops=1)
+                             for number in range(20)], INPUTS[:4])
+
+
+def graph_of(module: CModule, sources: Sequence[str]) -> Any:
+    found = gcc()
+    if found is None:
+        pytest.skip('needs gcc')
+    headers = {file.name: file.read_text() for file in CSRC.glob('*.h')}
+    graph = call_graph(Compiler(found, ''), {**headers, **dict([module.header, *module.sources])},
+                       sources)
+    if graph is None:
+        pytest.skip('needs a gcc that tells of its stack')
+    return graph
+
+
+@pytest.mark.parametrize('specification', [
+    bools(1), bools(2), windows_apart(), many_of_a_group()],
+    ids=['random', 'random too', 'windows', 'parts'])
+def test_steps_take_no_more_stack_than_the_compiler_tells(
+    specification: Specification, tmp_path: Path,
+) -> None:
+    program, module, _ = build(specification, tmp_path)
+    graph = graph_of(module, [name for name, _ in module.sources])
+    assert graph.external <= {'memset'}, 'the C library has stack of its own'
+    told = max(map(graph.depth, graph.frames))
+    used = int(subprocess.run([program], capture_output=True, check=True).stdout)
+    assert told / 3 - 64 <= used <= told
+
+
+@pytest.mark.parametrize('specification', [windows_apart(), many_of_a_group(), remainders()],
+                         ids=['windows', 'parts', 'remainders'])
+def test_generated_c_calls_no_function_of_its_own_again_nor_any_through_a_pointer(
+    specification: Specification,
+) -> None:
+    module = generate(lower(specification), layouts_of(specification))
+    graph = graph_of(module, [name for name, _ in module.sources])
+    assert max(map(graph.depth, graph.frames)) > 0  # or it raises, naming the circle
+    assert graph.external <= {'memset', 'fmod', 'fmodf', 'pow'}
+    assert not any('__indirect_call' in called for called in graph.calls.values())
