@@ -89,6 +89,13 @@ class Report(Enum):
     ONSET = 'onset'
 
 
+class Stale(Enum):
+    """What an input that is silent for longer than its `timeout` does beside being told."""
+
+    WARN = 'warn'
+    VIOLATE = 'violate'
+
+
 class Severity(Enum):
     """How a violation of a requirement is logged."""
 
@@ -105,7 +112,8 @@ class ManifestInput:
     input is stored as int32, the index of its string in `values`. `initial` is None or the value
     it starts with, as stored. `path` is the field path within the message, one step each:
     a field name or an index; `reduction` what is taken of the array, string or message at its end:
-    one of `REDUCTIONS`, or `SECONDS`; '' for the field's own value.
+    one of `REDUCTIONS`, or `SECONDS`; '' for the field's own value. `timeout` is how long it may
+    be silent, in seconds; None for ever.
     """
 
     name: str
@@ -116,6 +124,8 @@ class ManifestInput:
     values: tuple[tuple[str, int | str], ...]
     initial: bool | int | float | None
     reduction: str = ''
+    timeout: float | None = None
+    stale: Stale = Stale.WARN
 
     @property
     def is_string(self) -> bool:
@@ -313,7 +323,10 @@ class _Value:
         return self.found
 
     def period(self, policy: Policy) -> float | None:
-        if self.found is None and policy is not Policy.PERIODIC:
+        return self.seconds(is_optional=policy is not Policy.PERIODIC)
+
+    def seconds(self, is_optional: bool = True) -> float | None:
+        if self.found is None and is_optional:
             return None
         wanted = 'a number of seconds above 0'
         seconds = self.number(wanted)
@@ -367,6 +380,8 @@ def _input(item: _Value) -> ManifestInput:
                      for name, value in item['values'].pairs()),
         initial=item['initial'].initial(value_type),
         reduction=item['reduction'].one_of(('', SECONDS, *REDUCTIONS)),
+        timeout=item['timeout'].seconds(),
+        stale=item['stale'].choice(Stale),
     )
 
 

@@ -28,6 +28,7 @@ from fret_monitor.manifest import ManifestTopic
 from fret_monitor.manifest import Policy
 from fret_monitor.manifest import Report
 from fret_monitor.manifest import Severity
+from fret_monitor.manifest import Stale
 from fret_monitor.manifest import ValueType
 from fret_monitor.native import LibraryError
 from fret_monitor.native.folder import MANIFEST_FILE
@@ -40,7 +41,7 @@ MANIFEST = Manifest(
             ManifestInput('mode', ValueType.INT32, '/m', 'm/msg/M', ('modes', 3),
                           (('A', 'a'), ('B', 'b')), 1),
             ManifestInput('level', ValueType.FLOAT64, None, None, (), (('FULL', 9),), -2.5,
-                          'mean')),
+                          'mean', 0.25, Stale.VIOLATE)),
     topics=(ManifestTopic('/on', 'std_msgs/msg/Bool', (0,), ()),
             ManifestTopic('/m', 'm/msg/M', (1,), (('depth', 5), ('reliability', 'reliable')))),
     groups=(ManifestGroup((0, 1, 2), (0,), 8, 3),),
@@ -55,6 +56,9 @@ ANYTHING: list[Any] = [None, True, -1, 0.5, float('nan'), HUGE, 'x\ud800', [], {
 # What else a value may be, by its key; every other value of ANYTHING is refused.
 ALLOWED: dict[str, list[Any]] = {
     'period': [0.5],
+    'inputs[0].timeout': [None, 0.5],
+    'inputs[1].timeout': [None, 0.5],
+    'inputs[2].timeout': [None, 0.5],
     'inputs[0].initial': [None, True],
     'inputs[1].initial': [None, -1],
     'inputs[2].initial': [None, -1, 0.5, float('nan')],

@@ -57,12 +57,15 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         bundle_hash=bundle_hash,
         source_hash=module.source_hash,
         sources=tuple(name for name, _ in (module.header, *module.sources)),
+        readers=module.readers,
     )
 
 
 def _input(signal: Signal) -> ManifestInput:
     return ManifestInput(signal.name, signal.type, signal.topic, signal.message_type,
-                         signal.path, signal.values, signal.initial)
+                         signal.path, signal.values, signal.initial,
+                         timeout=signal.timeout, stale=signal.stale,
+                         reduction=signal.reduction)
 
 
 def _topics(signals: tuple[Signal, ...]) -> tuple[ManifestTopic, ...]:

@@ -40,12 +40,15 @@ from fret_monitor.logic.specification import Signal
 from fret_monitor.logic.terms import Broken
 from fret_monitor.logic.terms import Term
 from fret_monitor.logic.terms import Vocabulary
+from fret_monitor.manifest import Stale
 from fret_monitor.manifest import ValueType
 from fret_monitor.syntax.bundle import ConstantEntry
 from fret_monitor.syntax.bundle import InputEntry
 from fret_monitor.syntax.bundle import ValueEntry
+from fret_monitor.syntax.field_path import check_reachable
+from fret_monitor.syntax.field_path import resolve_field
+from fret_monitor.syntax.field_path import ResolvedField
 from fret_monitor.syntax.message import MessageLayout
-from fret_monitor.syntax.message import resolve_field
 from fret_monitor.syntax.words import looks_like_number
 
 FindMessage = Callable[[str], MessageLayout]
@@ -76,9 +79,6 @@ def input_declaration(entry: InputEntry, find_message: FindMessage,
 
     Of an input that the reader has found damaged, the rest is checked.
     """
-    if entry.timeout is not None or entry.stale is not None:
-        problems.error(f"'timeout' and 'stale' of the input '{entry.name}' are not supported yet",
-                       entry.name.span, 'nothing would watch for its silence', 'leave them out')
     try:
         signal = _signal(entry, find_message, problems)
     except CompileError as error:
@@ -94,7 +94,7 @@ def input_declaration(entry: InputEntry, find_message: FindMessage,
 def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) -> Signal | None:
     if _is_type_damaged(entry, find_message):
         return None
-    kind, message_type, path = _type(entry, find_message)
+    kind, layout, field = _type(entry, find_message)
     values = None if 'values' in entry.damaged else _values(entry, kind, problems)
     stored_as = ValueType.INT32 if kind is None else kind
     if values is None:
@@ -112,11 +112,15 @@ def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) ->
         name=entry.name.value,
         type=stored_as,
         topic=entry.topic.value if entry.topic else None,
-        message_type=message_type,
-        path=path,
+        message_type=layout.name if layout else None,
+        path=field.path if field else (),
         values=values,
         initial=initial,
         qos=tuple((key.value, _qos_value(value.value)) for key, value in entry.qos),
+        timeout=None if entry.timeout is None else float(entry.timeout),
+        stale=entry.stale or Stale.WARN,
+        reduction=field.reduction if field else '',
+        layout=layout,
     )
 
 
@@ -134,19 +138,19 @@ def _qos_value(text: str) -> str | int:
     return int(text) if text.isascii() and text.isdigit() else text
 
 
-def _type(entry: InputEntry,
-          find_message: FindMessage) -> tuple[ValueType | None, str | None,
-                                              tuple[str | int, ...]]:
-    """Return the type of an input, None for a string; its message type, and the field's path."""
+def _type(entry: InputEntry, find_message: FindMessage) -> tuple[
+        ValueType | None, MessageLayout | None, ResolvedField | None]:
+    """Return the type of an input, None for a string; its message, and the field of that."""
     if entry.type is None:
         refuse(f"the input '{entry.name}' has no type", entry.name.span, '',
                'type: std_msgs/msg/Float32')
     name = entry.type.value
     if '/' not in name:
-        return _scalar(name, entry.type, _PLAIN), None, ()
+        return _scalar(name, entry.type, _PLAIN), None, None
     layout = _layout(name, entry.type, find_message)
     field = resolve_field(layout, entry.field, entry.type)
-    return _scalar(field.type_name, entry.field or entry.type, _PLAIN), layout.name, field.path
+    check_reachable(layout, field, entry.type.span)
+    return _scalar(field.type_name, entry.field or entry.type, _PLAIN), layout, field
 
 
 def _layout(name: str, text: Text, find_message: FindMessage) -> MessageLayout:

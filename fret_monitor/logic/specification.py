@@ -20,11 +20,13 @@ messages; it is what all later stages stand on.
 """
 
 from dataclasses import dataclass
+from dataclasses import field
 from fractions import Fraction
 
 from fret_monitor.diagnostics import Span
 from fret_monitor.logic.formula import Feedback, Formula
-from fret_monitor.manifest import Policy, Report, Severity, ValueType
+from fret_monitor.manifest import Policy, Report, Severity, Stale, ValueType
+from fret_monitor.syntax.message import MessageLayout
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,8 @@ class Signal:
 
     `values` are its names: (name, number or string); a string input has type INT32 and counts as
     the index of its string in `values`. `initial` is None or a value of the type.
-    `topic` and `message_type` are None for an input that exists only off ROS.
+    `topic` and `message_type` are None for an input that exists only off ROS. `timeout` is in
+    seconds; `reduction` is as in `ManifestInput`; `layout` is that of the message.
     """
 
     name: str
@@ -45,6 +48,10 @@ class Signal:
     values: tuple[tuple[str, int | str], ...]
     initial: bool | int | float | None
     qos: tuple[tuple[str, str | int], ...]
+    timeout: float | None = None
+    stale: Stale = Stale.WARN
+    reduction: str = ''
+    layout: MessageLayout | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)

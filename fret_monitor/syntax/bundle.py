@@ -40,6 +40,7 @@ from fret_monitor.diagnostics import Text
 from fret_monitor.manifest import Policy
 from fret_monitor.manifest import Report
 from fret_monitor.manifest import Severity
+from fret_monitor.manifest import Stale
 from fret_monitor.syntax.expression import fret_name
 from fret_monitor.syntax.words import exact
 from fret_monitor.syntax.words import Fault
@@ -110,7 +111,7 @@ class InputEntry:
     values: tuple[ValueEntry, ...]
     qos: tuple[tuple[Text, Text], ...]
     timeout: Fraction | None
-    stale: str | None
+    stale: Stale | None
     damaged: frozenset[str] = frozenset()
 
 
@@ -173,9 +174,9 @@ class Bundle:
 
 FORMAT = '1'
 MAX_BYTES = 16 * 2 ** 20
-STALE = ('violate',)
 
 _SHORTEST = Fraction(1, 10 ** 9)  # seconds: ROS counts time in nanoseconds
+_SHORTEST_TIMEOUT = Fraction(1, 10 ** 3)  # seconds: nobody looks more often
 _LONGEST = Fraction(10 ** 9)
 _FORMULA_KEYS = tuple(language.value for language in Language)
 _FORMULA_SLIPS = {
@@ -586,7 +587,7 @@ _TOPIC_ASPECTS: tuple[tuple[str, Callable[[InputEntry], object]], ...] = (
     ('type', lambda item: item.type.value if item.type else None),
     ('qos', _qos_of),
     ('timeout', lambda item: item.timeout),
-    ('stale', lambda item: item.stale),
+    ('stale', lambda item: item.stale or Stale.WARN),
 )
 
 
@@ -631,7 +632,7 @@ def _input(name: _Name, mapping: Mapping, problems: Problems) -> InputEntry:
         initial=shape.text('initial'),
         values=tuple(_values(shape.node('values'), faults['values'])),
         qos=tuple(_qos(shape.node('qos'), faults['qos'])),
-        timeout=shape.positive('timeout', 'seconds', _SHORTEST, _LONGEST),
+        timeout=shape.positive('timeout', 'seconds', _SHORTEST_TIMEOUT, _LONGEST),
         stale=_stale(shape, problems),
     )
     damaged = {key for key in _INPUT_KEYS if shape.is_cut or not shape.lacks(key) and (
@@ -670,12 +671,13 @@ def _check_input(entry: InputEntry, shape: Shape, problems: Problems) -> set[str
     return damaged
 
 
-def _stale(shape: Shape, problems: Problems) -> str | None:
+def _stale(shape: Shape, problems: Problems) -> Stale | None:
     text = shape.text('stale')
-    if text is not None and text.value not in STALE:
-        tell_choice(text, 'stale', STALE, problems)
+    words = [stale.value for stale in Stale]
+    if text is not None and text.value not in words:
+        tell_choice(text, 'stale', words, problems)
         return None
-    return text.value if text else None
+    return Stale(text.value) if text else None
 
 
 def _values(node: Node | None, problems: Problems) -> Iterator[ValueEntry]:

@@ -25,6 +25,7 @@ from fret_monitor.diagnostics import Source
 from fret_monitor.manifest import Policy
 from fret_monitor.manifest import Report
 from fret_monitor.manifest import Severity
+from fret_monitor.manifest import Stale
 from fret_monitor.syntax.bundle import Bundle
 from fret_monitor.syntax.bundle import Language
 from fret_monitor.syntax.bundle import MAX_BYTES
@@ -175,7 +176,8 @@ def test_the_details_of_an_input_are_read() -> None:
         ('ON', 'on', True), ('ONE', '1', True), ('NONE', '', True)]
     assert [(str(key), str(value)) for key, value in state.qos] == [
         ('reliability', 'best_effort'), ('depth', '5')]
-    assert (state.timeout, state.stale, str(state.initial)) == (Fraction(1, 2), 'violate', 'IDLE')
+    assert (state.timeout, state.stale, str(state.initial)) == (
+        Fraction(1, 2), Stale.VIOLATE, 'IDLE')
 
 
 def test_keys_without_contents_hold_nothing() -> None:
