@@ -1,0 +1,125 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The shared evaluator and the hot path, in C: threads, sanitizers, and the middleware's structs."""
+
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+
+from differential.compiled import WARNINGS
+from fret_monitor.native import csrc_directory
+from fret_monitor.native.cache import EVALUATOR_SOURCES
+import pytest
+
+HERE = Path(__file__).parent
+SOURCES = [csrc_directory() / name for name in EVALUATOR_SOURCES]
+
+# What csrc/hot_path.h declares of the middleware, and what its headers call that.
+STRUCTS = {
+    'fm_allocator': ('rcutils_allocator_t', {
+        'allocate': 'allocate', 'deallocate': 'deallocate', 'reallocate': 'reallocate',
+        'zero_allocate': 'zero_allocate', 'state': 'state'}),
+    'fm_serialized': ('rmw_serialized_message_t', {
+        'buffer': 'buffer', 'length': 'buffer_length', 'capacity': 'buffer_capacity',
+        'allocator': 'allocator'}),
+    'fm_message_info': ('rmw_message_info_t', {
+        'source_timestamp': 'source_timestamp', 'received_timestamp': 'received_timestamp',
+        'publication_sequence_number': 'publication_sequence_number',
+        'reception_sequence_number': 'reception_sequence_number',
+        'implementation': 'publisher_gid.implementation_identifier', 'gid': 'publisher_gid.data',
+        'from_intra_process': 'from_intra_process'}),
+}
+FUNCTIONS = {
+    'take': 'rmw_take_serialized_message_with_info',
+    'listen': 'rmw_subscription_set_on_new_message_callback',
+    'publish': 'rmw_publish',
+    'forget_error': 'rcutils_reset_error',
+}
+
+
+def compilers() -> list[tuple[str, ...]]:
+    gcc = shutil.which('gcc')
+    return [*([(gcc,)] if gcc else []), (sys.executable, '-m', 'ziglang', 'cc')]
+
+
+def run(*command: object) -> 'subprocess.CompletedProcess[str]':
+    return subprocess.run(
+        [str(word) for word in command], text=True, stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT, check=False, timeout=300)
+
+
+@pytest.mark.parametrize('sanitizer', ['thread', 'address,undefined'])
+def test_threads(tmp_path: Path, sanitizer: str) -> None:
+    gcc = shutil.which('gcc')
+    if gcc is None:
+        pytest.skip('no gcc')
+    program = tmp_path / 'watch_threads'
+    built = run(gcc, '-std=c99', '-O1', '-g', *WARNINGS, f'-fsanitize={sanitizer}',
+                '-fno-sanitize-recover=undefined', f'-I{csrc_directory()}', *SOURCES,
+                HERE / 'watch_threads.c', '-o', program, '-pthread')
+    if built.returncode != 0 and 'cannot find' in built.stdout:
+        pytest.skip('this gcc has no such sanitizer')
+    assert (built.returncode, built.stdout) == (0, '')
+    for _ in range(3):
+        done = run(program)
+        assert (done.returncode, done.stdout) == (0, '')
+
+
+@pytest.mark.parametrize('standard', ['c99', 'c11'])
+@pytest.mark.parametrize('level', ['-O0', '-O2', '-O3'])
+@pytest.mark.parametrize('compiler', compilers())
+def test_no_compiler_has_anything_to_say(
+        tmp_path: Path, compiler: tuple[str, ...], level: str, standard: str) -> None:
+    for source in SOURCES:
+        done = run(*compiler, f'-std={standard}', level, *WARNINGS, '-c', source,
+                   '-o', tmp_path / 'object.o')
+        assert (done.returncode, done.stdout) == (0, '')
+
+
+def include_flags() -> list[str]:
+    """Return where the headers of ROS are: each package has a folder of its own."""
+    prefixes = [*filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(':')), sys.prefix]
+    for prefix in prefixes:
+        root = Path(prefix) / 'include'
+        if (root / 'rmw' / 'rmw' / 'rmw.h').is_file():
+            return [f'-isystem{folder}' for folder in sorted(root.iterdir()) if folder.is_dir()]
+    pytest.skip('no headers of ROS here')
+
+
+def test_structs_and_functions_are_those_of_the_middleware(tmp_path: Path) -> None:
+    lines = ['#include <rmw/rmw.h>', '#include <rcutils/error_handling.h>',
+             '#include "hot_path.h"']
+    for ours, (theirs, fields) in STRUCTS.items():
+        lines.append(f'_Static_assert(sizeof(struct {ours}) == sizeof({theirs}), "{ours}");')
+        for mine, other in fields.items():
+            lines.append(f'_Static_assert(offsetof(struct {ours}, {mine}) == '
+                         f'offsetof({theirs}, {other}), "{ours}.{mine}");')
+            lines.append(f'_Static_assert(sizeof(((struct {ours} *)0)->{mine}) == '
+                         f'sizeof((({theirs} *)0)->{other}), "size of {ours}.{mine}");')
+    lines.append('_Static_assert(RMW_RET_OK == 0, "ok");')
+    lines.append('_Static_assert(sizeof(rmw_ret_t) == sizeof(int), "result");')
+    # The arguments: pointers all of them, so a call through ours is one of theirs where each takes
+    # as many. An assignment with a cast to the type of theirs would hide a missing one.
+    counts = {'take': 5, 'listen': 3, 'publish': 3}
+    for field, count in counts.items():
+        arguments = ', '.join(['(void *)0'] * count)
+        lines.append(f'int call_{field}(void) {{return (int){FUNCTIONS[field]}({arguments});}}')
+    source = tmp_path / 'same.c'
+    source.write_text('\n'.join(lines) + '\n', encoding='utf-8')
+    done = run(*compilers()[0], '-std=c11', f'-I{csrc_directory()}', *include_flags(), '-Wno-all',
+               '-w', '-c', source, '-o', tmp_path / 'same.o')
+    assert (done.returncode, done.stdout) == (0, '')
