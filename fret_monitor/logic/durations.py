@@ -24,6 +24,7 @@ from fret_monitor.logic.numbers import Literal
 from fret_monitor.logic.numbers import NumberError
 from fret_monitor.logic.numbers import parse_number
 from fret_monitor.logic.windows import MAX_BOUND
+from fret_monitor.manifest import Policy
 from fret_monitor.syntax.sentence import Duration
 from fret_monitor.syntax.sentence import Unit
 
@@ -79,6 +80,19 @@ def _refuse_period(duration: Duration, seconds: Fraction, period: Fraction) -> N
            f'{approximate(period)} s',
            f"it would be with period: {' or '.join(near)}" if near else
            'take a period that divides it')
+
+
+def steps_help(number: str, unit: Unit, policy: Policy, period: Fraction | None) -> str:
+    """Return what to write for a time where steps are counted."""
+    if period is None:
+        return ('write how many' if policy is Policy.PERIODIC else
+                f'write how many: policy: {policy.value} does not say how long a step is')
+    steps = Fraction(number) * SECONDS[unit] / period
+    written = f"{number} {unit.value.removesuffix('s') if number == '1' else unit.value}"
+    shown = f'{written} = {approximate(steps)} periods of {approximate(period)} s'
+    if steps.denominator == 1:
+        return f'write {steps}: {shown}'
+    return f'{shown}: write {int(steps)} or {int(steps) + 1}'
 
 
 def _fitting(seconds: Fraction, period: Fraction) -> Iterator[Fraction]:

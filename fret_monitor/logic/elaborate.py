@@ -40,6 +40,7 @@ from fret_monitor.diagnostics import Span
 from fret_monitor.diagnostics import Text
 from fret_monitor.logic.advice import advise
 from fret_monitor.logic.durations import SECONDS
+from fret_monitor.logic.durations import steps_help
 from fret_monitor.logic.elaborator import Elaborator
 from fret_monitor.logic.elaborator import references
 from fret_monitor.logic.equations import equations_term
@@ -68,6 +69,7 @@ from fret_monitor.logic.terms import formula_of
 from fret_monitor.logic.terms import Term
 from fret_monitor.logic.terms import Vocabulary
 from fret_monitor.manifest import Policy
+from fret_monitor.syntax.bounds import TimedBound
 from fret_monitor.syntax.bundle import Bundle
 from fret_monitor.syntax.bundle import Definition
 from fret_monitor.syntax.bundle import Language
@@ -261,7 +263,7 @@ class _Reading:
         try:
             tree = read_formula(item.language, item.text)
         except CompileError as error:
-            self.problems.extend(error.diagnostics)
+            self.problems.extend(map(self._with_steps, error.diagnostics))
             return Term(Broken(), item.text.span)
         if not isinstance(tree, Sentence):
             return self._term(item.language, item.text, tree, item.id.value)
@@ -284,8 +286,15 @@ class _Reading:
         try:
             return read_expression(language, text)
         except CompileError as error:
-            self.problems.extend(error.diagnostics)
+            self.problems.extend(map(self._with_steps, error.diagnostics))
             return None
+
+    def _with_steps(self, found: Diagnostic) -> Diagnostic:
+        """Say of a bound that has a unit of time how many steps that is."""
+        if not isinstance(found, TimedBound) or found.unit not in SECONDS:
+            return found
+        return replace(found, help=steps_help(found.number, found.unit, self._bundle.policy,
+                                              self._bundle.period))
 
     def _term(self, language: Language, text: Text, tree: Expression | Equations | None,
               owner: str) -> Term:

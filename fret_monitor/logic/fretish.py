@@ -58,8 +58,10 @@ from fret_monitor.logic.terms import Broken
 from fret_monitor.logic.terms import Term
 from fret_monitor.logic.terms import truth
 from fret_monitor.syntax.expression import Expression
+from fret_monitor.syntax.expression import Name
 from fret_monitor.syntax.sentence import ConditionKind
 from fret_monitor.syntax.sentence import ScopeKind
+from fret_monitor.syntax.sentence import ScopePhrase
 from fret_monitor.syntax.sentence import Sentence
 from fret_monitor.syntax.sentence import TimingKind
 
@@ -110,6 +112,13 @@ def _meant(sentence: Sentence) -> tuple[TimingKind, bool]:
     return timing, is_negated
 
 
+_SCOPE_WORDS = {
+    ScopeKind.IN: 'while', ScopeKind.NOT_IN: 'except while', ScopeKind.ONLY_IN: 'only while',
+    ScopeKind.BEFORE: 'before', ScopeKind.AFTER: 'after',
+    ScopeKind.ONLY_BEFORE: 'only before', ScopeKind.ONLY_AFTER: 'only after',
+}
+
+
 class _Formalisation:
     """One sentence on its way to a formula."""
 
@@ -122,7 +131,8 @@ class _Formalisation:
         mode: Formula | None = TRUE
         if sentence.scope is not None:
             outside = Elaborator(scope, problems, left=None)
-            mode = self._truth(outside, sentence.scope.mode, 'a scope')
+            mode = None if self._is_value(sentence.scope, scope) else self._truth(
+                outside, sentence.scope.mode, 'a scope')
         self._mode = mode
         self._interval = _interval(sentence.scope_kind, mode or TRUE)
         self._elaborator = Elaborator(scope, problems, left=self._interval.left)
@@ -140,6 +150,20 @@ class _Formalisation:
         formula = base.formula(timing, _not(response) if is_negated else response,
                                sentence.scope_kind.is_only)
         return Term(formula, sentence.span)
+
+    def _is_value(self, phrase: ScopePhrase, scope: Scope) -> bool:
+        """Tell a mode that is only the name of a value, with the scope to write."""
+        mode = phrase.mode
+        if not isinstance(mode, Name) or scope.find(mode.text) or mode.text not in scope.owners:
+            return False
+        owner = scope.owners[mode.text][0]
+        compared = f'{_SCOPE_WORDS[phrase.kind]} {owner} = {mode.text}'
+        self._problems.error(
+            f"'{mode.text}' is a value of '{owner}', and no mode", mode.span,
+            'true or false is wanted here',
+            f'write {compared}; or give the mode a name: definitions: '
+            f'{{{mode.text.lower()}_mode: {owner} = {mode.text}}}')
+        return True
 
     def _truth(self, elaborator: Elaborator, expression: Expression, operator: str,
                ) -> Formula | None:

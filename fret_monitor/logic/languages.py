@@ -13,8 +13,11 @@
 # limitations under the License.
 """The languages of formulas: the one place that knows which reader reads which."""
 
+import re
 from typing import assert_never
 
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.diagnostics import Diagnostic
 from fret_monitor.diagnostics import Text
 from fret_monitor.syntax.bundle import Language
 from fret_monitor.syntax.cocospec import parse_cocospec
@@ -35,9 +38,42 @@ def read_formula(language: Language, text: Text) -> Expression | Equations | Sen
     CompileError
         if the text is not of its language.
     """
-    if language is Language.FRETISH:
-        return parse_fretish(text)
-    return read_expression(language, text)
+    try:
+        if language is Language.FRETISH:
+            return parse_fretish(text)
+        return read_expression(language, text)
+    except CompileError:
+        other = _language_of(text, language)
+        if other is None:
+            raise
+    raise CompileError([Diagnostic(
+        f'this is {_KINDS[other]}', text.span, f"under '{language.value}'",
+        f'write {other.value}: instead of {language.value}:')])
+
+
+_KINDS = {
+    Language.FRETISH: 'a sentence of FRETish', Language.PTLTL: 'a formula, and no sentence',
+    Language.COCOSPEC: 'a formula of CoCoSpec, and no sentence',
+}
+_SHALL = re.compile(r'\bshall\b', re.IGNORECASE)
+
+
+def _language_of(text: Text, tried: Language) -> Language | None:
+    """Return the language that a text is in, if it is clearly not the one that was tried."""
+    if _SHALL.search(text.value):
+        return None if tried is Language.FRETISH else Language.FRETISH
+    if tried is not Language.FRETISH:
+        return None
+    return next((other for other in (Language.PTLTL, Language.COCOSPEC) if _reads(other, text)),
+                None)
+
+
+def _reads(language: Language, text: Text) -> bool:
+    try:
+        read_expression(language, text)
+    except CompileError:
+        return False
+    return True
 
 
 def read_expression(language: Language, text: Text) -> Expression | Equations:

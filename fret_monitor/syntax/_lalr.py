@@ -83,8 +83,8 @@ class Language:
     """
     A formula language.
 
-    `pattern` cuts the text, by the groups NUMBER, NAME, QUOTED, OPERATOR, COMMENT and BAD; what
-    it matches in no group is left out. `words` and `operators` give kind and one spelling;
+    `pattern` cuts the text, by the groups NUMBER, NAME, QUOTED, OPERATOR, TIME, COMMENT and BAD;
+    what it matches in no group is left out. `words` and `operators` give kind and one spelling;
     `refused` are words and characters with what to write instead; `foreign` are words of other
     languages, with the same, that are names here and are spoken of only where they do not fit.
     `write` says how this language spells the logical operators. `explain` may say more about a
@@ -120,8 +120,8 @@ def _lexeme(language: Language, text: Text, kind: str, start: int, end: int) -> 
     word = text.value[start:end]
     span = text.at(start, end)
     match kind:
-        case 'NUMBER':
-            return Lexeme('NUMBER', word, start, end, span)
+        case 'NUMBER' | 'TIME':
+            return Lexeme(kind, word, start, end, span)
         case 'NAME':
             if word in language.refused:
                 refuse(f"'{word}' is no operator here", span, 'not in this language',
@@ -147,7 +147,7 @@ def _unescape(operator: str) -> str:
 
 def _refuse_text(language: Language, word: str, span: Span) -> NoReturn:
     if word[0].isdigit() or (word[0] == '.' and len(word) > 1):
-        refuse(f"'{short(word)}' is not a number", span, 'not a number', _number_help(word))
+        refuse_number(word, span)
     if word == '""':
         refuse('a name is missing between the quotes', span, 'empty')
     if word == '"':
@@ -161,9 +161,17 @@ def _refuse_text(language: Language, word: str, span: Span) -> NoReturn:
     if word.isspace():
         refuse(f'a special space (U+{ord(word):04X}) cannot be used here', span,
                'looks like a space, and is none', 'delete it and type a space')
+    if word == "'":
+        refuse('an apostrophe cannot be used in a formula', span, 'not expected',
+               'a name of a value is written without quotes: mode = LANDED')
     shown = f"'{word}'" if word.isprintable() else f'the character U+{ord(word):04X}'
     refuse(f'{shown} cannot be used in a formula', span, 'not expected',
            language.refused.get(word, ''))
+
+
+def refuse_number(word: str, span: Span) -> NoReturn:
+    """Refuse what begins as a number and is none."""
+    refuse(f"'{short(word)}' is not a number", span, 'not a number', _number_help(word))
 
 
 def _number_help(word: str) -> str:

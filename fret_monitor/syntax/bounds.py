@@ -20,17 +20,38 @@ they stand for is not known yet, and whoever knows works it out with `work_out`.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NoReturn
 
+from fret_monitor.diagnostics import Diagnostic
 from fret_monitor.diagnostics import refuse
+from fret_monitor.diagnostics import Span
 from fret_monitor.syntax.expression import Expression
 from fret_monitor.syntax.expression import Infix
 from fret_monitor.syntax.expression import Name
 from fret_monitor.syntax.expression import Number
 from fret_monitor.syntax.expression import postorder
 from fret_monitor.syntax.expression import Prefix
+from fret_monitor.syntax.sentence import Unit
 
 _MAX_DIGITS = 30
+
+
+@dataclass(frozen=True)
+class TimedBound(Diagnostic):
+    """A bound with a unit of time, `number` as written; its steps are for the bundle to say."""
+
+    number: str = ''
+    unit: Unit = Unit.TICK
+
+
+def timed_bound(number: str, unit: Unit, place: Span) -> TimedBound:
+    """Return what is told of `H[0,2s] p`, before it is known what a step is."""
+    help_ = f'write {number}' if unit is Unit.TICK else 'write how many'
+    return TimedBound('a bound counts steps', place, 'this has a unit', help_, number=number,
+                      unit=unit)
+
+
 _ENDLESS = frozenset({'inf', 'infinity', 'oo'})
 
 

@@ -41,6 +41,7 @@ from fret_monitor.syntax.expression import Expression
 from fret_monitor.syntax.expression import Infix
 from fret_monitor.syntax.expression import Name
 from fret_monitor.syntax.expression import Prefix
+from fret_monitor.syntax.fretish_words import ABBREVIATIONS
 from fret_monitor.syntax.fretish_words import OPERATORS
 from fret_monitor.syntax.fretish_words import UNITS
 from fret_monitor.syntax.fretish_words import WORDS
@@ -85,7 +86,7 @@ _Piece: TypeAlias = Operator | Expression | Pending
 def _pattern() -> re.Pattern[str]:
     operators = '|'.join(map(re.escape, sorted(OPERATORS, key=len, reverse=True)))
     # FRET reads `3seconds` as two words; `3s` is one slip, and not no number.
-    units = '|'.join(sorted((*UNITS, *fretish_help.ABBREVIATIONS), key=len, reverse=True))
+    units = '|'.join(sorted((*UNITS, *ABBREVIATIONS), key=len, reverse=True))
     number = _lalr.NUMBER.replace(_END_OF_NUMBER, rf'(?:{_END_OF_NUMBER}|(?=(?i:{units})\b))')
     return re.compile(rf'\s+|{number}|{_lalr.NAME}|{_lalr.QUOTED}'
                       f'|(?P<OPERATOR>{operators})|(?P<BAD>.)', re.ASCII | re.DOTALL)

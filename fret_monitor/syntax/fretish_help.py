@@ -28,8 +28,10 @@ from fret_monitor.syntax._lalr import as_written
 from fret_monitor.syntax._lalr import END
 from fret_monitor.syntax._lalr import Lexeme
 from fret_monitor.syntax._lalr import open_brackets
+from fret_monitor.syntax._lalr import OPERAND_ENDS
 from fret_monitor.syntax._lalr import OPERAND_STARTS
 from fret_monitor.syntax._lalr import short
+from fret_monitor.syntax.fretish_words import ABBREVIATIONS
 from fret_monitor.syntax.fretish_words import WORDS
 
 WRITE = {'and': '&', 'or': '|', 'not': '!', 'implies': '=>', 'iff': '<=>', 'xor': 'xor',
@@ -45,15 +47,6 @@ _FOREIGN = {
     '[': 'an element of an array is an input of its own: field: NAME[INDEX]',
     '{': 'write an enumeration as (x = A | x = B)',
 }
-ABBREVIATIONS = {
-    **dict.fromkeys(('ms', 'msec', 'msecs'), 'milliseconds'),
-    **dict.fromkeys(('us', 'usec', 'usecs'), 'microseconds'),
-    **dict.fromkeys(('s',), 'seconds'),
-    **dict.fromkeys(('min', 'mins'), 'minutes'),
-    **dict.fromkeys(('h', 'hr', 'hrs'), 'hours'),
-}
-"""What people write for units of time, which FRET does not read."""
-
 # What people write for the words of FRETish.
 _MEANT = {
     **ABBREVIATIONS,
@@ -180,11 +173,15 @@ def refuse_bare(number: str, phrase: Span) -> NoReturn:
 
 def refuse_lexeme(misfit: Misfit) -> NoReturn:
     """Say why a lexeme does not fit, and what was probably meant."""
+    _check_english(misfit)
+    _check_order(misfit)
     _check_known_slips(misfit)
     _check_brackets(misfit)
     meant = _meant(misfit)
     if meant is not None:
         lexeme, word = meant
+        if lexeme is misfit.found and misfit.before and misfit.before.type == 'NUMBER':
+            word = f'{misfit.written(misfit.before)} {word}'
         refuse(f"'{misfit.written(lexeme)}' is no word of FRETish that fits here", lexeme.span,
                _expectation(misfit.fitting if lexeme is misfit.found else misfit.earlier),
                f"did you mean '{word}'?")
@@ -209,6 +206,97 @@ def _wants_operand(misfit: Misfit) -> bool:
 
 def _is_word(lexeme: Lexeme) -> bool:
     return lexeme.text in WORDS and lexeme.type == WORDS[lexeme.text]
+
+
+# English that is no FRETish: `v is less than 1`
+
+_RELATIONS = {
+    '<': ('is less than', 'is smaller than', 'is lower than', 'is below', 'is under'),
+    '>': ('is greater than', 'is more than', 'is larger than', 'is higher than', 'is above',
+          'is over', 'exceeds'),
+    '<=': ('is less than or equal to', 'is at most', 'is no more than', 'is not more than',
+           'is not greater than', 'is not above'),
+    '>=': ('is greater than or equal to', 'is at least', 'is no less than', 'is not less than',
+           'is not below'),
+    '=': ('is equal to', 'equals', 'is'),
+    '!=': ('is not equal to', 'is unequal to', 'is not', 'differs from'),
+}
+_PHRASES = sorted(((tuple(phrase.split()), sign) for sign, phrases in _RELATIONS.items()
+                   for phrase in phrases), key=lambda item: -len(item[0]))
+_LONGEST_PHRASE = len(_PHRASES[0][0])
+
+
+def _check_english(misfit: Misfit) -> None:
+    """Tell a comparison in words where one of its words does not fit."""
+    lexemes = misfit.lexemes
+    for start in range(max(1, misfit.index - _LONGEST_PHRASE), misfit.index + 1):
+        words = tuple(misfit.written(lexeme).lower()
+                      for lexeme in lexemes[start:start + _LONGEST_PHRASE])
+        found = next(((phrase, sign) for phrase, sign in _PHRASES
+                      if words[:len(phrase)] == phrase), None)
+        if found is not None and lexemes[start - 1].type in OPERAND_ENDS:
+            _refuse_english(misfit, start, *found)
+
+
+def _refuse_english(misfit: Misfit, start: int, phrase: tuple[str, ...], sign: str) -> None:
+    lexemes, end = misfit.lexemes, start + len(phrase)
+    left, right = lexemes[start - 1], lexemes[min(end, len(lexemes) - 1)]
+    if not start <= misfit.index <= end or right.type not in OPERAND_STARTS | {'MINUS'}:
+        return
+    shown = misfit.written(left), misfit.written(right)
+    first = lexemes[start].span
+    help_ = f'write {sign}'
+    if right.type in ('TRUE', 'FALSE') and sign in ('=', '!='):
+        help_ = f"write {'' if (right.type == 'TRUE') == (sign == '=') else '!'}{shown[0]}"
+    elif left.type in ('NAME', 'NUMBER') and right.type in ('NAME', 'NUMBER'):
+        help_ = f'write {shown[0]} {sign} {shown[1]}'
+    refuse(f"'{' '.join(phrase)}' is not written in FRETish",
+           Span(first.source, first.start, lexemes[end - 1].span.end), 'not an operator', help_)
+
+
+# What stands in the wrong place: `shall satisfy p within 2 seconds`
+
+_LONGEST = 400
+_TIMINGS = frozenset({'SPAN', 'UNTIL', 'BEFORE', 'AFTER', 'AT', 'PLAIN'})
+
+
+def _check_order(misfit: Misfit) -> None:
+    """Tell a timing or a condition behind the response, with the sentence to write."""
+    found = misfit.found
+    kinds = [lexeme.type for lexeme in misfit.lexemes[:misfit.index]]
+    if 'SHALL' not in kinds or 'SATISFY' not in kinds or 'INFIX' not in misfit.fitting:
+        return
+    if found.type in _TIMINGS:
+        _refuse_late_timing(misfit, kinds)
+    if found.type in ('WHEN', 'IF', 'UNLESS', 'QUALIFIER') and not _QUALIFIERS & set(kinds):
+        whole = misfit.text.value
+        sentence = f'{whole[found.start:].strip()} {whole[:found.start].strip()}'
+        refuse('the condition comes before the component', found.span, 'behind the response',
+               _to_write(misfit, sentence))
+
+
+def _refuse_late_timing(misfit: Misfit, kinds: Sequence[str]) -> NoReturn:
+    found, whole = misfit.found, misfit.text.value
+    shall, satisfy = kinds.index('SHALL'), kinds.index('SATISFY')
+    earlier = next((lexeme for lexeme in misfit.lexemes[shall:satisfy]
+                    if lexeme.type in _TIMINGS), None)
+    if earlier is not None:
+        refuse('a sentence has one timing', found.span,
+               f"there is '{misfit.written(earlier)}' already",
+               'make a requirement of its own of the second one')
+    before = misfit.lexemes[satisfy].start
+    sentence = (f'{whole[:before]}{whole[found.start:].strip()} '
+                f'{whole[before:found.start].strip()}')
+    refuse("the timing comes before 'satisfy'", found.span, 'behind the response',
+           _to_write(misfit, sentence))
+
+
+def _to_write(misfit: Misfit, sentence: str) -> str:
+    """Return the sentence put right, if no more than one part of it was out of place."""
+    rest = {lexeme.type for lexeme in misfit.lexemes[misfit.index + 1:]}
+    if rest & (_TIMINGS | _QUALIFIERS | _PLACES) or len(sentence) > _LONGEST:
+        return _EXAMPLE
+    return f"write {' '.join(sentence.split())}"
 
 
 # What people often write
@@ -305,7 +393,7 @@ def _help(misfit: Misfit) -> str:
     if misfit.fitting <= {'SATISFY', 'COMMA'} and found.type in OPERAND_STARTS:
         return f'write satisfy before {misfit.written(found)}'
     if 'NUMBER' in misfit.fitting and 'LPAR' not in misfit.fitting:
-        return 'write the number in digits: 3 ticks'
+        return 'write the number in digits, as FRET wants it: 3 ticks'
     return ''
 
 

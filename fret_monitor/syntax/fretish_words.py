@@ -25,6 +25,14 @@ UNITS = {
     **dict.fromkeys(('minute', 'minutes'), Unit.MINUTE),
     **dict.fromkeys(('hour', 'hours'), Unit.HOUR),
 }
+ABBREVIATIONS = {
+    **dict.fromkeys(('ms', 'msec', 'msecs'), 'milliseconds'),
+    **dict.fromkeys(('us', 'usec', 'usecs'), 'microseconds'),
+    **dict.fromkeys(('s',), 'seconds'),
+    **dict.fromkeys(('min', 'mins'), 'minutes'),
+    **dict.fromkeys(('h', 'hr', 'hrs'), 'hours'),
+}
+"""What people write for units of time, which FRET does not read."""
 _ONE_EACH = (
     'after', 'and', 'at', 'before', 'during', 'except', 'false', 'if', 'in', 'is', 'mode', 'next',
     'occurrence', 'of', 'only', 'or', 'previous', 'probability', 'satisfy', 'shall', 'the', 'then',

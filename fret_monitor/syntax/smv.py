@@ -33,8 +33,11 @@ from fret_monitor.syntax import _lalr
 from fret_monitor.syntax._lalr import join
 from fret_monitor.syntax._lalr import Lexeme
 from fret_monitor.syntax.bounds import bound_end
+from fret_monitor.syntax.bounds import timed_bound
 from fret_monitor.syntax.expression import Bound
 from fret_monitor.syntax.expression import Expression
+from fret_monitor.syntax.fretish_words import ABBREVIATIONS
+from fret_monitor.syntax.fretish_words import UNITS
 from fret_monitor.syntax.precedence import Precedence
 
 
@@ -80,26 +83,46 @@ _REFUSED = {
     ';': 'a formula of this language ends without a semicolon',
     '{': 'write an enumeration as (x = A | x = B)',
 }
-_PAST = 'this is an operator of the future, and a monitor sees only the past: H O Y Z, S T SI'
 _FOREIGN = {
     **{word: f'write {_WRITE[word.lower()]}'
        for word in ('AND', 'And', 'OR', 'Or', 'NOT', 'Not', 'implies', 'IMPLIES', 'iff', 'IFF')},
-    # FRET's grammar has these too.
-    **dict.fromkeys(('X', 'G', 'F', 'U', 'V', 'R', 'UI'), _PAST),
+    # The future, which FRET's grammar has too: each with what comes closest.
+    **dict.fromkeys(('G', 'globally', 'always'), 'a monitor sees only the past: '
+                    'write H p, true while p has held at every step so far'),
+    **dict.fromkeys(('F', 'finally', 'eventually'), 'a monitor sees only the past: '
+                    'write O p, true once p has held at some step so far'),
+    **dict.fromkeys(('X', 'next'), 'a monitor sees only the past: write Y p, p one step ago'),
+    **dict.fromkeys(('U', 'UI', 'until'), 'a monitor sees only the past: '
+                    'write p S q, p at every step since q held'),
+    **dict.fromkeys(('V', 'R', 'release'), 'a monitor sees only the past: write p T q'),
+    **dict.fromkeys(('historically', 'Historically', 'HISTORICALLY'),
+                    'write H p, or H[a,b] p for the steps from b to a steps ago'),
+    **dict.fromkeys(('once', 'Once', 'ONCE'),
+                    'write O p, or O[a,b] p for the steps from b to a steps ago'),
+    **dict.fromkeys(('since', 'Since', 'SINCE'), 'write p S q'),
+    **dict.fromkeys(('triggered', 'Triggered', 'TRIGGERED', 'trigger'), 'write p T q'),
+    **dict.fromkeys(('yesterday', 'Yesterday', 'previous', 'previously', 'prev', 'Previous'),
+                    'write Y p, p one step ago'),
 }
 _COCOSPEC = frozenset({'YtoPre', 'ZtoPre', 'OT', 'HT', 'ST', 'SIT', 'TT'})
 
 RESERVED = frozenset({*_WORDS, *(word for word in _REFUSED if word.isalpha()), *_COCOSPEC, 'FTP'})
 """Words that are no names in this language, unless in quotes."""
 
+_UNITS = {**UNITS, **{short: UNITS[word] for short, word in ABBREVIATIONS.items()}}
 _HTML = {'<': '(?:<|&lt;)', '>': '(?:>|&gt;)', '&': '(?:&amp;|&(?!(?:lt|gt|amp);))'}
+
+
+_TIME = re.compile('([0-9.]+)([A-Za-z]+)')
+_SHORT = re.compile('[0-9.]{1,9}')
 
 
 def _pattern(blank: str) -> re.Pattern[str]:
     spelled = sorted(_OPERATORS, key=len, reverse=True)
     operators = '|'.join(''.join(_HTML.get(char, re.escape(char)) for char in operator)
                          for operator in spelled)
-    return re.compile(f'(?:{blank})+|{_lalr.NUMBER}|{_lalr.NAME}|{_lalr.QUOTED}'
+    time = rf'(?P<TIME>(?:[0-9]{{1,9}}\.)?[0-9]{{1,9}}(?i:{"|".join(_UNITS)}))(?![\w.$])'
+    return re.compile(f'(?:{blank})+|{time}|{_lalr.NUMBER}|{_lalr.NAME}|{_lalr.QUOTED}'
                       f'|(?P<OPERATOR>{operators})|(?P<BAD>.)', re.ASCII | re.DOTALL)
 
 
@@ -130,6 +153,9 @@ class _Builder(_lalr.Builder):
         if parts[0].text in _COCOSPEC:
             refuse(f"'{parts[0].text}' is an operator of CoCoSpec", parts[0].span,
                    'not in this language', 'use the key cocospec: instead of ptltl:')
+        if parts[0].text in _FOREIGN:
+            refuse(f"'{parts[0].text}' is no operator here", parts[0].span,
+                   'not in this language', _FOREIGN[parts[0].text])
         return super().call(parts)
 
 
@@ -143,7 +169,38 @@ def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
     if found.type == 'RELATION' and before.type == 'RELATION':
         return Diagnostic('two comparisons without an operand between', found.span,
                           f"after '{before.text}'", 'the comparisons are < <= = != >= >')
-    return _explain_bracket(before, found)
+    return (_explain_time(text, lexemes, index) or _explain_open_bound(text, lexemes, index)
+            or _explain_bracket(before, found))
+
+
+def _explain_time(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
+    """Tell a time, of one lexeme (2s) or of two (2 s); outside of bounds it is just no number."""
+    found = lexemes[index]
+    if found.type == 'TIME':
+        number, unit = _TIME.findall(found.text)[0]
+        place = found.span
+    elif found.text.lower() in _UNITS and _SHORT.fullmatch(lexemes[index - 1].text):
+        number, unit = lexemes[index - 1].text, found.text
+        place = join(lexemes[index - 1].span, found.span)
+    else:
+        return None
+    if all(lexeme.type != 'LBRACK' for lexeme in _lalr.open_brackets(lexemes[:index])):
+        if found.type == 'TIME':
+            _lalr.refuse_number(found.text, found.span)
+        return None
+    return timed_bound(number, _UNITS[unit.lower()], place)
+
+
+def _explain_open_bound(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
+    """Tell a bound that is not closed where an operand begins: H[0,10 p."""
+    found, opened = lexemes[index], _lalr.open_brackets(lexemes[:index])
+    is_operand = found.type in _lalr.OPERAND_STARTS
+    if not opened or opened[-1].type != 'LBRACK' or not is_operand or (
+            lexemes[index - 1].type not in _lalr.OPERAND_ENDS
+            or lexemes[index + 1].type in ('COMMA', 'RBRACK')):
+        return None
+    return Diagnostic("'[' is not closed", opened[-1].span, 'opened here',
+                      f"a ']' is missing before '{_lalr.as_written(text, found)}'")
 
 
 def _explain_bracket(before: Lexeme, found: Lexeme) -> Diagnostic | None:
@@ -152,6 +209,9 @@ def _explain_bracket(before: Lexeme, found: Lexeme) -> Diagnostic | None:
         return Diagnostic(f"'{before.text}' takes no bound", found.span,
                           'it looks exactly one step back',
                           f'write {instead}[=n] p for n steps back')
+    if found.type == 'LBRACK' and before.text in _FOREIGN:
+        return Diagnostic(f"'{before.text}' is no operator here", before.span,
+                          'not in this language', _FOREIGN[before.text])
     if found.type == 'LBRACK' and before.type == 'NAME':
         return Diagnostic('a name takes no index', found.span, 'not expected',
                           'an element of an array is an input of its own: field: NAME[INDEX]')

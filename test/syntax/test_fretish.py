@@ -159,7 +159,7 @@ def test_each_unit_is_read(words: str, unit: Unit) -> None:
 
 def test_a_unit_may_touch_its_number() -> None:
     assert parse('the sw shall within 3seconds satisfy r').key == 'null,null,within'
-    assert "did you mean 'seconds'?" in str(error('the sw shall within 3s satisfy r'))
+    assert "did you mean '3 seconds'?" in str(error('the sw shall within 3s satisfy r'))
     assert 'not a number' in str(error('the sw shall always satisfy x > 3x'))
 
 
@@ -241,7 +241,7 @@ def test_errors_say_where_and_what_to_write(case: Path) -> None:
 
 
 def test_a_step_is_a_tick_or_a_timepoint() -> None:
-    assert "did you mean 'ticks'?" in str(error('the sw shall within 3 step satisfy r'))
+    assert "did you mean '3 ticks'?" in str(error('the sw shall within 3 step satisfy r'))
     assert "did you mean 'timepoint'?" in str(error('the sw shall at the next step satisfy r'))
 
 
