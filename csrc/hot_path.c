@@ -32,6 +32,7 @@
 #include "watch_locked.h"
 
 #define BATCH 64u
+#define MOST_DRAINED 1000u
 #define PATIENCE 200u  // milliseconds; an end of the watch wakes it at once
 
 // ---- sources -----------------------------------------------------------------------------------
@@ -117,11 +118,12 @@ static void begin_draining(struct fm_source * source)
   fm_watch_unlock(source->watch);
 }
 
-// Returns whether it is over: nothing came while it was found empty.
-static bool end_draining(struct fm_source * source)
+// Returns whether it is over: nothing came while it was found empty, or it has taken enough; what
+// is left then waits for the next callback or drain.
+static bool end_draining(struct fm_source * source, bool is_enough)
 {
   fm_watch_lock(source->watch);
-  const bool is_over = !source->is_awaited;
+  const bool is_over = is_enough || !source->is_awaited;
   source->is_awaited = false;
   source->is_draining = !is_over;
   fm_watch_unlock(source->watch);
@@ -131,13 +133,15 @@ static bool end_draining(struct fm_source * source)
 static void drain(struct fm_source * source)
 {
   struct fm_message_info info;
+  uint32_t left = MOST_DRAINED;
   do {
-    while (take(source, &info)) {
+    while (left > 0 && take(source, &info)) {
+      left -= 1;
       fm_watch_lock(source->watch);
       deliver_locked(source, &info);
       fm_watch_unlock(source->watch);
     }
-  } while (!end_draining(source));
+  } while (!end_draining(source, left == 0));
 }
 
 struct fm_source * fm_source_start(

@@ -90,7 +90,8 @@ FM_EXPORT struct fm_source * fm_source_start(
   struct fm_watch * watch, const struct fm_middleware * middleware, void * subscription,
   uint32_t topic);
 
-/// Take what is there and no callback told of. Never needed with a middleware that tells of all.
+/// Take what is there and no callback told of, at most 1000 messages. A middleware that tells of
+/// every message needs it never; but one message overlooked would delay all that follow.
 FM_EXPORT void fm_source_drain(struct fm_source * source);
 
 /// A new subscription is there: what comes by this one may come by that one too (fm_watch_overlap).

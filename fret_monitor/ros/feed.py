@@ -20,6 +20,8 @@ first is lost. Here one thread waits on all subscriptions, takes what has come a
 it on in the order of the middleware's reception times, across topics too. The same thread looks
 who publishes, and renews a subscription that could not hear somebody.
 
+Where C takes the messages of a topic (`Tap`), the thread only looks who publishes.
+
 The subscriptions are invisible to any executor. All of them belong to the feed's thread.
 """
 
@@ -31,7 +33,7 @@ from heapq import merge
 from operator import itemgetter
 from threading import Event, Thread
 from time import monotonic, time_ns
-from typing import Any
+from typing import Any, Protocol
 
 from fret_monitor.ros import qos
 
@@ -48,6 +50,34 @@ Deliver = Callable[[bytes, int, int], None]
 Takes a serialized message, its reception time and its sender's time (ns); called in the feed's
 thread.
 """
+
+
+
+class Tap(Protocol):
+    """What takes the messages of one subscription outside this thread."""
+
+    def drain(self) -> None:
+        """Take what has come and was not noticed."""
+
+    def retire(self) -> None:
+        """Another subscription is about to take the place of this one."""
+
+    def stop(self) -> None:
+        """End taking; nothing is delivered after it."""
+
+
+class TopicTap(Protocol):
+    """What takes the messages of a topic outside this thread."""
+
+    def open(self, subscription: Subscription) -> Tap:
+        """Begin to take from a subscription."""
+
+    def overlap(self, *, has_history: bool) -> None:
+        """From now on a message may come by two subscriptions, and with a history."""
+
+    def settle(self) -> None:
+        """There is one subscription again."""
+
 
 _WAIT = 200_000_000  # ns; an idle wait without an end can outlive a shutdown
 _REVIEW_PERIOD = 0.25  # s between two looks at who publishes
@@ -82,12 +112,14 @@ class Hearing:
     Who publishes on a topic, as far as is known.
 
     `publishers` counts those of the topic's type; `unheard` names those of them that its quality
-    of service leaves out; `other_types` are types of publishers that have another.
+    of service leaves out; `other_types` are types of publishers that have another; `lost` counts
+    messages that were sent and never came.
     """
 
     publishers: int = 0
     unheard: tuple[str, ...] = ()
     other_types: tuple[str, ...] = ()
+    lost: int = 0
 
 
 class Feed:
@@ -106,10 +138,10 @@ class Feed:
         self._wait_set: Any = None
         self._kept = _Keeper()
 
-    def subscribe(self, name: str, message_type: str, message_class: Any, deliver: Deliver,
-                  fixed: Mapping[str, str | int]) -> None:
+    def subscribe(self, name: str, message_type: str, message_class: Any,
+                  deliver: Deliver | TopicTap, fixed: Mapping[str, str | int]) -> None:
         """
-        Subscribe to a topic, before `start`.
+        Subscribe to a topic, before `start`; all topics of a feed have taps, or none has.
 
         `fixed` is the part of the quality of service that is not chosen by who publishes
         (`qos.wanted_profile`).
@@ -119,6 +151,8 @@ class Feed:
 
     def start(self) -> None:
         """Start delivering."""
+        for topic in self._topics:
+            topic.open()
         self._thread.start()
 
     def close(self) -> None:
@@ -152,6 +186,9 @@ class Feed:
             if monotonic() >= next_review:
                 self._review()
                 next_review = monotonic() + _REVIEW_PERIOD
+            if self._topics and self._topics[0].tap is not None:
+                self._closing.wait(_REVIEW_PERIOD)
+                continue
             self._wait(0 if self._held else _WAIT)
             for taken in self._take():
                 taken[3].deliver(taken)
@@ -225,12 +262,17 @@ class _Topic:
     """One topic: its subscription (for a while two of them), and who publishes on it."""
 
     def __init__(self, node: Node, name: str, message_type: str, message_class: Any,
-                 deliver: Deliver, fixed: Mapping[str, str | int]) -> None:
+                 deliver: Deliver | TopicTap, fixed: Mapping[str, str | int]) -> None:
         self.message_class = message_class
         self._node = node
         self._name = name
         self._message_type = message_type
-        self._deliver = deliver
+        self.tap: TopicTap | None = None
+        self._deliver: Deliver = _unused_delivery
+        if callable(deliver):
+            self._deliver = deliver
+        else:
+            self.tap = deliver
         self._fixed = fixed
         self.hearing = Hearing()
         self._told: set[object] = set()
@@ -239,12 +281,18 @@ class _Topic:
         self._seen: set[tuple[int, int]] | None = None
         self._has_history = False
         self._newest = 0  # source time
-        self._retired: list[tuple[Subscription, float]] = []
+        self._retired: list[tuple[Subscription, Tap | None, float]] = []
         self._current = self._subscribe(qos.wanted_profile((), fixed))
+        self._current_tap: Tap | None = None
+
+    def open(self) -> None:
+        """Let the tap begin, if there is one."""
+        if self.tap is not None:
+            self._current_tap = self.tap.open(self._current)
 
     def handles(self) -> list[tuple[Any, bool]]:
         """Return what to wait on and take from, and whether it is retired; those first."""
-        return [*((item.handle, True) for item, _ in self._retired),
+        return [*((item.handle, True) for item, _, _ in self._retired),
                 (self._current.handle, False)]
 
     def deliver(self, taken: _Taken) -> None:
@@ -262,12 +310,19 @@ class _Topic:
 
     def close(self) -> None:
         """Destroy all subscriptions."""
-        for subscription in [item for item, _ in self._retired] + [self._current]:
-            self._node.destroy_subscription(subscription)
+        for subscription, tap, _ in [*self._retired, (self._current, self._current_tap, 0.0)]:
+            self._destroy(subscription, tap)
+
+    def _destroy(self, subscription: Subscription, tap: Tap | None) -> None:
+        if tap is not None:
+            tap.stop()
+        self._node.destroy_subscription(subscription)
 
     def review(self) -> None:
         """See who publishes, tell whom it cannot hear, and subscribe anew where that helps."""
         self._let_go()
+        if self._current_tap is not None:
+            self._current_tap.drain()
         publishers = self._node.get_publishers_info_by_topic(self._name)
         same_type = [item for item in publishers if item.topic_type == self._message_type]
         others = [item for item in publishers if item.topic_type != self._message_type]
@@ -295,20 +350,27 @@ class _Topic:
         self._seen = set(self._recent)
         self._newest = max((source for source, _ in self._recent), default=0)
         self._has_history = wanted.durability is DurabilityPolicy.TRANSIENT_LOCAL
-        self._retired.append((before, monotonic() + _OVERLAP))
+        if self.tap is not None and self._current_tap is not None:
+            self.tap.overlap(has_history=self._has_history)
+            self._current_tap.retire()
+        self._retired.append((before, self._current_tap, monotonic() + _OVERLAP))
         self._current = self._subscribe(wanted)
+        self.open()
         reason = f'to hear {_who(unheard[0])}' if unheard else 'as its publishers offer it'
         self._node.get_logger().info(
             f'subscribed anew to {self._current.topic_name} ({qos.describe(wanted)}) {reason}')
 
     def _let_go(self) -> None:
         now = monotonic()
-        for item, until in list(self._retired):
+        for retired in list(self._retired):
+            item, tap, until = retired
             if now >= until:
-                self._retired.remove((item, until))
-                self._node.destroy_subscription(item)
+                self._retired.remove(retired)
+                self._destroy(item, tap)
         if not self._retired:
             self._seen = None
+            if self.tap is not None:
+                self.tap.settle()
 
     def _subscribe(self, profile: QoSProfile) -> Subscription:
         return self._node.create_subscription(
@@ -341,3 +403,7 @@ def _who(publisher: TopicEndpointInfo) -> str:
 
 def _unused(message: bytes) -> None:
     """Never called: the subscription is invisible to executors."""
+
+
+def _unused_delivery(data: bytes, received: int, sent: int) -> None:
+    """Never called: the topic has a tap."""
