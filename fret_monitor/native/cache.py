@@ -20,11 +20,17 @@ sources and a seal: the name and SHA-256 of the library. KEY is the SHA-256 of a
 what it is: sources, headers, compiler, flags, machine. A folder gets its name only when it is
 complete, by one rename; so two processes may build the same one, and one that dies midway leaves
 nothing that could be taken for a library. Whoever may write there can run code as the user: a
-folder that others own or can write is refused. One that cannot be written at all is done without.
+folder that others own or can write is refused, and so is, one by one, what is in it. One that
+cannot be written at all is done without.
+
+The date of a seal says when its library was last asked for. After a build the libraries that
+nobody asked for in 90 days are removed, and the longest unused beyond 200; never one that was asked
+for within a day. One that a process has loaded stays whole for it, removed or not.
 """
 
 import atexit
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 import json
@@ -32,6 +38,7 @@ import logging
 import os
 from pathlib import Path
 import platform
+import shlex
 import shutil
 import stat
 import sys
@@ -48,6 +55,7 @@ from fret_monitor.native.compiler import TIMEOUT
 from fret_monitor.native.errors import CacheError
 from fret_monitor.native.errors import CompilerError
 from fret_monitor.native.errors import NativeError
+from fret_monitor.native.monitor import is_cut_short
 
 #: The evaluator, and what feeds it from the middleware: one library.
 EVALUATOR_SOURCES = ('evaluator.c', 'watch.c', 'hot_path.c')
@@ -55,6 +63,8 @@ EVALUATOR_SOURCES = ('evaluator.c', 'watch.c', 'hot_path.c')
 _SEAL = 'seal.json'
 _UNFINISHED = '.building-'
 _LITTER_AGE = 24 * 3600.0  # seconds after which an unfinished folder belongs to nobody
+_UNUSED_AGE = 90 * 24 * 3600.0  # seconds after which a library that nobody asked for is removed
+_MOST = 200  # libraries that are kept, but for those asked for within a day
 _FULL = 1 << 20  # bytes free below which a failed build is put down to a full disk
 
 _log = logging.getLogger(__name__)
@@ -100,7 +110,7 @@ def build_library(
 
 def is_kept(library: Path) -> bool:
     """
-    Return whether a library is one that `build_library` has kept, and whole.
+    Return whether a library is one that `build_library` has kept, and whole; note its use.
 
     Raises
     ------
@@ -110,10 +120,46 @@ def is_kept(library: Path) -> bool:
     root = cache_directory()
     try:
         _refuse_foreign(root)
+        if library.parent.parent != root or not is_ours(library.parent) or not is_ours(library):
+            return False
         seal = json.loads((library.parent / _SEAL).read_text(encoding='utf-8'))
-        return library.parent.parent == root and seal == _seal(library)
-    except (OSError, ValueError):
+        if seal != _seal(library):
+            return False
+    except (OSError, ValueError, RecursionError):
         return False
+    note_use(library.parent / _SEAL)
+    return True
+
+
+def is_ours(path: Path) -> bool:
+    """Return whether a file or folder is no link, and one that only this user can write."""
+    status = path.lstat()
+    return not stat.S_ISLNK(status.st_mode) and status.st_uid == os.geteuid() \
+        and not stat.S_IMODE(status.st_mode) & 0o022
+
+
+def note_use(file: Path) -> None:
+    """Let a file's date say that it was used now; where that is impossible, it stays old."""
+    with suppress(OSError):
+        os.utime(file)
+
+
+def forget(dates: Mapping[Path, float], most: int) -> None:
+    """
+    Remove files or folders that are not used: beyond 90 days, and the oldest beyond `most`.
+
+    `dates` says when each was last used (seconds since the epoch); a day is spared.
+    """
+    now = time.time()
+    by_age = sorted(dates, key=lambda path: dates[path], reverse=True)
+    for number, path in enumerate(by_age):
+        age = now - dates[path]
+        if age > _UNUSED_AGE or (number >= most and age > _LITTER_AGE):
+            with suppress(OSError):  # somebody else was quicker
+                # By one rename first: nobody sees half of it.
+                doomed = path.with_name(f'{_UNFINISHED}{os.getpid()}-{path.name}')
+                path.rename(doomed)
+                _remove(doomed)
 
 
 def runtime_headers() -> dict[str, str]:
@@ -216,15 +262,22 @@ class _Build:
             self._publish(unfinished)
         finally:
             shutil.rmtree(unfinished, ignore_errors=True)
+        _evict(self._root)
         return self._folder / self._library
 
     def _make_for_now(self, reason: str) -> Path:
         _log.warning(
             '%s cannot be written (%s): the library is built for this run only',
             self._root, reason)
-        folder = Path(tempfile.mkdtemp(prefix='fret_monitor-'))
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
-        self._fill(folder)
+        try:
+            folder = Path(tempfile.mkdtemp(prefix='fret_monitor-'))
+            atexit.register(shutil.rmtree, folder, ignore_errors=True)
+            self._fill(folder)
+        except OSError as error:
+            raise CacheError(
+                f'there is no place to build a library: neither {self._root} ({reason}) nor '
+                f'{error.filename or "a temporary folder"} ({error.strerror or error}) can be '
+                'written: make room, or set ROS_HOME or TMPDIR to another folder') from None
         return folder / self._library
 
     def _fill(self, folder: Path) -> None:
@@ -234,6 +287,8 @@ class _Build:
             self._compiler, self._sources, self._library, folder=folder, timeout=self._timeout)
         for made in folder.glob('*.o'):
             made.unlink()
+        _refuse_garbage(folder / self._library, self._compiler)
+        (folder / self._library).chmod(0o755)  # with a umask of 002 a group could write it
         seal = json.dumps(_seal(folder / self._library))
         (folder / _SEAL).write_text(seal, encoding='utf-8')
 
@@ -252,6 +307,23 @@ class _Build:
             self._folder.rename(damaged)
             unfinished.rename(self._folder)
             _remove(damaged)
+
+
+def _refuse_garbage(library: Path, compiler: Compiler) -> None:
+    """
+    Raise for what is no library: once kept, it would be in the way for good.
+
+    It need not be one for this machine: a robot's may be made here.
+    """
+    what = 'none at all'
+    if library.is_file():
+        with library.open('rb') as file:
+            is_library = file.read(4) == b'\x7fELF' or sys.platform != 'linux'
+        if is_library and not is_cut_short(library):
+            return
+        what = 'a part of one' if is_library else 'something else'
+    raise CompilerError(f'the C compiler said nothing and made no library, but {what}:\n'
+                        f'  {shlex.join(compiler.command)}')
 
 
 def _seal(library: Path) -> dict[str, str]:
@@ -279,6 +351,15 @@ def _sweep(root: Path) -> None:
                 _remove(left)
         except OSError:
             continue  # somebody else was quicker
+
+
+def _evict(root: Path) -> None:
+    """Remove libraries that nobody has asked for in a long time."""
+    dates = {}
+    for seal in root.glob(f'*/{_SEAL}'):
+        with suppress(OSError):
+            dates[seal.parent] = seal.stat().st_mtime
+    forget(dates, _MOST)
 
 
 def _remove(path: Path) -> None:

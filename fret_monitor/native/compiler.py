@@ -49,6 +49,7 @@ TIMEOUT = 600.0  # seconds for all commands of one library
 
 _SEARCHED = ('CPATH', 'C_INCLUDE_PATH', 'LIBRARY_PATH')  # variables: where compilers look
 _LAST_LINES = 30
+_LAST_BYTES = 1 << 16  # of what a compiler says; one that goes mad does not fill the memory
 _VERSION_TIMEOUT = 20.0
 
 
@@ -112,16 +113,23 @@ def _identified(command: tuple[str, ...], environment: Mapping[str, str]) -> Com
 def _version(command: Sequence[str]) -> str:
     """Return what `--version` says; a compiler that does not know the option is no worse."""
     try:
-        answer = subprocess.run(
+        # In a group of its own, so that killing it reaches the processes it starts.
+        process = subprocess.Popen(
             [*command, '--version'], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL, env=_environment(), timeout=_VERSION_TIMEOUT, check=False)
-    except subprocess.TimeoutExpired:
-        raise CompilerError(
-            f'{shlex.join(command)} --version gave no answer in {_VERSION_TIMEOUT:g} s: '
-            'set CC to another C compiler') from None
+            stderr=subprocess.DEVNULL, env=_environment(), process_group=0)
     except OSError as error:
         raise CompilerError(f'{command[0]} cannot be run: {error.strerror}') from None
-    return answer.stdout.decode(errors='replace')
+    with process:
+        try:
+            answer, _ = process.communicate(timeout=_VERSION_TIMEOUT)
+        except BaseException as error:
+            os.killpg(process.pid, signal.SIGKILL)
+            if not isinstance(error, subprocess.TimeoutExpired):
+                raise
+            raise CompilerError(
+                f'{shlex.join(command)} --version gave no answer in {_VERSION_TIMEOUT:g} s: '
+                'set CC to another C compiler') from None
+    return answer.decode(errors='replace')
 
 
 def _environment() -> dict[str, str]:
@@ -167,7 +175,7 @@ def compile_library(
 
 @dataclass(frozen=True, eq=False)
 class _Running:
-    """A command under way; `output` is what it has said so far."""
+    """A command under way; `output` is the last of what it has said so far."""
 
     command: tuple[str, ...]
     process: subprocess.Popen[bytes]
@@ -216,6 +224,7 @@ def _ended(
         said = os.read(key.fd, 65536)
         if said:
             key.data.output.extend(said)
+            del key.data.output[:-_LAST_BYTES]
         else:
             selector.unregister(key.fileobj)
             _await(key.data, deadline)

@@ -50,7 +50,7 @@ class Library:
     def __init__(self, path: Path) -> None:
         """Open it; raises `LibraryError` if it is missing or no library for this machine."""
         self.path = path
-        if _is_cut_short(path):
+        if is_cut_short(path):
             raise LibraryError(f'cannot load {path}: the file is cut short')
         # With a slash in it, so that no other folder is searched.
         handle = _dlopen(os.fsencode(os.path.abspath(path)), _FLAGS)
@@ -66,7 +66,7 @@ class Library:
         return address
 
 
-def _is_cut_short(path: Path) -> bool:
+def is_cut_short(path: Path) -> bool:
     """
     Return whether an ELF file ends before its section headers, which stand last.
 
