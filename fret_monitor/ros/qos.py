@@ -42,15 +42,15 @@ VIOLATION_REQUEST: dict[str, str | int] = {
 }
 """What the logger asks for, in the words of `wanted_profile`."""
 
-_RELIABILITY = {
+RELIABILITY = {
     'reliable': ReliabilityPolicy.RELIABLE,
     'best_effort': ReliabilityPolicy.BEST_EFFORT,
 }
-_DURABILITY = {
+DURABILITY = {
     'transient_local': DurabilityPolicy.TRANSIENT_LOCAL,
     'volatile': DurabilityPolicy.VOLATILE,
 }
-_HISTORY = {
+HISTORY = {
     'keep_last': HistoryPolicy.KEEP_LAST,
     'keep_all': HistoryPolicy.KEEP_ALL,
 }
@@ -70,10 +70,10 @@ def wanted_profile(offers: Iterable[QoSProfile], fixed: Mapping[str, str | int])
         offer.durability is DurabilityPolicy.TRANSIENT_LOCAL for offer in offered)
     return QoSProfile(
         depth=int(fixed.get('depth', DEFAULT_DEPTH)),
-        history=_HISTORY[str(fixed.get('history', 'keep_last'))],
-        reliability=_RELIABILITY[
+        history=HISTORY[str(fixed.get('history', 'keep_last'))],
+        reliability=RELIABILITY[
             str(fixed.get('reliability', 'reliable' if reliable else 'best_effort'))],
-        durability=_DURABILITY[
+        durability=DURABILITY[
             str(fixed.get('durability', 'transient_local' if durable else 'volatile'))],
     )
 

@@ -1,0 +1,150 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a user fixes of the quality of service by parameters: `qos_overrides` (DESIGN 8).
+
+The names are those of rclcpp and rclpy, with the topic as it is after remapping:
+`qos_overrides./windspeed.subscription.reliability`. What they say stands above the bundle.
+"""
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fret_monitor.diagnostics import did_you_mean
+from fret_monitor.ros.parameters import Refusal
+from fret_monitor.ros.qos import DURABILITY, HISTORY, RELIABILITY
+
+from rclpy.node import Node
+
+_PREFIX = 'qos_overrides.'
+_WORDS: dict[str, Collection[str]] = {
+    'reliability': RELIABILITY, 'durability': DURABILITY, 'history': HISTORY}
+_AVAILABLE = 'best_available'  # where a subscription may follow its publishers
+_POLICIES = (*_WORDS, 'depth')
+_TIMED = ('deadline', 'lifespan', 'liveliness', 'liveliness_lease_duration')
+_OF_RCLPY = ('/clock', '/parameter_events', '/rosout')
+_DEEPEST = 2**31 - 1
+
+
+@dataclass(frozen=True)
+class _Override:
+    """One parameter: its name, the topic and kind of endpoint in it, the policy, the value."""
+
+    name: str
+    topic: str
+    endpoint: str
+    policy: str
+    value: object
+
+
+class Overrides:
+    """The overrides that a node was given, all of them checked."""
+
+    def __init__(self, given: Mapping[str, object]) -> None:
+        """
+        Take values of parameters by their names; others than overrides are let pass.
+
+        Raises
+        ------
+        Refusal
+            with all that is wrong with overrides of subscriptions.
+        """
+        problems: list[str] = []
+        self._all = list(_read(given, problems))
+        for item in self._all:
+            if item.endpoint.startswith('subscription'):
+                problems += _problems(item)
+        if problems:
+            raise Refusal(*problems)
+
+    @classmethod
+    def of(cls, node: Node) -> 'Overrides':
+        """Return those that a node was given."""
+        given: dict[str, Any] = node._parameter_overrides
+        return cls({name: item.value for name, item in given.items()})
+
+    def apply(self, topic: str, fixed: Mapping[str, str | int]) -> dict[str, str | int]:
+        """Return what is fixed for the subscription of a topic, which the bundle says too."""
+        found = dict(fixed)
+        for item in self._all:
+            if (item.topic, item.endpoint) == (topic, 'subscription'):
+                value = str(item.value).lower()
+                found.pop(item.policy, None)
+                if value != _AVAILABLE:
+                    found[item.policy] = int(value) if item.policy == 'depth' else value
+        return found
+
+    def refuse_publishers(self, topics: Collection[str]) -> None:
+        """
+        Refuse overrides of what violations are announced with.
+
+        Raises
+        ------
+        Refusal
+            if one is of a publisher of these topics.
+        """
+        names = [item.name for item in self._all
+                 if item.endpoint == 'publisher' and item.topic in topics]
+        if names:
+            raise Refusal(*(f"parameter '{name}' cannot be given: violations are announced "
+                            'reliable, volatile, with a depth of 1000, so that none is lost'
+                            for name in names))
+
+    def unused(self, subscribed: Collection[str]) -> Iterator[str]:
+        """Yield a warning for each that is of none of the topics subscribed to."""
+        for item in self._all:
+            if item.endpoint != 'subscription':
+                yield f"ignored parameter '{item.name}': only subscriptions can be changed"
+            elif item.topic not in subscribed:
+                hint = did_you_mean(item.topic, subscribed)
+                yield (f"ignored parameter '{item.name}': the topic {item.topic} is not "
+                       f'subscribed to{f"; {hint}" if hint else ""}')
+
+
+def _read(given: Mapping[str, object], problems: list[str]) -> Iterator[_Override]:
+    for name, value in given.items():
+        if not name.startswith(_PREFIX):
+            continue
+        topic, *rest = name.removeprefix(_PREFIX).split('.')
+        if topic in _OF_RCLPY:
+            continue
+        if len(rest) != 2 or not topic.startswith('/') \
+                or rest[0].partition('_')[0] not in ('subscription', 'publisher'):
+            problems.append(f"parameter '{name}' is none; write "
+                            f"'{_PREFIX}/TOPIC.subscription.POLICY', with the topic's full name")
+        else:
+            yield _Override(name, topic, rest[0], rest[1], value)
+
+
+def _problems(item: _Override) -> Iterator[str]:
+    where = f"parameter '{item.name}'"
+    if item.endpoint != 'subscription':
+        yield f"{where} is none: subscriptions here have no id, write '.subscription.'"
+    elif item.policy in _TIMED:
+        yield (f'{where} cannot be given: it would keep out publishers that do not offer it; '
+               'for an input that may not be silent, say `timeout` in the bundle')
+    elif item.policy not in _POLICIES:
+        yield (f'{where} is none: '
+               + (did_you_mean(item.policy, _POLICIES) or f'there are {", ".join(_POLICIES)}'))
+    elif item.policy == 'depth':
+        if not isinstance(item.value, int) or isinstance(item.value, bool) \
+                or not 0 < item.value <= _DEEPEST:
+            yield f'{where} is {item.value!r}, and has to be a number of messages, at least 1'
+    else:
+        words = [*_WORDS[item.policy]]
+        words += [] if item.policy == 'history' else [_AVAILABLE]
+        if str(item.value).lower() not in words:
+            yield f'{where} is {item.value!r}, and has to be one of {", ".join(words)}'

@@ -1,0 +1,103 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The standard parameters for the quality of service: read as rclpy names them, or refused."""
+
+from fret_monitor.ros.overrides import Overrides
+from fret_monitor.ros.parameters import Refusal
+import pytest
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSPolicyKind
+from rclpy.qos import QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from ros.harness import Partner
+from std_msgs.msg import Empty
+
+
+def test_what_rclpy_would_do_with_the_same_parameters_is_done(partner: Partner) -> None:
+    values: dict[str, str | int] = {
+        'reliability': 'best_effort', 'durability': 'transient_local', 'history': 'keep_all',
+        'depth': 7}
+    given = {f'qos_overrides./robot/x.subscription.{name}': value
+             for name, value in values.items()}
+    node = Node('other', context=partner.context, namespace='/robot', parameter_overrides=[
+        Parameter(name, value=value) for name, value in given.items()])
+    subscription = node.create_subscription(
+        Empty, 'x', print, QoSProfile(depth=1), qos_overriding_options=QoSOverridingOptions(
+            [QoSPolicyKind[name.upper()] for name in values]))
+    found = Overrides.of(node).apply('/robot/x', {'depth': 3, 'reliability': 'reliable'})
+    assert found == {name: value.name.lower() if hasattr(value, 'name') else value
+                     for name in values
+                     for value in [getattr(subscription.qos_profile, name)]}
+    assert found == values
+    node.destroy_node()
+
+
+def test_an_override_stands_above_the_bundle_and_of_other_topics_nothing_is_said() -> None:
+    overrides = Overrides({
+        'spec': 'x.yaml', 'qos_overrides./x.subscription.reliability': 'RELIABLE',
+        'qos_overrides./y.subscription.reliability': 'best_available',
+        'qos_overrides./parameter_events.publisher.depth': 100})
+    bundle: dict[str, str | int] = {'reliability': 'best_effort', 'depth': 5}
+    assert overrides.apply('/x', bundle) == {'reliability': 'reliable', 'depth': 5}
+    assert overrides.apply('/y', bundle) == {'depth': 5}, 'its publishers decide'
+    assert overrides.apply('/z', bundle) == bundle
+
+
+@pytest.mark.parametrize(('name', 'value', 'told'), [
+    ('/x.subscription.reliability', 'sure', "is 'sure', and has to be one of reliable, best_effor"
+                                            't, best_available'),
+    ('/x.subscription.durability', 1, 'is 1, and has to be one of transient_local, volatile, bes'),
+    ('/x.subscription.history', 'best_available', 'has to be one of keep_last, keep_all'),
+    ('/x.subscription.reliability', 'system_default', 'has to be one of reliable'),
+    ('/x.subscription.depth', 0, 'is 0, and has to be a number of messages, at least 1'),
+    ('/x.subscription.depth', True, 'is True, and has to be a number of messages'),
+    ('/x.subscription.depth', '7', "is '7', and has to be a number of messages"),
+    ('/x.subscription.depth', 2**40, 'has to be a number of messages'),
+    ('/x.subscription.reliabilty', 'reliable', "is none: did you mean 'reliability' or"),
+    ('/x.subscription.colour', 'red', 'is none: there are reliability, durability, history, de'),
+    ('/x.subscription.deadline', 10**9, 'say `timeout` in the bundle'),
+    ('/x.subscription_left.depth', 1, "subscriptions here have no id, write '.subscription.'"),
+    ('x.subscription.depth', 1, "is none; write 'qos_overrides./TOPIC.subscription.POLICY'"),
+    ('/x.depth', 1, "is none; write 'qos_overrides./TOPIC.subscription.POLICY'"),
+    ('/x.service.depth', 1, "is none; write 'qos_overrides./TOPIC.subscription.POLICY'"),
+])
+def test_what_cannot_be_is_refused_with_what_can(
+    name: str, value: str | int, told: str,
+) -> None:
+    with pytest.raises(Refusal) as caught:
+        Overrides({f'qos_overrides.{name}': value, 'qos_overrides./y.subscription.depth': -1})
+    first, second = str(caught.value).splitlines()
+    assert first.startswith(f"error: parameter 'qos_overrides.{name}' ") and told in first
+    assert '/y.subscription.depth' in second
+
+
+def test_what_violations_are_announced_with_stays() -> None:
+    overrides = Overrides({'qos_overrides./copilot/handlerpropR.publisher.depth': 1})
+    overrides.refuse_publishers(['/copilot/handlerpropQ'])
+    with pytest.raises(Refusal, match='so that none is lost'):
+        overrides.refuse_publishers(['/copilot/handlerpropR'])
+
+
+def test_overrides_that_nothing_reads_are_named() -> None:
+    overrides = Overrides({
+        'qos_overrides./windspeed.subscription.depth': 1,
+        'qos_overrides./windsped.subscription.depth': 1,
+        'qos_overrides./motor.publisher.depth': 1})
+    assert list(overrides.unused(['/windspeed', '/current'])) == [
+        "ignored parameter 'qos_overrides./windsped.subscription.depth': the topic /windsped is "
+        "not subscribed to; did you mean '/windspeed'?",
+        "ignored parameter 'qos_overrides./motor.publisher.depth': only subscriptions can be "
+        'changed']
