@@ -28,12 +28,6 @@ from fret_monitor.build import GeneratedMonitor
 from fret_monitor.build import read
 from fret_monitor.diagnostics import CompileError
 from fret_monitor.diagnostics import counted
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import postorder
-from fret_monitor.logic.formula import Since
-from fret_monitor.logic.formula import Triggered
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Property
 from fret_monitor.manifest import Policy
@@ -121,22 +115,13 @@ def _owned_bytes(generated: GeneratedMonitor) -> list[int]:
 
 
 def _bounds(item: Property, policy: Policy, period: Fraction | None) -> str:
-    numbers = sorted(set(_limits(item)))
+    numbers = item.bounds
     if not numbers:
         return '-'
     shown = ', '.join(f'{number:,}' for number in numbers[-_MANY:])
     shown = f'... {shown}' if len(numbers) > _MANY else shown
     if period is None:
         noun = _STEPS[policy][1]
-        return f'{shown} {noun.removesuffix("s") if numbers == [1] else noun}'
+        return f'{shown} {noun.removesuffix("s") if numbers == (1,) else noun}'
     times = ', '.join(f'{float(number * period):g}' for number in numbers[-_MANY:])
     return f'{shown} steps = {times} s'
-
-
-def _limits(item: Property) -> Iterator[int]:
-    """Yield the ends of all windows that reach back."""
-    roots: list[Formula] = [item.formula, *(equation for _, equation in item.feedback)]
-    for node in postorder(roots):
-        if isinstance(node, Once | Historically | Since | Triggered):
-            ends = (node.window.low, node.window.high)
-            yield from (end for end in ends if end is not None and end > 0)

@@ -257,6 +257,7 @@ class _Reading:
             severity=item.severity,
             feedback=self._reached(formula),
             place=item.text.span,
+            bounds=tuple(sorted(term.bounds)),
         )
 
     def _property(self, item: Requirement) -> Term:

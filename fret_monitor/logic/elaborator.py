@@ -69,6 +69,7 @@ from fret_monitor.logic.scope import Scope
 from fret_monitor.logic.terms import alike
 from fret_monitor.logic.terms import Broken
 from fret_monitor.logic.terms import describe
+from fret_monitor.logic.terms import joined_bounds
 from fret_monitor.logic.terms import Term
 from fret_monitor.logic.terms import truth
 from fret_monitor.logic.terms import Undeclared
@@ -92,6 +93,7 @@ _ARITHMETIC = {item.value: item for item in (
     BinaryOperator.ADD, BinaryOperator.SUB, BinaryOperator.MUL, BinaryOperator.DIV,
     BinaryOperator.MOD)}
 _PRE_FUNCTIONS = frozenset({'preBool', 'preInt', 'preReal'})
+_COUNTING = frozenset({'persisted', 'occurred'})
 _TRUE_FUNCTIONS = frozenset({'preBool', 'persisted', 'occurred', 'prevOcc'})
 # FRET's functions of future-time logic, and those of the past that come closest.
 _FUTURE = {'persists': 'persisted(n, p)', 'occurs': 'occurred(n, p)', 'nextOcc': 'prevOcc(p, q)'}
@@ -220,7 +222,19 @@ class Elaborator:
         except CompileError as error:
             self._problems.extend(error.diagnostics)
             return Term(Broken(), node.span)
-        return _with_first_steps(Term(value, node.span, vocabulary), node, operands)
+        bounds = joined_bounds(self._own_bounds(node, operands),
+                               *(term.bounds for term in operands))
+        return _with_first_steps(Term(value, node.span, vocabulary, bounds=bounds), node, operands)
+
+    def _own_bounds(self, node: Expression, operands: list[Term]) -> Iterator[int]:
+        """Yield the numbers of steps that are written at a node itself."""
+        match node:
+            case Prefix() | Infix() if node.bound is not None:
+                past = window(node.bound, self._constant)
+                yield from (end for end in (past.low, past.high) if end is not None)
+            case Call(function) if function in _COUNTING:
+                yield from (term.value.value.numerator for term in operands[:-1]
+                            if isinstance(term.value, Literal))
 
     # Names
 

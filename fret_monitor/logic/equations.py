@@ -53,6 +53,7 @@ from fret_monitor.logic.terms import Broken
 from fret_monitor.logic.terms import cast
 from fret_monitor.logic.terms import convert
 from fret_monitor.logic.terms import describe
+from fret_monitor.logic.terms import joined_bounds
 from fret_monitor.logic.terms import number
 from fret_monitor.logic.terms import settled
 from fret_monitor.logic.terms import Term
@@ -184,8 +185,15 @@ class _Node:
             guesses = risen
         cells = {delay: Feedback(self._feedback_name(delay), _kind(guess))
                  for delay, guess in guesses.items()}
-        for delay, term in self._pass(loop, cells, order, self._problems).items():
+        delayed = self._pass(loop, cells, order, self._problems)
+        for delay, term in delayed.items():
             self._close(delay, cells[delay], term)
+        # What stands on itself stands on the bounds of all of it.
+        bounds = joined_bounds(*(term.bounds for term in delayed.values()),
+                               *(self._names[name].term.bounds for name in order))
+        for name in order:
+            term = replace(self._names[name].term, bounds=bounds)
+            self._names[name] = replace(self._names[name], term=term)
 
     def _pass(self, loop: '_Loop', cells: Mapping['_Delay', Cell], order: list[str],
               problems: Problems) -> dict['_Delay', Term]:
@@ -372,4 +380,4 @@ def _declared(term: Term, declaration: TypeDeclaration) -> Term:
         return term
     if isinstance(value, Literal):
         return replace(term, value=replace(value, is_real=True))
-    return Term(convert(value, ValueType.FLOAT64), term.span, None, term.undefined, term.origin)
+    return replace(term, value=convert(value, ValueType.FLOAT64), vocabulary=None)

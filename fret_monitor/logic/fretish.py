@@ -55,6 +55,7 @@ from fret_monitor.logic.formula import Window
 from fret_monitor.logic.formula import Yesterday
 from fret_monitor.logic.scope import Scope
 from fret_monitor.logic.terms import Broken
+from fret_monitor.logic.terms import joined_bounds
 from fret_monitor.logic.terms import Term
 from fret_monitor.logic.terms import truth
 from fret_monitor.syntax.expression import Expression
@@ -127,6 +128,7 @@ class _Formalisation:
         self._sentence = sentence
         self._problems = problems
         self._period = period
+        self._bounds: frozenset[int] = frozenset()
         # A scope's own expression looks back without an end.
         mode: Formula | None = TRUE
         if sentence.scope is not None:
@@ -149,7 +151,7 @@ class _Formalisation:
         timing, is_negated = _meant(sentence)
         formula = base.formula(timing, _not(response) if is_negated else response,
                                sentence.scope_kind.is_only)
-        return Term(formula, sentence.span)
+        return Term(formula, sentence.span, bounds=joined_bounds(self._bounds, (steps,)))
 
     def _is_value(self, phrase: ScopePhrase, scope: Scope) -> bool:
         """Tell a mode that is only the name of a value, with the scope to write."""
@@ -171,6 +173,7 @@ class _Formalisation:
         term = elaborator.term(expression)
         if term.is_broken:
             return None
+        self._bounds = joined_bounds(self._bounds, term.bounds)
         try:
             return truth(term, operator)
         except CompileError as error:

@@ -61,7 +61,8 @@ class Property:
 
     `feedback` holds, for each `Feedback` node that the formula reaches, the equation it delays
     (whose own operands may reach `Feedback` nodes again, its own too). `place` is the formula's
-    text.
+    text. `bounds` are the numbers of steps that were written in it and in the definitions it uses,
+    the largest few, in order: the formula of a sentence has more.
     """
 
     id: str
@@ -73,6 +74,7 @@ class Property:
     severity: Severity
     feedback: tuple[tuple[Feedback, Formula], ...] = ()
     place: Span | None = None
+    bounds: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,8 @@ class Term:
 
     `vocabulary` are the names of its values, if it is an input that has some (or `pre` or a
     choice of such). `undefined` is the number of first steps at which a bare `pre` of Lustre
-    leaves it without a value, `origin` the place of that `pre`.
+    leaves it without a value, `origin` the place of that `pre`. `bounds` are the numbers of steps
+    that were written in it, the largest few.
     """
 
     value: Value
@@ -99,6 +100,7 @@ class Term:
     vocabulary: Vocabulary | None = None
     undefined: int = 0
     origin: Span | None = None
+    bounds: frozenset[int] = frozenset()
 
     @property
     def is_broken(self) -> bool:
@@ -118,6 +120,16 @@ class Term:
     def is_text(self) -> bool:
         """Whether it is a string input, or a name of its values."""
         return self.vocabulary is not None and self.vocabulary.is_text
+
+
+MANY_BOUNDS = 5
+"""How many bounds a term remembers."""
+
+
+def joined_bounds(*bounds: Iterable[int]) -> frozenset[int]:
+    """Return the largest few of some bounds."""
+    found = {steps for each in bounds for steps in each if steps > 0}
+    return frozenset(sorted(found)[-MANY_BOUNDS:])
 
 
 def describe(term: Term) -> str:
