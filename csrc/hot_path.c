@@ -44,9 +44,10 @@ struct fm_source
   void * subscription;
   struct fm_serialized message;  // of who takes: a callback under the mutex, or the drain
   uint32_t topic;
-  bool is_retired;   // these three are guarded by the watch's mutex
+  bool is_retired;   // these four are guarded by the watch's mutex
   bool is_draining;
   bool is_awaited;   // a callback came while it was drained
+  bool is_behind;    // some may be left that a callback has told of
 };
 
 static void * allocate(size_t size, void * state)
@@ -104,7 +105,11 @@ static void on_message(const void * user_data, size_t count)
   if (source->is_draining) {
     source->is_awaited = true;
   } else {
-    for (size_t k = 0; k < count && take(source, &info); ++k) {
+    for (size_t k = 0; k < count || source->is_behind; ++k) {
+      if (!take(source, &info)) {
+        source->is_behind = false;
+        break;
+      }
       deliver_locked(source, &info);
     }
   }
@@ -119,11 +124,12 @@ static void begin_draining(struct fm_source * source)
 }
 
 // Returns whether it is over: nothing came while it was found empty, or it has taken enough; what
-// is left then waits for the next callback or drain.
+// is left is for the next callback or drain.
 static bool end_draining(struct fm_source * source, bool is_enough)
 {
   fm_watch_lock(source->watch);
   const bool is_over = is_enough || !source->is_awaited;
+  source->is_behind = is_enough;
   source->is_awaited = false;
   source->is_draining = !is_over;
   fm_watch_unlock(source->watch);

@@ -30,6 +30,7 @@
 #define MOST_QUEUED (1u << 20)
 #define MOST_DETAILS 1024u
 #define DETAIL_MEMORY (4u << 20)
+#define HELD_FOR_DETAIL 100u  // milliseconds
 #define REMEMBERED 4096u  // messages of a topic that would be recognised if they came again
 
 struct key
@@ -57,6 +58,13 @@ struct quota
   uint64_t refused;
 };
 
+// A violation on its way out.
+struct queued
+{
+  struct fm_violation violation;
+  uint64_t detail;  // the number of its detail, from 1; 0: none is kept
+};
+
 struct fm_watch
 {
   pthread_mutex_t mutex;
@@ -67,7 +75,7 @@ struct fm_watch
   struct fm_violation * found;   // by one step
   struct topic * topics;
   struct quota * quotas;
-  struct fm_violation * queue;   // a ring; capacity is a power of two
+  struct queued * queue;         // a ring; capacity is a power of two
   uint32_t queue_begin;
   uint32_t queued;
   uint32_t queue_capacity;
@@ -78,6 +86,9 @@ struct fm_watch
   uint32_t detail_begin;
   uint32_t detailed;
   uint32_t most_details;
+  uint64_t details_kept;         // so far
+  uint64_t details_out;          // published: what they belong to may follow
+  uint64_t details_taken;
   int (* now)(void * clock, int64_t * nanoseconds);
   void * clock;
   bool wants_details;
@@ -135,7 +146,7 @@ static bool make_memory(struct fm_watch * watch)
   watch->found = room_for(requirements, sizeof(struct fm_violation));
   watch->quotas = room_for(requirements, sizeof(struct quota));
   watch->topics = room_for(options->n_topics, sizeof(struct topic));
-  watch->queue = room_for(FIRST_CAPACITY, sizeof(struct fm_violation));
+  watch->queue = room_for(FIRST_CAPACITY, sizeof(struct queued));
   watch->queue_capacity = FIRST_CAPACITY;
   return watch->fields != NULL && watch->found != NULL && watch->quotas != NULL &&
          watch->topics != NULL && watch->queue != NULL;
@@ -188,6 +199,7 @@ void fm_watch_close(struct fm_watch * watch)
 {
   pthread_mutex_lock(&watch->mutex);
   watch->is_closed = true;
+  watch->details_out = watch->details_kept;
   pthread_cond_broadcast(&watch->violation_queued);
   pthread_cond_broadcast(&watch->detail_queued);
   pthread_mutex_unlock(&watch->mutex);
@@ -216,7 +228,7 @@ static bool grow_queue_locked(struct fm_watch * watch)
   if (before >= MOST_QUEUED) {
     return false;
   }
-  struct fm_violation * queue = malloc(2u * (size_t)before * sizeof(*queue));
+  struct queued * queue = malloc(2u * (size_t)before * sizeof(*queue));
   if (queue == NULL) {
     return false;
   }
@@ -230,13 +242,15 @@ static bool grow_queue_locked(struct fm_watch * watch)
   return true;
 }
 
-static void queue_violation_locked(struct fm_watch * watch, const struct fm_violation * item)
+static void queue_violation_locked(
+  struct fm_watch * watch, const struct fm_violation * item, uint64_t detail)
 {
   if (watch->queued == watch->queue_capacity && !grow_queue_locked(watch)) {
     watch->lost += 1;
     return;
   }
-  watch->queue[(watch->queue_begin + watch->queued) & (watch->queue_capacity - 1u)] = *item;
+  const struct queued entry = {*item, detail};
+  watch->queue[(watch->queue_begin + watch->queued) & (watch->queue_capacity - 1u)] = entry;
   watch->queued += 1;
 }
 
@@ -256,12 +270,13 @@ static bool may_detail_locked(struct fm_watch * watch, struct quota * quota, int
   return quota->spent < watch->most_details && watch->detailed < watch->detail_slots;
 }
 
-static void queue_detail_locked(struct fm_watch * watch, const struct fm_violation * item)
+// Returns the number of the detail, 0 if it is left out.
+static uint64_t queue_detail_locked(struct fm_watch * watch, const struct fm_violation * item)
 {
   struct quota * quota = &watch->quotas[item->requirement];
   if (!may_detail_locked(watch, quota, monotonic_seconds())) {
     quota->refused += 1;
-    return;
+    return 0;
   }
   const struct fm_detail detail = {*item, quota->refused};
   const uint32_t place = (watch->detail_begin + watch->detailed) % watch->detail_slots;
@@ -276,15 +291,16 @@ static void queue_detail_locked(struct fm_watch * watch, const struct fm_violati
   }
   quota->spent += 1;
   watch->detailed += 1;
+  watch->details_kept += 1;
+  return watch->details_kept;
 }
 
 static void announce_locked(struct fm_watch * watch, uint32_t n)
 {
   for (uint32_t k = 0; k < n; ++k) {
-    queue_violation_locked(watch, &watch->found[k]);
-    if (watch->wants_details) {
-      queue_detail_locked(watch, &watch->found[k]);
-    }
+    const uint64_t detail =
+      watch->wants_details ? queue_detail_locked(watch, &watch->found[k]) : 0;
+    queue_violation_locked(watch, &watch->found[k], detail);
   }
   if (n > 0) {
     pthread_cond_signal(&watch->violation_queued);
@@ -309,12 +325,22 @@ static bool make_details_locked(struct fm_watch * watch)
   return watch->details != NULL;
 }
 
+// Whoever publishes details does it no longer: hold no violation back for them.
+static void release_all_locked(struct fm_watch * watch)
+{
+  watch->details_out = watch->details_kept;
+  pthread_cond_signal(&watch->violation_queued);
+}
+
 void fm_watch_detail(struct fm_watch * watch, bool is_wanted, uint32_t most)
 {
   pthread_mutex_lock(&watch->mutex);
   watch->most_details = most;
   watch->wants_details =
     is_wanted && (watch->details != NULL || make_details_locked(watch));
+  if (!watch->wants_details) {
+    release_all_locked(watch);
+  }
   pthread_mutex_unlock(&watch->mutex);
 }
 
@@ -331,30 +357,46 @@ static struct timespec in_milliseconds(uint32_t milliseconds)
   return end;
 }
 
-// Wait until something is queued, the time is over, or it is closed.
-static void wait_locked(
-  struct fm_watch * watch, pthread_cond_t * condition, const uint32_t * queued,
-  uint32_t milliseconds)
+// Violations at the head of the queue whose details are out.
+static uint32_t released_locked(const struct fm_watch * watch, uint32_t room)
 {
-  if (*queued > 0 || milliseconds == 0) {
-    return;
+  uint32_t n = 0;
+  while (n < room && n < watch->queued &&
+    watch->queue[(watch->queue_begin + n) & (watch->queue_capacity - 1u)].detail <=
+    watch->details_out)
+  {
+    n += 1;
   }
+  return n;
+}
+
+// Wait until a violation may go out, the time is over, or it is closed and all are out.
+static uint32_t wait_for_violations_locked(
+  struct fm_watch * watch, uint32_t room, uint32_t milliseconds)
+{
   const struct timespec end = in_milliseconds(milliseconds);
-  while (*queued == 0 && !watch->is_closed) {
-    if (pthread_cond_timedwait(condition, &watch->mutex, &end) != 0) {
-      return;
+  const struct timespec held = in_milliseconds(HELD_FOR_DETAIL);
+  uint32_t n = released_locked(watch, room);
+  while (n == 0 && (watch->queued > 0 || (!watch->is_closed && milliseconds > 0))) {
+    if (watch->queued == 0) {
+      if (pthread_cond_timedwait(&watch->violation_queued, &watch->mutex, &end) != 0) {
+        return released_locked(watch, room);
+      }
+    } else if (pthread_cond_timedwait(&watch->violation_queued, &watch->mutex, &held) != 0) {
+      release_all_locked(watch);  // a violation is worth more than its detail
     }
+    n = released_locked(watch, room);
   }
+  return n;
 }
 
 uint32_t fm_watch_take(
   struct fm_watch * watch, struct fm_violation * out, uint32_t room, uint32_t milliseconds)
 {
   pthread_mutex_lock(&watch->mutex);
-  wait_locked(watch, &watch->violation_queued, &watch->queued, milliseconds);
-  const uint32_t n = watch->queued < room ? watch->queued : room;
+  const uint32_t n = wait_for_violations_locked(watch, room, milliseconds);
   for (uint32_t k = 0; k < n; ++k) {
-    out[k] = watch->queue[(watch->queue_begin + k) & (watch->queue_capacity - 1u)];
+    out[k] = watch->queue[(watch->queue_begin + k) & (watch->queue_capacity - 1u)].violation;
   }
   watch->queue_begin = (watch->queue_begin + n) & (watch->queue_capacity - 1u);
   watch->queued -= n;
@@ -362,15 +404,30 @@ uint32_t fm_watch_take(
   return n;
 }
 
+static void wait_for_details_locked(struct fm_watch * watch, uint32_t milliseconds)
+{
+  const struct timespec end = in_milliseconds(milliseconds);
+  while (watch->detailed == 0 && !watch->is_closed && milliseconds > 0) {
+    if (pthread_cond_timedwait(&watch->detail_queued, &watch->mutex, &end) != 0) {
+      return;
+    }
+  }
+}
+
 bool fm_watch_take_detail(struct fm_watch * watch, struct fm_detail * out, uint32_t milliseconds)
 {
   pthread_mutex_lock(&watch->mutex);
-  wait_locked(watch, &watch->detail_queued, &watch->detailed, milliseconds);
+  if (watch->details_out < watch->details_taken) {
+    watch->details_out = watch->details_taken;
+    pthread_cond_signal(&watch->violation_queued);
+  }
+  wait_for_details_locked(watch, milliseconds);
   const bool has_one = watch->detailed > 0;
   if (has_one) {
     memcpy(out, watch->details + watch->detail_begin * watch->slot, detail_bytes(watch));
     watch->detail_begin = (watch->detail_begin + 1u) % watch->detail_slots;
     watch->detailed -= 1;
+    watch->details_taken = watch->details_kept - watch->detailed;
   }
   pthread_mutex_unlock(&watch->mutex);
   return has_one;

@@ -112,7 +112,8 @@ FM_EXPORT void fm_watch_overlap(struct fm_watch * watch, uint32_t topic, bool ha
 FM_EXPORT void fm_watch_settle(struct fm_watch * watch, uint32_t topic);
 
 /// Take up to `room` violations from the queue, in order; wait up to `milliseconds` if there are
-/// none. Returns their number; 0 after the time, or once it is closed and the queue empty.
+/// none. Returns their number; 0 after the time, or once it is closed and the queue empty. A
+/// violation whose detail is kept comes after that was published, or 0.1 s later at most.
 FM_EXPORT uint32_t fm_watch_take(
   struct fm_watch * watch, struct fm_violation * out, uint32_t room, uint32_t milliseconds);
 
@@ -121,7 +122,8 @@ FM_EXPORT uint32_t fm_watch_take(
 FM_EXPORT void fm_watch_detail(struct fm_watch * watch, bool is_wanted, uint32_t most);
 
 /// Take the next detail: fm_detail, behind it the inputs (monitor->inputs_bytes), behind them the
-/// flags (monitor->n_inputs). Waits as fm_watch_take. Returns whether there was one.
+/// flags (monitor->n_inputs). Waits as fm_watch_take. Returns whether there was one. To ask for
+/// the next one is to say that this one was published.
 FM_EXPORT bool fm_watch_take_detail(
   struct fm_watch * watch, struct fm_detail * out, uint32_t milliseconds);
 

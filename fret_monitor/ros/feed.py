@@ -315,6 +315,7 @@ class _Topic:
 
     def _destroy(self, subscription: Subscription, tap: Tap | None) -> None:
         if tap is not None:
+            tap.drain()
             tap.stop()
         self._node.destroy_subscription(subscription)
 

@@ -31,7 +31,8 @@
 #include <string.h>
 #include <time.h>
 
-enum { N_TOPICS = 2, N_SENDERS = 4, N_MESSAGES = 20000, N_RENEWALS = 12, MESSAGE = 5 };
+enum { N_TOPICS = 2, N_SENDERS = 4,
+  N_MESSAGES = 20000, N_RENEWALS = 12, MESSAGE = 5, MOST_WAITING = 200 };
 
 static int failures = 0;
 
@@ -222,6 +223,20 @@ static const struct fm_readers readers = {FM_ABI, N_TOPICS, reader};
 
 // ---- the load ----------------------------------------------------------------------------------
 
+static void pause_a_little(void)
+{
+  const struct timespec a_little = {0, 2000000};
+  nanosleep(&a_little, NULL);
+}
+
+static size_t count_waiting(struct subscription * subscription)
+{
+  pthread_mutex_lock(&subscription->reader);
+  const size_t waiting = subscription->end - subscription->begin;
+  pthread_mutex_unlock(&subscription->reader);
+  return waiting;
+}
+
 // Every third message is false, every fiftieth has a field that cannot be used, every hundredth
 // is garbage.
 static void * send(void * argument)
@@ -233,12 +248,17 @@ static void * send(void * argument)
     pthread_mutex_lock(&topic->mutex);
     topic->sequence += 1;
     item.sequence = topic->sequence;
+    size_t waiting = 0;
     for (int s = 0; s < 2; ++s) {
       if (topic->subscriptions[s] != NULL) {
         arrive(topic->subscriptions[s], &item);
+        waiting += count_waiting(topic->subscriptions[s]);
       }
     }
     pthread_mutex_unlock(&topic->mutex);
+    if (waiting > MOST_WAITING) {  // as a queue of that depth would make it
+      pause_a_little();
+    }
   }
   return NULL;
 }
@@ -264,10 +284,12 @@ static void put(struct topic * topic, int place, struct subscription * subscript
   pthread_mutex_unlock(&topic->mutex);
 }
 
-static void pause_a_little(void)
+// As the feed does now and then.
+static void empty(struct fm_source * source, struct subscription * subscription)
 {
-  const struct timespec a_little = {0, 2000000};
-  nanosleep(&a_little, NULL);
+  while (count_waiting(subscription) > 0) {
+    fm_source_drain(source);
+  }
 }
 
 // Replace the subscription of a topic while messages come; the new one first.
@@ -285,6 +307,7 @@ static struct fm_source * renew(
   pause_a_little();
   fm_source_drain(source);
   put(topic, 1 - place, NULL);
+  empty(before, old);
   fm_source_stop(before);
   fm_watch_settle(watch, t);
   free_subscription(old);
@@ -366,6 +389,7 @@ int main(void)
     pthread_join(senders[k], NULL);
   }
   for (uint32_t t = 0; t < N_TOPICS; ++t) {
+    empty(sources[t], topics[t].subscriptions[N_RENEWALS % 2]);
     fm_source_stop(sources[t]);
     free_subscription(topics[t].subscriptions[N_RENEWALS % 2]);
   }
