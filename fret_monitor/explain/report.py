@@ -220,8 +220,11 @@ def _remarks(subject: Subject, examples: Examples) -> Iterator[str]:
             yield f'No trace {kind} it (all its states looked at: {examples.states:,}).'
         elif trace is None:
             yield f'No trace that {kind} it was found in {_looked(examples)}; there may be one.'
-    if examples.violating and _has_nan(examples.violating):
-        yield 'Only a value that is no number (nan) was found to violate it.'
+    for trace, verb in ((examples.satisfying, 'satisfy it'), (examples.violating, 'violate it'),
+                        (examples.recovering, 'let it recover')):
+        if trace and _has_nan(trace):
+            yield (f'Only with NaN was a trace found to {verb}: a float may be that, and all '
+                   'comparisons with it but != are false.')
     if examples.satisfying and not _is_triggered(subject, examples.satisfying):
         yield ('No trace was found in which its condition comes true and the verdict is true: '
                'the satisfying example is trivial.')
