@@ -81,13 +81,15 @@ class Reading:
     """
     A bundle as understood: what it means, what was odd about it, and its hash.
 
-    `files` are those it was read from, the bundle first, each with the SHA-256 of what was read.
+    `files` are those it was read from, the bundle first, each with the SHA-256 of what was read;
+    `messages` the message types it reads, each with the fingerprint of its definition.
     """
 
     specification: Specification
     warnings: tuple[Diagnostic, ...]
     bundle_hash: str
     files: tuple[tuple[Path, str], ...]
+    messages: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -119,8 +121,15 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
         raise CompileError(problems.errors)
     bundle = _with_policy(written, policy, period, problems)
     specification, warnings = specify(bundle, problems=problems)
-    return Reading(specification, warnings, _bundle_hash(bundle, specification),
-                   tuple((Path(source.name), text_hash(source.text)) for source in bundle.sources))
+    messages = _messages(specification)
+    return Reading(specification, warnings, _bundle_hash(bundle, specification, messages),
+                   tuple((Path(source.name), text_hash(source.text)) for source in bundle.sources),
+                   messages)
+
+
+def _messages(specification: Specification) -> tuple[tuple[str, str], ...]:
+    layouts = {item.layout.name: item.layout for item in specification.signals if item.layout}
+    return tuple((name, layout.fingerprint) for name, layout in layouts.items())
 
 
 def _with_policy(bundle: Bundle, policy: Policy | None, period: Fraction | None,
@@ -141,10 +150,12 @@ def text_hash(text: str) -> str:
     return hashlib.sha256(text.encode('utf-8', 'surrogatepass')).hexdigest()
 
 
-def _bundle_hash(bundle: Bundle, specification: Specification) -> str:
+def _bundle_hash(bundle: Bundle, specification: Specification,
+                 messages: tuple[tuple[str, str], ...]) -> str:
     """Hash the files' texts and what the message definitions and overrides made of them."""
     parts = [str(FORMAT), bundle.name, *(source.text for source in bundle.sources)]
     parts += [repr(signal) for signal in specification.signals]
+    parts += [f'{name} {fingerprint}' for name, fingerprint in messages]
     parts += [specification.policy.value, str(specification.period)]
     return text_hash('\0'.join(parts))
 

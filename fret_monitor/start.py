@@ -28,13 +28,11 @@ import os
 from pathlib import Path
 import tempfile
 from typing import Any
+from typing import TYPE_CHECKING
 
 from fret_monitor.diagnostics import CompileError
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Text
 from fret_monitor.manifest import Manifest
 from fret_monitor.manifest import ManifestError
-from fret_monitor.manifest import ManifestInput
 from fret_monitor.manifest import Policy
 from fret_monitor.native.cache import cache_directory
 from fret_monitor.native.cache import csrc_directory
@@ -43,7 +41,9 @@ from fret_monitor.native.compiler import find_compiler
 from fret_monitor.native.errors import NativeError
 from fret_monitor.native.monitor import CompiledMonitor
 from fret_monitor.syntax.message import find_message
-from fret_monitor.syntax.message import resolve_field
+
+if TYPE_CHECKING:
+    from fret_monitor.build import Reading
 
 _NOTES = 'bundles'
 
@@ -95,7 +95,7 @@ def _build(path: Path, policy: Policy | None, period: Fraction | None,
     reading = read(path, policy=policy, period=period)
     compiled = compile_monitor(generate_monitor(reading))
     if note:
-        _remember(note, compiled, reading.files)
+        _remember(note, compiled, reading)
     return compiled
 
 
@@ -139,7 +139,7 @@ def _recall(note: Path, path: Path) -> CompiledMonitor | None:
         library = Path(content['library'])
         warnings = tuple(str(item) for item in list(content['warnings']))
         holds = is_kept(library) and _are_same(path, content['files']) \
-            and all(_is_same(item) for item in manifest.inputs)
+            and content['messages'] == _messages(manifest)
         return CompiledMonitor(manifest, library, warnings) if holds else None
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError,
             ManifestError, CompileError):
@@ -157,27 +157,16 @@ def _read(file: Path) -> str:
     return _hash(file.read_bytes().removeprefix(b'\xef\xbb\xbf'))
 
 
-def _is_same(item: ManifestInput) -> bool:
-    """Whether an input's message still has the field that was found, of the type it had."""
-    if item.message_type is None:
-        return True
-    layout = find_message(item.message_type)
-    wanted = Text.whole(Source('<field>', _written(item.path)))
-    found = resolve_field(layout, wanted, Text.whole(Source('<type>', item.message_type)))
-    kind = 'string' if item.is_string else item.value_type.value
-    return found.path == item.path and found.type_name == kind
-
-
-def _written(path: tuple[str | int, ...]) -> str:
-    steps = (f'[{step}]' if isinstance(step, int) else f'.{step}' for step in path)
-    return ''.join(steps).removeprefix('.')
+def _messages(manifest: Manifest) -> dict[str, str]:
+    """Return, by name, what tells the messages that a bundle reads from others."""
+    types = {item.message_type for item in manifest.inputs if item.message_type is not None}
+    return {name: find_message(name).fingerprint for name in types}
 
 
 # -- remembering ----------------------------------------------------------------------------------
 
 
-def _remember(note: Path, compiled: CompiledMonitor,
-              files: tuple[tuple[Path, str], ...]) -> None:
+def _remember(note: Path, compiled: CompiledMonitor, reading: 'Reading') -> None:
     """Write a note, as a whole; without one the next start takes longer, and that is all."""
     try:
         if not is_kept(compiled.library):
@@ -187,7 +176,8 @@ def _remember(note: Path, compiled: CompiledMonitor,
             'library': str(compiled.library),
             'warnings': list(compiled.warnings),
             # Of what was read then: what the files say by now may not be what was built.
-            'files': [[str(Path.cwd() / file), digest] for file, digest in files],
+            'files': [[str(Path.cwd() / file), digest] for file, digest in reading.files],
+            'messages': dict(reading.messages),
         })
         note.parent.mkdir(mode=0o700, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=note.parent)

@@ -183,6 +183,13 @@ def literal(value: bool | int | float, type: ValueType) -> Atom:
     return Atom(str(number) if abs(number) < 2 ** 31 else f'INT64_C({number})')
 
 
+def string_literal(data: bytes) -> str:
+    """Return a C string literal of any bytes; octal escapes end after three digits."""
+    shown = ''.join(chr(byte) if 32 <= byte < 127 and chr(byte) not in '"\\?' else f'\\{byte:03o}'
+                    for byte in data)
+    return f'"{shown}"'
+
+
 def _float_literal(value: float, type: ValueType) -> str:
     suffix = 'f' if type is ValueType.FLOAT32 else ''
     cast = '' if suffix else '(double)'

@@ -15,6 +15,7 @@
 """The manifest of a monitor program: what the run-time must know of it."""
 
 from fret_monitor.codegen.module import CModule
+from fret_monitor.codegen.readers import topics_of
 from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.formula import postorder
 from fret_monitor.logic.formula import Variable
@@ -69,12 +70,8 @@ def _input(signal: Signal) -> ManifestInput:
 
 
 def _topics(signals: tuple[Signal, ...]) -> tuple[ManifestTopic, ...]:
-    topics: dict[str, list[int]] = {}
-    for index, signal in enumerate(signals):
-        if signal.topic is not None and signal.message_type is not None:
-            topics.setdefault(signal.topic, []).append(index)
     return tuple(ManifestTopic(name, signals[fed[0]].message_type or '', tuple(fed),
-                               signals[fed[0]].qos) for name, fed in topics.items())
+                               signals[fed[0]].qos) for name, fed in topics_of(signals).items())
 
 
 def _group(layout: GroupLayout) -> ManifestGroup:

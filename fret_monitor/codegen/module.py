@@ -31,6 +31,7 @@ from fret_monitor.codegen.comments import safe
 from fret_monitor.codegen.names import C_TYPES
 from fret_monitor.codegen.names import field
 from fret_monitor.codegen.names import Names
+from fret_monitor.codegen.readers import generate_readers
 from fret_monitor.codegen.step import PartWriter
 from fret_monitor.manifest import ValueType
 from fret_monitor.program.layout import GroupLayout
@@ -47,8 +48,9 @@ class CModule:
     """
     Generated C: `header` and `sources` as (file name, text).
 
-    `symbol` is the exported function that returns the `struct fm_monitor`; `source_hash` the
-    SHA-256 of all texts, which stands in that struct too.
+    `symbol` is the exported function that returns the `struct fm_monitor`; `readers` the one that
+    returns the `struct fm_readers`, '' if there are no topics; `source_hash` the SHA-256 of all
+    texts, which stands in the struct of the monitor too.
     """
 
     name: str
@@ -56,6 +58,7 @@ class CModule:
     source_hash: str
     header: tuple[str, str]
     sources: tuple[tuple[str, str], ...]
+    readers: str = ''
 
 
 def generate(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> CModule:
@@ -66,9 +69,13 @@ def generate(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> CModu
     writer = _ModuleWriter(program, layouts, names)
     header = '\n'.join(writer.header()) + '\n'
     texts = [(name, '\n'.join(lines) + '\n') for name, lines in writer.sources()]
+    readers = list(generate_readers(names, program.name, program.signals))
+    if readers:
+        texts.append((names.fields_source, '\n'.join(readers) + '\n'))
     digest = hashlib.sha256('\0'.join([header, *(text for _, text in texts)]).encode()).hexdigest()
     sources = tuple((name, text.replace(_HASH_FIELD, digest)) for name, text in texts)
-    return CModule(program.name, names.symbol, digest, (names.header, header), sources)
+    return CModule(program.name, names.symbol, digest, (names.header, header), sources,
+                   names.readers if readers else '')
 
 
 class _ModuleWriter:
@@ -414,7 +421,4 @@ def _mentions(lines: list[str], word: str) -> bool:
 
 
 def _string(text: str) -> str:
-    """Return a C string literal of any text; octal escapes end after three digits."""
-    shown = ''.join(chr(byte) if 32 <= byte < 127 and chr(byte) not in '"\\?' else f'\\{byte:03o}'
-                    for byte in text.encode())
-    return f'"{shown}"'
+    return c.string_literal(text.encode())

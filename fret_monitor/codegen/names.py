@@ -38,7 +38,7 @@ _KEYWORDS = frozenset("""
 """.split())
 _OURS = frozenset({'s', 'in', 'state', 'inputs', 'verdicts', 'pow', 'fmod', 'fmodf', 'memset'})
 _GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+$')
-_MODULE = re.compile(r'req_.*|requirements|step|step_any|reset|monitor|groups?_.*')
+_MODULE = re.compile(r'req_.*|requirements|step|step_any|reset|monitor|readers|groups?_.*')
 _LONGEST_PREFIX = 100  # names of files are made of it
 
 C_TYPES = {
@@ -112,6 +112,16 @@ class Names:
     def symbol(self) -> str:
         """The function that returns the module's description."""
         return f'{self.prefix}_monitor'
+
+    @property
+    def readers(self) -> str:
+        """The function that returns how messages are read."""
+        return f'{self.prefix}_readers'
+
+    @property
+    def fields_source(self) -> str:
+        """File name of the C file that reads messages."""
+        return f'{self.prefix}_fields.c'
 
     @property
     def requirement_count(self) -> str:

@@ -13,20 +13,23 @@
 # limitations under the License.
 
 """
-Message definitions: what fields a ROS message has, read from the `.msg` files that are installed.
+Message definitions: what fields a ROS message has, read from the definitions that are installed.
 
 `find_message` looks for `share/PKG/msg/Name.msg` where ROS packages install it, and returns a
 `MessageLayout`: the fields in the order in which they are serialized, with their types. Messages
-within messages are looked for when they are asked for. `resolve_field` says what a field path such
-as `pose.position.z` or `ranges[3]` leads to. The grammar is that of `rosidl`.
+within messages are looked for when they are asked for. Services and actions have messages too,
+which `rosidl` derives from their `.srv` and `.action` files: `pkg/srv/Name_Event` tells of a call,
+`pkg/action/Name_FeedbackMessage` of a goal's progress. The grammar is that of `rosidl`.
 """
 
 from collections.abc import Iterator
+from collections.abc import Mapping
 from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import field
 from enum import Enum
 from functools import lru_cache
+from hashlib import sha256
 import os
 from pathlib import Path
 import re
@@ -38,26 +41,26 @@ from fret_monitor.diagnostics import did_you_mean
 from fret_monitor.diagnostics import refuse
 from fret_monitor.diagnostics import Source
 from fret_monitor.diagnostics import Span
-from fret_monitor.diagnostics import Text
 from fret_monitor.syntax.words import LONGEST_PATH
 from fret_monitor.syntax.words import shown
 
 _SCALARS = (
     'bool', 'byte', 'char', 'int8', 'uint8', 'int16', 'uint16', 'int32', 'uint32', 'int64',
     'uint64', 'float32', 'float64', 'string', 'wstring')
-_READ_AS = {'byte': 'uint8', 'char': 'uint8'}
 _LEGACY = {'time': 'builtin_interfaces/msg/Time', 'duration': 'builtin_interfaces/msg/Duration'}
 _MAX_LISTED = 12
-_MAX_DEPTH = 8
-_MAX_INDEX = 2 ** 31 - 1
 _MAX_BYTES = 2 ** 20
+_SEPARATOR = '---'
+_KINDS = {'msg': 'message', 'srv': 'service', 'action': 'action'}
 
+_INTERFACE = re.compile(
+    r'(?P<package>[A-Za-z][A-Za-z0-9_]*)/(?:(?P<folder>msg|srv|action)/)?'
+    r'(?P<name>[A-Z][A-Za-z0-9]*)(?P<part>(?:_[A-Za-z]+)*)')
 _TYPE_NAME = re.compile(r'([A-Za-z][A-Za-z0-9_]*)/(?:msg/)?([A-Z][A-Za-z0-9]*)')
 _TYPE = re.compile(
     r'(?P<base>[A-Za-z][A-Za-z0-9_/]*?)(?:<=(?P<limit>[0-9]+))?'
     r'(?P<array>\[(?P<bound><=)?(?P<size>[0-9]+)?\])?')
 _FIELD_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
-_STEP = re.compile(r'(?P<name>[A-Za-z][A-Za-z0-9_]*)(?:\[(?P<index>[0-9]+)\])?')
 
 
 class ArrayKind(Enum):
@@ -150,19 +153,14 @@ class MessageLayout:
         """
         return find_message(kind.base, self.search_path or None)
 
+    @property
+    def fingerprint(self) -> str:
+        """
+        The SHA-256 of what decides how the message is serialized, with the messages within it.
 
-@dataclass(frozen=True)
-class ResolvedField:
-    """
-    Where a field path leads.
-
-    `path` holds names and indices; `type_name` is the scalar at its end, with `byte` and `char` as
-    `uint8`; `types` are the types of the fields on the way, one for each name in the path.
-    """
-
-    path: tuple[str | int, ...]
-    type_name: str
-    types: tuple[FieldType, ...]
+        One that is not installed counts as such.
+        """
+        return sha256(repr(sorted(_shapes(self).items())).encode()).hexdigest()
 
 
 def search_path() -> tuple[Path, ...]:
@@ -175,7 +173,8 @@ def search_path() -> tuple[Path, ...]:
 def find_message(type_name: str, search: Sequence[Path] | None = None,
                  place: Span | None = None) -> MessageLayout:
     """
-    Return the layout of an installed message type, `pkg/msg/Name` or `pkg/Name`.
+    Return the layout of an installed message type: `pkg/msg/Name`, `pkg/Name`, or one of a service
+    or an action, such as `pkg/srv/Name_Event`.
 
     `search` are the prefixes to look in, in this order; `search_path()` unless given. `place` is
     where the type is named, for the error.
@@ -186,48 +185,72 @@ def find_message(type_name: str, search: Sequence[Path] | None = None,
         if there is no such message, or its definition cannot be read.
     """
     prefixes = search_path() if search is None else tuple(search)
-    match = _TYPE_NAME.fullmatch(type_name)
-    if match is None:
+    match = _INTERFACE.fullmatch(type_name)
+    folder = (match['folder'] or 'msg') if match else ''
+    if match is None or (folder == 'msg') != (match['part'] == ''):
         refuse(f'{shown(type_name)} is not the name of a message type', place,
                help='a message type is written pkg/msg/Name, such as std_msgs/msg/Float32')
-    package, name = match.groups()
+    package, name = match['package'], match['name']
     for prefix in prefixes:
-        path = _folder(prefix, package) / f'{name}.msg'
+        path = _folder(prefix, package, folder) / f'{name}.{folder}'
         if path.is_file():
             state = path.stat()
-            return _read(path, package, prefixes, (state.st_mtime_ns, state.st_size))
-    _refuse_missing(package, name, prefixes, place)
+            found = _read(path, package, folder, prefixes, (state.st_mtime_ns, state.st_size))
+            return _part(found, name, match['part'], place)
+    _refuse_missing(package, folder, name, prefixes, place)
 
 
-def _folder(prefix: Path, package: str) -> Path:
-    return prefix / 'share' / package / 'msg'
+def _part(found: Mapping[str, MessageLayout], name: str, part: str,
+          place: Span | None) -> MessageLayout:
+    if part not in found:
+        refuse(f"'{name}{part}' is no message of '{name}'", place, '',
+               did_you_mean(name + part, [name + other for other in found])
+               or listed([name + other for other in found]))
+    return found[part]
+
+
+def _folder(prefix: Path, package: str, folder: str) -> Path:
+    return prefix / 'share' / package / folder
 
 
 @lru_cache(maxsize=1024)
-def _read(path: Path, package: str, prefixes: tuple[Path, ...],
-          state: tuple[int, int]) -> MessageLayout:
-    """Read a definition; `state` makes a file that was written anew another one."""
+def _read(path: Path, package: str, folder: str, prefixes: tuple[Path, ...],
+          state: tuple[int, int]) -> Mapping[str, MessageLayout]:
+    """
+    Read a definition; return what follows its name in the name of each of its messages.
+
+    `state` makes a file that was written anew another one.
+    """
     try:
         with path.open('rb') as file:
             text = file.read(_MAX_BYTES).decode('utf-8', 'replace')
     except OSError as error:
         refuse(f'{shown(str(path), LONGEST_PATH)} cannot be read: {error.strerror}')
-    return _parse(Source(str(path), text), package, path.stem, prefixes)
+    source, name = Source(str(path), text), f'{package}/{folder}/{path.stem}'
+    match folder:
+        case 'srv':
+            return _service(name, _sections(source, name, ('_Request', '_Response'), prefixes))
+        case 'action':
+            return _action(name, _sections(source, name, ('_Goal', '_Result', '_Feedback'),
+                                           prefixes))
+        case _:
+            return {'': _parse(source, name, prefixes)}
 
 
-def _refuse_missing(package: str, name: str, prefixes: tuple[Path, ...],
+def _refuse_missing(package: str, folder: str, name: str, prefixes: tuple[Path, ...],
                     place: Span | None) -> NoReturn:
-    here = {path.stem for prefix in prefixes for path in _list(_folder(prefix, package), '*.msg')}
+    here = {path.stem for prefix in prefixes
+            for path in _list(_folder(prefix, package, folder), f'*.{folder}')}
     if here:
-        near = did_you_mean(name, here) or _listed(sorted(here))
-        refuse(f"the package '{package}' has no message '{name}'", place, 'not installed here',
-               near)
-    if any((_folder(prefix, package) / f'{name}.idl').is_file() for prefix in prefixes):
-        refuse(f"'{package}/msg/{name}' is defined in IDL", place,
-               'only definitions in .msg files are read')
+        near = did_you_mean(name, here) or listed(sorted(here))
+        refuse(f"the package '{package}' has no {_KINDS[folder]} '{name}'", place,
+               'not installed here', near)
+    if any((_folder(prefix, package, folder) / f'{name}.idl').is_file() for prefix in prefixes):
+        refuse(f"'{package}/{folder}/{name}' is defined in IDL", place,
+               f'only definitions in .{folder} files are read')
     packages = {path.parent.parent.name for prefix in prefixes
-                for path in _list(prefix / 'share', '*/msg/*.msg')}
-    refuse(f"there are no messages of a package '{package}'", place, 'not installed here',
+                for path in _list(prefix / 'share', f'*/{folder}/*.{folder}')}
+    refuse(f"there are no {_KINDS[folder]}s of a package '{package}'", place, 'not installed here',
            '\n'.join(filter(None, (did_you_mean(package, packages),
                                    _no_package(package, packages)))))
 
@@ -246,7 +269,8 @@ def _no_package(package: str, packages: set[str]) -> str:
     return f'install it (sudo apt install ros-jazzy-{name}), or source the workspace that has it'
 
 
-def _listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str]) -> str:
+    """Return the first of the names that there are, for the help of an error."""
     more = f' and {len(names) - _MAX_LISTED} more' if len(names) > _MAX_LISTED else ''
     return 'there are ' + ', '.join(names[:_MAX_LISTED]) + more
 
@@ -260,24 +284,79 @@ def parse_message(text: str, package: str, name: str = 'Message') -> MessageLayo
     CompileError
         if a line is neither a field nor a constant.
     """
-    return _parse(Source(f'{package}/msg/{name}', text), package, name, ())
+    whole = f'{package}/msg/{name}'
+    return _parse(Source(whole, text), whole, ())
 
 
-def _parse(source: Source, package: str, name: str, prefixes: tuple[Path, ...]) -> MessageLayout:
+def _parse(source: Source, name: str, prefixes: tuple[Path, ...],
+           section: tuple[int, int] | None = None) -> MessageLayout:
+    """Read a definition, or the section of one from a place in its text to another."""
+    start, end = section or (0, len(source.text))
+    text = source.text[start:end]
     fields: list[MessageField] = []
     constants: list[MessageConstant] = []
-    start = 0
-    for line in source.text.splitlines(keepends=True):
-        item = _line(line, Span(source, start, start + len(line.rstrip())), package)
+    for line in text.splitlines(keepends=True):
+        item = _line(line, Span(source, start, start + len(line.rstrip())), name.split('/')[0])
         if isinstance(item, MessageField):
             fields.append(item)
         elif item is not None:
             constants.append(item)
         start += len(line)
-    layout = MessageLayout(f'{package}/msg/{name}', tuple(fields), tuple(constants), source.text,
-                           prefixes)
+    layout = MessageLayout(name, tuple(fields), tuple(constants), text, prefixes)
     _refuse_twice(layout, source)
     return layout
+
+
+def _sections(source: Source, name: str, parts: Sequence[str],
+              prefixes: tuple[Path, ...]) -> dict[str, MessageLayout]:
+    """Read the messages of a service or an action, which stand in one file."""
+    places = [0]
+    start = 0
+    for line in source.text.splitlines(keepends=True):
+        start += len(line)
+        if line.rstrip() == _SEPARATOR:
+            places += [start - len(line), start]
+    places.append(len(source.text))
+    if len(places) != 2 * len(parts):
+        refuse(f'{name} is to have {len(parts)} parts', Span(source, 0, 0),
+               f"with '{_SEPARATOR}' between them")
+    return {part: _parse(source, name + part, prefixes, section)
+            for part, section in zip(parts, zip(places[::2], places[1::2]))}
+
+
+def _service(name: str, parts: Mapping[str, MessageLayout]) -> dict[str, MessageLayout]:
+    """Add the event that tells of a call, as `rosidl` defines it."""
+    fields = [('info', FieldType('service_msgs/msg/ServiceEventInfo'))]
+    fields += [(field, FieldType(f'{name}_{field.capitalize()}', ArrayKind.BOUNDED, 1))
+               for field in ('request', 'response')]
+    return {**parts, '_Event': _derived(f'{name}_Event', parts['_Request'], fields)}
+
+
+def _action(name: str, parts: Mapping[str, MessageLayout]) -> dict[str, MessageLayout]:
+    """Add the messages that an action sends, as `rosidl` defines them."""
+    like = parts['_Goal']
+    goal_id = ('goal_id', FieldType('unique_identifier_msgs/msg/UUID'))
+    made: dict[str, Sequence[tuple[str, FieldType]]] = {
+        '_FeedbackMessage': (goal_id, ('feedback', FieldType(f'{name}_Feedback'))),
+        '_SendGoal_Request': (goal_id, ('goal', FieldType(f'{name}_Goal'))),
+        '_SendGoal_Response': (('accepted', FieldType('bool')),
+                               ('stamp', FieldType('builtin_interfaces/msg/Time'))),
+        '_GetResult_Request': (goal_id,),
+        '_GetResult_Response': (('status', FieldType('int8')),
+                                ('result', FieldType(f'{name}_Result'))),
+    }
+    found = {part: _derived(name + part, like, fields) for part, fields in made.items()}
+    for call in ('_SendGoal', '_GetResult'):
+        both = {part: found[call + part] for part in ('_Request', '_Response')}
+        found[f'{call}_Event'] = _service(name + call, both)['_Event']
+    return {**parts, **found}
+
+
+def _derived(name: str, like: MessageLayout,
+             fields: Sequence[tuple[str, FieldType]]) -> MessageLayout:
+    """Return a message that is written in no file."""
+    return MessageLayout(name, tuple(MessageField(*item) for item in fields), (), '',
+                         like.search_path)
 
 
 def _line(line: str, place: Span, package: str) -> MessageField | MessageConstant | None:
@@ -335,172 +414,40 @@ def _refuse_twice(layout: MessageLayout, source: Source) -> None:
         refuse(f"the message {layout.name} has two fields '{twice}'", Span(source, 0, 0))
 
 
-def resolve_field(layout: MessageLayout, path_text: Text | None,
-                  type_text: Text) -> ResolvedField:
-    """
-    Follow a field path into a message, to the scalar at its end.
+def _shapes(layout: MessageLayout) -> dict[str, str]:
+    """Return the fields of a message and of all within it, by name."""
+    found: dict[str, str] = {}
+    waiting = [layout]
+    while waiting:
+        inside = waiting.pop()
+        found[inside.name] = ', '.join(f'{item.type} {item.name}' for item in inside.fields)
+        for item in inside.fields:
+            if item.type.is_message and item.type.base not in found:
+                found[item.type.base] = 'missing'
+                waiting.extend(_installed(inside, item.type))
+    return found
 
-    `path_text` may be None where the message has one field; `type_text` is where the type is
-    named, for the error.
+
+def _installed(layout: MessageLayout, kind: FieldType) -> Iterator[MessageLayout]:
+    """Yield the layout of a field's message, if it is installed."""
+    try:
+        yield layout.nested(kind)
+    except CompileError:
+        pass
+
+
+def check_complete(layout: MessageLayout, place: Span | None,
+                   around: tuple[str, ...] = ()) -> None:
+    """
+    See to it that a message can be walked over; `around` are the messages it stands in.
 
     Raises
     ------
     CompileError
-        if there is no such field, or it is no scalar; it says what there is.
+        if a message within it is not installed, or contains itself.
     """
-    if path_text is None:
-        return _only_field(layout, type_text)
-    path: list[str | int] = []
-    types: list[FieldType] = []
-    inside = layout
-    for match in list(_steps(path_text, layout)):
-        if types:
-            inside = _inside(inside, types[-1], path_text, match)
-        types.append(_step(inside, match, path_text))
-        path.extend([match['name'], *([int(match['index'])] if match['index'] else [])])
-    if types[-1].is_message:
-        _refuse_message(inside, types[-1], path_text)
-    return _resolved(path, types)
-
-
-def _resolved(path: Sequence[str | int], types: Sequence[FieldType]) -> ResolvedField:
-    base = types[-1].base
-    return ResolvedField(tuple(path), _READ_AS.get(base, base), tuple(types))
-
-
-def _only_field(layout: MessageLayout, type_text: Text) -> ResolvedField:
-    paths = _leaf_paths(layout)
-    if len(layout.fields) != 1:
-        refuse(f'{layout.name} has {len(layout.fields) or "no"} fields', type_text.span,
-               'which one?' if layout.fields else 'there is nothing to read', _help(paths))
-    only = layout.fields[0]
-    if only.type.is_message or only.type.array is not ArrayKind.NONE:
-        refuse(f"the one field of {layout.name}, '{only.name}', is {_kind(only.type)}",
-               type_text.span, 'which part of it?', _help(paths))
-    return _resolved([only.name], [only.type])
-
-
-def _steps(path_text: Text, layout: MessageLayout) -> Iterator[re.Match[str]]:
-    """Yield name and index of each step of a path."""
-    place = 0
-    while True:
-        match = _STEP.match(path_text.value, place)
-        end = match.end() if match else place
-        if match is None or path_text.value[end:end + 1] not in ('', '.'):
-            rest = path_text.at(min(end, max(len(path_text.value) - 1, 0)), len(path_text.value))
-            refuse(f'{shown(path_text.value)} is not a field path', rest,
-                   'names with dots between them, and indices from 0',
-                   _help(_leaf_paths(layout)))
-        yield match
-        if end == len(path_text.value):
-            return
-        place = end + 1
-
-
-def _inside(layout: MessageLayout, kind: FieldType, path_text: Text,
-            match: re.Match[str]) -> MessageLayout:
-    if not kind.is_message:
-        refuse(f'{shown(path_text.value[:match.start() - 1])} is {_kind(kind)}, and has no fields',
-               path_text.at(match.start() - 1, len(path_text.value)), 'remove this')
-    return _nested(layout, kind, path_text.at(0, match.start() - 1))
-
-
-def _nested(layout: MessageLayout, kind: FieldType, place: Span) -> MessageLayout:
-    return find_message(kind.base, layout.search_path or None, place)
-
-
-def _step(layout: MessageLayout, match: re.Match[str], path_text: Text) -> FieldType:
-    """Look up one step of a path, and hold its index against the array."""
-    found = layout.find_field(match['name'])
-    place = path_text.at(match.start('name'), match.end('name'))
-    if found is None:
-        _refuse_field(layout, match, path_text, place)
-    kind = found.type
-    if match['index'] is None and kind.array is not ArrayKind.NONE:
-        refuse(f"'{found.name}' is {_kind(kind)}", place, 'which element?',
-               f'field: {path_text.value[:match.end()]}[0]{path_text.value[match.end():]}')
-    if match['index'] is not None:
-        _check_index(kind, match, path_text)
-    return kind
-
-
-def _check_index(kind: FieldType, match: re.Match[str], path_text: Text) -> None:
-    place = path_text.at(match.start('index') - 1, match.end('index') + 1)
-    if kind.array is ArrayKind.NONE:
-        refuse(f"'{match['name']}' is {_kind(kind)}, not an array", place, 'remove this')
-    limit = _MAX_INDEX if kind.size is None else kind.size - 1
-    digits = match['index'].lstrip('0') or '0'
-    if len(digits) > 10 or int(digits) > limit:
-        refuse(f"'{match['name']}' is {_kind(kind)}: it has no element {shown(digits)[1:-1]}",
-               place, f'the last is {limit}' if limit >= 0 else 'it is empty')
-
-
-def _refuse_field(layout: MessageLayout, match: re.Match[str], path_text: Text,
-                  place: Span) -> NoReturn:
-    name = match['name']
-    names = [item.name for item in layout.fields]
-    deeper = [path for path in _leaf_paths(layout) if path.split('.')[-1] == name]
-    before, after = path_text.value[:match.start()], path_text.value[match.end():]
-    if deeper and not after:
-        refuse(f"{layout.name} has no field '{name}'", place, 'it stands deeper',
-               f'field: {before}{deeper[0]}')
-    constant = any(item.name == name for item in layout.constants)
-    refuse(f"{layout.name} has no field '{name}'", place,
-           'a constant is not sent' if constant else 'no such field',
-           did_you_mean(name, names) or (_listed(names) if names else 'it has no fields'))
-
-
-def _refuse_message(layout: MessageLayout, kind: FieldType, path_text: Text) -> NoReturn:
-    inner = _leaf_paths(_nested(layout, kind, path_text.span))
-    refuse(f'{shown(path_text.value)} is {_kind(kind)}', path_text.span, 'which part of it?',
-           _help([f'{path_text.value}.{path}' for path in inner]))
-
-
-def _kind(kind: FieldType) -> str:
-    """Say what a type is, in the user's words."""
-    match kind.array:
-        case ArrayKind.NONE:
-            return f'a message ({kind})' if kind.is_message else _with_article(str(kind))
-        case ArrayKind.FIXED | ArrayKind.BOUNDED | ArrayKind.UNBOUNDED:
-            return f'an array ({kind})'
-
-
-def _with_article(name: str) -> str:
-    return f'an {name}' if name.startswith('int') else f'a {name}'
-
-
-def _help(paths: Sequence[str]) -> str:
-    """Return a line to paste, and what else could be in it."""
-    if not paths:
-        return ''
-    others = '   # or ' + ', '.join(paths[1:_MAX_LISTED]) if len(paths) > 1 else ''
-    return f'field: {paths[0]}{others}{" ..." if len(paths) > _MAX_LISTED else ""}'
-
-
-def _leaf_paths(layout: MessageLayout) -> list[str]:
-    """Return the paths to the first scalars of a message: near ones first, strings last."""
-    found: list[str] = []
-    strings: list[str] = []
-    level = [('', layout)]
-    for _ in range(_MAX_DEPTH):
-        deeper: list[tuple[str, MessageLayout]] = []
-        for prefix, inside in level:
-            for item in inside.fields:
-                step = item.name if item.type.array is ArrayKind.NONE else f'{item.name}[0]'
-                if item.type.base in ('string', 'wstring'):
-                    strings.append(prefix + step)
-                elif not item.type.is_message:
-                    found.append(prefix + step)
-                elif len(found) + len(deeper) < 10 * _MAX_LISTED:
-                    deeper.extend(_reachable(inside, item, f'{prefix}{step}.'))
-        level = deeper
-    return found + strings
-
-
-def _reachable(layout: MessageLayout, item: MessageField,
-               prefix: str) -> list[tuple[str, MessageLayout]]:
-    """Return a field's message, if it is installed: this is only a hint."""
-    try:
-        return [(prefix, layout.nested(item.type))]
-    except CompileError:
-        return []
+    if layout.name in around:
+        refuse(f'{layout.name} contains itself', place, 'such a message cannot be sent')
+    for kind in dict.fromkeys(item.type.base for item in layout.fields if item.type.is_message):
+        inside = find_message(kind, layout.search_path or None, place)
+        check_complete(inside, place, (*around, layout.name))

@@ -37,6 +37,10 @@ _INTEGER = re.compile(r'[+-]?(?:0|[1-9][0-9]*)')
 _LIKE_NUMBER = re.compile(r'[+-]?\.?[0-9]')
 _PACKAGE = re.compile(r'(?!.*__)[a-z][a-z0-9_]*(?<!_)')
 _MESSAGE = re.compile(r'[A-Z][A-Za-z0-9]*')
+_DERIVED = {
+    'srv': ('a service', ('_Event',)),
+    'action': ('an action', ('_FeedbackMessage', '_SendGoal_Event', '_GetResult_Event')),
+}
 _TOPIC_TOKEN = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
 _SUBSTITUTION = re.compile(r'\{(?:node|ns|namespace)\}')
 _MAX_SHOWN = 60
@@ -148,14 +152,14 @@ def handler_fault(handler: str) -> Fault | None:
 
 
 def type_fault(name: str) -> Fault | None:
-    """Look at an input's type: `pkg/msg/Name`, or the name of a plain type."""
+    """Look at an input's type: `pkg/msg/Name`, one of `pkg/srv`, `pkg/action`, or a plain type."""
     parts = re.split(r'/|::|\.', name)
     if name in PLAIN_TYPES:
         return None
     if len(parts) == 1:
         return _plain_type_fault(name)
-    if len(parts) == 3 and parts[1] in ('srv', 'action'):
-        return Fault(f'{shown(name)} is not a message', 'an input is fed by a pkg/msg/Name')
+    if len(parts) == 3 and parts[1] in _DERIVED and _PACKAGE.fullmatch(parts[0]):
+        return _derived_fault(name, parts)
     if not (_PACKAGE.fullmatch(parts[0]) and _MESSAGE.fullmatch(parts[-1])):
         return Fault(f'{shown(name)} is not the name of a message type',
                      'a message type is written pkg/msg/Name, such as std_msgs/msg/Float32')
@@ -165,6 +169,22 @@ def type_fault(name: str) -> Fault | None:
     right = f'{parts[0]}/msg/{parts[-1]}'
     return None if name == right else Fault(f'{shown(name)} is not written as a type of ROS 2',
                                             f'type: {right}')
+
+
+def _derived_fault(name: str, parts: list[str]) -> Fault | None:
+    """Look at the type of a message of a service or an action."""
+    package, folder, word = parts
+    kind, suffixes = _DERIVED[folder]
+    own, mark, part = word.partition('_')
+    right = f'{package}/{folder}/{own}'
+    if _MESSAGE.fullmatch(own) is None:
+        return Fault(f'{shown(name)} is not the name of a message type',
+                     f'a message of {kind} is written pkg/{folder}/Name{suffixes[0]}')
+    if mark + part not in suffixes:
+        return Fault(f'{shown(name)} is not a message that is sent on a topic',
+                     f'type: {right}{suffixes[0]}')
+    return None if name == right + mark + part else Fault(
+        f'{shown(name)} is not written as a type of ROS 2', f'type: {right}{mark}{part}')
 
 
 def _plain_type_fault(name: str) -> Fault:

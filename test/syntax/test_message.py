@@ -26,7 +26,7 @@ from fret_monitor.syntax.message import FieldType
 from fret_monitor.syntax.message import find_message
 from fret_monitor.syntax.message import MessageLayout
 from fret_monitor.syntax.message import parse_message
-from fret_monitor.syntax.message import resolve_field
+from fret_monitor.syntax.field_path import resolve_field
 from fret_monitor.syntax.message import search_path
 from hypothesis import given
 from hypothesis import strategies
@@ -208,7 +208,9 @@ def test_the_types_on_the_way_are_given(prefix: Path) -> None:
     ('charge', "pkg_a/msg/State has no field 'charge'", 1, 'field: battery.charge'),
     ('battery.voltage', "pkg_b/msg/Battery has no field 'voltage'", 9,
      'field: battery.cells[0].voltage'),
-    ('ranges', "'ranges' is an array (float32[])", 1, 'field: ranges[0]'),
+    ('ranges', "'ranges' is an array (float32[])", 1,
+     'field: ranges[0]   # or len(ranges), min(ranges), max(ranges), sum(ranges), mean(ranges), '
+     'norm(ranges)'),
     ('wheels.speed', "'wheels' is an array (pkg_a/msg/Wheel[4])", 1, 'field: wheels[0].speed'),
     ('wheels[4].speed', "'wheels' is an array (pkg_a/msg/Wheel[4]): it has no element 4", 7, ''),
     ('limits[5]', "'limits' is an array (float64[<=5]): it has no element 5", 7, ''),
@@ -216,7 +218,7 @@ def test_the_types_on_the_way_are_given(prefix: Path) -> None:
     ('count.x', "'count' is a uint64, and has no fields", 6, ''),
     ('battery', "'battery' is a message (pkg_b/msg/Battery)", 1,
      'field: battery.charge   # or battery.cells[0].voltage'),
-    ('wheels[0]', "'wheels[0]' is an array (pkg_a/msg/Wheel[4])", 1,
+    ('wheels[0]', "'wheels[0]' is a message (pkg_a/msg/Wheel)", 1,
      'field: wheels[0].speed   # or wheels[0].locked'),
     ('ranges[99999999999999]', 'it has no element 99999999999999', 7, ''),
 ])

@@ -1,0 +1,438 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// fret_cdr.h: what generated readers of messages stand on.
+///
+/// ROS 2 sends messages as plain CDR (XCDR version 1): four bytes that tell the byte order, then
+/// the fields in the order of the definition. A number stands where its offset behind those four
+/// bytes is a multiple of its size; a sequence is its length (uint32) and its elements; a string is
+/// its length with the zero at its end, and its bytes; a wstring is its length, and each of its
+/// UTF-16 units in four bytes, without a zero.
+///
+/// A cursor goes through the bytes once. Where something is not there, it goes to the end, `ok` is
+/// false from then on, and whatever is read is zero or empty: generated code need look only once.
+/// Contract for all of it: static inline, reads nothing but the bytes of the message, at any
+/// alignment; no allocation, no undefined behaviour for any bytes. O(1), but for strings that are
+/// counted off and reductions, which are O(elements that are there).
+
+#ifndef FRET_CDR_H_
+#define FRET_CDR_H_
+
+#include <string.h>
+
+#include "fret_cells.h"
+#include "fret_fields.h"
+
+/// A place in a message.
+struct fm_cdr
+{
+  const uint8_t * bytes;  // behind the encapsulation header
+  size_t size;
+  size_t at;  // at most size
+  bool big;   // the byte order is big endian
+  bool ok;    // all so far was there
+};
+
+/// The elements of an array of numbers or truth values.
+struct fm_cdr_array
+{
+  const uint8_t * bytes;
+  uint32_t count;
+  bool big;
+};
+
+/// The bytes of a string without its zero, or of the units of a wstring; `length` of them.
+struct fm_cdr_text
+{
+  const uint8_t * bytes;
+  uint32_t length;
+  bool big;
+};
+
+/// A string that has a name in the bundle: UTF-8.
+struct fm_cdr_name
+{
+  const char * bytes;
+  uint32_t length;
+};
+
+/// A wstring that has a name in the bundle: UTF-16.
+struct fm_cdr_wide_name
+{
+  const uint16_t * units;
+  uint32_t length;
+};
+
+/// Begin to read a message; false if it is not plain CDR.
+static inline bool fm_cdr_open(struct fm_cdr * c, const uint8_t * message, size_t size)
+{
+  if (size < 4u || message[0] != 0u || message[1] > 1u) {
+    return false;
+  }
+  c->bytes = message + 4;
+  c->size = size - 4u;
+  c->at = 0u;
+  c->big = message[1] == 0u;
+  c->ok = true;
+  return true;
+}
+
+/// Give up: the rest of the message is not there.
+static inline void fm_cdr_fail(struct fm_cdr * c)
+{
+  c->at = c->size;
+  c->ok = false;
+}
+
+/// Go to the next multiple of `alignment` (a power of 2) and past `size` bytes; returns them, or
+/// NULL if they are not there.
+static inline const uint8_t * fm_cdr_take(struct fm_cdr * c, size_t alignment, uint64_t size)
+{
+  const size_t padding = (0u - c->at) & (alignment - 1u);
+  const size_t left = c->size - c->at;
+  if (padding > left || size > left - padding) {
+    fm_cdr_fail(c);
+    return NULL;
+  }
+  const uint8_t * const taken = c->bytes + c->at + padding;
+  c->at += padding + (size_t)size;
+  return taken;
+}
+
+/// Go past `size` bytes that begin at a multiple of `alignment`.
+static inline void fm_cdr_skip(struct fm_cdr * c, size_t alignment, uint64_t size)
+{
+  (void)fm_cdr_take(c, alignment, size);
+}
+
+/// Take `count` elements of `size` bytes each, which is not 0; the first begins at a multiple of
+/// `alignment`. None at all take no padding either. Returns NULL if they are not there, or none.
+static inline const uint8_t * fm_cdr_take_many(
+  struct fm_cdr * c, size_t alignment, uint64_t size, uint32_t count)
+{
+  if (count == 0u) {
+    return NULL;
+  }
+  if (count > (uint64_t)(c->size - c->at) / size) {  // no product that could overflow
+    fm_cdr_fail(c);
+    return NULL;
+  }
+  return fm_cdr_take(c, alignment, size * count);
+}
+
+/// Go past `count` elements, as fm_cdr_take_many.
+static inline void fm_cdr_skip_many(
+  struct fm_cdr * c, size_t alignment, uint64_t size, uint32_t count)
+{
+  (void)fm_cdr_take_many(c, alignment, size, count);
+}
+
+static inline uint8_t fm_cdr_bits8(const uint8_t * b, bool big)
+{
+  (void)big;
+  return b[0];
+}
+
+static inline uint16_t fm_cdr_bits16(const uint8_t * b, bool big)
+{
+  return big ? (uint16_t)(((unsigned)b[0] << 8) | b[1]) : (uint16_t)(((unsigned)b[1] << 8) | b[0]);
+}
+
+static inline uint32_t fm_cdr_bits32(const uint8_t * b, bool big)
+{
+  return big ?
+         ((uint32_t)b[0] << 24) | ((uint32_t)b[1] << 16) | ((uint32_t)b[2] << 8) | b[3] :
+         ((uint32_t)b[3] << 24) | ((uint32_t)b[2] << 16) | ((uint32_t)b[1] << 8) | b[0];
+}
+
+static inline uint64_t fm_cdr_bits64(const uint8_t * b, bool big)
+{
+  const uint64_t first = fm_cdr_bits32(b, big);
+  const uint64_t second = fm_cdr_bits32(b + 4, big);
+  return big ? (first << 32) | second : (second << 32) | first;
+}
+
+/// Numbers: fm_cdr_T reads the next field, fm_cdr_T_at an element of an array (index < count).
+#define FM_CDR_NUMBER(name, type, bits) \
+  static inline type fm_cdr_ ## name ## _of(const uint8_t * bytes, bool big) \
+  { \
+    const uint ## bits ## _t raw = fm_cdr_bits ## bits(bytes, big); \
+    type value; \
+    memcpy(&value, &raw, sizeof(value)); \
+    return value; \
+  } \
+  static inline type fm_cdr_ ## name(struct fm_cdr * c) \
+  { \
+    const uint8_t * const bytes = fm_cdr_take(c, sizeof(type), sizeof(type)); \
+    return bytes == NULL ? (type)0 : fm_cdr_ ## name ## _of(bytes, c->big); \
+  } \
+  static inline type fm_cdr_ ## name ## _at(const struct fm_cdr_array * array, uint32_t index) \
+  { \
+    return fm_cdr_ ## name ## _of(array->bytes + (size_t)index * sizeof(type), array->big); \
+  }
+
+FM_CDR_NUMBER(int8, int8_t, 8)
+FM_CDR_NUMBER(int16, int16_t, 16)
+FM_CDR_NUMBER(int32, int32_t, 32)
+FM_CDR_NUMBER(int64, int64_t, 64)
+FM_CDR_NUMBER(uint8, uint8_t, 8)
+FM_CDR_NUMBER(uint16, uint16_t, 16)
+FM_CDR_NUMBER(uint32, uint32_t, 32)
+FM_CDR_NUMBER(uint64, uint64_t, 64)
+FM_CDR_NUMBER(float32, float, 32)
+FM_CDR_NUMBER(float64, double, 64)
+
+/// Truth values: any byte but 0 is true.
+static inline bool fm_cdr_bool(struct fm_cdr * c) {return fm_cdr_uint8(c) != 0u;}
+
+static inline bool fm_cdr_bool_at(const struct fm_cdr_array * array, uint32_t index)
+{
+  return array->bytes[index] != 0u;
+}
+
+/// The length of a sequence; 0 if it is not there, or above `bound`, which its type sets.
+static inline uint32_t fm_cdr_count(struct fm_cdr * c, uint32_t bound)
+{
+  const uint32_t count = fm_cdr_uint32(c);
+  if (count > bound) {
+    fm_cdr_fail(c);
+    return 0u;
+  }
+  return count;
+}
+
+/// An array of `count` numbers of `size` bytes each; empty if they are not all there.
+static inline struct fm_cdr_array fm_cdr_array(struct fm_cdr * c, uint32_t size, uint32_t count)
+{
+  struct fm_cdr_array array = {fm_cdr_take_many(c, size, size, count), count, c->big};
+  if (array.bytes == NULL) {
+    array.count = 0u;
+  }
+  return array;
+}
+
+/// A string; empty if it is not there.
+static inline struct fm_cdr_text fm_cdr_string(struct fm_cdr * c)
+{
+  struct fm_cdr_text text = {NULL, 0u, c->big};
+  const uint32_t length = fm_cdr_uint32(c);
+  text.bytes = fm_cdr_take(c, 1u, length);
+  if (text.bytes != NULL && length != 0u) {
+    text.length = text.bytes[length - 1u] == 0u ? length - 1u : length;
+  }
+  return text;
+}
+
+/// A wstring; empty if it is not there.
+static inline struct fm_cdr_text fm_cdr_wstring(struct fm_cdr * c)
+{
+  struct fm_cdr_text text = {NULL, fm_cdr_uint32(c), c->big};
+  text.bytes = fm_cdr_take_many(c, 4u, 4u, text.length);
+  if (text.bytes == NULL) {
+    text.length = 0u;
+  }
+  return text;
+}
+
+/// Go past `count` strings; stops at the first that is not there.
+static inline void fm_cdr_skip_strings(struct fm_cdr * c, uint32_t count)
+{
+  for (uint32_t i = 0u; i < count && c->ok; ++i) {
+    const uint32_t length = fm_cdr_uint32(c);
+    fm_cdr_skip(c, 1u, length);
+  }
+}
+
+static inline void fm_cdr_skip_wstrings(struct fm_cdr * c, uint32_t count)
+{
+  for (uint32_t i = 0u; i < count && c->ok; ++i) {
+    const uint32_t length = fm_cdr_uint32(c);
+    fm_cdr_skip_many(c, 4u, 4u, length);
+  }
+}
+
+/// What became of a field: read as bool or intN, as uintN, as a float, or not.
+static inline struct fm_field fm_field_i(int64_t value)
+{
+  const struct fm_field field = {{.i = value}, FM_FIELD_READ, 0u};
+  return field;
+}
+
+static inline struct fm_field fm_field_u(uint64_t value)
+{
+  const struct fm_field field = {{.u = value}, FM_FIELD_READ, 0u};
+  return field;
+}
+
+static inline struct fm_field fm_field_f(double value)
+{
+  const struct fm_field field = {{.f = value}, FM_FIELD_READ, 0u};
+  return field;
+}
+
+static inline struct fm_field fm_field_outside(uint32_t length)
+{
+  const struct fm_field field = {{.u = 0u}, FM_FIELD_OUTSIDE, length};
+  return field;
+}
+
+static inline struct fm_field fm_field_empty(void)
+{
+  const struct fm_field field = {{.u = 0u}, FM_FIELD_EMPTY, 0u};
+  return field;
+}
+
+/// The place of a string among the names of an input's values. O(bytes of the names).
+static inline struct fm_field fm_field_name(
+  const struct fm_cdr_text * text, const struct fm_cdr_name * names, uint32_t n_names)
+{
+  for (uint32_t i = 0u; i < n_names; ++i) {
+    if (names[i].length == text->length &&
+      (text->length == 0u || memcmp(names[i].bytes, text->bytes, text->length) == 0))
+    {
+      return fm_field_i(i);
+    }
+  }
+  const struct fm_field field = {{.u = 0u}, FM_FIELD_UNNAMED, text->length};
+  return field;
+}
+
+static inline bool fm_cdr_is_wide(
+  const struct fm_cdr_text * text, const struct fm_cdr_wide_name * name)
+{
+  if (name->length != text->length) {
+    return false;
+  }
+  for (uint32_t i = 0u; i < text->length; ++i) {
+    const uint32_t unit = fm_cdr_bits32(text->bytes + 4u * (size_t)i, text->big);
+    if ((uint16_t)unit != name->units[i]) {  // as other nodes read it
+      return false;
+    }
+  }
+  return true;
+}
+
+static inline struct fm_field fm_field_wide_name(
+  const struct fm_cdr_text * text, const struct fm_cdr_wide_name * names, uint32_t n_names)
+{
+  for (uint32_t i = 0u; i < n_names; ++i) {
+    if (fm_cdr_is_wide(text, &names[i])) {
+      return fm_field_i(i);
+    }
+  }
+  const struct fm_field field = {{.u = 0u}, FM_FIELD_UNNAMED, text->length};
+  return field;
+}
+
+/// sec and nanosec, in seconds.
+static inline double fm_cdr_seconds(int32_t sec, uint32_t nanosec)
+{
+  return (double)sec + (double)nanosec * 1e-9;
+}
+
+/// Sums of integers, which wrap at 64 bits.
+static inline struct fm_field fm_field_sum_i(uint64_t total)
+{
+  return fm_field_i(fm_signed(total));
+}
+
+/// Reductions of arrays, from the first element to the last. `member` is the one of fm_value,
+/// `sum` the type in which is summed and `result` what makes a field of that. Of an empty array
+/// there is no min, max or mean; an element `is_nan` is no min or max unless all are.
+#define FM_CDR_REDUCTIONS(name, type, member, sum, result, is_nan) \
+  static inline struct fm_field fm_field_min_ ## name(const struct fm_cdr_array * array) \
+  { \
+    if (array->count == 0u) { \
+      return fm_field_empty(); \
+    } \
+    type least = fm_cdr_ ## name ## _at(array, 0u); \
+    for (uint32_t i = 1u; i < array->count; ++i) { \
+      const type element = fm_cdr_ ## name ## _at(array, i); \
+      least = element < least || is_nan(least) ? element : least; \
+    } \
+    return fm_field_ ## member(least); \
+  } \
+  static inline struct fm_field fm_field_max_ ## name(const struct fm_cdr_array * array) \
+  { \
+    if (array->count == 0u) { \
+      return fm_field_empty(); \
+    } \
+    type most = fm_cdr_ ## name ## _at(array, 0u); \
+    for (uint32_t i = 1u; i < array->count; ++i) { \
+      const type element = fm_cdr_ ## name ## _at(array, i); \
+      most = element > most || is_nan(most) ? element : most; \
+    } \
+    return fm_field_ ## member(most); \
+  } \
+  static inline struct fm_field fm_field_sum_ ## name(const struct fm_cdr_array * array) \
+  { \
+    sum total = (sum)0; \
+    for (uint32_t i = 0u; i < array->count; ++i) { \
+      total += (sum)fm_cdr_ ## name ## _at(array, i); \
+    } \
+    return result(total); \
+  } \
+  static inline struct fm_field fm_field_mean_ ## name(const struct fm_cdr_array * array) \
+  { \
+    if (array->count == 0u) { \
+      return fm_field_empty(); \
+    } \
+    double total = 0.0; \
+    for (uint32_t i = 0u; i < array->count; ++i) { \
+      total += (double)fm_cdr_ ## name ## _at(array, i); \
+    } \
+    return fm_field_f(total / (double)array->count); \
+  } \
+  static inline struct fm_field fm_field_norm_ ## name(const struct fm_cdr_array * array) \
+  { \
+    double total = 0.0; \
+    for (uint32_t i = 0u; i < array->count; ++i) { \
+      const double element = (double)fm_cdr_ ## name ## _at(array, i); \
+      total += element * element; \
+    } \
+    return fm_field_f(sqrt(total)); \
+  }
+
+#define FM_CDR_NEVER(x) false
+
+FM_CDR_REDUCTIONS(int8, int8_t, i, uint64_t, fm_field_sum_i, FM_CDR_NEVER)
+FM_CDR_REDUCTIONS(int16, int16_t, i, uint64_t, fm_field_sum_i, FM_CDR_NEVER)
+FM_CDR_REDUCTIONS(int32, int32_t, i, uint64_t, fm_field_sum_i, FM_CDR_NEVER)
+FM_CDR_REDUCTIONS(int64, int64_t, i, uint64_t, fm_field_sum_i, FM_CDR_NEVER)
+FM_CDR_REDUCTIONS(uint8, uint8_t, u, uint64_t, fm_field_u, FM_CDR_NEVER)
+FM_CDR_REDUCTIONS(uint16, uint16_t, u, uint64_t, fm_field_u, FM_CDR_NEVER)
+FM_CDR_REDUCTIONS(uint32, uint32_t, u, uint64_t, fm_field_u, FM_CDR_NEVER)
+FM_CDR_REDUCTIONS(uint64, uint64_t, u, uint64_t, fm_field_u, FM_CDR_NEVER)
+FM_CDR_REDUCTIONS(float32, float, f, double, fm_field_f, isnan)
+FM_CDR_REDUCTIONS(float64, double, f, double, fm_field_f, isnan)
+
+static inline struct fm_field fm_field_any_bool(const struct fm_cdr_array * array)
+{
+  bool any = false;
+  for (uint32_t i = 0u; i < array->count; ++i) {
+    any |= fm_cdr_bool_at(array, i);
+  }
+  return fm_field_i(any);
+}
+
+static inline struct fm_field fm_field_all_bool(const struct fm_cdr_array * array)
+{
+  bool all = true;
+  for (uint32_t i = 0u; i < array->count; ++i) {
+    all &= fm_cdr_bool_at(array, i);
+  }
+  return fm_field_i(all);
+}
+
+#endif  // FRET_CDR_H_
