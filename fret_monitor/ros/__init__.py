@@ -11,3 +11,29 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+"""
+The nodes, for one's own rclpy program: `from fret_monitor.ros import MonitorNode`.
+
+They are imported when they are asked for: without ROS 2 the rest of the package works, and what
+handles signals is loaded before rclpy.
+"""
+
+from importlib import import_module
+from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from fret_monitor.ros.logger_node import LoggerNode
+    from fret_monitor.ros.monitor_node import MonitorNode
+    from fret_monitor.ros.parameters import Refusal
+
+__all__ = ['LoggerNode', 'MonitorNode', 'Refusal']
+
+_PLACES = {'LoggerNode': 'logger_node', 'MonitorNode': 'monitor_node', 'Refusal': 'parameters'}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(f'{__name__}.{_PLACES[name]}'), name)

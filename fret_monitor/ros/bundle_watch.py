@@ -40,6 +40,7 @@ from fret_monitor.runtime import Evaluator, Violation
 
 from rclpy.clock import Clock
 from rclpy.clock import ClockType
+from rclpy.clock import ROSClock
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.timer import Timer
@@ -49,10 +50,11 @@ _PATIENCE = 5.0  # s until it is told what has not come at all
 
 class BundleWatch:
     """
-    Watches one bundle between `start` and `close`, on a node of somebody else.
+    Watches one bundle from each `start` to the next `stop`, on a node of somebody else.
 
-    Made, it has its evaluator and its publishers, and nothing is stepped. Its timers are served
-    by the node's executor; messages need none.
+    Between them and before it has its evaluator and its publishers, and nothing is stepped or
+    announced; `close` releases all. Its timers are served by the node's executor; messages need
+    none.
     """
 
     def __init__(self, node: Node, opened: Opened, *, hot_path: str = 'auto') -> None:
@@ -68,12 +70,12 @@ class BundleWatch:
         self._node = node
         self._hot_path = hot_path
         self._lock = Lock()
-        self._closing = ExitStack()
+        self._advertised = ExitStack()
+        self._running = ExitStack()
         self._feed: Feed | None = None
         refuse_inputs_off_ros(self.manifest)
         self._readers = _readers(self.manifest, self._tell_unusable)
-        self._evaluator = Evaluator(
-            opened.monitor, policy=opened.policy, library=opened.evaluator)
+        self._evaluator = self._new_evaluator()
         with ExitStack() as undo:
             undo.callback(self.close)
             try:
@@ -88,13 +90,15 @@ class BundleWatch:
         """What is known of the bundle."""
         return self.opened.monitor.manifest
 
+    def _new_evaluator(self) -> Evaluator:
+        return Evaluator(
+            self.opened.monitor, policy=self.opened.policy, library=self.opened.evaluator)
+
     def _advertise(self) -> None:
         self._handlers = Handlers(self._node, self.manifest)
-        self._closing.callback(self._handlers.close)
+        self._advertised.callback(self._handlers.close)
         self._details = Details(self._node, self.manifest)
-        self._closing.callback(self._details.close)
-        self._health = Health(self._node, self._evaluator)
-        self._closing.callback(self._health.close)
+        self._advertised.callback(self._details.close)
 
     def start(self) -> None:
         """
@@ -103,26 +107,44 @@ class BundleWatch:
         Raises
         ------
         Refusal
-            if the node cannot subscribe. What was begun is undone by `close`.
+            if the node cannot subscribe. Nothing is begun then.
         """
-        try:
-            self._connect()
-        except InvalidTopicNameException as error:
-            raise Refusal(f'cannot subscribe or advertise: {error}') from None
+        with ExitStack() as undo:
+            undo.callback(self.stop)
+            try:
+                self._connect()
+            except InvalidTopicNameException as error:
+                raise Refusal(f'cannot subscribe: {error}') from None
+            self._start_timers()
+            undo.pop_all()
+
+    def _start_timers(self) -> None:
         if self.opened.policy is Policy.PERIODIC:
             assert self.opened.period is not None
             self._keep(self._node.create_timer(float(self.opened.period), self._tick))
+        self._health = Health(self._node, self._evaluator)
+        self._running.callback(self._health.close)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._keep(self._node.create_timer(PERIOD, self._tell_health, clock=steady))
         self._patience = self._node.create_timer(_PATIENCE, self._tell_missing, clock=steady)
         self._keep(self._patience)
 
     def _keep(self, timer: Timer) -> None:
-        self._closing.callback(self._node.destroy_timer, timer)
+        self._running.callback(self._node.destroy_timer, timer)
+
+    def stop(self) -> None:
+        """
+        Stop watching; the next start begins with nothing: no past, and no values.
+
+        What was sent meanwhile is not known then, and what was sent before is old.
+        """
+        self._running.close()
+        self._evaluator = self._new_evaluator()
 
     def close(self) -> None:
         """Stop watching, and take away from the node all that it was given; twice is once."""
-        self._closing.close()
+        self._running.close()
+        self._advertised.close()
 
     def reset(self) -> int:
         """Start all step groups afresh between two steps; return how many there are."""
@@ -131,12 +153,12 @@ class BundleWatch:
         return len(self.manifest.groups)
 
     # Where subscriptions and evaluator are connected, and nowhere else: `_connect` begins to step
-    # it with what comes and lets `close` end that; `_check` raises what went wrong meanwhile;
+    # it with what comes and lets `stop` end that; `_check` raises what went wrong meanwhile;
     # `_hearings` tells who is heard.
 
     def _connect(self) -> None:
         feed = Feed(self._node)
-        self._closing.callback(feed.close)
+        self._running.callback(feed.close)
         for reader, topic in zip(self._readers, self.manifest.topics):
             feed.subscribe(
                 topic.name, topic.message_type, reader.message_class,
@@ -147,14 +169,15 @@ class BundleWatch:
     def _deliver(self, reader: MessageReader) -> Deliver:
         """Return the callback for a topic: store what the message holds, then step."""
         evaluator, topic, lock = self._evaluator, reader.topic, self._lock
-        uses_received = not self._node.get_parameter('use_sim_time').value
+        clock = self._node.get_clock()
+        assert isinstance(clock, ROSClock)
 
         def deliver(data: bytes, received: int, _: int) -> None:
             with lock:
                 if not reader.read(data, evaluator):
                     self._tell_undecodable(topic)
                     return
-                stamp = received if uses_received else self._now()
+                stamp = self._now() if clock.ros_time_is_active else received
                 violations = evaluator.message(topic, stamp)
                 if violations:
                     self._announce(violations)

@@ -19,17 +19,17 @@ Parser, code generator and compiler are needed for a bundle only, and imported o
 compiled folder runs on robots that have none of them.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic, time
 
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.manifest import Manifest, Policy
+from fret_monitor.diagnostics import CompileError, Problems
+from fret_monitor.manifest import Manifest, ManifestRequirement, Policy
 from fret_monitor.native import load, Monitor, NativeError
 from fret_monitor.native.folder import open_folder
-from fret_monitor.ros.parameters import Refusal, Settings
+from fret_monitor.ros.parameters import Origin, Refusal, Settings
 
 
 @dataclass(frozen=True)
@@ -50,32 +50,84 @@ class Opened:
     warnings: tuple[str, ...]
 
 
-def open_monitor(settings: Settings) -> Opened:
+def open_monitors(settings: Settings) -> list[Opened]:
     """
-    Compile and load the bundle, or load the compiled folder.
+    Compile and load the bundles, or load the compiled folders.
 
     Raises
     ------
     Refusal
-        with all that is wrong with the bundle, the folder, the compiler, or the combination.
+        with all that is wrong with bundles, folders, the compiler, or the combination.
     """
-    with _told():
-        if settings.library is not None:
-            return _open_library(settings, settings.library)
-        assert settings.spec is not None
-        return _compile(settings, settings.spec)
+    opened = _all(lambda origin: _open(settings, origin), settings.origins)
+    _refuse_shared_handlers(settings.origins, [item.monitor.manifest for item in opened])
+    return opened
 
 
-def open_manifest(settings: Settings) -> Manifest:
-    """Return what is known of the bundle or compiled folder; raises `Refusal`."""
-    with _told():
-        if settings.library is not None:
-            manifest = open_folder(settings.library).manifest
-            _refuse_other_bundle(settings, settings.library, manifest)
-            return manifest
-        assert settings.spec is not None
-        from fret_monitor.start import manifest_of
-        return manifest_of(settings.spec)
+def open_manifests(settings: Settings) -> list[Manifest]:
+    """Return what is known of the bundles or compiled folders; raises `Refusal`."""
+    manifests = _all(_manifest, settings.origins)
+    _refuse_shared_handlers(settings.origins, manifests)
+    return manifests
+
+
+def _all[T](open_one: Callable[[Origin], T], origins: Sequence[Origin]) -> list[T]:
+    """Open all, so that what is wrong with any of them is told together."""
+    opened, refused = [], []
+    for origin in origins:
+        try:
+            with _told():
+                opened.append(open_one(origin))
+        except Refusal as refusal:
+            refused.append(str(refusal))
+    if refused:
+        raise Refusal(*refused, heading='')
+    return opened
+
+
+def _refuse_shared_handlers(origins: Sequence[Origin], manifests: Sequence[Manifest]) -> None:
+    """Refuse two requirements whose violations nobody could tell apart."""
+    first: dict[str, tuple[Origin, ManifestRequirement]] = {}
+    problems = []
+    for origin, manifest in zip(origins, manifests):
+        for item in manifest.requirements:
+            other_origin, other = first.setdefault(item.handler, (origin, item))
+            if other is not item:
+                problems.append(
+                    f"'{other.id}' ({_place(other_origin, other)}) and '{item.id}' "
+                    f'({_place(origin, item)}) would both be announced on '
+                    f'copilot/{item.handler}: give one of them another id')
+    if problems:
+        raise Refusal(*problems)
+
+
+def _place(origin: Origin, requirement: ManifestRequirement) -> str:
+    """Return where a requirement is written, as exactly as can be said."""
+    if origin.spec is not None:
+        from fret_monitor.syntax.bundle import survey_bundle
+        bundle = survey_bundle(origin.spec, Problems())
+        for item in bundle.requirements if bundle else ():
+            if item.id.value == requirement.id:
+                span = item.id.span
+                return f'{span.source.name}:{span.line}:{span.column}'
+    return str(origin)
+
+
+def _open(settings: Settings, origin: Origin) -> Opened:
+    if origin.library is not None:
+        return _open_library(settings, origin, origin.library)
+    assert origin.spec is not None
+    return _compile(settings, origin.spec)
+
+
+def _manifest(origin: Origin) -> Manifest:
+    if origin.library is not None:
+        manifest = open_folder(origin.library).manifest
+        _refuse_other_bundle(origin.spec, origin.library, manifest)
+        return manifest
+    assert origin.spec is not None
+    from fret_monitor.start import manifest_of
+    return manifest_of(origin.spec)
 
 
 @contextmanager
@@ -100,22 +152,22 @@ def _compile(settings: Settings, spec: Path) -> Opened:
                   compiled.warnings)
 
 
-def _open_library(settings: Settings, directory: Path) -> Opened:
+def _open_library(settings: Settings, origin: Origin, directory: Path) -> Opened:
     folder = open_folder(directory)
-    _refuse_other_bundle(settings, directory, folder.manifest)
+    _refuse_other_bundle(origin.spec, directory, folder.manifest)
     policy = _policy_of(settings, folder.manifest)
     return Opened(load(folder.library, folder.manifest), folder.evaluator, policy,
                   folder.manifest.period, f'compiled before, in {directory}', ())
 
 
-def _refuse_other_bundle(settings: Settings, directory: Path, manifest: Manifest) -> None:
-    if settings.spec is None:
+def _refuse_other_bundle(spec: Path | None, directory: Path, manifest: Manifest) -> None:
+    if spec is None:
         return
     from fret_monitor.build import read
-    if read(settings.spec).bundle_hash != manifest.bundle_hash:
+    if read(spec).bundle_hash != manifest.bundle_hash:
         raise Refusal(
-            f"'{directory}' was not compiled from '{settings.spec}' as it is now; compile it "
-            f'anew: fret-monitor compile {settings.spec} --output {directory}')
+            f"'{directory}' was not compiled from '{spec}' as it is now; compile it "
+            f'anew: fret-monitor compile {spec} --output {directory}')
 
 
 def _policy_of(settings: Settings, manifest: Manifest) -> Policy:

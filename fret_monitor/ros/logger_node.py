@@ -25,12 +25,12 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.manifest import ManifestRequirement, Severity
-from fret_monitor.ros.compiled import open_manifest
+from fret_monitor.ros.compiled import open_manifests
 from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
 from fret_monitor.ros.feed import Deliver, Feed
 from fret_monitor.ros.fields import UNDECODABLE
 from fret_monitor.ros.handlers import handler_topic
-from fret_monitor.ros.parameters import LOGGER_PARAMETERS, read_settings
+from fret_monitor.ros.parameters import LOGGER_PARAMETERS, Parameters, read_settings
 from fret_monitor.ros.qos import VIOLATION_REQUEST
 
 from rclpy.clock import Clock
@@ -75,8 +75,7 @@ class LoggerNode(Node):
         Refusal
             if parameters, bundle or library are not such that it can start. Nothing is left.
         """
-        super().__init__(
-            node_name, automatically_declare_parameters_from_overrides=True, **options)
+        super().__init__(node_name, **options)
         self._feed = Feed(self)
         self._heard: dict[str, Heard] = {}
         with ExitStack() as undo:
@@ -95,19 +94,21 @@ class LoggerNode(Node):
         super().destroy_node()
 
     def _begin(self) -> None:
-        manifest = open_manifest(read_settings(self, LOGGER_PARAMETERS))
-        self._heard = {requirement.id: Heard() for requirement in manifest.requirements}
+        settings = read_settings(Parameters(self, LOGGER_PARAMETERS).values())
+        requirements = [requirement for manifest in open_manifests(settings)
+                        for requirement in manifest.requirements]
+        self._heard = {requirement.id: Heard() for requirement in requirements}
         self._feed.subscribe(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
                              self._keep_details, VIOLATION_REQUEST)
-        for requirement in manifest.requirements:
+        for requirement in requirements:
             self._feed.subscribe(handler_topic(requirement), 'std_msgs/msg/Empty', Empty,
                                  self._report(requirement), VIOLATION_REQUEST)
         self._feed.start()
         self.create_timer(_CHECK, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(
-            f'listening for violations of {len(manifest.requirements)} requirements: '
-            + ', '.join(requirement.id for requirement in manifest.requirements[:10])
-            + (', ...' if len(manifest.requirements) > 10 else ''))
+            f'listening for violations of {len(requirements)} requirements: '
+            + ', '.join(requirement.id for requirement in requirements[:10])
+            + (', ...' if len(requirements) > 10 else ''))
 
     def _report(self, requirement: ManifestRequirement) -> Deliver:
         """Return the callback for a handler."""

@@ -14,73 +14,201 @@
 
 """The node that watches: what it is to do comes by parameters, the work is `BundleWatch`'s."""
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from contextlib import ExitStack
+import traceback
 from typing import Any
 
+from fret_monitor.ros.announcement import announcement, count
 from fret_monitor.ros.bundle_watch import BundleWatch
-from fret_monitor.ros.compiled import open_monitor, Opened
-from fret_monitor.ros.parameters import MONITOR_PARAMETERS, read_settings
+from fret_monitor.ros.compiled import open_monitors
+from fret_monitor.ros.namesakes import Namesakes
+from fret_monitor.ros.parameters import MONITOR_PARAMETERS, Parameters, read_settings, Refusal
 
-from rclpy.node import Node
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.lifecycle import LifecycleNode
+from rclpy.lifecycle import LifecycleState
+from rclpy.lifecycle import TransitionCallbackReturn
 from std_srvs.srv import Trigger
 
 
-class MonitorNode(Node):
+class MonitorNode(LifecycleNode):
     """
-    Monitors a bundle from its making until `destroy_node`.
+    A managed node that watches one bundle or several while it is active.
 
-    It can be spun by any executor: that serves `~/reset`, parameters and periods. Messages do
-    not need one.
+    `configure` reads the parameters and makes ready what they name, `activate` subscribes,
+    `deactivate` ends that, `cleanup` and `shutdown` release everything. Unless `autostart` is
+    false, the node is active when it has been made.
+
+    It can be spun by any executor: that serves transitions, `~/reset`, parameters and periods.
+    Messages do not need one.
     """
 
     def __init__(self, node_name: str = 'fret_monitor', **options: Any) -> None:
         """
-        Make the node and start watching; `options` are those of `rclpy.node.Node`.
+        Make the node; `options` are those of `rclpy.lifecycle.LifecycleNode`.
 
         Raises
         ------
         Refusal
-            if parameters, bundle or library are not such that it can start. Nothing is left.
+            if parameters, bundles or libraries are not such that it can start by itself. Nothing
+            is left.
         """
-        super().__init__(
-            node_name, automatically_declare_parameters_from_overrides=True, **options)
         self._watches: list[BundleWatch] = []
+        self._is_active = False
+        self._is_starting = False
+        self._failure: Exception | None = None
+        super().__init__(node_name, **options)
         with ExitStack() as undo:
             undo.callback(self.destroy_node)
-            self._begin(open_monitor(read_settings(self, MONITOR_PARAMETERS)))
+            self._begin()
             undo.pop_all()
 
-    def _begin(self, opened: Opened) -> None:
-        self._watches.append(BundleWatch(self, opened))
+    def _begin(self) -> None:
+        self._declared = Parameters(self, MONITOR_PARAMETERS, self._why_fixed)
+        self._namesakes = Namesakes(self)
         self.create_service(Trigger, '~/reset', self._reset)
-        for warning in opened.warnings:
-            self.get_logger().warning(warning)
+        for service in self.services:
+            if service.service_name.endswith('/change_state'):
+                service.callback = _refusing(service.callback)
+        if self.get_parameter('autostart').value:
+            self._start(self.trigger_configure)
+            self._start(self.trigger_activate)
+        else:
+            self.get_logger().info('waiting to be configured and activated: autostart is false')
+
+    def _start(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
+        """Take a transition by itself; what is wrong is told to whoever makes the node."""
+        self._is_starting = True
+        trigger()
+        self._is_starting = False
+        if self._failure is not None:
+            raise self._failure
+
+    # What rclpy calls at transitions.
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Make ready what the parameters name."""
+        return self._take(self._configure) or super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin to watch."""
+        return self._take(self._activate) or super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop watching; nothing is stepped or announced from here on."""
+        return self._take(self._deactivate) or super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Release the bundles; to configure again reads them again."""
+        return self._take(self._release) or super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Release the bundles, for good."""
+        return self._take(self._release) or super().on_shutdown(state)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Release the bundles after an error, so that the node can be configured again."""
+        self._release()
+        return super().on_error(state)
+
+    def _take(self, step: Callable[[], None]) -> TransitionCallbackReturn | None:
+        """
+        Take a step of a transition; return None if it went well.
+
+        rclpy drops what a transition raises without a word.
+        """
+        attempt = _Attempt()
+        with attempt:
+            step()
+        self._failure = attempt.error
+        if attempt.error is None:
+            return None
+        is_refusal = isinstance(attempt.error, Refusal)
+        if not self._is_starting:
+            self.get_logger().error(
+                str(attempt.error) if is_refusal
+                else ''.join(traceback.format_exception(attempt.error)))
+        return TransitionCallbackReturn.FAILURE if is_refusal else TransitionCallbackReturn.ERROR
+
+    def _configure(self) -> None:
+        settings = read_settings(self._declared.values())
+        opened = open_monitors(settings)
+        with ExitStack() as undo:
+            undo.callback(self._release)
+            for item in opened:
+                self._watches.append(BundleWatch(self, item, hot_path=settings.hot_path))
+            undo.pop_all()
+        for item in opened:
+            for warning in item.warnings:
+                self.get_logger().warning(warning)
+
+    def _activate(self) -> None:
+        with ExitStack() as undo:
+            undo.callback(self._deactivate)
+            for watch in self._watches:
+                watch.start()
+            self._is_active = True
+            undo.pop_all()
+        for line in announcement([watch.opened for watch in self._watches]):
+            self.get_logger().info(line)
+
+    def _deactivate(self) -> None:
+        self._is_active = False
         for watch in self._watches:
-            watch.start()
-        self.get_logger().info(_announcement(opened))
+            watch.stop()
+
+    def _release(self) -> None:
+        self._is_active = False
+        while self._watches:
+            self._watches.pop().close()
+
+    def _why_fixed(self) -> str:
+        return ('read when the node is configured, since a step has to mean the same from the '
+                'first to the last; deactivate and clean up first') if self._watches else ''
 
     def destroy_node(self) -> None:
         """End the watches, then the node."""
-        for watch in self._watches:
-            watch.close()
+        self._release()
         super().destroy_node()
+        # rclpy forgets it, and it would keep the node in the graph.
+        self._state_machine.destroy_when_not_in_use()
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self._is_active
+        if not self._is_active:
+            response.message = 'nothing to restart: the node is not active'
+            return response
         groups = sum(watch.reset() for watch in self._watches)
-        response.success = True
-        response.message = f'restarted {_count(groups, "step group")}; input values kept'
+        response.message = f'restarted {count(groups, "step group")}; input values kept'
         self.get_logger().info(response.message)
         return response
 
 
-def _announcement(opened: Opened) -> str:
-    manifest = opened.monitor.manifest
-    return (f'watching {_count(len(manifest.requirements), "requirement")} '
-            f'on {_count(len(manifest.inputs), "input")} '
-            f'of {_count(len(manifest.topics), "topic")}, policy {opened.policy.value}, '
-            f'{"" if opened.period is None else f"{opened.period:g} s, "}'
-            f'{_count(manifest.state_bytes, "byte")} of state ({opened.origin})')
+class _Attempt(AbstractContextManager[None]):
+    """Keeps an error that is raised inside, instead of passing it on."""
+
+    def __init__(self) -> None:
+        self.error: Exception | None = None
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
+        if isinstance(error, Exception):
+            self.error = error
+        return isinstance(error, Exception)
 
 
-def _count(number: int, noun: str) -> str:
-    return f'{number} {noun}' if number == 1 else f'{number} {noun}s'
+def _refusing(change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """
+    Return the callback of a service that refuses a transition that is none from where it is.
+
+    rclpy's own raises that in the executor, where it would end the process; rcl logs it.
+    """
+    def answer(request: Any, response: Any) -> Any:
+        try:
+            return change_state(request, response)
+        except _rclpy.RCLError:
+            response.success = False
+            return response
+
+    return answer

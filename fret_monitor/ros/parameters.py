@@ -13,14 +13,15 @@
 # limitations under the License.
 
 """
-What a user asks of a node by ROS parameters, checked.
+What a user asks of a node by ROS parameters: declared, described, checked, kept.
 
 All problems are told together, and each with what to write instead.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import zip_longest
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -28,14 +29,54 @@ from typing import Any
 from fret_monitor.diagnostics import did_you_mean
 from fret_monitor.manifest import Policy
 
+from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-MONITOR_PARAMETERS = ('spec', 'library', 'policy', 'period', 'rate')
-LOGGER_PARAMETERS = ('spec', 'library')
-# rclpy's own
-_FOREIGN = ('use_sim_time', 'start_type_description_service')
+
+@dataclass(frozen=True)
+class Described:
+    """A parameter: what it is where it is not given, what it means, and whether it may change."""
+
+    default: object
+    description: str
+    read_only: bool = False
+
+
+_SPEC = 'the bundle: a path, or a list of them to watch several'
+_LIBRARY = ('the folder of a compiled bundle, instead of the bundle, or with it to be sure that '
+            'it is of that; a list for several')
+_LOG_LEVEL = Described('', 'the least severity that this node logs: debug, info, warn, error or '
+                           "fatal; empty for the process's")
+
+MONITOR_PARAMETERS = {
+    'spec': Described('', f'{_SPEC}; read by `configure`'),
+    'library': Described('', f'{_LIBRARY}; read by `configure`'),
+    'policy': Described('', f"when a step happens: {', '.join(item.value for item in Policy)}; "
+                            "empty for the bundle's; read by `configure`"),
+    'period': Described(0.0, 'seconds between two steps, with the policy periodic; 0 for the '
+                             "bundle's; read by `configure`"),
+    'rate': Described(0.0, 'steps a second, with the policy periodic, instead of a period; 0 for '
+                           "the bundle's; read by `configure`"),
+    'hot_path': Described('auto', 'whether C takes the messages: auto (where it can), on (or '
+                                  'do not start), off; read by `configure`'),
+    'autostart': Described(True, 'whether the node configures and activates itself at its start',
+                           read_only=True),
+    'log_level': _LOG_LEVEL,
+}
+LOGGER_PARAMETERS = {
+    'spec': Described('', _SPEC, read_only=True),
+    'library': Described('', _LIBRARY, read_only=True),
+    'log_level': _LOG_LEVEL,
+}
+
+_HOT_PATHS = ('auto', 'on', 'off')
+_LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
+# rclpy's own, and those of our other node, which one file of parameters may name too
+_KNOWN = {'use_sim_time', 'start_type_description_service',
+          *MONITOR_PARAMETERS, *LOGGER_PARAMETERS}
 
 
 class Refusal(Exception):
@@ -47,79 +88,160 @@ class Refusal(Exception):
 
 
 @dataclass(frozen=True)
-class Settings:
-    """What to monitor, and what overrides the bundle; `period` is in seconds, exact."""
+class Origin:
+    """Where a bundle comes from: its file, its compiled folder, or both."""
 
     spec: Path | None
     library: Path | None
+
+    def __str__(self) -> str:
+        """Return the path that a user knows it by."""
+        return str(self.spec or self.library)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What to monitor, and what overrides the bundles; `period` is in seconds, exact."""
+
+    origins: tuple[Origin, ...]
     policy: Policy | None = None
     period: Fraction | None = None
+    hot_path: str = 'auto'
 
 
-def read_settings(node: Node, names: tuple[str, ...]) -> Settings:
+class Parameters:
+    """The parameters of a node, from their declaration on."""
+
+    def __init__(self, node: Node, table: Mapping[str, Described],
+                 why_fixed: Callable[[], str] = str) -> None:
+        """
+        Declare the parameters of `table`, and warn of those given that are not among them.
+
+        `why_fixed` returns why those that are read by `configure` cannot change now; nothing
+        where they can.
+
+        Raises
+        ------
+        Refusal
+            if `log_level` is none.
+        """
+        self._node = node
+        self._table = table
+        self._why_fixed = why_fixed
+        for name, item in table.items():
+            node.declare_parameter(name, item.default, ParameterDescriptor(
+                description=item.description, read_only=item.read_only, dynamic_typing=True))
+        self._warn_of_slips()
+        if problems := _found(_level, self.values()):
+            raise Refusal(*problems)
+        self._set_level()
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(lambda _: self._set_level())
+
+    def values(self) -> dict[str, Any]:
+        """Return their values."""
+        return {name: self._node.get_parameter(name).value for name in self._table}
+
+    def _warn_of_slips(self) -> None:
+        # A file of parameters with the wildcard `/**` names those of other nodes too.
+        for name in self._node._parameter_overrides:
+            if name.startswith('qos_overrides.'):
+                self._node.get_logger().warning(
+                    f"ignored parameter '{name}': overrides of the quality of service are not "
+                    'read yet; say `qos` of the input in the bundle')
+            elif name not in _KNOWN and not self._node.has_parameter(name):
+                hint = did_you_mean(name, self._table) or f'this node has {", ".join(self._table)}'
+                self._node.get_logger().warning(f"ignored parameter '{name}': {hint}")
+
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Refuse what cannot be used, and what cannot change now."""
+        new = {item.name: item.value for item in parameters if item.name in self._table}
+        problems = _found(_settings, self.values() | new) + _found(_level, new)
+        fixed = [name for name in new if name != 'log_level']
+        reason = self._why_fixed()
+        if fixed and reason:
+            problems = [f"{', '.join(fixed)}: {reason}"]
+        return SetParametersResult(successful=not problems, reason='; '.join(problems))
+
+    def _set_level(self) -> None:
+        self._node.get_logger().set_level(_level(self.values(), []))
+
+
+def read_settings(given: Mapping[str, Any]) -> Settings:
     """
-    Read the parameters `names` of a node that declares its overrides by itself.
+    Return what the values of parameters ask for.
 
     Raises
     ------
     Refusal
-        if one has a value that cannot be used, or a name that is nearly one of `names`.
+        if one cannot be used, or nothing is asked for.
     """
-    found: Any = node.get_parameters_by_prefix('')  # annotated wrongly in Jazzy
-    given = {name: item.value for name, item in found.items()}
     problems: list[str] = []
-    _look_for_slips(node, given, names, problems)
-    settings = Settings(
-        _path(given, 'spec', problems), _path(given, 'library', problems),
-        _policy(given, problems), _period(given, problems))
-    if settings.spec is None and settings.library is None and not problems:
+    settings = _settings(given, problems)
+    if not settings.origins and not problems:
         problems.append('nothing to monitor: name a bundle with -p spec:=FILE, '
                         'or a compiled one with -p library:=FOLDER')
     if problems:
         raise Refusal(*problems)
-    _keep(node, names)
     return settings
 
 
-def _look_for_slips(node: Node, given: Mapping[str, Any], names: tuple[str, ...],
-                    problems: list[str]) -> None:
-    # A file of parameters with the wildcard `/**` names those of other nodes too: what looks like
-    # none of ours is let pass.
-    for name in given:
-        if name in names + _FOREIGN:
-            continue
-        if name.startswith('qos_overrides.'):
-            node.get_logger().warning(
-                f"ignored parameter '{name}': overrides of the quality of service are not read "
-                'yet; say `qos` of the input in the bundle')
-            continue
-        hint = did_you_mean(name, names)
-        if hint:
-            problems.append(f"there is no parameter '{name}': {hint}")
-        else:
-            node.get_logger().warning(
-                f"ignored parameter '{name}': this node has {', '.join(names)}")
+def _found(read: Callable[[Mapping[str, Any], list[str]], object],
+           given: Mapping[str, Any]) -> list[str]:
+    """Return the problems that `read` finds."""
+    problems: list[str] = []
+    read(given, problems)
+    return problems
 
 
-def _path(given: Mapping[str, Any], name: str, problems: list[str]) -> Path | None:
-    value = given.get(name, '')
-    if not isinstance(value, str):
-        problems.append(f"parameter '{name}' is {value!r}, and has to be a path; "
-                        f"quote it: -p '{name}:=\"{value}\"'")
-        return None
-    return Path(value).expanduser() if value else None
+def _level(given: Mapping[str, Any], problems: list[str]) -> LoggingSeverity:
+    word = _word(given, 'log_level', _LEVELS, problems)
+    return LoggingSeverity[word.upper()] if word else LoggingSeverity.UNSET
+
+
+def _settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
+    return Settings(
+        _origins(given, problems), _policy(given, problems), _period(given, problems),
+        _word(given, 'hot_path', _HOT_PATHS, problems) or 'auto')
+
+
+def _origins(given: Mapping[str, Any], problems: list[str]) -> tuple[Origin, ...]:
+    specs, libraries = _paths(given, 'spec', problems), _paths(given, 'library', problems)
+    if specs and libraries and len(specs) != len(libraries):
+        problems.append(
+            f"parameters 'spec' and 'library' name {len(specs)} and {len(libraries)}: where both "
+            'are given, each bundle has its folder, in the same order')
+    return tuple(Origin(*pair) for pair in zip_longest(specs, libraries))
+
+
+def _paths(given: Mapping[str, Any], name: str, problems: list[str]) -> list[Path]:
+    value: Any = given.get(name) or ''
+    listed: list[Any] = [value] if isinstance(value, str | bool | int | float) else list(value)
+    wrong = [item for item in listed if not isinstance(item, str) or not item and listed != ['']]
+    if wrong:
+        problems.append(
+            f"parameter '{name}' is {listed if len(listed) > 1 else value!r}, and has to be a "
+            f"path or a list of paths; quote it: -p '{name}:=\"{wrong[0]}\"'")
+        return []
+    return [Path(item).expanduser() for item in listed if item]
 
 
 def _policy(given: Mapping[str, Any], problems: list[str]) -> Policy | None:
-    value = given.get('policy', '')
-    if value == '':
-        return None
-    words = [policy.value for policy in Policy]
-    if value not in words:
-        problems.append(f"parameter 'policy' is '{value}', and has to be one of "
+    word = _word(given, 'policy', [policy.value for policy in Policy], problems)
+    return Policy(word) if word else None
+
+
+def _word(given: Mapping[str, Any], name: str, words: Sequence[str],
+          problems: list[str]) -> str:
+    value = given.get(name) or ''
+    # YAML takes `on` and `off` for truth values, and so does `-p hot_path:=off`.
+    if isinstance(given.get(name), bool) and 'off' in words:
+        value = 'on' if given[name] else 'off'
+    if value and value not in words:
+        problems.append(f"parameter '{name}' is '{value}', and has to be one of "
                         f"{', '.join(words)}")
-        return None
-    return Policy(value)
+        return ''
+    return str(value)
 
 
 def _period(given: Mapping[str, Any], problems: list[str]) -> Fraction | None:
@@ -133,22 +255,12 @@ def _period(given: Mapping[str, Any], problems: list[str]) -> Fraction | None:
 def _positive(given: Mapping[str, Any], name: str, unit: str,
               problems: list[str]) -> Fraction | None:
     value = given.get(name)
-    if value is None:
+    if value is None or value == '':
         return None
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not isfinite(value) or value <= 0:
+    if not is_number or not isfinite(value) or value < 0:
         problems.append(
             f"parameter '{name}' is {value!r}, and has to be a number above 0 ({unit})")
         return None
-    return Fraction(str(value))  # the decimal number that was written
-
-
-def _keep(node: Node, names: tuple[str, ...]) -> None:
-    """Refuse to change at run time what is read only once."""
-
-    def check(parameters: list[Parameter]) -> SetParametersResult:
-        fixed = [item.name for item in parameters if item.name in names]
-        reason = f"{', '.join(fixed)}: read at start only; start the node anew" if fixed else ''
-        return SetParametersResult(successful=not fixed, reason=reason)
-
-    node.add_on_set_parameters_callback(check)
+    # The decimal number that was written; 0 is that of a parameter that is not given.
+    return Fraction(str(value)) or None

@@ -66,19 +66,21 @@ def test_nothing_to_monitor_is_told_with_what_to_write(context: Context) -> None
 
 
 def test_all_problems_of_the_parameters_are_told_together(context: Context) -> None:
-    told = refusal(context, spec=12, policy='sometimes', period=-1, rate='often', libary='x')
+    told = refusal(context, spec=12, policy='sometimes', period=-1, rate='often',
+                   hot_path='perhaps')
     assert told.splitlines() == [
-        "error: there is no parameter 'libary': did you mean 'library'?",
-        "error: parameter 'spec' is 12, and has to be a path; quote it: -p 'spec:=\"12\"'",
+        "error: parameter 'spec' is 12, and has to be a path or a list of paths; quote it: "
+        "-p 'spec:=\"12\"'",
         "error: parameter 'policy' is 'sometimes', and has to be one of every_message, "
         'relevant_message, all_inputs, periodic',
         "error: parameter 'period' is -1, and has to be a number above 0 (seconds, say 0.1)",
         "error: parameter 'rate' is 'often', and has to be a number above 0 "
-        '(steps a second, say 10.0)']
+        '(steps a second, say 10.0)',
+        "error: parameter 'hot_path' is 'perhaps', and has to be one of auto, on, off"]
 
 
 @pytest.mark.parametrize(('name', 'value'), [
-    ('period', float('inf')), ('period', float('nan')), ('rate', 0), ('rate', True)])
+    ('period', float('inf')), ('period', float('nan')), ('rate', -2), ('rate', True)])
 def test_a_period_is_a_number_above_zero(context: Context, name: str, value: object) -> None:
     assert 'has to be a number above 0' in refusal(context, spec='x', **{name: value})
 
@@ -181,19 +183,6 @@ def test_the_logger_refuses_what_the_monitor_does(context: Context, tmp_path: Pa
     overrides = [Parameter('spec', value=str(write(tmp_path, WRONG)))]
     with pytest.raises(Refusal, match='error: '):
         LoggerNode(context=context, parameter_overrides=overrides, cli_args=['--ros-args'])
-
-
-def test_parameters_that_are_read_only_once_are_not_changed_later(
-    context: Context, tmp_path: Path,
-) -> None:
-    node = MonitorNode(context=context, cli_args=['--ros-args'],
-                       parameter_overrides=[Parameter('spec', value=str(write(tmp_path)))])
-    try:
-        result = node.set_parameters([Parameter('spec', value='other.yaml')])[0]
-        assert (result.successful, 'start the node anew' in result.reason) == (False, True)
-        assert node.set_parameters([Parameter('use_sim_time', value=True)])[0].successful
-    finally:
-        node.destroy_node()
 
 
 @pytest.mark.parametrize('name', ['monitor', 'logger'])

@@ -1,0 +1,44 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Another node of the same name: both work, but who calls or remaps one means both."""
+
+from rclpy.clock import Clock
+from rclpy.clock import ClockType
+from rclpy.node import Node
+
+_LOOKS = 10  # one a second; of two, the later one finds the other in this time
+
+
+class Namesakes:
+    """Looks for nodes of the same full name, and warns of one once."""
+
+    def __init__(self, node: Node) -> None:
+        """Begin to look, whenever the node's executor has time."""
+        self._node = node
+        self._left = _LOOKS
+        self._timer = node.create_timer(
+            1.0, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _look(self) -> None:
+        own = self._node.get_name(), self._node.get_namespace()
+        has_other = self._node.get_node_names_and_namespaces().count(own) > 1
+        self._left -= 1
+        if has_other:
+            self._node.get_logger().warning(
+                f'there is another node {self._node.get_fully_qualified_name()}: both watch and '
+                'announce; give one another name (-r __node:=NAME) to tell them apart in '
+                '/diagnostics, ~/reset and transitions')
+        if has_other or not self._left:
+            self._timer.cancel()

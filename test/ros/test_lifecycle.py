@@ -1,0 +1,279 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The monitor as a managed node: what each state means, over real DDS, with a real process."""
+
+from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from time import monotonic
+from time import sleep
+from typing import Any
+
+from fret_monitor.ros import MonitorNode
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from lifecycle_msgs.srv import GetState
+import pytest
+from rclpy.executors import Executor
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from ros.harness import NodeProcess
+from ros.harness import Partner
+from ros.harness import PATIENCE
+from ros.harness import RELIABLE
+from ros.harness import started
+from ros.harness import wait_until
+from std_msgs.msg import Empty
+from std_msgs.msg import Float32
+from std_srvs.srv import Trigger
+
+BUNDLE = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+requirements:
+  - {id: R-1, ptltl: "x < 0.5"}
+  - {id: R-2, ptltl: "H (x < 0.5) | FTP"}
+"""
+WRONG = BUNDLE.replace('H (x', 'H (y')
+CONFIGURE = Transition.TRANSITION_CONFIGURE
+ACTIVATE = Transition.TRANSITION_ACTIVATE
+DEACTIVATE = Transition.TRANSITION_DEACTIVATE
+CLEANUP = Transition.TRANSITION_CLEANUP
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> Path:
+    path = tmp_path / 'bundle.yaml'
+    path.write_text(BUNDLE, encoding='utf-8')
+    return path
+
+
+class Manager:
+    """Whoever manages the node: asks for transitions, and for the state."""
+
+    def __init__(self, partner: Partner, node: str = '/fret_monitor') -> None:
+        self._change = partner.node.create_client(ChangeState, f'{node}/change_state')
+        self._get = partner.node.create_client(GetState, f'{node}/get_state')
+        self._reset = partner.node.create_client(Trigger, f'{node}/reset')
+
+    def _call(self, client: Any, request: Any) -> Any:
+        wait_until(client.service_is_ready, client.srv_name)
+        answer = client.call_async(request)
+        wait_until(answer.done, f'an answer of {client.srv_name}')
+        return answer.result()
+
+    def ask(self, *transitions: int) -> list[bool]:
+        """Ask for transitions, one after another; return which of them succeeded."""
+        return [self._call(self._change, ChangeState.Request(
+            transition=Transition(id=number))).success for number in transitions]
+
+    @property
+    def state(self) -> int:
+        return int(self._call(self._get, GetState.Request()).current_state.id)
+
+    def reset(self) -> tuple[bool, str]:
+        answer = self._call(self._reset, Trigger.Request())
+        return answer.success, answer.message
+
+
+@contextmanager
+def waiting(*arguments: str) -> Iterator[NodeProcess]:
+    """Start a node that does not start by itself; it ends well if the test is well."""
+    node = NodeProcess('monitor', '-p', 'autostart:=false', *arguments)
+    try:
+        node.wait_for('waiting to be configured and activated')
+        yield node
+        assert node.end() == 0, node.output
+    finally:
+        node.kill()
+
+
+def count_listener(partner: Partner, *names: str) -> None:
+    """Count violations of handlers, which may be withdrawn and advertised again meanwhile."""
+    def counted(name: str) -> Callable[[Empty], None]:
+        def count(_: Empty) -> None:
+            partner.heard[name] += 1
+        return count
+
+    for name in names:
+        partner.node.create_subscription(
+            Empty, f'copilot/handlerprop{name}', counted(name), RELIABLE)
+
+
+def wait_for_handlers(partner: Partner, count: int, *names: str) -> None:
+    wait_until(lambda: all(partner.node.count_publishers(f'copilot/handlerprop{name}') == count
+                           for name in names), f'{count} publishers of {names}')
+    sleep(0.3)  # one side knows of the other a moment later
+
+
+def test_in_each_state_the_node_does_what_the_state_means(
+    partner: Partner, bundle: Path,
+) -> None:
+    x = partner.publisher(Float32, 'x')
+    count_listener(partner, 'R_1', 'R_2')
+    with waiting('-p', f'spec:={bundle}') as node:
+        manager = Manager(partner)
+        assert manager.state == State.PRIMARY_STATE_UNCONFIGURED
+        assert manager.reset() == (False, 'nothing to restart: the node is not active')
+        assert partner.node.count_publishers('copilot/handlerpropR_1') == 0
+
+        assert manager.ask(CONFIGURE) == [True]
+        assert manager.state == State.PRIMARY_STATE_INACTIVE
+        wait_for_handlers(partner, 1, 'R_1', 'R_2')
+        assert x.get_subscription_count() == 0
+        assert 'watching' not in node.output
+
+        assert manager.ask(ACTIVATE) == [True]
+        assert manager.state == State.PRIMARY_STATE_ACTIVE
+        node.wait_for('watching 2 requirements')
+        partner.wait_for_listener(x)
+        x.publish(Float32(data=0.9))
+        x.publish(Float32(data=0.9))
+        partner.expect({'R_1': 2, 'R_2': 1})
+
+        assert manager.ask(DEACTIVATE) == [True]
+        assert manager.state == State.PRIMARY_STATE_INACTIVE
+        wait_until(lambda: x.get_subscription_count() == 0, 'the end of the subscription')
+        for _ in range(20):
+            x.publish(Float32(data=0.9))
+        partner.expect({'R_1': 2, 'R_2': 1})
+
+        # What was before is past: its violation, its first step, its value.
+        assert manager.ask(ACTIVATE) == [True]
+        partner.wait_for_listener(x)
+        x.publish(Float32(data=0.9))
+        partner.expect({'R_1': 3, 'R_2': 1})
+        x.publish(Float32(data=0.1))
+        partner.expect({'R_1': 3, 'R_2': 2})
+
+        assert manager.ask(DEACTIVATE, CLEANUP) == [True, True]
+        assert manager.state == State.PRIMARY_STATE_UNCONFIGURED
+        wait_for_handlers(partner, 0, 'R_1', 'R_2')
+        assert manager.ask(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN) == [True]
+        assert manager.state == State.PRIMARY_STATE_FINALIZED
+
+
+def test_shutdown_of_an_active_node_releases_all(partner: Partner, bundle: Path) -> None:
+    x = partner.publisher(Float32, 'x')
+    with started('monitor', '-p', f'spec:={bundle}'):
+        partner.wait_for_listener(x)
+        assert Manager(partner).ask(Transition.TRANSITION_ACTIVE_SHUTDOWN) == [True]
+        wait_for_handlers(partner, 0, 'R_1', 'R_2')
+        wait_until(lambda: x.get_subscription_count() == 0, 'the end of the subscription')
+
+
+def test_a_bundle_that_is_refused_fails_the_transition_and_the_process_goes_on(
+    partner: Partner, bundle: Path,
+) -> None:
+    bundle.write_text(WRONG, encoding='utf-8')
+    with waiting('-p', f'spec:={bundle}') as node:
+        manager = Manager(partner)
+        assert manager.ask(CONFIGURE) == [False]
+        assert manager.state == State.PRIMARY_STATE_UNCONFIGURED
+        node.wait_for(f'{bundle}:7:26: error: ')
+        assert '[ERROR]' in node.output
+        bundle.write_text(BUNDLE, encoding='utf-8')
+        assert manager.ask(CONFIGURE, ACTIVATE) == [True, True]
+        node.wait_for('watching 2 requirements')
+
+
+def test_a_changed_bundle_is_read_by_the_next_configure(partner: Partner, bundle: Path) -> None:
+    x = partner.publisher(Float32, 'x')
+    count_listener(partner, 'R_1', 'R_3')
+    with started('monitor', '-p', f'spec:={bundle}') as node:
+        partner.wait_for_listener(x)
+        wait_for_handlers(partner, 1, 'R_1')
+        x.publish(Float32(data=0.6))
+        partner.expect({'R_1': 1})
+        bundle.write_text(BUNDLE + '  - {id: R-3, ptltl: "x < 0.7"}\n', encoding='utf-8')
+        assert Manager(partner).ask(DEACTIVATE, CLEANUP, CONFIGURE, ACTIVATE) == [True] * 4
+        node.wait_for('watching 3 requirements')
+        partner.wait_for_listener(x)
+        wait_for_handlers(partner, 1, 'R_1', 'R_3')
+        x.publish(Float32(data=0.8))
+        partner.expect({'R_1': 2, 'R_3': 1})
+
+
+def test_a_transition_that_is_none_from_here_is_refused_and_nothing_else_happens(
+    partner: Partner, bundle: Path,
+) -> None:
+    x = partner.publisher(Float32, 'x')
+    with started('monitor', '-p', f'spec:={bundle}'):
+        manager = Manager(partner)
+        partner.listen('R_1')
+        partner.wait_for_listener(x)
+        assert manager.ask(CONFIGURE, ACTIVATE, CLEANUP, 77) == [False] * 4
+        assert manager.state == State.PRIMARY_STATE_ACTIVE
+        x.publish(Float32(data=0.9))
+        partner.expect({'R_1': 1})
+
+
+@contextmanager
+def composed(partner: Partner, bundle: Path, executor: Executor) -> Iterator[MonitorNode]:
+    """Make a monitor among the nodes of one's own program; the caller spins."""
+    node = MonitorNode(context=partner.context, cli_args=['--ros-args'],
+                       parameter_overrides=[Parameter('spec', value=str(bundle))])
+    executor.add_node(node)
+    try:
+        yield node
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+
+
+@pytest.mark.parametrize('kind', [SingleThreadedExecutor, MultiThreadedExecutor])
+def test_a_monitor_works_in_ones_own_program_with_any_executor(
+    kind: type[Executor], partner: Partner, stranger: Partner, bundle: Path,
+) -> None:
+    executor = kind(context=partner.context)
+    with composed(partner, bundle, executor) as node:
+        partner.listen('R_1')
+        x = stranger.publisher(Float32, 'x')
+        stranger.wait_for_listener(x)
+        x.publish(Float32(data=0.9))
+        partner.expect({'R_1': 1})
+        manager = stranger.node.create_client(ChangeState, 'fret_monitor/change_state')
+        wait_until(manager.service_is_ready, 'the service')
+        done = manager.call_async(
+            ChangeState.Request(transition=Transition(id=DEACTIVATE)))
+        end = monotonic() + PATIENCE
+        while not done.done() and monotonic() < end:
+            executor.spin_once(timeout_sec=0.05)
+        assert done.result().success
+        wait_until(lambda: x.get_subscription_count() == 0, 'the end of the subscription')
+        assert node.trigger_activate().name == 'SUCCESS'
+    assert 'fret_monitor' not in partner.node.get_node_names()
+
+
+def test_what_goes_wrong_in_the_feed_is_raised_where_the_node_is_spun(
+    partner: Partner, stranger: Partner, bundle: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fail(self: object, violations: object) -> None:
+        raise RuntimeError('no paper in the printer')
+
+    monkeypatch.setattr('fret_monitor.ros.handlers.Handlers.announce', fail)
+    executor = SingleThreadedExecutor(context=partner.context)
+    with composed(partner, bundle, executor):
+        x = stranger.publisher(Float32, 'x')
+        stranger.wait_for_listener(x)
+        x.publish(Float32(data=0.9))
+        end = monotonic() + PATIENCE
+        with pytest.raises(RuntimeError, match='no paper in the printer'):
+            while monotonic() < end:
+                executor.spin_once(timeout_sec=0.05)

@@ -1,0 +1,162 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parameters at run time: what they say of themselves, what may change, and why the rest not."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from fret_monitor.ros import LoggerNode
+from fret_monitor.ros import MonitorNode
+import pytest
+from rcl_interfaces.srv import DescribeParameters
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from ros.harness import Partner
+from ros.harness import started
+from ros.harness import wait_until
+from ros.test_lifecycle import ACTIVATE
+from ros.test_lifecycle import CONFIGURE
+from ros.test_lifecycle import Manager
+from ros.test_lifecycle import waiting
+
+BUNDLE = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+requirements:
+  - {id: R-1, ptltl: "x < 0.5"}
+"""
+NAMES = ['spec', 'library', 'policy', 'period', 'rate', 'hot_path', 'autostart', 'log_level']
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> Path:
+    path = tmp_path / 'bundle.yaml'
+    path.write_text(BUNDLE, encoding='utf-8')
+    return path
+
+
+def call(partner: Partner, kind: Any, name: str, request: Any) -> Any:
+    client = partner.node.create_client(kind, name)
+    wait_until(client.service_is_ready, name)
+    answer = client.call_async(request)
+    wait_until(answer.done, f'an answer of {name}')
+    return answer.result()
+
+
+def set_to(partner: Partner, **values: object) -> list[tuple[bool, str]]:
+    """Set parameters of the monitor as `ros2 param set` does; return what it says to each."""
+    messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+    answer = call(partner, SetParameters, '/fret_monitor/set_parameters',
+                  SetParameters.Request(parameters=messages))
+    return [(result.successful, result.reason) for result in answer.results]
+
+
+def test_every_parameter_says_what_it_means(partner: Partner, bundle: Path) -> None:
+    with started('monitor', '-p', f'spec:={bundle}'):
+        answer = call(partner, DescribeParameters, '/fret_monitor/describe_parameters',
+                      DescribeParameters.Request(names=NAMES))
+    described = {item.name: item for item in answer.descriptors}
+    assert list(described) == NAMES
+    assert all(len(item.description) > 20 for item in answer.descriptors)
+    assert [name for name in NAMES if described[name].read_only] == ['autostart']
+
+
+def test_what_is_read_by_configure_changes_in_no_other_state_and_takes_effect_then(
+    partner: Partner, bundle: Path,
+) -> None:
+    with waiting() as node:
+        manager = Manager(partner)
+        assert manager.ask(CONFIGURE) == [False]
+        node.wait_for('nothing to monitor: name a bundle')
+        assert set_to(partner, policy='sometimes')[0] == (
+            False, "parameter 'policy' is 'sometimes', and has to be one of every_message, "
+                   'relevant_message, all_inputs, periodic')
+        assert set_to(partner, spec=str(bundle), policy='periodic', rate=20) == [(True, '')] * 3
+        assert set_to(partner, period=0.5)[0] == (
+            False, "parameters 'period' and 'rate' say the same thing: give one of them")
+        assert manager.ask(CONFIGURE) == [True]
+        (successful, reason), = set_to(partner, spec='other.yaml')
+        assert not successful
+        assert reason.startswith('spec: read when the node is configured, since a step has to')
+        assert reason.endswith('deactivate and clean up first')
+        assert manager.ask(ACTIVATE) == [True]
+        node.wait_for('policy periodic, 0.05 s, ')
+        for name, value in {'policy': 'all_inputs', 'rate': 5.0, 'period': 1, 'library': 'x',
+                            'hot_path': 'off'}.items():
+            (successful, reason), = set_to(partner, **{name: value})
+            assert (successful, reason.partition(':')[0]) == (False, name)
+        assert [successful for successful, _ in set_to(partner, autostart=True, report='onset')] \
+            == [False, False]
+        assert set_to(partner, use_sim_time=True) == [(True, '')]
+
+
+def test_the_level_of_the_log_changes_at_any_time(partner: Partner, bundle: Path) -> None:
+    with started('monitor', '-p', f'spec:={bundle}') as node:
+        assert set_to(partner, log_level='loud')[0] == (
+            False, "parameter 'log_level' is 'loud', and has to be one of debug, info, warn, "
+                   'error, fatal')
+        assert set_to(partner, log_level='error') == [(True, '')]
+        partner.reset()
+        assert set_to(partner, log_level='info') == [(True, '')]
+        assert 'restarted' not in node.output
+        partner.reset()
+        node.wait_for('restarted 1 step group')
+
+
+@pytest.fixture
+def made(partner: Partner) -> Iterator[list[MonitorNode | LoggerNode]]:
+    nodes: list[MonitorNode | LoggerNode] = []
+    yield nodes
+    for node in nodes:
+        node.destroy_node()
+
+
+def test_a_level_given_at_the_start_is_in_force_from_the_start(
+    partner: Partner, bundle: Path, made: list[MonitorNode | LoggerNode],
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    for kind in (MonitorNode, LoggerNode):
+        made.append(kind(context=partner.context, cli_args=['--ros-args'], parameter_overrides=[
+            Parameter('spec', value=str(bundle)), Parameter('log_level', value='warn')]))
+    assert 'watching' not in capfd.readouterr().err
+
+
+def test_a_parameter_that_the_node_has_not_is_told_with_the_nearest(
+    partner: Partner, bundle: Path, made: list[MonitorNode | LoggerNode],
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    given = {'spec': str(bundle), 'polcy': 'periodic', 'frame_id': 'map'}
+    for kind in (MonitorNode, LoggerNode):
+        made.append(kind(
+            context=partner.context, cli_args=['--ros-args'],
+            parameter_overrides=[Parameter(name, value=item) for name, item in given.items()]))
+    told = capfd.readouterr().err
+    assert "ignored parameter 'polcy': did you mean 'policy'?" in told
+    assert f"ignored parameter 'frame_id': this node has {', '.join(NAMES)}" in told
+    assert "ignored parameter 'frame_id': this node has spec, library, log_level" in told
+    assert told.count("ignored parameter 'spec'") == 0
+
+
+def test_the_logger_does_not_warn_of_parameters_of_the_monitor(
+    partner: Partner, bundle: Path, made: list[MonitorNode | LoggerNode],
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    made.append(LoggerNode(context=partner.context, cli_args=['--ros-args'], parameter_overrides=[
+        Parameter('spec', value=str(bundle)), Parameter('policy', value='all_inputs')]))
+    assert 'ignored' not in capfd.readouterr().err
+    result = made[0].set_parameters([Parameter('spec', value='other.yaml')])[0]
+    assert not result.successful

@@ -1,0 +1,171 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Several bundles in one node, and several nodes in one graph."""
+
+from pathlib import Path
+
+from fret_monitor import build
+from fret_monitor.ros import MonitorNode
+from fret_monitor.ros import Refusal
+import pytest
+from rclpy.parameter import Parameter
+from ros.harness import Partner
+from ros.harness import started
+from ros.harness import wait_until
+from std_msgs.msg import Float32
+
+FIRST = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+  y: {topic: y, type: std_msgs/msg/Float32}
+requirements:
+  - {id: R-1, ptltl: "x < 0.5 & y < 0.5"}
+"""
+# Steps on the messages on x alone
+SECOND = """
+format: 1
+inputs:
+  speed: {topic: x, type: std_msgs/msg/Float32}
+  z: {topic: z, type: std_msgs/msg/Float32}
+evaluation: {policy: relevant_message}
+requirements:
+  - {id: R-2, ptltl: "Z (speed < 0.5)"}
+  - {id: R-3, ptltl: "z < 0.5"}
+"""
+
+
+@pytest.fixture
+def bundles(tmp_path: Path) -> tuple[Path, Path]:
+    return write(tmp_path, 'first', FIRST), write(tmp_path, 'second', SECOND)
+
+
+def write(folder: Path, name: str, text: str) -> Path:
+    path = folder / f'{name}.yaml'
+    path.write_text(text, encoding='utf-8')
+    return path
+
+
+def listed(bundles: tuple[Path, ...]) -> str:
+    return f'spec:=[{", ".join(map(str, bundles))}]'
+
+
+def test_each_of_several_bundles_steps_by_its_own_rule(
+    partner: Partner, bundles: tuple[Path, Path],
+) -> None:
+    with started('monitor', '-p', listed(bundles)) as node:
+        partner.listen('R_1', 'R_2', 'R_3')
+        x, y, z = (partner.publisher(Float32, name) for name in 'xyz')
+        partner.wait_for_listener(x, y, z)
+        assert node.output.index('bundle first: 1 requirement on 2 inputs of 2 topics, policy '
+                                 'every_message, ') \
+            < node.output.index('bundle second: 2 requirements on 2 inputs of 2 topics, policy '
+                                'relevant_message, ') \
+            < node.output.index('watching 3 requirements on 4 inputs of 3 topics in 2 bundles, ')
+        y.publish(Float32(data=0.1))
+        z.publish(Float32(data=0.9))
+        partner.expect({'R_3': 1})
+        x.publish(Float32(data=0.9))
+        partner.expect({'R_3': 1, 'R_1': 1})
+        # R-1 steps on what comes on x and y, R-2 on x, R-3 on z.
+        y.publish(Float32(data=0.2))
+        x.publish(Float32(data=0.1))
+        partner.expect({'R_3': 1, 'R_1': 2, 'R_2': 1})
+        assert partner.reset() == 'restarted 3 step groups; input values kept'
+
+
+def test_the_logger_tells_of_several_bundles(
+    partner: Partner, bundles: tuple[Path, Path],
+) -> None:
+    with started('logger', '-p', listed(bundles)) as logger, \
+            started('monitor', '-p', listed(bundles)):
+        logger.wait_for('listening for violations of 3 requirements: R-1, R-2, R-3')
+        y, z = partner.publisher(Float32, 'y'), partner.publisher(Float32, 'z')
+        x = partner.publisher(Float32, 'x')
+        partner.wait_for_listener(x, y, z)
+        def is_told() -> bool:
+            for publisher in (x, y, z):
+                publisher.publish(Float32(data=0.9))
+            return 'R-1 violated' in logger.output and 'R-3 violated' in logger.output
+
+        wait_until(is_told, 'lines of both bundles')
+
+
+def refusal(partner: Partner, **parameters: object) -> str:
+    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+    with pytest.raises(Refusal) as found:
+        MonitorNode(context=partner.context, parameter_overrides=overrides,
+                    cli_args=['--ros-args'])
+    assert partner.node.get_node_names() == ['partner']
+    return str(found.value)
+
+
+def test_a_handler_that_two_bundles_share_is_refused_with_both_places(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    first = write(tmp_path, 'first', FIRST)
+    second = write(tmp_path, 'second', SECOND.replace('R-3', 'R_1'))
+    assert refusal(partner, spec=[str(first), str(second)]) == (
+        f"error: 'R-1' ({first}:7:10) and 'R_1' ({second}:9:10) would both be announced on "
+        'copilot/handlerpropR_1: give one of them another id')
+
+
+def test_what_is_wrong_with_any_of_the_bundles_is_told_together(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    first = write(tmp_path, 'first', FIRST.replace('& y', '& a'))
+    second = write(tmp_path, 'second', SECOND.replace('Z (speed', 'Z (b'))
+    told = refusal(partner, spec=[str(first), str(second), 'third.yaml'])
+    assert f"{first}:7:33: error: 'a' is not declared" in told
+    assert f"{second}:8:26: error: 'b' is not declared" in told
+    assert "error: there is no file 'third.yaml'" in told
+
+
+def test_compiled_folders_come_as_a_list_too(
+    partner: Partner, bundles: tuple[Path, Path], tmp_path: Path,
+) -> None:
+    folders = [tmp_path / 'one', tmp_path / 'two']
+    for bundle, folder in zip(bundles, folders):
+        build.write(build.generate_monitor(build.read(bundle)), folder)
+    library = f'library:=[{folders[0]}, {folders[1]}]'
+    with started('monitor', '-p', library, '-p', listed(bundles)) as node:
+        node.wait_for('watching 3 requirements on 4 inputs of 3 topics in 2 bundles')
+    names = [str(folder) for folder in folders]
+    assert 'was not compiled from' in refusal(
+        partner, library=names, spec=[str(bundle) for bundle in reversed(bundles)])
+    assert refusal(partner, library=names, spec=str(bundles[0])).startswith(
+        "error: parameters 'spec' and 'library' name 1 and 2: where both are given, each")
+
+
+def test_monitors_of_other_names_share_a_namespace_and_one_of_the_same_is_told(
+    partner: Partner, bundles: tuple[Path, Path],
+) -> None:
+    with started('monitor', '-p', f'spec:={bundles[0]}') as first, \
+            started('monitor', '-p', f'spec:={bundles[1]}', '-r', '__node:=other') as other:
+        with started('monitor', '-p', f'spec:={bundles[1]}') as namesake:
+            namesake.wait_for('there is another node /fret_monitor: both watch and announce')
+            partner.listen('R_1', 'R_3')
+            x, y, z = (partner.publisher(Float32, name) for name in 'xyz')
+            partner.wait_for_listener(x, y, z)
+            wait_until(lambda: z.get_subscription_count() == 2, 'both listeners to z')
+            wait_until(lambda: partner.node.count_publishers('copilot/handlerpropR_3') == 2,
+                       'both publishers')
+            x.publish(Float32(data=0.9))
+            y.publish(Float32(data=0.9))
+            partner.expect({'R_1': 1})
+            z.publish(Float32(data=0.9))
+            partner.expect({'R_1': 1, 'R_3': 2})
+        assert 'there is another node' not in other.output
+        assert 'Traceback' not in first.output
