@@ -36,7 +36,10 @@ from fret_monitor.manifest import ManifestError
 from fret_monitor.manifest import Policy
 from fret_monitor.native.cache import cache_directory
 from fret_monitor.native.cache import csrc_directory
+from fret_monitor.native.cache import forget
 from fret_monitor.native.cache import is_kept
+from fret_monitor.native.cache import is_ours
+from fret_monitor.native.cache import note_use
 from fret_monitor.native.compiler import find_compiler
 from fret_monitor.native.errors import NativeError
 from fret_monitor.native.monitor import CompiledMonitor
@@ -46,6 +49,7 @@ if TYPE_CHECKING:
     from fret_monitor.build import Reading
 
 _NOTES = 'bundles'
+_MOST_NOTES = 1000  # beyond which the longest unused go
 
 
 def start(path: Path, *, policy: Policy | None = None,
@@ -134,13 +138,18 @@ def _hash(data: bytes) -> str:
 def _recall(note: Path, path: Path) -> CompiledMonitor | None:
     """Return what a note tells of, if all of it still holds; a damaged note is none."""
     try:
+        if not is_ours(note.parent) or not is_ours(note):
+            return None  # whoever can write it says what topics to listen to
         content = json.loads(note.read_text(encoding='utf-8'))
         manifest = Manifest.from_json(content['manifest'])
         library = Path(content['library'])
         warnings = tuple(str(item) for item in list(content['warnings']))
         holds = is_kept(library) and _are_same(path, content['files']) \
             and content['messages'] == _messages(manifest)
-        return CompiledMonitor(manifest, library, warnings) if holds else None
+        if not holds:
+            return None
+        note_use(note)
+        return CompiledMonitor(manifest, library, warnings)
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError,
             ManifestError, CompileError):
         return None
@@ -181,8 +190,9 @@ def _remember(note: Path, compiled: CompiledMonitor, reading: 'Reading') -> None
         })
         note.parent.mkdir(mode=0o700, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=note.parent)
-        with open(handle, 'w', encoding='utf-8') as file:
-            file.write(content)
+        with open(handle, 'w', encoding='utf-8') as written:
+            written.write(content)
         os.replace(name, note)
+        forget({file: file.stat().st_mtime for file in note.parent.iterdir()}, _MOST_NOTES)
     except OSError:
         pass

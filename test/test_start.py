@@ -237,6 +237,38 @@ def test_a_damaged_library_is_built_anew(bundle: Path, built: list[CompiledMonit
     assert len(built) == 2
 
 
+@pytest.mark.parametrize('part', ['note', 'folder', 'link'])
+def test_a_note_that_others_can_write_is_none(
+    part: str, bundle: Path, tmp_path: Path, built: list[CompiledMonitor],
+) -> None:
+    start(bundle)
+    found = note()
+    content = json.loads(found.read_text())
+    content['manifest'] = content['manifest'].replace('"a"', '"elsewhere"')
+    assert 'elsewhere' in content['manifest']
+    found.write_text(json.dumps(content))
+    if part == 'link':
+        found.rename(tmp_path / 'planted')
+        found.symlink_to(tmp_path / 'planted')
+    else:
+        (found if part == 'note' else found.parent).chmod(0o770)
+    assert start(bundle).manifest.topics[0].name == 'a'
+    assert len(built) == 2
+
+
+def test_notes_that_nobody_asked_for_in_90_days_are_removed(
+    bundle: Path, built: list[CompiledMonitor],
+) -> None:
+    start(bundle)
+    old = note()
+    os.utime(old, (1, 1))
+    start(bundle)
+    assert len(built) == 1 and old.stat().st_mtime > 1, 'it was asked for'
+    os.utime(old, (1, 1))
+    start(bundle, policy=Policy.RELEVANT_MESSAGE)
+    assert note() != old
+
+
 def test_a_bad_bundle_leaves_no_note(bundle: Path) -> None:
     bundle.write_text(BUNDLE.replace('limit"', 'limt"'))
     with pytest.raises(CompileError, match='limt'):
