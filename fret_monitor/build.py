@@ -116,7 +116,8 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
         with all that is wrong with the bundle.
     """
     problems = Problems()
-    written = survey_bundle(path, problems)
+    needs_period = period is None and policy in (None, Policy.PERIODIC)
+    written = survey_bundle(path, problems, needs_period=needs_period)
     if written is None:
         raise CompileError(problems.errors)
     bundle = _with_policy(written, policy, period, problems)

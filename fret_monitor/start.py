@@ -69,7 +69,8 @@ def start(path: Path, *, policy: Policy | None = None,
     return found or _build(path, policy, period, note)
 
 
-def manifest_of(path: Path) -> Manifest:
+def manifest_of(path: Path, *, policy: Policy | None = None,
+                period: Fraction | None = None) -> Manifest:
     """
     Return what is known of a bundle, as `start` would; nothing is compiled, nor a compiler needed.
 
@@ -79,7 +80,7 @@ def manifest_of(path: Path) -> Manifest:
         with all that is wrong with the bundle.
     """
     try:
-        note = _note(path, None, None)
+        note = _note(path, policy, period)
         found = _recall(note, path) if note else None
     except NativeError:
         found = None  # without a compiler no note can be found; it only saves time
@@ -87,7 +88,7 @@ def manifest_of(path: Path) -> Manifest:
         return found.manifest
     from fret_monitor.build import generate_monitor
     from fret_monitor.build import read
-    return generate_monitor(read(path)).manifest
+    return generate_monitor(read(path, policy=policy, period=period)).manifest
 
 
 def _build(path: Path, policy: Policy | None, period: Fraction | None,

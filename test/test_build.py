@@ -391,6 +391,14 @@ def test_a_period_of_the_bundle_goes_with_its_policy_only(pump: Path) -> None:
     assert generate_monitor(read(pump, period=Fraction(2))).manifest.period == 2.0
 
 
+def test_a_bundle_may_leave_its_period_to_whoever_builds_it(pump: Path) -> None:
+    pump.write_text(pump.read_text() + 'evaluation: {policy: periodic}\n')
+    with pytest.raises(CompileError, match="the policy periodic needs a 'period'"):
+        read(pump)
+    assert read(pump, period=Fraction(1, 2)).specification.period == Fraction(1, 2)
+    assert read(pump, policy=Policy.ALL_INPUTS).specification.policy is Policy.ALL_INPUTS
+
+
 # -- what it costs ----------------------------------------------------------------------------
 
 

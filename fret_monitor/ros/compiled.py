@@ -66,7 +66,7 @@ def open_monitors(settings: Settings) -> list[Opened]:
 
 def open_manifests(settings: Settings) -> list[Manifest]:
     """Return what is known of the bundles or compiled folders; raises `Refusal`."""
-    manifests = _all(_manifest, settings.origins)
+    manifests = _all(lambda origin: _manifest(settings, origin), settings.origins)
     _refuse_shared_handlers(settings.origins, manifests)
     return manifests
 
@@ -120,14 +120,14 @@ def _open(settings: Settings, origin: Origin) -> Opened:
     return _compile(settings, origin.spec)
 
 
-def _manifest(origin: Origin) -> Manifest:
+def _manifest(settings: Settings, origin: Origin) -> Manifest:
     if origin.library is not None:
         manifest = open_folder(origin.library).manifest
         _refuse_other_bundle(origin.spec, origin.library, manifest)
         return manifest
     assert origin.spec is not None
     from fret_monitor.start import manifest_of
-    return manifest_of(origin.spec)
+    return manifest_of(origin.spec, policy=settings.policy, period=settings.period)
 
 
 @contextmanager

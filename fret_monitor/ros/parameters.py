@@ -69,6 +69,10 @@ MONITOR_PARAMETERS = {
 LOGGER_PARAMETERS = {
     'spec': Described('', _SPEC, read_only=True),
     'library': Described('', _LIBRARY, read_only=True),
+    'policy': Described('', "as the monitor's", read_only=True),
+    'period': Described(0.0, "as the monitor's: a bundle may leave it to the parameter",
+                        read_only=True),
+    'rate': Described(0.0, "as the monitor's, instead of a period", read_only=True),
     'log_level': _LOG_LEVEL,
 }
 

@@ -238,20 +238,22 @@ def parse_bundle(source: Source, directory: Path) -> Bundle:
     return bundle
 
 
-def survey_bundle(path: Path, problems: Problems) -> Bundle | None:
+def survey_bundle(path: Path, problems: Problems, *,
+                  needs_period: bool = True) -> Bundle | None:
     """
     Read what can be used of a bundle, and add what is wrong with it to `problems`.
 
     The names that were declared but cannot be used are in `Bundle.unreadable`: formulas that use
     them have no problem of their own, unless what was refused of an input does not matter to
-    them. Returns None where nothing can be used.
+    them. Returns None where nothing can be used. A bundle with the policy periodic has to say a
+    period unless that is given otherwise: without `needs_period`.
     """
     try:
         source = read_source(path)
     except CompileError as error:
         problems.extend(error.diagnostics)
         return None
-    return _Reader(path.parent, problems).bundle(source)
+    return _Reader(path.parent, problems, needs_period).bundle(source)
 
 
 def read_source(path: Path, max_bytes: int = MAX_BYTES) -> Source:
@@ -302,9 +304,10 @@ def _decoded(path: Path, data: bytes) -> Source:
 class _Reader:
     """Reads one bundle: what it finds goes into the bundle or, told, into the problems."""
 
-    def __init__(self, directory: Path, problems: Problems) -> None:
+    def __init__(self, directory: Path, problems: Problems, needs_period: bool = True) -> None:
         self._directory = directory
         self._problems = problems
+        self._needs_period = needs_period
         self._declared: dict[str, Text] = {}
         self._unreadable: set[str] = set()
 
@@ -401,7 +404,8 @@ class _Reader:
             self._problems.error(
                 f"'{keys[0].value}' goes with the policy periodic only", keys[0].span,
                 f'the policy is {policy.value}', 'policy: periodic')
-        elif part.lacks('period', 'rate') and policy is Policy.PERIODIC:
+        elif (part.lacks('period', 'rate') and policy is Policy.PERIODIC
+              and self._needs_period):
             self._problems.error("the policy periodic needs a 'period' or a 'rate'", place,
                                  help='period: 0.1   # seconds')
         if policy is not Policy.PERIODIC:

@@ -20,6 +20,7 @@ from typing import Any
 
 from fret_monitor.ros import LoggerNode
 from fret_monitor.ros import MonitorNode
+from fret_monitor.ros import Refusal
 import pytest
 from rcl_interfaces.srv import DescribeParameters
 from rcl_interfaces.srv import SetParameters
@@ -104,6 +105,18 @@ def test_what_is_read_by_configure_changes_in_no_other_state_and_takes_effect_th
         assert set_to(partner, use_sim_time=True) == [(True, '')]
 
 
+def test_a_periodic_bundle_may_leave_its_period_to_a_parameter(
+    partner: Partner, bundle: Path,
+) -> None:
+    bundle.write_text(BUNDLE + 'evaluation: {policy: periodic}\n', encoding='utf-8')
+    with pytest.raises(Refusal, match="the policy periodic needs a 'period' or a 'rate'"):
+        MonitorNode(context=partner.context, cli_args=['--ros-args'],
+                    parameter_overrides=[Parameter('spec', value=str(bundle))])
+    arguments = ('-p', f'spec:={bundle}', '-p', 'rate:=20.0')
+    with started('monitor', *arguments) as node, started('logger', *arguments):
+        node.wait_for('policy periodic, 0.05 s, ')
+
+
 def test_the_level_of_the_log_changes_at_any_time(partner: Partner, bundle: Path) -> None:
     with started('monitor', '-p', f'spec:={bundle}') as node:
         assert set_to(partner, log_level='loud')[0] == (
@@ -147,7 +160,8 @@ def test_a_parameter_that_the_node_has_not_is_told_with_the_nearest(
     told = capfd.readouterr().err
     assert "ignored parameter 'polcy': did you mean 'policy'?" in told
     assert f"ignored parameter 'frame_id': this node has {', '.join(NAMES)}" in told
-    assert "ignored parameter 'frame_id': this node has spec, library, log_level" in told
+    assert "ignored parameter 'frame_id': this node has spec, library, policy, period, rate, " \
+        'log_level' in told
     assert told.count("ignored parameter 'spec'") == 0
 
 
@@ -156,7 +170,7 @@ def test_the_logger_does_not_warn_of_parameters_of_the_monitor(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     made.append(LoggerNode(context=partner.context, cli_args=['--ros-args'], parameter_overrides=[
-        Parameter('spec', value=str(bundle)), Parameter('policy', value='all_inputs')]))
+        Parameter('spec', value=str(bundle)), Parameter('hot_path', value='off')]))
     assert 'ignored' not in capfd.readouterr().err
     result = made[0].set_parameters([Parameter('spec', value='other.yaml')])[0]
     assert not result.successful
