@@ -5,7 +5,7 @@
 PYTHON := .venv/bin/python
 SHELL := /bin/sh
 
-.PHONY: help setup setup-test demo test lint bench clean
+.PHONY: help setup setup-test demo test lint bench bench-ros clean
 
 help:
 	@echo 'make setup   an environment in .venv that runs fret_monitor'
@@ -13,6 +13,7 @@ help:
 	@echo 'make test    all tests'
 	@echo 'make lint    style, types, layers'
 	@echo 'make bench   nanoseconds a step, against hand-written C'
+	@echo 'make bench-ros  the node as a process, against a bare subscriber in C (ten minutes)'
 	@echo 'make clean   remove .venv and what building left'
 
 setup:
@@ -34,6 +35,10 @@ lint: setup-test
 bench: setup
 	@$(PYTHON) bench/run.py
 	@$(PYTHON) -m bench.peers
+
+# Of its own: it takes minutes in which the machine should do nothing else.
+bench-ros: setup
+	@$(PYTHON) -m bench.ros
 
 clean:
 	rm -rf .venv build install log .mypy_cache .ruff_cache .pytest_cache .hypothesis *.egg-info

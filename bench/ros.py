@@ -1,0 +1,614 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Measure the monitor as a process in a graph, beside a bare subscriber in C on rcl, and rclpy.
+
+Programs in C (`bench/ros`) are built against the headers that a ROS 2 installation, or the wheels,
+bring: `load.c` publishes, listens to the answers and takes the time; `floor.c` is the yardstick.
+A round takes each subject in turn, in a process of its own with a load of its own, and nothing
+else in the domain. Ratios are of one round; what is shown is the median of the rounds.
+
+    make bench-ros        (or: .venv/bin/python -m bench.ros [--rounds N] [--only NAME] [--json])
+"""
+
+from argparse import ArgumentParser
+from collections.abc import Callable
+from collections.abc import Iterator
+from collections.abc import Sequence
+from contextlib import contextmanager
+import ctypes
+from dataclasses import asdict
+from dataclasses import dataclass
+from dataclasses import replace
+from glob import glob
+import json
+from operator import attrgetter
+import os
+from pathlib import Path
+from select import select
+import signal
+from statistics import median
+import subprocess
+import sys
+from tempfile import TemporaryDirectory
+from tempfile import TemporaryFile
+import time
+
+from fret_monitor.native.compiler import find_compiler
+from fret_monitor.ros.parameters import MONITOR_PARAMETERS
+
+HERE = Path(__file__).resolve().parent
+ROUNDS = 7
+DOMAIN = '99'  # unless ROS_DOMAIN_ID says another
+RATE = 1000.0  # messages a second
+SECONDS = 4.0
+CLOUDS = 50.0  # a second
+FLOOD = 30_000
+REQUIREMENTS = 100
+IDLE = 1.0  # s before the load in which it is seen what the process takes without one
+DRAIN = 0.5  # s after the load until what has come is worked off
+PATIENCE = 60.0
+
+TOPICS = ('motor/current', 'windspeed')  # of config/quadrotor.yaml
+UNREAD = 'never taken'
+HANDLER = 'copilot/handlerpropEACH'
+PACKAGES = ('std_msgs', 'sensor_msgs', 'diagnostic_msgs')
+
+
+# -- the programs in C ----------------------------------------------------------------------------
+
+def prefixes() -> list[Path]:
+    """Return where ROS 2 may be installed: the sourced installation first, then the wheels."""
+    sourced = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    return [Path(name) for name in (*filter(None, sourced), sys.prefix)]
+
+
+def build(name: str, folder: Path) -> Path:
+    """Compile a program of `bench/ros` into a folder, and return it."""
+    program = folder / name
+    included = [place for prefix in prefixes() for place in sorted(glob(f'{prefix}/include/*/'))]
+    linked = [place for prefix in prefixes()
+              for place in (f'{prefix}/lib', *sorted(glob(f'{prefix}/lib/python*/*/ros_*.libs')))
+              if Path(place).is_dir()]
+    libraries = ['rcl', 'rcutils', 'rmw', 'rosidl_runtime_c',
+                 *(f'{package}__rosidl_{kind}_c' for package in PACKAGES
+                   for kind in ('typesupport', 'generator'))]
+    done = subprocess.run(
+        [*find_compiler().command, '-std=c99', '-D_POSIX_C_SOURCE=200809L', '-O2',
+         *(f'-isystem{place}' for place in included),
+         str(HERE / 'ros' / f'{name}.c'), str(HERE / 'ros' / 'no_python.c'), '-o', str(program),
+         *(f'-L{place}' for place in linked),
+         # An rpath of the old kind is for the libraries' own needs too.
+         '-rdynamic', '-Wl,--disable-new-dtags', '-Wl,--unresolved-symbols=ignore-in-shared-libs',
+         *(f'-Wl,-rpath,{place}' for place in linked), *(f'-l{name}' for name in libraries)],
+        capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(f'{name}.c cannot be built here:\n{done.stderr}')
+    return program
+
+
+# -- processes ------------------------------------------------------------------------------------
+
+@dataclass(frozen=True)
+class Subject:
+    """Who is measured. A monitor says in /diagnostics how much it got, others at their end."""
+
+    name: str
+    command: tuple[str, ...]
+    is_monitor: bool = False
+
+
+@dataclass(frozen=True)
+class Sent:
+    """What the load says of its messages and their answers; times are in nanoseconds."""
+
+    count: int
+    seconds: float
+    answers: int
+    p50: int
+    p99: int
+
+
+class Load:
+    """The load generator: commands go in, a line comes back."""
+
+    def __init__(self, program: Path, *arguments: str) -> None:
+        """Start it, and wait until its topics are there."""
+        self._errors = TemporaryFile()  # noqa: SIM115  closed by `close`
+        self.process = subprocess.Popen(
+            [str(program), *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            stderr=self._errors, text=True,
+            env={**os.environ, 'FASTRTPS_DEFAULT_PROFILES_FILE': str(HERE / 'ros' / 'load.xml')})
+        # A clock that runs on one processor; subjects run where the system puts them.
+        os.sched_setaffinity(self.process.pid, {min(os.sched_getaffinity(0))})
+        self.answer()
+
+    def tell(self, command: str) -> None:
+        """Give a command."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(command + '\n')
+        self.process.stdin.flush()
+
+    def answer(self, of: 'Running | None' = None) -> str:
+        """Return the answer to a command, which may need a subject that goes on running."""
+        assert self.process.stdout is not None
+        while not select([self.process.stdout], [], [], 0.2)[0]:
+            if of is not None and of.process.poll() is not None:
+                raise SystemExit('it has ended\n')
+        line = self.process.stdout.readline()
+        if not line:
+            self._errors.seek(0)
+            raise SystemExit(self._errors.read().decode(errors='replace'))
+        return line
+
+    def ask(self, command: str, of: 'Running | None' = None) -> str:
+        """Give a command and return the answer."""
+        self.tell(command)
+        return self.answer(of)
+
+    def send(self, count: int, rate: float) -> Sent:
+        """Publish so many messages, so many a second."""
+        count_, seconds, answers, p50, p99 = self.ask(f'send {count} {rate}').split()
+        return Sent(int(count_), float(seconds), int(answers), int(p50), int(p99))
+
+    def close(self) -> None:
+        """End it."""
+        assert self.process.stdin is not None and self.process.stdout is not None
+        try:
+            self.process.stdin.close()
+            end(self.process)
+        finally:
+            self.process.stdout.close()
+            self._errors.close()
+
+
+class Running:
+    """A subject's process."""
+
+    def __init__(self, subject: Subject) -> None:
+        """Start it."""
+        self.subject = subject
+        self._output = TemporaryFile()  # noqa: SIM115  closed by `close`
+        self.began = time.monotonic_ns()
+        self.process = subprocess.Popen(subject.command, stdin=subprocess.DEVNULL,
+                                        stdout=self._output, stderr=subprocess.STDOUT)
+        clock = ctypes.c_int()
+        if ctypes.CDLL(None).clock_getcpuclockid(self.process.pid, ctypes.byref(clock)):
+            raise SystemExit(f'{subject.name} ended at once')
+        self._clock = clock.value
+
+    def nanoseconds(self) -> int:
+        """Return the processor time that it has taken, in all of its threads."""
+        return time.clock_gettime_ns(self._clock)
+
+    def kilobytes(self, key: str) -> int:
+        """Return a line of /proc/PID/status: VmRSS, VmHWM."""
+        text = Path(f'/proc/{self.process.pid}/status').read_text(encoding='ascii')
+        found = [line for line in text.splitlines() if line.startswith(f'{key}:')]
+        if not found:
+            raise SystemExit('it has ended\n')  # a zombie has no memory
+        return int(found[0].split()[1])
+
+    def close(self) -> str:
+        """End it and return all that it wrote."""
+        self.process.send_signal(signal.SIGINT)
+        end(self.process)
+        self._output.seek(0)
+        return self._output.read().decode(errors='replace')
+
+    def kill(self) -> None:
+        """See to it that nothing is left, whatever happened."""
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        self._output.close()
+
+
+def end(process: subprocess.Popen[str] | subprocess.Popen[bytes]) -> None:
+    """Wait for the end of a process, but not for ever."""
+    try:
+        process.wait(PATIENCE)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+@contextmanager
+def both(load: Load, running: Running) -> Iterator[list[str]]:
+    """End both after the block; what the subject wrote is in the list then."""
+    written: list[str] = []
+    try:
+        yield written
+    except SystemExit as failure:
+        load.process.kill()
+        written.append(running.close())
+        raise SystemExit(f'{running.subject.name}: {failure}{written[0]}') from None
+    else:
+        written.append(running.close())
+    finally:
+        running.kill()
+        load.close()
+
+
+# -- one run --------------------------------------------------------------------------------------
+
+@dataclass(frozen=True)
+class Work:
+    """What is published, and how. A rate of 0 is a flood."""
+
+    topics: tuple[str, ...]
+    count: int
+    rate: float
+    content: str = 'float32'
+    depth: int = 100
+    echo: str | None = None
+    reliability: str = 'reliable'
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """As `load.c` and `floor.c` take it."""
+        return ('--topics', ','.join(self.topics), '--type', self.content,
+                '--depth', str(self.depth), '--reliability', self.reliability)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What one run of one subject gave: microseconds, messages, megabytes."""
+
+    sent: int
+    counted: int
+    answers: int | None  # None where there are to be none
+    cpu: float
+    p50: float
+    p99: float
+    resident: float
+    highest: float
+
+
+def sample(load_program: Path, work: Work, subject: Subject) -> Sample:
+    """Run a subject and a load of its own, and return what was seen."""
+    load = Load(load_program, *work.arguments,
+                *(('--echo', work.echo) if work.echo is not None else ()))
+    running = Running(subject)
+    counted = None
+    with both(load, running) as written:
+        load.ask('match', running)
+        begin, cpu = time.monotonic_ns(), running.nanoseconds()
+        time.sleep(IDLE)
+        idle = (running.nanoseconds() - cpu) / (time.monotonic_ns() - begin)
+        begin, cpu = time.monotonic_ns(), running.nanoseconds()
+        sent = load.send(work.count, work.rate)
+        time.sleep(DRAIN)
+        taken = running.nanoseconds() - cpu - idle * (time.monotonic_ns() - begin)
+        resident, highest = running.kilobytes('VmRSS'), running.kilobytes('VmHWM')
+        if subject.is_monitor:
+            counted = int(load.ask('received'))
+    if counted is None:
+        counted = last_number(written[0], subject)
+    answers = None if work.echo is None else sent.answers
+    return Sample(sent.count, counted, answers, taken / sent.count / 1e3,
+                  sent.p50 / 1e3, sent.p99 / 1e3, resident / 1e3, highest / 1e3)
+
+
+def last_number(text: str, subject: Subject) -> int:
+    """Return the number in the last line."""
+    lines = text.split()
+    if not lines or not lines[-1].isdecimal():
+        raise SystemExit(f'{subject.name} did not say what it got:\n{text}')
+    return int(lines[-1])
+
+
+# -- who is measured ------------------------------------------------------------------------------
+
+@dataclass(frozen=True)
+class Bench:
+    """The programs, the folder for what is made, and how long all takes."""
+
+    load: Path
+    floor: Path
+    folder: Path
+    rounds: int
+    rate: float = RATE
+    seconds: float = SECONDS
+    flood: int = FLOOD
+
+    def work(self, topics: tuple[str, ...], rate: float, content: str = 'float32',
+             depth: int = 100, echo: str | None = None) -> Work:
+        """Return what is published at a rate, for as long as a run is to last."""
+        return Work(topics, int(rate * self.seconds), rate, content, depth, echo)
+
+    def unread(self, work: Work, *arguments: str) -> Subject:
+        """Return the one that never takes a message: what the middleware does by itself."""
+        return self.bare(work, '--take', 'no', *arguments, name=UNREAD)
+
+    def bare(self, work: Work, *arguments: str, name: str = 'rcl in C') -> Subject:
+        """Return the subscriber in C."""
+        return Subject(name, (str(self.floor), *work.arguments, *arguments))
+
+    def rclpy(self, work: Work, *arguments: str) -> Subject:
+        """Return the subscriber in Python."""
+        return Subject('rclpy', (
+            sys.executable, str(HERE / 'listener.py'), '--topics', ','.join(work.topics),
+            '--depth', str(work.depth), *arguments))
+
+    def monitors(self, bundle: Path) -> list[Subject]:
+        """Return the monitor, in each of the ways in which messages may come to it."""
+        command = (str(monitor()), '--ros-args', '-p', f'spec:={bundle}')
+        if 'hot_path' not in MONITOR_PARAMETERS:
+            return [Subject('monitor', command, is_monitor=True)]
+        return [Subject(name, (*command, '-p', f"hot_path:='{way}'"), is_monitor=True)
+                for name, way in (('monitor', 'auto'), ('monitor, hot_path off', 'off'))]
+
+    def bundle(self, name: str, inputs: str, requirements: str) -> Path:
+        """Write a bundle and return it."""
+        path = self.folder / f'{name}.yaml'
+        path.write_text(f'format: 1\ninputs:\n{inputs}requirements:\n{requirements}',
+                        encoding='utf-8')
+        return path
+
+
+def monitor() -> Path:
+    """Return the executable as `ros2 run` finds it."""
+    for prefix in prefixes():
+        path = prefix / 'lib' / 'fret_monitor' / 'monitor'
+        if path.is_file():
+            return path
+    raise SystemExit('the executable `monitor` is not installed: make setup, or colcon build')
+
+
+def float_input(name: str, topic: str, more: str = '') -> str:
+    """Return the line of an input that has a value from the start, so that all messages count."""
+    return f'  {name}: {{topic: {topic}, type: std_msgs/msg/Float32, initial: 0.0{more}}}\n'
+
+
+# -- the figures ----------------------------------------------------------------------------------
+
+@dataclass(frozen=True)
+class Row:
+    """A line of a table: the median, the lowest and the highest of the rounds, and the ratio."""
+
+    figure: str
+    subject: str
+    unit: str
+    value: float
+    lowest: float
+    highest: float
+    ratio: float | None = None
+    bar: str = ''
+    note: str = ''
+
+
+Samples = dict[str, list[Sample]]
+
+
+def rounds_of(bench: Bench, work: Work, subjects: Sequence[Subject]) -> Samples:
+    """Take all subjects in turn, round after round."""
+    found: Samples = {subject.name: [] for subject in subjects}
+    for number in range(bench.rounds):
+        for subject in subjects:
+            say(f'round {number + 1} of {bench.rounds}: {subject.name}')
+            found[subject.name].append(sample(bench.load, work, subject))
+    return found
+
+
+def say(text: str) -> None:
+    """Show on a terminal how far it is; what takes minutes should."""
+    if sys.stderr.isatty():
+        print(f'\r\x1b[K{text}', end='', file=sys.stderr, flush=True)
+
+
+def rows(figure: str, unit: str, found: Samples, value: Callable[[Sample], float],
+         bar: str = '') -> Iterator[Row]:
+    """Yield a row a subject; ratios are to the first subject, of the same round."""
+    yard = [value(item) for item in next(iter(found.values()))]
+    for name, samples in found.items():
+        values = [value(item) for item in samples]
+        ratio = median(a / b if b else float('inf') for a, b in zip(values, yard))
+        yield Row(figure, name, unit, median(values), min(values), max(values), ratio,
+                  bar if name.startswith('monitor') else '', missing(name, samples))
+
+
+def missing(name: str, samples: Sequence[Sample]) -> str:
+    """Say how many messages, or answers, there are too few or too many, where none may be."""
+    messages = sum(item.sent - item.counted for item in samples if name != UNREAD)
+    answers = sum(item.sent - item.answers for item in samples
+                  if item.answers is not None and name != UNREAD)
+    return ', '.join(text for text, number in (
+        (f'{messages} messages missing', messages),
+        (f'{answers} answers missing', answers)) if number)
+
+
+def processor_rows(case: str, found: Samples, bar: str) -> Iterator[Row]:
+    """Yield rows of processor time: of the whole process, and above one that never takes."""
+    yield from rows(f'CPU a message, {case}', 'us', found, lambda item: item.cpu, bar)
+    above = {name: [replace(item, cpu=item.cpu - idle.cpu)
+                    for item, idle in zip(samples, found[UNREAD])]
+             for name, samples in found.items() if name != UNREAD}
+    yield from rows(f'the same, above {UNREAD}', 'us', above, lambda item: item.cpu, bar)
+
+
+def quiet(bench: Bench) -> Iterator[Row]:
+    """Measure the running example without a violation, and memory after it."""
+    work = bench.work(TOPICS, bench.rate)
+    example = HERE.parent / 'config' / 'quadrotor.yaml'
+    found = rounds_of(bench, work, [
+        bench.bare(work), bench.unread(work), *bench.monitors(example), bench.rclpy(work)])
+    yield from processor_rows('no violation', found, '1.0')
+    for figure, name in (('resident memory (VmRSS)', 'resident'),
+                         ('its highest (VmHWM)', 'highest')):
+        yield from rows(figure, 'MB', found, attrgetter(name))
+
+
+def violations(bench: Bench) -> Iterator[Row]:
+    """Measure a violation each message, of which one hears: processor time and latency."""
+    work = bench.work(TOPICS, bench.rate, echo=HANDLER)
+    bundle = bench.bundle(
+        'each', float_input('current', TOPICS[0]) + float_input('wind', TOPICS[1]),
+        '  - {id: EACH, ptltl: "current < 0.0 & wind < 0.0"}\n')
+    publish = ('--publish', HANDLER)
+    found = rounds_of(bench, work, [
+        bench.bare(work, *publish), bench.unread(work, *publish), *bench.monitors(bundle),
+        bench.rclpy(work, *publish)])
+    yield from processor_rows('a violation each', found, '1.1')
+    del found[UNREAD]
+    for name in ('p50', 'p99'):
+        yield from rows(f'latency to the Empty, {name}', 'us', found, attrgetter(name), '1.1')
+
+
+def cloud(bench: Bench) -> Iterator[Row]:
+    """Measure a field of a large message, above a subscription that is never taken from."""
+    work = bench.work(('points',), CLOUDS, content='cloud', depth=10)
+    bundle = bench.bundle(
+        'cloud', '  sec:\n    topic: points\n    type: sensor_msgs/msg/PointCloud2\n'
+        '    field: header.stamp.sec\n    qos: {depth: 10}\n',
+        '  - {id: R, ptltl: "sec >= 0"}\n')
+    found = rounds_of(bench, work, [
+        bench.bare(work), bench.unread(work), *bench.monitors(bundle)])
+    yield from processor_rows('1 MB PointCloud2', found, '1.0')
+
+
+def flood(bench: Bench) -> Iterator[Row]:
+    """Measure what is kept of a flood with queues of ten."""
+    work = Work(TOPICS[:1], bench.flood, 0.0, depth=10)
+    bundle = bench.bundle(
+        'flood', float_input('current', TOPICS[0], ', qos: {depth: 10}'),
+        '  - {id: R, ptltl: "current >= 0.0"}\n')
+    found = rounds_of(bench, work, [
+        bench.bare(work), *bench.monitors(bundle), bench.rclpy(work)])
+    for row in rows('kept of a flood, depth 10', '%', found,
+                    lambda item: 100.0 * item.counted / item.sent, 'at least 90 %'):
+        yield replace(row, note='')
+
+
+@dataclass(frozen=True)
+class Start:
+    """Seconds from the start of the process."""
+
+    first: float
+    every: float
+    step: float
+
+
+def start(bench: Bench) -> Iterator[Row]:
+    """Measure the start with 100 requirements that are compiled already."""
+    for title, topics in (
+            ('on one topic', ('x0',)),
+            ('on 100 topics', tuple(f'x{i}' for i in range(REQUIREMENTS)))):
+        handler = 'copilot/handlerpropR0'
+        work = Work(topics, 1, 0.0, echo=handler)
+        bundle = bench.bundle(
+            f'start{len(topics)}',
+            ''.join(float_input(f'x{i}', topic) for i, topic in enumerate(topics)),
+            ''.join(f'  - {{id: R{i}, ptltl: "x{i % len(topics)} < -{i}.0"}}\n'
+                    for i in range(REQUIREMENTS)))
+        subjects = [bench.bare(work, '--publish', handler), *bench.monitors(bundle),
+                    bench.rclpy(work, '--publish', handler)]
+        for subject in subjects:
+            started(bench.load, work, subject)  # compiles, and fills the system's own caches
+        found: dict[str, list[Start]] = {subject.name: [] for subject in subjects}
+        for number in range(bench.rounds):
+            for subject in subjects:
+                say(f'round {number + 1} of {bench.rounds}: {subject.name}')
+                found[subject.name].append(started(bench.load, work, subject))
+        for figure, key, bar in (('first subscription', 'first', '1 s'),
+                                 ('all subscriptions', 'every', ''), ('first step', 'step', '')):
+            for name, starts in found.items():
+                values = [float(getattr(item, key)) for item in starts]
+                yield Row(f'start to {figure}, {REQUIREMENTS} requirements {title}', name, 's',
+                          median(values), min(values), max(values),
+                          bar=bar if name.startswith('monitor') else '')
+
+
+def started(load_program: Path, work: Work, subject: Subject) -> Start:
+    """Start a subject and return when it was ready."""
+    assert work.echo is not None
+    load = Load(load_program, *work.arguments, '--echo', work.echo)
+    load.tell('appear')
+    running = Running(subject)
+    with both(load, running):
+        first, every = map(int, load.answer(running).split())
+        step = int(load.ask('step', running))
+    return Start(*((moment - running.began) / 1e9 for moment in (first, every, step)))
+
+
+FIGURES: dict[str, Callable[[Bench], Iterator[Row]]] = {
+    'quiet': quiet, 'violations': violations, 'cloud': cloud, 'flood': flood, 'start': start,
+}
+
+
+# -- what is printed ------------------------------------------------------------------------------
+
+def show(found: Sequence[Row]) -> None:
+    """Print a Markdown table."""
+    show_cells('figure', 'subject', 'median', 'rounds', 'ratio', 'to reach', '')
+    print('|---|---|---|---|---|---|---|')
+    for row in found:
+        show_cells(row.figure, row.subject, f'{number(row.value)} {row.unit}',
+                   f'{number(row.lowest)} to {number(row.highest)}',
+                   '' if row.ratio is None else f'{row.ratio:.2f}', row.bar, row.note)
+
+
+def show_cells(*cells: str) -> None:
+    """Print a row."""
+    print(f"| {' | '.join(cells)} |")
+
+
+def number(value: float) -> str:
+    """Return a number with three digits that say something."""
+    return f'{value:.0f}' if abs(value) >= 100 else f'{value:.1f}' if abs(value) >= 10 \
+        else f'{value:.2f}'
+
+
+@contextmanager
+def prepared(rounds: int, rate: float = RATE, seconds: float = SECONDS,
+             flood: int = FLOOD) -> Iterator[Bench]:
+    """Build the programs, and keep what is made out of the user's home."""
+    before = dict(os.environ)
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        os.environ.setdefault('ROS_DOMAIN_ID', DOMAIN)
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+        os.environ['ROS_HOME'] = str(folder / 'home')
+        os.environ['ROS_LOG_DIR'] = str(folder / 'log')
+        try:
+            yield Bench(build('load', folder), build('floor', folder), folder, rounds, rate,
+                        seconds, flood)
+        finally:
+            os.environ.clear()
+            os.environ.update(before)
+
+
+def main() -> int:
+    """Measure all, or one, and print a table or JSON."""
+    parser = ArgumentParser(description='Time the monitor beside bare rcl in C, and rclpy.')
+    parser.add_argument('--rounds', type=int, default=ROUNDS)
+    parser.add_argument('--rate', type=float, default=RATE,
+                        help='messages a second; those of large messages stay')
+    parser.add_argument('--only', choices=FIGURES, metavar='NAME', help=', '.join(FIGURES))
+    parser.add_argument('--json', action='store_true')
+    options = parser.parse_args()
+    with prepared(options.rounds, options.rate) as bench:
+        found = [row for name, figure in FIGURES.items() if options.only in (None, name)
+                 for row in figure(bench)]
+    say('')
+    if options.json:
+        print(json.dumps([asdict(row) for row in found]))
+    else:
+        show(found)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,374 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// load.c: who publishes what the others listen to, and measures what comes back.
+///
+///     load --topics A,B [--type float32|cloud] [--depth N] [--reliability reliable|best_effort]
+///          [--bytes N] [--echo TOPIC]
+///
+/// Messages go to the topics in turn. With `--echo` it listens to a topic of std_msgs/Empty, on
+/// which the subject answers each message in order, and takes the time from just before a publish
+/// to just after the take of its answer: one process, one clock. Commands come on standard input, a
+/// line each, and each is answered with a line:
+///
+///     match       wait for half a second with one subscription a topic, and one that asks for the
+///                 reliability that is offered: a monitor may renew what it has
+///     send N R    publish N messages, R a second (0: without a pause), at the moments of a clock
+///                 that runs on if one is late; tell: sent, seconds, answers, and the median and
+///                 the 99th percentile of the time to an answer, in nanoseconds
+///     received    how many messages /diagnostics says the subject got, once that stands still
+///     appear      wait for subscriptions; tell when one topic had one, and when all had, on the
+///                 shared clock
+///     step        publish on the first topic, a message a millisecond, until an answer comes; tell
+///                 when
+
+#include <diagnostic_msgs/msg/diagnostic_array.h>
+
+#include "node.h"
+
+#define PATIENCE (30 * SECOND)
+#define MOST_MESSAGES 1000000u
+
+static struct node n;
+static struct topics topics;
+static rcl_publisher_t publishers[MOST_TOPICS];
+static union message message;
+static rcl_subscription_t answers;
+static rcl_wait_set_t answer_set;
+static const char * echo;
+static size_t cloud_bytes = 1000000u;
+static int64_t moments[MOST_MESSAGES];  // when a message left; then how long its answer took
+static size_t n_sent;
+static size_t n_heard;
+
+static bool read_other(const char * const name, char * const value)
+{
+  if (strcmp(name, "--echo") == 0) {
+    echo = value;
+  } else if (strcmp(name, "--bytes") == 0) {
+    cloud_bytes = strtoul(value, NULL, 10);
+  } else {
+    return false;
+  }
+  return true;
+}
+
+static void refuse(const char * const what)
+{
+  fprintf(stderr, "%s\n", what);
+  exit(1);
+}
+
+static void fill_message(void)
+{
+  if (topics.content == FLOAT32) {
+    message.number.data = 4.0f;
+    return;
+  }
+  sensor_msgs__msg__PointCloud2 * const cloud = &message.cloud;
+  if (!sensor_msgs__msg__PointCloud2__init(cloud) ||
+    !rosidl_runtime_c__String__assign(&cloud->header.frame_id, "base_link") ||
+    !rosidl_runtime_c__uint8__Sequence__init(&cloud->data, cloud_bytes))
+  {
+    refuse("no memory");
+  }
+  cloud->header.stamp.sec = 1;
+  cloud->point_step = 16u;
+  cloud->height = 1u;
+  cloud->width = (uint32_t)(cloud_bytes / 16u);
+  cloud->row_step = (uint32_t)cloud_bytes;
+}
+
+static void publish(const size_t topic)
+{
+  need(rcl_publish(&publishers[topic], &message, NULL), "publish");
+}
+
+// -- who listens --------------------------------------------------------------------------------
+
+/// Whether a topic has just one subscription, which asks for all that is offered, and the publisher
+/// knows it.
+static bool is_matched(const size_t topic)
+{
+  size_t matched = 0u;
+  size_t fitting = 0u;
+  char name[256];
+  rcl_allocator_t allocator = rcl_get_default_allocator();
+  rcl_topic_endpoint_info_array_t found = rcl_get_zero_initialized_topic_endpoint_info_array();
+  need(rcl_publisher_get_subscription_count(&publishers[topic], &matched), "count");
+  (void)snprintf(name, sizeof(name), "%s", rcl_publisher_get_topic_name(&publishers[topic]));
+  need(
+    rcl_get_subscriptions_info_by_topic(&n.node, &allocator, name, false, &found),
+    "subscriptions");
+  for (size_t i = 0u; i < found.size; ++i) {
+    const bool is_best_effort = found.info_array[i].qos_profile.reliability ==
+      RMW_QOS_POLICY_RELIABILITY_BEST_EFFORT;
+    fitting += is_best_effort == topics.is_best_effort ? 1u : 0u;
+  }
+  const bool is_one = matched == 1u && fitting == 1u && found.size == 1u;
+  need(rcl_topic_endpoint_info_array_fini(&found, &allocator), "end of subscriptions");
+  return is_one;
+}
+
+static bool are_matched(void)
+{
+  for (size_t topic = 0u; topic < topics.count; ++topic) {
+    if (!is_matched(topic)) {
+      return false;
+    }
+  }
+  size_t handlers = 1u;
+  if (echo != NULL) {
+    need(rcl_subscription_get_publisher_count(&answers, &handlers), "count of handlers");
+  }
+  return handlers == 1u;
+}
+
+static void match(void)
+{
+  const int64_t begin = now();
+  int64_t since = begin;
+  while (now() - since < SECOND / 2) {
+    sleep_until(now() + SECOND / 50);
+    if (!are_matched()) {
+      since = now();
+    }
+    if (now() - begin > PATIENCE) {
+      refuse("nobody listens, or not as is offered, or more than one");
+    }
+  }
+  printf("matched\n");
+}
+
+/// Return when each of the first `wanted` topics that get one had a subscription.
+static int64_t wait_for_subscriptions(const size_t wanted, const int64_t begin)
+{
+  size_t heard = 0u;
+  while (heard < wanted) {
+    sleep_until(now() + SECOND / 1000);
+    heard = 0u;
+    for (size_t topic = 0u; topic < topics.count; ++topic) {
+      size_t count = 0u;
+      need(
+        rcl_count_subscribers(
+          &n.node, rcl_publisher_get_topic_name(&publishers[topic]), &count), "count");
+      heard += count != 0u ? 1u : 0u;
+    }
+    if (now() - begin > PATIENCE) {
+      refuse("nobody listens");
+    }
+  }
+  return now();
+}
+
+static void appear(void)
+{
+  const int64_t begin = now();
+  const int64_t first = wait_for_subscriptions(1u, begin);
+  printf("%" PRId64 " %" PRId64 "\n", first, wait_for_subscriptions(topics.count, begin));
+}
+
+// -- messages and their answers -----------------------------------------------------------------
+
+/// Wait for an answer until a moment, and keep when each came.
+static void listen_until(const int64_t moment)
+{
+  std_msgs__msg__Empty empty;
+  rmw_message_info_t info;
+  const int64_t left = moment - now();
+  need(rcl_wait_set_clear(&answer_set), "clear");
+  need(rcl_wait_set_add_subscription(&answer_set, &answers, NULL), "add");
+  if (rcl_wait(&answer_set, left > 0 ? left : 0) != RCL_RET_OK) {
+    rcl_reset_error();  // nothing came
+    return;
+  }
+  while (rcl_take(&answers, &empty, &info, NULL) == RCL_RET_OK) {
+    if (n_heard < n_sent) {
+      moments[n_heard] = now() - moments[n_heard];
+    }
+    ++n_heard;
+  }
+  rcl_reset_error();
+}
+
+static void pause_until(const int64_t moment)
+{
+  if (echo == NULL) {
+    sleep_until(moment);
+    return;
+  }
+  do {
+    listen_until(moment);
+  } while (now() < moment);
+}
+
+static int compare(const void * const one, const void * const other)
+{
+  const int64_t a = *(const int64_t *)one;
+  const int64_t b = *(const int64_t *)other;
+  return (a > b) - (a < b);
+}
+
+static void send(const size_t count, const double rate)
+{
+  const int64_t begin = now();
+  n_sent = 0u;
+  n_heard = 0u;
+  for (size_t i = 0u; i < count; ++i) {
+    if (rate > 0.0) {
+      pause_until(begin + (int64_t)((double)i / rate * 1e9));
+    }
+    moments[i] = now();
+    ++n_sent;
+    publish(i % topics.count);
+  }
+  const int64_t end = now();
+  while (echo != NULL && n_heard < n_sent && now() - end < 2 * SECOND) {
+    listen_until(now() + SECOND / 10);
+  }
+  const size_t timed = n_heard < n_sent ? n_heard : n_sent;
+  qsort(moments, timed, sizeof(moments[0]), compare);
+  printf(
+    "%zu %.9f %zu %" PRId64 " %" PRId64 "\n", n_sent, (double)(end - begin) / 1e9, n_heard,
+    timed == 0u ? INT64_C(0) : moments[timed / 2u],
+    timed == 0u ? INT64_C(0) : moments[timed * 99u / 100u]);
+}
+
+static void step(void)
+{
+  const int64_t begin = now();
+  n_sent = 0u;
+  n_heard = 0u;
+  while (n_heard == 0u) {
+    publish(0u);
+    listen_until(now() + SECOND / 1000);
+    if (now() - begin > PATIENCE) {
+      refuse("no answer");
+    }
+  }
+  printf("%" PRId64 "\n", now());
+}
+
+// -- what the subject says it got ---------------------------------------------------------------
+
+/// The sum of what is `received` of the topics; -1 if it is somebody else's.
+static int64_t received_of(const diagnostic_msgs__msg__DiagnosticArray * const array)
+{
+  int64_t sum = -1;
+  for (size_t i = 0u; i < array->status.size; ++i) {
+    const diagnostic_msgs__msg__DiagnosticStatus * const status = &array->status.data[i];
+    for (size_t k = 0u; k < status->values.size; ++k) {
+      if (strcmp(status->values.data[k].key.data, "received") == 0) {
+        sum = (sum < 0 ? 0 : sum) + strtoll(status->values.data[k].value.data, NULL, 10);
+      }
+    }
+  }
+  return sum;
+}
+
+static void received(void)
+{
+  rcl_subscription_t health;
+  rcl_wait_set_t set = rcl_get_zero_initialized_wait_set();
+  diagnostic_msgs__msg__DiagnosticArray array;
+  rmw_message_info_t info;
+  int64_t last = -1;
+  const int64_t begin = now();
+  open_subscription(
+    &health, &n, ROSIDL_GET_MSG_TYPE_SUPPORT(diagnostic_msgs, msg, DiagnosticArray),
+    "/diagnostics", profile(10u, false));
+  need(
+    rcl_wait_set_init(&set, 1, 0, 0, 0, 0, 0, &n.context, rcl_get_default_allocator()),
+    "wait set");
+  if (!diagnostic_msgs__msg__DiagnosticArray__init(&array)) {
+    refuse("no memory");
+  }
+  for (;; ) {
+    need(rcl_wait_set_clear(&set), "clear");
+    need(rcl_wait_set_add_subscription(&set, &health, NULL), "add");
+    const bool is_there = rcl_wait(&set, SECOND) == RCL_RET_OK &&
+      rcl_take(&health, &array, &info, NULL) == RCL_RET_OK;
+    rcl_reset_error();
+    const int64_t got = is_there ? received_of(&array) : -1;
+    if (got >= 0 && got == last) {
+      break;
+    }
+    last = got >= 0 ? got : last;
+    if (now() - begin > PATIENCE) {
+      refuse("no diagnostics");
+    }
+  }
+  need(rcl_wait_set_fini(&set), "end of the wait set");
+  need(rcl_subscription_fini(&health, &n.node), "end of the diagnostics");
+  diagnostic_msgs__msg__DiagnosticArray__fini(&array);
+  printf("%" PRId64 "\n", last);
+}
+
+// -- commands -----------------------------------------------------------------------------------
+
+static void obey(const char * const line)
+{
+  size_t count = 0u;
+  double rate = 0.0;
+  if (strcmp(line, "match\n") == 0) {
+    match();
+  } else if (strcmp(line, "received\n") == 0) {
+    received();
+  } else if (strcmp(line, "appear\n") == 0) {
+    appear();
+  } else if (strcmp(line, "step\n") == 0 && echo != NULL) {
+    step();
+  } else if (sscanf(line, "send %zu %lf", &count, &rate) == 2 && count <= MOST_MESSAGES) {
+    send(count, rate);
+  } else {
+    refuse("no such command");
+  }
+  (void)fflush(stdout);
+}
+
+int main(const int argc, char ** const argv)
+{
+  char line[80];
+  read_options(&topics, argc, argv, read_other);
+  open_node(&n, "load");
+  fill_message();
+  for (size_t topic = 0u; topic < topics.count; ++topic) {
+    open_publisher(
+      &publishers[topic], &n, type_of(topics.content), topics.names[topic],
+      profile(topics.depth, topics.is_best_effort));
+  }
+  if (echo != NULL) {
+    open_subscription(
+      &answers, &n, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Empty), echo,
+      profile(1000u, false));
+    answer_set = rcl_get_zero_initialized_wait_set();
+    need(
+      rcl_wait_set_init(
+        &answer_set, 1, 0, 0, 0, 0, 0, &n.context, rcl_get_default_allocator()), "wait set");
+  }
+  printf("ready\n");
+  (void)fflush(stdout);
+  while (fgets(line, (int)sizeof(line), stdin) != NULL) {
+    obey(line);
+  }
+  for (size_t topic = 0u; topic < topics.count; ++topic) {
+    need(rcl_publisher_fini(&publishers[topic], &n.node), "end of a publisher");
+  }
+  if (echo != NULL) {
+    need(rcl_wait_set_fini(&answer_set), "end of the wait set");
+    need(rcl_subscription_fini(&answers, &n.node), "end of the answers");
+  }
+  close_node(&n);
+  return 0;
+}

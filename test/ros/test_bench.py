@@ -1,0 +1,91 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The benchmark of the nodes: its programs in C build, and count every message that there was."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from bench import ros as bench
+import pytest
+
+if not any(prefix.glob('include/*/rcl/rcl.h') for prefix in bench.prefixes()) or \
+        not any((prefix / 'lib/fret_monitor/monitor').is_file() for prefix in bench.prefixes()):
+    pytest.skip('needs the headers of rcl, and the installed node', allow_module_level=True)
+
+SAMPLE = bench.Sample(sent=100, counted=100, answers=100, cpu=10.0, p50=1.0, p99=2.0,
+                      resident=30.0, highest=40.0)
+
+
+@pytest.fixture
+def short(domain: int) -> Iterator[bench.Bench]:
+    with bench.prepared(rounds=1, rate=200.0, seconds=0.5, flood=2000) as prepared:
+        yield prepared
+
+
+def test_every_subject_counts_and_answers_every_message(short: bench.Bench) -> None:
+    rows = list(bench.violations(short))
+    assert [row.note for row in rows] == [''] * len(rows)
+    measured = {row.subject: row for row in rows if row.figure.startswith('CPU a message')}
+    assert {'rcl in C', 'monitor', 'rclpy', bench.UNREAD} <= set(measured)
+    assert all(row.value > 0.0 for row in measured.values())
+    assert measured['rcl in C'].ratio == 1.0
+    p50, p99 = ({row.subject: row.value for row in rows if row.figure.endswith(name)}
+                for name in ('p50', 'p99'))
+    assert set(p50) == set(p99) == set(measured) - {bench.UNREAD}
+    assert all(0.0 < p50[name] <= p99[name] for name in p50)
+
+
+def test_a_large_message_is_counted_by_all_who_take(short: bench.Bench) -> None:
+    rows = list(bench.cloud(replace(short, seconds=0.4)))
+    assert [row.note for row in rows] == [''] * len(rows)
+    work = short.work(('points',), bench.CLOUDS, content='cloud', depth=10)
+    assert bench.sample(short.load, work, short.unread(work)).counted == 0
+
+
+def test_no_more_is_kept_of_a_flood_than_there_was(short: bench.Bench) -> None:
+    rows = list(bench.flood(short))
+    assert len(rows) >= 3
+    assert all(0.0 < row.value <= 100.0 for row in rows)
+
+
+def test_a_start_goes_from_the_first_subscription_to_the_first_step(short: bench.Bench) -> None:
+    handler = 'copilot/handlerpropR'
+    work = bench.Work(('a', 'b'), 1, 0.0, echo=handler)
+    bundle = short.bundle(
+        'two', bench.float_input('a', 'a') + bench.float_input('b', 'b'),
+        '  - {id: R, ptltl: "a < 0.0 & b < 0.0"}\n')
+    for subject in (short.bare(work, '--publish', handler), *short.monitors(bundle)):
+        start = bench.started(short.load, work, subject)
+        assert 0.0 < start.first <= start.every <= start.step
+
+
+def test_what_is_missing_is_told_and_ratios_are_of_one_round() -> None:
+    found = {'rcl in C': [SAMPLE, replace(SAMPLE, cpu=20.0), SAMPLE],
+             bench.UNREAD: [replace(SAMPLE, counted=0, answers=0)] * 3,
+             'monitor': [replace(SAMPLE, counted=99, cpu=5.0), replace(SAMPLE, cpu=20.0),
+                         replace(SAMPLE, cpu=30.0)]}
+    rows = {row.subject: row for row in bench.rows('CPU', 'us', found, lambda item: item.cpu, '1')}
+    monitor = rows['monitor']
+    assert (monitor.value, monitor.lowest, monitor.highest) == (20.0, 5.0, 30.0)
+    assert monitor.ratio == 1.0
+    assert {name: row.note for name, row in rows.items()} == {
+        'rcl in C': '', bench.UNREAD: '', 'monitor': '1 messages missing'}
+
+
+def test_a_subject_that_does_not_start_is_told_with_what_it_said(short: bench.Bench) -> None:
+    work = short.work(('a',), 100.0)
+    bad = short.bundle('bad', bench.float_input('a', 'a'), '  - {id: R, ptltl: "nobody > 0.0"}\n')
+    with pytest.raises(SystemExit, match='nobody'):
+        bench.sample(short.load, work, short.monitors(bad)[0])
