@@ -61,7 +61,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(arguments: Sequence[str] | None) -> int:
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if 'run' not in options:
+        parser.print_help(sys.stderr)
+        print('\nfret-monitor: error: a verb is missing', file=sys.stderr)
+        return 2
     if isinstance(sys.stdout, TextIOWrapper):  # names need not be what a terminal can show
         sys.stdout.reconfigure(errors='backslashreplace')
     try:
@@ -118,7 +123,8 @@ def _drop_output() -> None:
 def _parser() -> ArgumentParser:
     parser = ArgumentParser(
         'fret-monitor', description='Compile, check and try requirements in past-time MTL.')
-    verbs = parser.add_subparsers(metavar='VERB', required=True)
+    verbs = parser.add_subparsers(
+        metavar='VERB', title='verbs (fret-monitor VERB --help tells more)')
     for verb in _VERBS:
         verb.add_to(verbs)
     return parser

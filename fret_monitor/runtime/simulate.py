@@ -56,6 +56,7 @@ _TRUTHS = {'0': 0, '1': 1, 'false': 0, 'true': 1}
 _INTEGER = re.compile(r'[+-]?[0-9]+')
 _REAL = re.compile(r'[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf)',
                    re.IGNORECASE)
+_SEPARATORS = {';': "';'", '\t': 'tabs', '|': "'|'"}
 _LIBC: Any = ffi.dlopen(None)
 _to_float32 = ffi.cast('float (*)(const char *, char **)',
                        ffi.cast('void *', _LIBC.dlsym(ffi.NULL, b'strtof')))
@@ -228,7 +229,8 @@ class _Trace:
         if missing:
             hints = (_did_you_mean(name, heading) for name in missing)
             self._refuse(1, None, f'the trace has no column for {_listed(missing)}',
-                         next(filter(None, hints), 'a column is headed by the name of its input'))
+                         _other_separator(self._last) or next(filter(None, hints), '')
+                         or 'a column is headed by the name of its input')
         for item in self._inputs:
             if heading.count(item.name) > 1:
                 self._refuse(1, None, f"the trace has two columns for '{item.name}'", '')
@@ -249,7 +251,8 @@ class _Trace:
             if self._is_over:
                 self._refuse(self._line, None, f'not CSV: {error}',
                              'a quote (") in this row is not closed', shown=self._first)
-            self._refuse(self._reader.line_num, None, f'not CSV: {error}', '', shown=self._last)
+            self._refuse(self._reader.line_num, None, f'not CSV: {error}',
+                         _other_separator(self._last), shown=self._last)
 
     def blocks(self) -> Iterator[list[_Row]]:
         """Yield the rows, some thousand at a time."""
@@ -258,7 +261,8 @@ class _Trace:
             for row in block:
                 if len(row.cells) != self._width:
                     self._refuse(row.line, row, f"{counted(len(row.cells), 'cell')} in a row "
-                                 f"of a trace with {counted(self._width, 'column')}", '')
+                                 f"of a trace with {counted(self._width, 'column')}",
+                                 _other_separator(row.cells[0]) if len(row.cells) == 1 else '')
             yield block
 
     def _some(self, rows: Iterator[_Row]) -> Iterator[_Row]:
@@ -307,6 +311,14 @@ class _Trace:
         source = Source(self._name, '\n' * (line - 1) + shown)
         offset = line - 1 + start
         refuse(title, Span(source, offset, offset + max(1, width)), '', help)
+
+
+def _other_separator(line: str) -> str:
+    """Say that a line without commas is parted by something else, if it seems so."""
+    found = next((name for char, name in _SEPARATORS.items() if char in line), None)
+    if found is None or ',' in line and ';' not in line:
+        return ''
+    return f'cells are parted by commas here, and not by {found}: export the trace with commas'
 
 
 def _did_you_mean(name: str, heading: list[str]) -> str:

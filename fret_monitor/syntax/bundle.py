@@ -188,6 +188,9 @@ _SIGNALS_KEYS = ('format', 'title', 'description', 'constants', 'inputs')
 _BUNDLE_KEYS = (
     'format', 'component', 'title', 'description', 'signals', 'constants', 'inputs',
     'definitions', 'evaluation', 'report', 'severity', 'requirements')
+_ELSEWHERE = dict.fromkeys(
+    ('policy', 'period', 'rate'),
+    'it stands under evaluation, as in\nevaluation: {policy: periodic, period: 0.1}')
 _INPUT_KEYS = ('topic', 'type', 'field', 'initial', 'values', 'qos', 'timeout', 'stale')
 _REQUIREMENT_KEYS = ('id', *_FORMULA_KEYS, 'title', 'rationale', 'report', 'severity')
 _QOS = {
@@ -316,7 +319,7 @@ class _Reader:
         mapping = self._root(source, 'the bundle', _EXAMPLE)
         if mapping is None or not self._has_format(mapping, is_required=True):
             return None
-        shape = Shape(mapping, 'a bundle', _BUNDLE_KEYS, self._problems)
+        shape = Shape(mapping, 'a bundle', _BUNDLE_KEYS, self._problems, elsewhere=_ELSEWHERE)
         read = self._contents(source, shape)
         shared = self._signals(source, shape)
         definitions = tuple(self._definitions(shape))
@@ -448,9 +451,16 @@ class _Reader:
         return is_usable
 
     def _inputs(self, shape: Shape) -> Iterator[InputEntry]:
-        for name, node in self._named(
-                shape, 'inputs', 'speed: {topic: speed, type: std_msgs/msg/Float32}'):
+        inputs = list(self._named(
+            shape, 'inputs', 'speed: {topic: speed, type: std_msgs/msg/Float32}'))
+        for (name, node), (following, after) in zip(inputs, [*inputs[1:], *inputs[-1:]]):
+            if isinstance(node, Scalar) and name.value in _INPUT_KEYS:
+                self._tell_outdented(name)
+                continue
             problems = Problems()
+            if _is_empty(node) and isinstance(after, Scalar) and following.value in _INPUT_KEYS:
+                self._unreadable.add(name.value)
+                continue
             self._declare(name, problems)
             damaged = {'name'} if problems.errors else set()
             what = f'the input {shown(name.value)}'
@@ -460,6 +470,13 @@ class _Reader:
             self._is_usable(name, node, problems)
             if entry is not None:
                 yield replace(entry, damaged=entry.damaged | damaged)
+
+    def _tell_outdented(self, name: '_Name') -> None:
+        """Tell a key of an input that stands beside the input's name."""
+        self._problems.error(
+            f"'{name.value}' is a key of an input, and no input", name.span,
+            'not indented under the name of one', 'indent it deeper than the name of its input')
+        self._unreadable.add(name.value)
 
     def _check_topics(self, inputs: Iterable[InputEntry]) -> None:
         """Hold together what inputs on one topic say of it."""
@@ -614,6 +631,10 @@ class _Name:
     @property
     def span(self) -> Span:
         return self.key.span
+
+
+def _is_empty(node: Node) -> bool:
+    return isinstance(node, Scalar) and node.is_missing
 
 
 def _name(key: Scalar) -> _Name:

@@ -47,6 +47,18 @@ _MARKS = {
 }
 
 
+LACKS_SPACE = re.compile(r'[ ]*(?:-[ ]+)*([A-Za-z_]\w*):(?=[^\s/:])[^\r\n]*')
+"""A line with a key and a value, but no space between them."""
+_KEY_LINE = re.compile(r'[ ]+([A-Za-z_]\w*)(?=:(?:[ ]|$))')
+
+
+def tell_lacking_space(match: re.Match[str], span: Span, problems: Problems) -> None:
+    """Tell of `key:value`, which `LACKS_SPACE` matches, at its place."""
+    key, value = match[0][match.start(1):].split(':', 1)
+    problems.error("a space is missing after the ':'", span, 'YAML takes this for a text',
+                   f'{key}: {value.strip()}')
+
+
 def tell_misread(source: Source, start: int, problems: Problems) -> None:
     """Tell that the value that starts at `start` needs quotes, with the line to paste."""
     written = value_as_written(source, start)
@@ -150,6 +162,7 @@ class Repair:
     What goes on behind a value that YAML cannot read.
 
     The value is told, and replaced by a word of the same length, so that all places stay right.
+    `unread` are the places of such values; those in `swallowing` have taken in keys below them.
     """
 
     def __init__(self, source: Source, problems: Problems) -> None:
@@ -158,11 +171,12 @@ class Repair:
         self._shift = 1 if source.text.startswith('\ufeff') else 0
         self.text = source.text[self._shift:]
         self.unread: frozenset[int] = frozenset()
+        self.swallowing: frozenset[int] = frozenset()
 
     def mend(self, error: yaml.YAMLError, last_scalar: int) -> bool:
         """Tell the error; return whether the text was changed so that it can be read anew."""
         place = min(self._place(error), max(len(self._source.text) - 1, 0))
-        if self._is_tab(place):
+        if self._is_tab(place) or self._lacks_space(error, place):
             return False
         starts = self._value_starts(error, place, last_scalar)
         start = next((item for item in starts if item not in self.unread), None)
@@ -187,6 +201,21 @@ class Repair:
                                  Span(self._source, match.start(1), match.end(1)),
                                  'use spaces here')
         return match is not None
+
+    def _lacks_space(self, error: yaml.YAMLError, place: int) -> bool:
+        """Tell `key:value` in the line above, which is a text and no key."""
+        if 'mapping values' not in str(error):
+            return False
+        number = self._line(place) - 1
+        while number > 0 and not self._source.line(number).strip():
+            number -= 1
+        match = LACKS_SPACE.match(self._source.line(number)) if number else None
+        if match is None:
+            return False
+        start = self._source.line_start(number)
+        tell_lacking_space(match, Span(self._source, start + match.start(1), start + match.end()),
+                           self._problems)
+        return True
 
     def _value_starts(self, error: yaml.YAMLError, place: int,
                       last_scalar: int) -> Iterator[int]:
@@ -243,6 +272,9 @@ class Repair:
                 Span(self._source, place, place + 2), 'not an escape',
                 'write two of them, or put the text in single quotes')
         elif self._line(place) != self._line(start) and text[start] not in _MARKS:
+            self.swallowing |= {start}
+            if self._is_too_deep(start, place):
+                return
             self._problems.error(
                 "there is a ': ' inside a text of several lines", Span(self._source, place,
                                                                        place + 1),
@@ -250,6 +282,23 @@ class Repair:
                 'put the text in quotes, or correct the indentation of this line')
         else:
             tell_misread(self._source, start, self._problems)
+
+    def _is_too_deep(self, start: int, place: int) -> bool:
+        """Tell a key that is indented deeper than the one above, whose one word takes it in."""
+        key = _KEY_LINE.match(self._source.line(self._line(place)))
+        above = _VALUE_LINE.match(self._source.line(self._line(start)))
+        begin = self._source.line_start(self._line(place))
+        is_word = ' ' not in self._source.text[start:begin].strip()
+        if key is None or above is None or begin + key.end(1) != place or not is_word:
+            return False
+        rest = self._source.line(self._line(place)).strip()
+        line = ' ' * above.start('key') + rest
+        self._problems.error(
+            'this key is indented deeper than the one above',
+            Span(self._source, begin + key.start(1), place),
+            f'so it goes on with the text of line {self._line(start)}',
+            f'begin it under {above["key"].strip()!r}, or put that text in quotes:\n{line}')
+        return True
 
     def _blank(self, start: int) -> None:
         """Replace a value, with the lines that go on with it, by a plain word and blanks."""
@@ -274,9 +323,9 @@ _PROBLEMS = (
     ('flow sequence', 'this list is not closed'),
     ('flow mapping', 'this brace is not closed'),
     ("expected ':'", "there is no ':' behind this key"),
-    ('expected key', 'a key was expected here: is it indented as those above?'),
-    ('expected <block end>', 'a key was expected here: is it indented as those above?'),
+    ('expected key', 'a key was expected here: indent it as those above'),
+    ('expected <block end>', 'a key was expected here: indent it as those above'),
     ('mapping values', "a ':' is not allowed here"),
-    ("expected '-'", "a '-' was expected here: is it indented as those above?"),
+    ("expected '-'", "a '-' was expected here; or indent it as the key behind the '-' above"),
     ('document start', 'there is text behind the end of the document'),
 )

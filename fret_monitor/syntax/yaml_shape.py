@@ -32,7 +32,9 @@ from fret_monitor.diagnostics import Text
 from fret_monitor.syntax.words import exact
 from fret_monitor.syntax.words import number_fault
 from fret_monitor.syntax.words import shown
+from fret_monitor.syntax.yaml_repair import LACKS_SPACE
 from fret_monitor.syntax.yaml_repair import quoted_line
+from fret_monitor.syntax.yaml_repair import tell_lacking_space
 from fret_monitor.syntax.yaml_repair import value_as_written
 from fret_monitor.syntax.yaml_tree import Mapping
 from fret_monitor.syntax.yaml_tree import Node
@@ -47,14 +49,23 @@ class Shape:
     """A mapping with the keys it may have; `what` names it in the user's words."""
 
     def __init__(self, mapping: Mapping, what: str, known: Iterable[str], problems: Problems,
-                 slips: Table[str, str] | None = None) -> None:
-        """Tell all keys that are not known; `slips` are words that are often written instead."""
+                 slips: Table[str, str] | None = None,
+                 elsewhere: Table[str, str] | None = None) -> None:
+        """
+        Tell all keys that are not known.
+
+        `slips` are words that are often written instead, `elsewhere` says where keys belong that
+        are known in another place.
+        """
         self.what = what
         self.span = mapping.span
         self._known = tuple(known)
         self._problems = problems
         self._entries = {key.value: (key, node) for key, node in mapping.entries}
         self._meant: set[str] = set()
+        self._elsewhere = elsewhere or {}
+        self._has_swallowed = any(isinstance(node, Unread) and node.has_swallowed
+                                  for _, node in mapping.entries)
         self.is_cut = _tell_comma(mapping, self._known, problems)
         if not self.is_cut:
             for key, _ in mapping.entries:
@@ -63,16 +74,23 @@ class Shape:
     def _look_at(self, key: Scalar, slips: Table[str, str]) -> None:
         if key.value in self._known:
             return
+        spaceless = LACKS_SPACE.fullmatch(key.value) if not key.style else None
+        if spaceless and spaceless[1] in self._known:
+            self._meant.add(spaceless[1])
+            tell_lacking_space(spaceless, key.span, self._problems)
+            return
         slip = slips.get(key.value)
-        hint = (f"did you mean '{slip}'?" if slip else did_you_mean(key.value, self._known)
-                or 'known are ' + ', '.join(self._known))
+        hint = self._elsewhere.get(key.value) or (
+            f"did you mean '{slip}'?" if slip else did_you_mean(key.value, self._known)
+            or 'known are ' + ', '.join(self._known))
         self._meant.update(name for name in self._known if f"'{name}'" in hint)
         self._problems.error(f'{self.what} has no key {shown(key.value)}', key.span,
                              'not known', hint)
 
     def lacks(self, *keys: str) -> bool:
         """Return whether none of the keys is there, nor anything that was meant to be one."""
-        return not any(key in self._entries or key in self._meant for key in keys)
+        return not self._has_swallowed and not any(
+            key in self._entries or key in self._meant for key in keys)
 
     def key(self, key: str) -> Scalar | None:
         """Return a key that is there, with its place."""
@@ -173,7 +191,10 @@ def mapping_of(node: Node | None, what: str, problems: Problems, help: str = '')
         return node
     if isinstance(node, Scalar) and node.is_missing:
         return Mapping((), False, node.span)
-    if node is not None and not isinstance(node, Unread):
+    plain = node.value if isinstance(node, Scalar) and not node.style else ''
+    if node is not None and (match := LACKS_SPACE.fullmatch(plain)):
+        tell_lacking_space(match, node.span, problems)
+    elif node is not None and not isinstance(node, Unread):
         problems.error(f'{what} holds keys with values', node.span,
                        f'this is {kind_of(node)}', help)
     return None

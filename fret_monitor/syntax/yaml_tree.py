@@ -86,9 +86,15 @@ class Mapping:
 
 @dataclass(frozen=True, eq=False)
 class Unread:
-    """A place whose problem has been told already: nothing more is to be said of it."""
+    """
+    A place whose problem has been told already: nothing more is to be said of it.
+
+    `has_swallowed` says that keys which stand below it may have been meant for the mapping it is
+    in.
+    """
 
     span: Span
+    has_swallowed: bool = False
 
 
 Node: TypeAlias = Scalar | Sequence | Mapping | Unread
@@ -105,7 +111,7 @@ def read_tree(source: Source, problems: Problems) -> Node | None:
         return None
     repair = Repair(source, problems)
     while True:
-        builder = _Builder(source, repair.unread)
+        builder = _Builder(source, repair.unread, repair.swallowing)
         try:
             builder.build(_events(repair.text))
         except yaml.YAMLError as error:
@@ -145,12 +151,14 @@ class _TooMuch(Exception):
 class _Builder:
     """Makes the tree of the events of one document, without recursion."""
 
-    def __init__(self, source: Source, unread: frozenset[int]) -> None:
+    def __init__(self, source: Source, unread: frozenset[int],
+                 swallowing: frozenset[int]) -> None:
         self.source = source
         self.problems = Problems()
         self.root: Node | None = None
         self.last_scalar = 0
         self._unread = unread
+        self._swallowing = swallowing
         self._shift = 1 if source.text.startswith('\ufeff') else 0
         self._open: list[_Open] = []
         self._documents = 0
@@ -219,7 +227,7 @@ class _Builder:
         span = self._span(event)
         self.last_scalar = span.start
         if span.start in self._unread:
-            return Unread(span)
+            return Unread(span, span.start in self._swallowing)
         if event.anchor or event.tag:
             return self._marked(event)
         style = event.style if event.style and event.style in '\'"|>' else ''

@@ -83,6 +83,14 @@ def test_wrong_usage_is_2(here: Here, words: tuple[str, ...]) -> None:
     assert done.err.startswith('usage: fret-monitor')
 
 
+def test_without_a_verb_the_verbs_are_told(here: Here) -> None:
+    done = here.run()
+    told = [line.split()[0] for line in done.err.splitlines() if line.startswith('    ')]
+    assert told[:3] == ['check', 'formalize', 'print']  # a long name has a line of its own
+    assert set(VERBS) | {'import', 'explain'} <= set(told)
+    assert done.err.endswith('error: a verb is missing\n')
+
+
 @pytest.mark.parametrize('words', [('--help',), *((verb, '--help') for verb in VERBS)])
 def test_help_is_given(here: Here, words: tuple[str, ...]) -> None:
     done = here.run(*words)

@@ -181,6 +181,19 @@ def test_csv_is_read_as_spreadsheets_write_it(here: Here, trace: bytes) -> None:
     assert verdicts(here, trace)[1:] == [['0', '1', '1', '1'], ['1', '0', '1', '1']]
 
 
+@pytest.mark.parametrize(('trace', 'separator'), [
+    ((HEADING + GOOD).replace(',', ';'), "';'"), ((HEADING + GOOD).replace(',', '\t'), 'tabs'),
+    ('"p";"x";"n";"mode";"word"\n' + GOOD.replace(',', ';'), "';'"),
+    (HEADING + GOOD.replace(',', '|'), "'|'")])
+def test_a_trace_with_another_separator_is_told(here: Here, trace: str, separator: str) -> None:
+    here.file('trace.csv', trace)
+    done = here.run('simulate', here.file('pump.yaml', PUMP), '--trace',
+                    here.folder / 'trace.csv')
+    assert done.status == 1
+    assert (f'help: cells are parted by commas here, and not by {separator}: export the trace '
+            'with commas') in done.err
+
+
 # -- what is refused --------------------------------------------------------------------------
 
 
