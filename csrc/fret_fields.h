@@ -31,7 +31,8 @@ enum fm_outcome
 {
   FM_FIELD_READ = 0,     // `value` holds it
   FM_FIELD_OUTSIDE = 1,  // the index is outside its array, which has `length` elements
-  FM_FIELD_UNNAMED = 2,  // the string is none of the input's `values`; `length` bytes of it
+  FM_FIELD_UNNAMED = 2,  // the string is none of the input's `values`; it has `length` bytes
+                         // (a wstring: UTF-16 units)
   FM_FIELD_EMPTY = 3     // an empty array has no minimum, maximum or mean
 };
 

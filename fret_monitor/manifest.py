@@ -176,7 +176,7 @@ class Manifest:
     `symbol` is the one name the library exports that leads to all others. `bundle_hash` is the
     SHA-256 of what was compiled (bundle, signals files, message definitions), `source_hash` of
     the C text; `sources` are the file names of the generated C. `period` is in seconds. `readers`
-    is the exported name that leads to the readers of the topics, '' where there are no topics.
+    is the exported name that leads to the readers of the topics, '' where there are no readers.
     """
 
     name: str

@@ -37,7 +37,6 @@ from fret_monitor.manifest import SECONDS
 from fret_monitor.manifest import ValueType
 from fret_monitor.syntax.message import ArrayKind
 from fret_monitor.syntax.message import FieldType
-from fret_monitor.syntax.message import find_message
 from fret_monitor.syntax.message import MessageField
 from fret_monitor.syntax.message import MessageLayout
 
@@ -50,9 +49,14 @@ _NO_BOUND = 'UINT32_MAX'
 
 
 def generate_readers(names: Names, title: str, signals: Sequence[Signal]) -> Iterator[str]:
-    """Yield the lines of the C file; none if no input comes from a topic."""
+    """
+    Yield the lines of the C file.
+
+    There are none if no input comes from a topic, or the layouts of messages are not known, as
+    where signals are not those of a bundle.
+    """
     topics = topics_of(signals)
-    if topics:
+    if topics and all(signals[i].layout for fed in topics.values() for i in fed):
         yield from _FileWriter(names, title, signals).lines(topics)
 
 
@@ -216,7 +220,8 @@ class _FileWriter:
         yield from self._table(topics)
 
     def _reader(self, number: int, topic: str, signals: Sequence[Signal]) -> Iterator[str]:
-        layout = signals[0].layout or find_message(signals[0].message_type or '')
+        layout = signals[0].layout
+        assert layout is not None, topic
         need = _Need()
         for place, signal in enumerate(signals):
             need.at(signal.path).whole.append((place, signal))
@@ -371,6 +376,7 @@ class _ReaderWriter:
                                    is_last and not remaining)
             if is_last and not remaining:
                 return
+        assert not remaining, remaining
         yield from self._past(layout, waiting, path)
 
     def _past(self, layout: MessageLayout, fields: Sequence[MessageField],
@@ -418,7 +424,7 @@ class _ReaderWriter:
         yield from (f'fields[{place}] = {_made_of(base, read)};' for place, _ in whole)
 
     def _scalars(self, layout: MessageLayout, need: _Need, path: str) -> Iterator[str]:
-        """Read all fields of a message that holds nothing but numbers, and what is made of them."""
+        """Read all fields of a message that holds numbers alone, and what is made of them."""
         local = {item.name: self._local(item.name.lower()) for item in layout.fields}
         yield from comment(path)
         for item in layout.fields:
@@ -462,30 +468,16 @@ class _ReaderWriter:
             ('name', 'fm_field_name')
         entries = []
         for value in written:
+            data = value.encode('utf-16-le' if base == 'wstring' else 'utf-8', 'surrogatepass')
+            shown, length = string_literal(data), len(data)
             if base == 'wstring':
-                entry = yield from self._units(value)
-            else:
-                data = value.encode('utf-8', 'surrogatepass')
-                entry = f'{{{string_literal(data)}, {len(data)}u}}'
-            entries.append(entry)
+                shown, length = self._local('units') if data else 'NULL', length // 2
+                yield from _units(shown, data)
+            entries.append(f'{{{shown}, {length}u}}')
         yield f'static const struct fm_cdr_{kind} {names}[] = {{'
         yield from (f'  {entry},' for entry in entries)
         yield '};'
         yield f'fields[{place}] = {function}(&{text}, {names}, {len(written)}u);'
-
-    def _units(self, value: str) -> Iterator[str]:
-        """Declare the UTF-16 units of a string, and return the entry that holds them."""
-        data = value.encode('utf-16-le', 'surrogatepass')
-        units = [int.from_bytes(data[place:place + 2], 'little')
-                 for place in range(0, len(data), 2)]
-        if not units:
-            return '{NULL, 0u}'
-        name = self._local('units')
-        yield f'static const uint16_t {name}[] = {{'
-        for start in range(0, len(units), 12):
-            yield '  ' + ' '.join(f'{unit}u,' for unit in units[start:start + 12])
-        yield '};'
-        return f'{{{name}, {len(units)}u}}'
 
     # -- arrays --
 
@@ -552,6 +544,16 @@ class _ReaderWriter:
 
 def _indented(lines: Iterable[str]) -> Iterator[str]:
     return (f'  {line}' if line else '' for line in lines)
+
+
+def _units(name: str, data: bytes) -> Iterator[str]:
+    """Declare a string in UTF-16; an empty one has no array in C."""
+    units = [f'{low | high << 8}u,' for low, high in zip(data[::2], data[1::2])]
+    if units:
+        yield f'static const uint16_t {name}[] = {{'
+        for start in range(0, len(units), 12):
+            yield '  ' + ' '.join(units[start:start + 12])
+        yield '};'
 
 
 def _told(whole: Iterable[tuple[int, Signal]], path: str) -> Iterator[str]:

@@ -37,7 +37,8 @@ class Signal:
     `values` are its names: (name, number or string); a string input has type INT32 and counts as
     the index of its string in `values`. `initial` is None or a value of the type.
     `topic` and `message_type` are None for an input that exists only off ROS. `timeout` is in
-    seconds; `reduction` is as in `ManifestInput`; `layout` is that of the message.
+    seconds; `reduction` is as in `ManifestInput`; `layout` is that of the message, None
+    where no bundle was read: messages cannot be read then.
     """
 
     name: str

@@ -140,7 +140,7 @@ def test_a_bundle_has_any_file_name(stem: str) -> None:
                                     with_clang=stem in ('std', 'fm', 'linux'))
     assert re.fullmatch('[A-Za-z][A-Za-z0-9_]*_monitor', module.symbol)
     names = [module.header[0], *(name for name, _ in module.sources)]
-    assert all(re.fullmatch(r'[A-Za-z][A-Za-z0-9_]*_(monitor|fields)\.[ch]', name) for name in names)
+    assert all(re.fullmatch(r'[A-Za-z][A-Za-z0-9_]*_monitor\.[ch]', name) for name in names)
     assert not {path.name for path in CSRC.iterdir()} & set(names)
 
 

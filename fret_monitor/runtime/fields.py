@@ -1,0 +1,77 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the readers of a loaded bundle make of a serialized message, for those who are not C.
+
+The node reads messages in C; this is the same function, called from Python.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from fret_monitor.manifest import ValueType
+from fret_monitor.native.binding import ffi
+from fret_monitor.native.monitor import CData
+from fret_monitor.native.monitor import Monitor
+
+
+class Outcome(Enum):
+    """What became of a field; the values are those of `enum fm_outcome`."""
+
+    READ = 0
+    OUTSIDE = 1
+    UNNAMED = 2
+    EMPTY = 3
+
+
+@dataclass(frozen=True)
+class FieldReading:
+    """
+    A field as read: its value, as the evaluator stores it, or None.
+
+    `length` is that of the array that the index is outside of, or of the string without a name.
+    """
+
+    outcome: Outcome
+    value: bool | int | float | None
+    length: int = 0
+
+
+def read_fields(monitor: Monitor, topic: int, message: bytes) -> tuple[FieldReading, ...] | None:
+    """
+    Return what a message says of the inputs that a topic feeds, in the manifest's order.
+
+    `topic` is an index of the manifest's topics. None if the message cannot be decoded.
+    """
+    readers = monitor.readers
+    assert readers is not None, 'this bundle has no topics'
+    inputs = monitor.manifest.topics[topic].inputs
+    fields = ffi.new('struct fm_field[]', len(inputs))
+    if not readers.topics[topic].read(ffi.from_buffer('uint8_t[]', message), len(message), fields):
+        return None
+    return tuple(_reading(fields[place], monitor.manifest.inputs[index].value_type)
+                 for place, index in enumerate(inputs))
+
+
+def _reading(field: CData, kind: ValueType) -> FieldReading:
+    outcome = Outcome(field.outcome)
+    if outcome is not Outcome.READ:
+        return FieldReading(outcome, None, int(field.length))
+    if kind is ValueType.BOOL:
+        return FieldReading(outcome, bool(field.value.i))
+    if kind.is_float:
+        return FieldReading(outcome, float(field.value.f))
+    is_signed = kind.value.startswith('int')
+    return FieldReading(outcome, int(field.value.i if is_signed else field.value.u))
