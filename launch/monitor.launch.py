@@ -13,10 +13,14 @@
 # limitations under the License.
 
 """
-Start a monitor and a logger for one bundle.
+Start a monitor and a logger for one bundle or several.
 
     ros2 launch fret_monitor monitor.launch.py spec:=quadrotor.yaml
     ros2 launch fret_monitor monitor.launch.py library:=compiled namespace:=robot logger:=false
+    ros2 launch fret_monitor monitor.launch.py spec:="[mobile_base.yaml, arm.yaml]"
+
+The monitor is a managed node: with `autostart:=false` it waits to be configured and activated, by
+`ros2 lifecycle set`, or by events of a launch file that includes this one.
 """
 
 from launch.actions import DeclareLaunchArgument
@@ -25,23 +29,27 @@ from launch.conditions import IfCondition
 from launch.launch_context import LaunchContext
 from launch.launch_description import LaunchDescription
 from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import LifecycleNode
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 ARGUMENTS = {
-    'spec': ('', 'the bundle, a YAML file'),
+    'spec': ('', 'the bundle, a YAML file, or a list of them in brackets'),
     'library': ('', 'the folder of a compiled bundle, instead of the bundle or with it'),
     'policy': ('', "when a step happens, instead of the bundle's policy"),
     'period': ('', 'seconds between two steps, with the policy periodic'),
     'rate': ('', 'steps a second, with the policy periodic'),
+    'hot_path': ('', 'whether C takes the messages: auto, on or off'),
+    'autostart': ('true', 'whether the monitor configures and activates itself'),
     'namespace': ('', 'where relative topics and the handlers lie'),
+    'name': ('fret_monitor', 'the name of the monitor'),
     'use_sim_time': ('false', 'whether time comes from /clock'),
     'logger': ('true', 'whether violations go to the ROS log'),
     'log_level': ('info', 'the least severity that is logged'),
 }
 PATHS = ('spec', 'library')
-TYPES = {'spec': str, 'library': str, 'policy': str, 'period': float, 'rate': float,
-         'use_sim_time': bool}
+OF_BOTH = (*PATHS, 'policy', 'period', 'rate', 'use_sim_time')
+TYPES = {'period': float, 'rate': float, 'autostart': bool, 'use_sim_time': bool}
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -52,20 +60,27 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def _nodes(context: LaunchContext) -> list[Node]:
+    common = {
+        'package': 'fret_monitor', 'output': 'screen',
+        'namespace': LaunchConfiguration('namespace'),
+        'ros_arguments': ['--log-level', LaunchConfiguration('log_level')]}
     return [
-        _node(context, 'monitor', 'fret_monitor', tuple(TYPES)),
-        _node(context, 'logger', 'fret_logger', (*PATHS, 'use_sim_time'),
-              condition=IfCondition(LaunchConfiguration('logger'))),
+        LifecycleNode(
+            executable='monitor', name=LaunchConfiguration('name'),
+            parameters=[_given(context, *OF_BOTH, 'hot_path', 'autostart')], **common),
+        Node(
+            executable='logger', name='fret_logger', parameters=[_given(context, *OF_BOTH)],
+            condition=IfCondition(LaunchConfiguration('logger')), **common),
     ]
 
 
-def _node(context: LaunchContext, executable: str, name: str, parameters: tuple[str, ...],
-          condition: IfCondition | None = None) -> Node:
-    # What is left out stays the bundle's business, so that only what was said is handed on.
-    given = {
-        parameter: ParameterValue(LaunchConfiguration(parameter), value_type=TYPES[parameter])
-        for parameter in parameters if LaunchConfiguration(parameter).perform(context)}
-    return Node(
-        package='fret_monitor', executable=executable, name=name, output='screen',
-        namespace=LaunchConfiguration('namespace'), parameters=[given], condition=condition,
-        ros_arguments=['--log-level', LaunchConfiguration('log_level')])
+def _given(context: LaunchContext, *names: str) -> dict[str, ParameterValue]:
+    """Return parameters; what is left out stays the node's business, or the bundle's."""
+    texts = {name: LaunchConfiguration(name).perform(context) for name in names}
+    return {name: ParameterValue(LaunchConfiguration(name), value_type=_type(name, text))
+            for name, text in texts.items() if text}
+
+
+def _type(name: str, text: str) -> object:
+    is_list = name in PATHS and text.lstrip().startswith('[')
+    return None if is_list else TYPES.get(name, str)  # None: as YAML has it

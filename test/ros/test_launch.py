@@ -32,21 +32,34 @@ pytest.importorskip('launch_ros')
 BUNDLE = """
 format: 1
 inputs:
-  x: {topic: x, type: std_msgs/msg/Float32}
+  value: {topic: x, type: std_msgs/msg/Float32}
 requirements:
-  - {id: R1, ptltl: x < 0.5}
+  - {id: R1, ptltl: value < 0.5}
 """
 SOURCE = Path(fret_monitor.__file__).parent.parent
 LAUNCH = """
 import sys
 from launch import LaunchDescription, LaunchService
-from launch.actions import IncludeLaunchDescription
+from launch.actions import EmitEvent, IncludeLaunchDescription, RegisterEventHandler
 from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch_ros.event_handlers import OnStateTransition
+from launch_ros.events.lifecycle import ChangeState
+from lifecycle_msgs.msg import Transition
 
+
+def change(transition):
+    return EmitEvent(event=ChangeState(
+        lifecycle_node_matcher=lambda node: True, transition_id=transition))
+
+
+managing = [
+    RegisterEventHandler(OnStateTransition(goal_state='inactive', entities=[
+        change(Transition.TRANSITION_ACTIVATE)])),
+    change(Transition.TRANSITION_CONFIGURE)] if 'autostart:=false' in sys.argv else []
 service = LaunchService()
 service.include_launch_description(LaunchDescription([IncludeLaunchDescription(
     PythonLaunchDescriptionSource(sys.argv[1]),
-    launch_arguments=[tuple(item.split(':=')) for item in sys.argv[2:]])]))
+    launch_arguments=[tuple(item.split(':=')) for item in sys.argv[2:]]), *managing]))
 sys.exit(service.run())
 """
 
@@ -75,11 +88,16 @@ def install(prefix: Path) -> None:
     (['spec:=bundle.yaml'], {'/fret_monitor', '/fret_logger'}),
     (['spec:=bundle.yaml', 'namespace:=robot', 'policy:=periodic', 'rate:=5', 'logger:=false'],
      {'/robot/fret_monitor'}),
+    (['spec:=[bundle.yaml, other.yaml]', 'name:=guard', 'hot_path:=off', 'period:=',
+      'log_level:=warn'], {'/guard', '/fret_logger'}),
+    (['spec:=bundle.yaml', 'autostart:=false', 'logger:=false'], {'/fret_monitor'}),
 ])
 def test_launch_starts_the_nodes_and_ends_them(
     arguments: list[str], nodes: set[str], partner: Partner, tmp_path: Path,
 ) -> None:
     (tmp_path / 'bundle.yaml').write_text(BUNDLE, encoding='utf-8')
+    (tmp_path / 'other.yaml').write_text(BUNDLE.replace('R1', 'R2').replace(': x', ': y'),
+                                         encoding='utf-8')
     install(tmp_path / 'prefix')
     environment = {**os.environ, 'PYTHONPATH': os.pathsep.join([str(SOURCE), *sys.path]),
                    'AMENT_PREFIX_PATH': str(tmp_path / 'prefix')}
@@ -89,7 +107,8 @@ def test_launch_starts_the_nodes_and_ends_them(
 
     def found() -> set[str]:
         listed = partner.node.get_node_names_and_namespaces()
-        return {f'{namespace.rstrip("/")}/{name}' for name, namespace in listed} - {'/partner'}
+        return {f'{namespace.rstrip("/")}/{name}' for name, namespace in listed
+                if name != 'partner' and not name.startswith('launch_ros_')}
 
     try:
         wait_until(lambda: found() == nodes, f'the nodes {nodes}')
