@@ -43,7 +43,14 @@ ROS_TEST_WHEELS = [
     'ros-jazzy-sensor-msgs>=5.3,<6',
 ]
 
+# What `fret-monitor prove` needs.
+PROVE = [
+    'pycparser>=2.21',
+    'z3-solver>=4.13',
+]
+
 TEST = [
+    *PROVE,
     'catkin-pkg>=1',
     'colcon-core>=0.18',
     'colcon-ros>=0.5,<1',
@@ -105,7 +112,9 @@ setup(
     # keep to what both read. There, apt provides the module, and neither colcon nor
     # the scripts that setuptools writes look at this list.
     install_requires=['cffi>=1.16', 'lark-parser>=0.12,<1', 'PyYAML>=6'],
-    extras_require={'ros': ROS_WHEELS, 'ros-test': ROS_TEST_WHEELS, 'test': TEST},
+    extras_require={
+        'prove': PROVE, 'ros': ROS_WHEELS, 'ros-test': ROS_TEST_WHEELS, 'test': TEST,
+    },
     entry_points={
         'console_scripts': [
             f'fret-monitor = {NAME}.cli.main:main',

@@ -47,6 +47,7 @@ LEVELS = {
     'fret_monitor.importing': 2.5,  # gives texts that the others read
     'fret_monitor.start': 7.5,  # build, or what was built before
     'fret_monitor.explain': 7.5,
+    'fret_monitor.proving': 7.5,
     'fret_monitor.ros': 8,
     'fret_monitor.bag': 8,
     'fret_monitor.cli': 8,

@@ -32,11 +32,12 @@ from fret_monitor.cli import compile as compile_verb
 from fret_monitor.cli import explain
 from fret_monitor.cli import formalize
 from fret_monitor.cli import import_
+from fret_monitor.cli import prove
 from fret_monitor.cli import simulate
 from fret_monitor.diagnostics import CompileError
 from fret_monitor.native.errors import NativeError
 
-_VERBS = (check, formalize, simulate, compile_verb, bench, import_, explain)
+_VERBS = (check, formalize, simulate, compile_verb, bench, import_, explain, prove)
 
 
 class _Terminated(BaseException):

@@ -1,0 +1,168 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`prove BUNDLE`: that the C computes the requirements' equations, checked by a solver."""
+
+from argparse import _SubParsersAction
+from argparse import ArgumentParser
+from argparse import ArgumentTypeError
+from argparse import Namespace
+from importlib.util import find_spec
+import json
+from pathlib import Path
+import sys
+from typing import TYPE_CHECKING
+
+from fret_monitor.build import generate_monitor
+from fret_monitor.build import read
+from fret_monitor.diagnostics import counted
+from fret_monitor.diagnostics import refuse
+from fret_monitor.native.cache import runtime_headers
+
+if TYPE_CHECKING:
+    from fret_monitor.proving.certificate import Certificate
+    from fret_monitor.proving.verification import Settled
+    from fret_monitor.proving.verification import Verification
+
+_NEEDED = {'z3': 'z3-solver', 'pycparser': 'pycparser'}
+
+
+def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
+    """Add the verb to the command line."""
+    parser = verbs.add_parser('prove', help='prove that the C computes what the program says')
+    parser.add_argument('bundle', metavar='BUNDLE', type=Path)
+    parser.add_argument('--sources', metavar='DIR', type=Path,
+                        help='prove the C in this folder, as `compile` wrote it to src')
+    parser.add_argument('--json', action='store_true', help='print the certificate as JSON')
+    parser.add_argument('--timeout', metavar='SECONDS', type=_seconds, default=10.0,
+                        help='for each obligation; 10 when left out')
+    parser.add_argument('--trace', metavar='FILE.csv', type=Path,
+                        help='where to write a counterexample, for `simulate`')
+    parser.set_defaults(run=run)
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.001 <= value <= 86_400:
+        raise ArgumentTypeError(f"'{text}' is no number of seconds from 0.001 to 86400")
+    return value
+
+
+def run(options: Namespace) -> int:
+    """Prove a bundle; 1 if it cannot be."""
+    _refuse_missing()
+    # A solver takes a while to load, and most verbs have no use for it.
+    from fret_monitor.proving.certificate import as_dict
+    from fret_monitor.proving.certificate import Certificate
+    from fret_monitor.proving.certificate import code_hash
+    from fret_monitor.proving.certificate import lines
+    from fret_monitor.proving.verification import verify
+    generated = generate_monitor(read(options.bundle))
+    for warning in generated.warnings:
+        print(warning.render(), file=sys.stderr)
+    files = dict((generated.module.header, *generated.module.sources))
+    if options.sources is not None:
+        files = _files(options.sources, files)
+    sources = {name: text for name, text in files.items() if name.endswith('.c')}
+    headers = {name: text for name, text in files.items() if name.endswith('.h')}
+    found = verify(generated, sources, headers, seconds=options.timeout)
+    everything = {**{name: text for name, text in runtime_headers().items()
+                     if name in ('fret_cells.h', 'fret_monitor.h')}, **files}
+    certificate = Certificate(options.bundle.name, generated, code_hash(everything), found)
+    if options.json:
+        print(json.dumps(_with_trace(as_dict(certificate), found), indent=1))
+    else:
+        print('\n'.join(lines(certificate)))
+    _tell_counterexamples(options, certificate, found)
+    return 0 if found.is_proved else 1
+
+
+def _refuse_missing() -> None:
+    missing = [package for module, package in _NEEDED.items() if find_spec(module) is None]
+    if missing:
+        refuse(f'`prove` needs {" and ".join(missing)}, which '
+               f'{"are" if len(missing) > 1 else "is"} not installed',
+               help=f'pip install {" ".join(missing)}')
+
+
+def _files(folder: Path, names: dict[str, str]) -> dict[str, str]:
+    """Return the texts of the monitor's files, and of the runtime's headers, in a folder."""
+    found = {}
+    for name in (*names, 'fret_cells.h', 'fret_monitor.h'):
+        try:
+            found[name] = (folder / name).read_text(encoding='utf-8')
+        except FileNotFoundError:
+            refuse(f"there is no file '{folder / name}'",
+                   help='`compile BUNDLE --output DIR` writes the sources to DIR/src')
+        except UnicodeDecodeError:
+            refuse(f"'{folder / name}' is not text in UTF-8")
+        except OSError as error:
+            refuse(f"cannot read '{folder / name}': {error.strerror or error}")
+    return found
+
+
+def _first_trace(found: 'Verification') -> 'Settled | None':
+    return next((item for item in found.groups if item.counterexample is not None), None)
+
+
+def _with_trace(content: dict[str, object], found: 'Verification') -> dict[str, object]:
+    from fret_monitor.proving.refutation import to_csv
+    first = _first_trace(found)
+    if first is None or first.counterexample is None or found.subject is None:
+        return {**content, 'counterexample': None}
+    example = first.counterexample
+    return {**content, 'counterexample': {
+        'trace': to_csv(found.subject, example),
+        'meant': {found.subject.program.properties[number].id: value
+                  for number, value in example.meant.items()},
+        'found': {found.subject.program.properties[number].id: value
+                  for number, value in example.found.items()},
+        'undefined': list(example.undefined)}}
+
+
+def _tell_counterexamples(options: Namespace, certificate: 'Certificate',
+                          found: 'Verification') -> None:
+    from fret_monitor.proving.refutation import to_csv
+    first = _first_trace(found)
+    if first is None or first.counterexample is None or found.subject is None:
+        return
+    text = to_csv(found.subject, first.counterexample)
+    if options.trace is not None:
+        try:
+            options.trace.write_text(text, encoding='utf-8')
+        except OSError as error:
+            refuse(f"cannot write '{options.trace}': {error.strerror or error}")
+    if options.json:
+        return
+    example, properties = first.counterexample, found.subject.program.properties
+    steps = counted(len(example.rows), 'step')
+    print(f'\nCounterexample, {steps} from a reset; at the last of them')
+    for number, meant in example.meant.items():
+        if example.found[number] is not meant:
+            print(f'  {properties[number].id} is {_word(meant)}; the C says '
+                  f'{_word(example.found[number])}')
+    for what in example.undefined:
+        print(f'  the C is undefined: {what}')
+    if options.trace is not None:
+        print(f'{options.trace}: the trace, for `fret-monitor simulate {options.bundle} --trace '
+              f'{options.trace}`')
+    else:
+        print(text, end='')
+
+
+def _word(verdict: bool) -> str:
+    return 'satisfied' if verdict else 'violated'

@@ -1,0 +1,327 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+C text read back: functions, types, constants.
+
+The preprocessor is the compiler's, without its own headers and macros: the few standard headers
+that monitors include are declared below, for an int of 32 bits and pointers of 64.
+"""
+
+from collections.abc import Iterator
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+import subprocess
+import tempfile
+from typing import Any
+from typing import TypeAlias
+
+from fret_monitor.native.compiler import find_compiler
+from fret_monitor.native.errors import NativeError
+from pycparser import c_ast
+from pycparser import CParser
+from pycparser.c_generator import CGenerator
+from pycparser.c_parser import ParseError
+
+_LIMITS = ('#define INT64_MAX 9223372036854775807LL\n'
+           '#define INT64_MIN (-9223372036854775807LL - 1)\n'
+           '#define INT64_C(c) c ## LL\n#define UINT64_C(c) c ## ULL\n')
+_HEADERS = {
+    'stdbool.h': '#define bool _Bool\n#define true 1\n#define false 0\n',
+    'stddef.h': 'typedef unsigned long long size_t;\n#define NULL ((void *)0)\n'
+                '#define offsetof(type, member) fm_offset(sizeof(type), #member)\n',
+    'stdint.h': ''.join(
+        f'typedef signed {name} int{bits}_t;\ntypedef unsigned {name} uint{bits}_t;\n'
+        for name, bits in (('char', 8), ('short', 16), ('int', 32), ('long long', 64))) + _LIMITS,
+    'float.h': '',
+    'math.h': 'double fmod(double, double);\nfloat fmodf(float, float);\n'
+              'double pow(double, double);\n'
+              '#define NAN FM_NAN\n#define INFINITY FM_INFINITY\n',
+    'string.h': 'void * memset(void *, int, unsigned long long);\n',
+}
+
+
+class Unreadable(Exception):
+    """C that is not such as `compile` writes; the text says what."""
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """A number: `kind` is 'bool', 'int' or 'float'."""
+
+    kind: str
+    bits: int
+    is_signed: bool = False
+
+    def __str__(self) -> str:
+        """Return its name."""
+        if self.kind != 'int':
+            return 'bool' if self.kind == 'bool' else {32: 'float', 64: 'double'}[self.bits]
+        return f'{"" if self.is_signed else "u"}int{self.bits}_t'
+
+
+@dataclass(frozen=True)
+class Struct:
+    """A struct, by its tag."""
+
+    tag: str
+
+
+@dataclass(frozen=True)
+class Array:
+    """An array of some length."""
+
+    item: 'Type'
+    length: int
+
+
+@dataclass(frozen=True)
+class Pointer:
+    """A pointer; to None is to anything."""
+
+    target: 'Type | None'
+
+
+Type: TypeAlias = Scalar | Struct | Array | Pointer
+
+BOOL = Scalar('bool', 8)
+INT = Scalar('int', 32, True)
+UNSIGNED = Scalar('int', 32)
+LONG = Scalar('int', 64, True)
+SIZE = Scalar('int', 64)
+FLOAT = Scalar('float', 32)
+DOUBLE = Scalar('float', 64)
+_WORDS = {'char': 8, 'short': 16, 'int': 32, 'long': 64}
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function: names and types of its parameters, what it returns (None: nothing), its body."""
+
+    name: str
+    parameters: tuple[tuple[str, Type], ...]
+    result: Type | None
+    body: Any
+
+
+@dataclass(frozen=True)
+class Program:
+    """What is in some C files together."""
+
+    functions: Mapping[str, Function]
+    structs: Mapping[str, tuple[tuple[str, Type], ...]]
+    constants: Mapping[str, int]
+    types: Mapping[str, Type]
+
+    def size(self, kind: Type) -> int:
+        """Return the size of a type in bytes."""
+        return self._layout(kind)[0]
+
+    def _layout(self, kind: Type) -> tuple[int, int]:
+        match kind:
+            case Scalar():
+                return kind.bits // 8, kind.bits // 8
+            case Array():
+                size, alignment = self._layout(kind.item)
+                return size * kind.length, alignment
+            case Pointer():
+                return 8, 8
+            case Struct():
+                return self._struct(kind)
+
+    def _struct(self, kind: Struct) -> tuple[int, int]:
+        end, widest = 0, 1
+        for _, inner in self.structs[kind.tag]:
+            size, alignment = self._layout(inner)
+            end = -(-end // alignment) * alignment + size
+            widest = max(widest, alignment)
+        return -(-end // widest) * widest, widest
+
+
+def preprocess(sources: Mapping[str, str], headers: Mapping[str, str]) -> dict[str, str]:
+    """
+    Return the texts with nothing left for a preprocessor.
+
+    Raises
+    ------
+    Unreadable
+        if the preprocessor fails, with what it says.
+    NativeError
+        if there is no C compiler.
+    """
+    command = find_compiler().command
+    with tempfile.TemporaryDirectory(prefix='fret_monitor-') as name:
+        folder = Path(name)
+        for file, text in {**_HEADERS, **headers, **sources}.items():
+            (folder / file).write_text(text, encoding='utf-8')
+        return {file: _preprocessed([*command, '-E', '-P', '-undef', '-nostdinc', '-std=c99',
+                                     '-I.', file], folder) for file in sources}
+
+
+def _preprocessed(command: list[str], folder: Path) -> str:
+    try:
+        done = subprocess.run(command, cwd=folder, capture_output=True, encoding='utf-8',
+                              check=False, timeout=120)
+    except OSError as error:
+        raise NativeError(f'cannot run {command[0]}: {error.strerror}') from None
+    except subprocess.TimeoutExpired:
+        raise NativeError(f'{command[0]} takes more than two minutes to preprocess') from None
+    if done.returncode:
+        raise Unreadable(f'the preprocessor refuses it: {done.stderr.strip()[-500:]}')
+    return done.stdout
+
+
+def read_program(sources: Mapping[str, str], headers: Mapping[str, str]) -> Program:
+    """Preprocess and parse some C files; errors as those of `preprocess` and `parse`."""
+    return parse(preprocess(sources, headers))
+
+
+def parse(texts: Mapping[str, str]) -> Program:
+    """
+    Read preprocessed files.
+
+    Raises
+    ------
+    Unreadable
+        if a text is not C, or has types that monitors do not have.
+    """
+    reader = _Reader()
+    for name, text in texts.items():
+        try:
+            reader.read(CParser().parse(text, name))
+        except ParseError as error:
+            raise Unreadable(str(error)) from None
+    return Program(reader.functions, reader.structs, reader.constants, reader.types)
+
+
+def shown(node: Any) -> str:
+    """Return the C text of a part of a program, on one line."""
+    text: str = CGenerator().visit(node)
+    return ' '.join(text.split())
+
+
+class _Reader:
+
+    def __init__(self) -> None:
+        self.functions: dict[str, Function] = {}
+        self.structs: dict[str, tuple[tuple[str, Type], ...]] = {}
+        self.constants: dict[str, int] = {}
+        self.types: dict[str, Type] = {}
+
+    def read(self, tree: Any) -> None:
+        for item in tree.ext:
+            match item:
+                case c_ast.Typedef():
+                    self.types[item.name] = self.type(item.type)
+                case c_ast.FuncDef():
+                    self._function(item)
+                case c_ast.Decl() if isinstance(item.type, c_ast.Struct):
+                    self._declared(item.type)
+                case c_ast.Decl() if isinstance(item.type, c_ast.Enum):
+                    self._enumerated(item.type)
+                case c_ast.Decl() if isinstance(item.type, c_ast.FuncDecl):
+                    pass
+                case c_ast.Decl() if isinstance(item.type, c_ast.Union):
+                    pass  # how values reach inputs, which is not a monitor's
+                case _:
+                    raise Unreadable(f'outside of functions: {shown(item)[:80]}')
+
+    def _function(self, item: Any) -> None:
+        declared = item.decl.type
+        parameters = tuple(self._parameters(declared))
+        result = None if _is_void(declared.type) else self.type(declared.type)
+        if item.decl.name in self.functions and 'static' not in item.decl.storage:
+            raise Unreadable(f'{item.decl.name} is defined twice')
+        self.functions[item.decl.name] = Function(item.decl.name, parameters, result, item.body)
+
+    def _parameters(self, declared: Any) -> Iterator[tuple[str, Type]]:
+        for each in declared.args.params if declared.args else ():
+            if each.name is not None:
+                yield each.name, self.type(each.type)
+
+    def _declared(self, item: Any) -> None:
+        if item.decls is None:
+            return
+        fields = tuple((field.name, self.type(field.type)) for field in item.decls)
+        if self.structs.setdefault(item.name, fields) != fields:
+            raise Unreadable(f'struct {item.name} is declared twice')
+
+    def _enumerated(self, item: Any) -> None:
+        following = 0
+        for each in item.values.enumerators if item.values else ():
+            if each.value is not None:
+                following = _whole(each.value)
+            if self.constants.setdefault(each.name, following) != following:
+                raise Unreadable(f'{each.name} is declared twice')
+            following += 1
+
+    def type(self, node: Any) -> Type:
+        """Return a type as declared."""
+        match node:
+            case c_ast.TypeDecl() | c_ast.Typename():
+                return self.type(node.type)
+            case c_ast.PtrDecl() if isinstance(node.type, c_ast.FuncDecl):
+                return Pointer(None)
+            case c_ast.PtrDecl():
+                return Pointer(None if _is_void(node.type) else self.type(node.type))
+            case c_ast.ArrayDecl() if node.dim is not None:
+                return Array(self.type(node.type), _whole(node.dim))
+            case c_ast.Struct():
+                self._declared(node)
+                return Struct(node.name)
+            case c_ast.IdentifierType():
+                return self._named(node.names)
+            case _:
+                raise Unreadable(f'type {shown(node)[:80]}')
+
+    def _named(self, names: list[str]) -> Type:
+        return named_type(names, self.types)
+
+
+def named_type(names: list[str], types: Mapping[str, Type]) -> Type:
+    """Return the type that some words name."""
+    if len(names) == 1 and names[0] in types:
+        return types[names[0]]
+    if names == ['_Bool']:
+        return BOOL
+    if names in (['float'], ['double']):
+        return FLOAT if names == ['float'] else DOUBLE
+    sizes = [_WORDS[name] for name in names if name in _WORDS]
+    if not sizes and 'unsigned' not in names:
+        raise Unreadable(f'type {" ".join(names)}')
+    bits = {8: 8, 16: 16}.get(min(sizes, default=32), max(sizes, default=32))
+    return Scalar('int', bits, 'unsigned' not in names)
+
+
+def _is_void(node: Any) -> bool:
+    inner = node
+    while isinstance(inner, c_ast.TypeDecl | c_ast.Typename):
+        inner = inner.type
+    return isinstance(inner, c_ast.IdentifierType) and inner.names == ['void']
+
+
+def _whole(node: Any) -> int:
+    """Return the value of a literal."""
+    if not isinstance(node, c_ast.Constant):
+        raise Unreadable(f'not a literal: {shown(node)[:80]}')
+    return integer(node.value)
+
+
+def integer(text: str) -> int:
+    """Return the value of an integer literal of C, without its suffix."""
+    digits = text.rstrip('uUlL')
+    if digits.startswith('0') and len(digits) > 1 and digits[1] not in 'xX':
+        raise Unreadable(f'octal literal {text}')
+    return int(digits, 0)

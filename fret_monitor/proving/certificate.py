@@ -1,0 +1,187 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What was proved, of what, on what assumptions: as text and as JSON.
+
+Nothing is assumed silently: `ASSUMED` is printed with every certificate.
+"""
+
+from collections.abc import Iterator
+from collections.abc import Mapping
+from dataclasses import dataclass
+import hashlib
+from typing import Any
+
+from fret_monitor.build import GeneratedMonitor
+from fret_monitor.diagnostics import counted
+from fret_monitor.logic.formula import BinaryOperator
+from fret_monitor.program.monitor_program import ApplyBinary
+from fret_monitor.program.monitor_program import MonitorProgram
+from fret_monitor.proving.contracts import Proof
+from fret_monitor.proving.solver import Answer
+from fret_monitor.proving.solver import solver_version
+from fret_monitor.proving.verification import Settled
+from fret_monitor.proving.verification import Verification
+
+ASSUMED = (
+    'the C compiler, its flags and the machine do what C99 and IEEE 754 say: an int of 32 bits, '
+    "two's complement, float and double without excess precision, fused operations or other "
+    'rounding than to nearest; all NaNs count as one',
+    "the preprocessor, pycparser, z3, and fret_monitor's own reading of C in fret_monitor/proving",
+    'the caller passes state and inputs that are his own and lie apart, truth values that are 0 '
+    'or 1, and resets the state before the first step',
+    'outside: from the text of a requirement to the equations of the program (tested against an '
+    "independent evaluator and FRET's own verdicts)",
+    'outside: how messages are decoded, when a step is due, and what is reported',
+)
+_LIBRARY = 'fmod and pow of the C library give the same value for the same arguments'
+_SHOWN = 10
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A verification with what identifies its subject."""
+
+    bundle: str
+    generated: GeneratedMonitor
+    code_hash: str
+    verification: Verification
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """What the proof rests on, and what it does not speak of."""
+        is_used = _uses_library(self.generated.program)
+        return (*ASSUMED[:3], *([_LIBRARY] if is_used else []), *ASSUMED[3:])
+
+
+def code_hash(files: Mapping[str, str]) -> str:
+    """Return the SHA-256 of C files, names and texts, in the order of their names."""
+    digest = hashlib.sha256()
+    for name, text in sorted(files.items()):
+        digest.update(f'{name}\0{text}\0'.encode())
+    return digest.hexdigest()
+
+
+def _uses_library(program: MonitorProgram) -> bool:
+    kinds = (BinaryOperator.MOD, BinaryOperator.POW)
+    return any(isinstance(equation.operation, ApplyBinary)
+               and equation.operation.operator in kinds and equation.type.is_float
+               for group in program.groups for equation in group.equations)
+
+
+def _count(proofs: tuple[Proof, ...], answer: Answer = Answer.PROVED) -> int:
+    return sum(proof.answer is answer for proof in proofs)
+
+
+def as_dict(certificate: Certificate) -> dict[str, Any]:
+    """Return the certificate as JSON has it."""
+    found = certificate.verification
+    manifest = certificate.generated.manifest
+    return {
+        'bundle': certificate.bundle,
+        'bundle_hash': manifest.bundle_hash,
+        'source_hash': manifest.source_hash,
+        'code_hash': certificate.code_hash,
+        'proved': found.is_proved,
+        'unreadable': found.unreadable or None,
+        'requirements': [
+            {'id': item.id, 'proved': found.is_proved or _is_proved(found, item.group)}
+            for item in manifest.requirements],
+        'cells': [_proof(proof) for proof in found.cells],
+        'obligations': {'total': len(found.proofs), 'proved': _count(found.proofs)},
+        'not_proved': [_proof(proof) for item in found.groups for proof in item.proofs
+                       if proof.answer is not Answer.PROVED],
+        'seconds': round(found.seconds, 3),
+        'solver': solver_version(),
+        'assumed': list(certificate.assumed),
+    }
+
+
+def _is_proved(found: Verification, group: int) -> bool:
+    """Whether a group is; what runs all groups, and the cells, have to be too."""
+    needed = [item for item in found.groups if item.group in (group, -1)]
+    return bool(needed) and all(item.is_proved for item in needed) \
+        and all(proof.answer is Answer.PROVED for proof in found.cells)
+
+
+def _proof(proof: Proof) -> dict[str, Any]:
+    return {'name': proof.name, 'answer': proof.answer.value,
+            'seconds': round(proof.seconds, 3), 'detail': proof.detail}
+
+
+def lines(certificate: Certificate) -> Iterator[str]:
+    """Yield the certificate as text."""
+    found, manifest = certificate.verification, certificate.generated.manifest
+    verdict = 'proved' if found.is_proved else 'NOT PROVED'
+    yield (f'{certificate.bundle}: {verdict}, '
+           f'{counted(len(manifest.requirements), "requirement")}')
+    yield ''
+    yield f'bundle        sha256 {manifest.bundle_hash}'
+    yield f'source        sha256 {manifest.source_hash}'
+    yield f'code          sha256 {certificate.code_hash}'
+    if found.unreadable:
+        yield f'not read      {found.unreadable}'
+    else:
+        yield from _counts(certificate)
+    yield f'solver        {solver_version()}, {found.seconds:.1f} s'
+    yield ''
+    if found.is_proved:
+        yield 'For every trace of inputs, each verdict of the C is that of the program, and no'
+        yield 'step does what C leaves undefined.'
+        yield ''
+    yield from _failures(found)
+    yield 'Assumed, or outside of this proof:'
+    yield from (f'- {text}' for text in certificate.assumed)
+
+
+def _counts(certificate: Certificate) -> Iterator[str]:
+    found = certificate.verification
+    yield f'cells         {_count(found.cells)} of {len(found.cells)} obligations proved'
+    others = tuple(proof for item in found.groups for proof in item.proofs)
+    groups = len(found.groups) - 1
+    yield (f'monitor       {_count(others)} of {len(others)} obligations proved, '
+           f'{counted(groups, "step group")}')
+    opened = [str(item.group) for item in found.groups if item.is_opened and item.is_proved]
+    if opened:
+        yield (f'opened        groups {", ".join(opened)}: equal for every trace, though not cell '
+               'by cell')
+
+
+def _failures(found: Verification) -> Iterator[str]:
+    for proof in found.cells:
+        if proof.answer is not Answer.PROVED:
+            yield f'{proof.answer.value}: {proof.name}'
+            yield from _detail(proof)
+    for item in found.groups:
+        yield from _group_failures(item)
+
+
+def _group_failures(item: Settled) -> Iterator[str]:
+    failed = [proof for proof in item.proofs if proof.answer is not Answer.PROVED]
+    for proof in failed[:_SHOWN]:
+        yield f'not proved: {proof.name}'
+        yield from _detail(proof)
+    if len(failed) > _SHOWN:
+        yield f'and {len(failed) - _SHOWN} more'
+    if failed:
+        yield ''
+
+
+def _detail(proof: Proof) -> Iterator[str]:
+    if proof.detail:
+        what = 'at' if proof.answer is Answer.REFUTED else 'because'
+        yield f'  {what}: {proof.detail[:1000]}'
+    elif proof.answer is Answer.UNKNOWN:
+        yield '  the time of an obligation was over: give more with --timeout'

@@ -1,0 +1,383 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The functions of `fret_cells.h`: what each is to do, and the proof that its C does.
+
+A function with a contract is proved once, for all arguments, and afterwards taken by its contract:
+arithmetic for what it computes, a cell for an unknown function of its counter, its bound and its
+operands, which is the same function wherever it is called. That a cell that is called once a step
+on a counter of its own gives the operator follows from the invariants proved here and from
+`operators.py`.
+"""
+
+from collections.abc import Callable
+from collections.abc import Iterator
+from collections.abc import Sequence
+from dataclasses import dataclass
+from dataclasses import replace
+import time
+
+from fret_monitor.logic.formula import BinaryOperator
+from fret_monitor.logic.formula import UnaryOperator
+from fret_monitor.manifest import ValueType
+from fret_monitor.proving import numbers
+from fret_monitor.proving import terms as t
+from fret_monitor.proving.c_source import BOOL
+from fret_monitor.proving.c_source import Program
+from fret_monitor.proving.c_source import Scalar
+from fret_monitor.proving.c_source import Unreadable
+from fret_monitor.proving.c_source import UNSIGNED
+from fret_monitor.proving.cells import CounterCell
+from fret_monitor.proving.cells import COUNTERS
+from fret_monitor.proving.cells import HISTORY
+from fret_monitor.proving.cells import line_fits
+from fret_monitor.proving.cells import line_related
+from fret_monitor.proving.cells import line_start
+from fret_monitor.proving.cells import line_step
+from fret_monitor.proving.cells import next_position
+from fret_monitor.proving.cells import ring_step
+from fret_monitor.proving.cells import WIDTH
+from fret_monitor.proving.execution import Contract
+from fret_monitor.proving.execution import Machine
+from fret_monitor.proving.execution import Memory
+from fret_monitor.proving.execution import Reference
+from fret_monitor.proving.execution import Result
+from fret_monitor.proving.execution import Value
+from fret_monitor.proving.operators import check
+from fret_monitor.proving.operators import claims
+from fret_monitor.proving.solver import Answer
+from fret_monitor.proving.solver import prove
+from fret_monitor.proving.terms import Term
+
+COUNTER_BITS = (8, 16, 32)
+LINE_BITS = (8, 16, 32, 64)
+
+_I64, _U64 = Scalar('int', 64, True), Scalar('int', 64)
+_INT64, _UINT64 = ValueType.INT64, ValueType.UINT64
+_BINARY = {'add': BinaryOperator.ADD, 'sub': BinaryOperator.SUB, 'mul': BinaryOperator.MUL,
+           'div': BinaryOperator.DIV, 'mod': BinaryOperator.MOD}
+_Compute = Callable[..., Term]
+
+
+@dataclass(frozen=True)
+class Proof:
+    """One obligation and what became of it; `detail` says more where it failed."""
+
+    name: str
+    answer: Answer
+    seconds: float
+    detail: str = ''
+
+
+@dataclass(frozen=True)
+class _Pure:
+    """A function without memory: types of its parameters, and what it computes."""
+
+    parameters: tuple[Scalar, ...]
+    result: Scalar
+    compute: _Compute
+
+
+def _arithmetic(operator: BinaryOperator, kind: ValueType) -> _Compute:
+    return lambda a, b: numbers.arithmetic(operator, a, b, kind)
+
+
+def _unary(operator: UnaryOperator, kind: ValueType) -> _Compute:
+    return lambda a: numbers.unary(operator, a, kind)
+
+
+def _relation(operator: BinaryOperator, left: ValueType, right: ValueType) -> _Compute:
+    return lambda a, b: numbers.relation(operator, a, b, (left, right))
+
+
+def _pure() -> dict[str, _Pure]:
+    found = {'fm_signed': _Pure((_U64,), _I64, lambda a: a)}
+    for suffix, kind, scalar in (('i64', _INT64, _I64), ('u64', _UINT64, _U64)):
+        for name, operator in _BINARY.items():
+            found[f'fm_{name}_{suffix}'] = _Pure((scalar, scalar), scalar,
+                                                 _arithmetic(operator, kind))
+        for name, single in (('neg', UnaryOperator.NEG), ('abs', UnaryOperator.ABS)):
+            found[f'fm_{name}_{suffix}'] = _Pure((scalar,), scalar, _unary(single, kind))
+    less, equal = BinaryOperator.LT, BinaryOperator.EQ
+    found['fm_less_iu'] = _Pure((_I64, _U64), BOOL, _relation(less, _INT64, _UINT64))
+    found['fm_less_ui'] = _Pure((_U64, _I64), BOOL, _relation(less, _UINT64, _INT64))
+    found['fm_equal_iu'] = _Pure((_I64, _U64), BOOL, _relation(equal, _INT64, _UINT64))
+    return found
+
+
+_PURE = _pure()
+
+
+def _by_contract(item: _Pure) -> Contract:
+    def contract(machine: Machine, arguments: Sequence[Value | Reference]) -> Result:
+        values = [value.term for value in arguments if isinstance(value, Value)]
+        return Value(item.result, item.compute(*values))
+    return contract
+
+
+ARITHMETIC: dict[str, Contract] = {name: _by_contract(item) for name, item in _PURE.items()}
+
+
+def cell_terms(name: str, state: Term, *arguments: Term) -> tuple[Term, Term]:
+    """Return what a cell returns and its state after, by contract."""
+    everything = (state, *arguments)
+    return (t.term('cell', t.BOOL, everything, name),
+            t.term('cell_next', state.sort, everything, name))
+
+
+def _counter_contract(cell: CounterCell, bits: int) -> Contract:
+    def contract(machine: Machine, arguments: Sequence[Value | Reference]) -> Result:
+        place, bound, operands = _taken(arguments)
+        wide = t.resized(bound, WIDTH, False)
+        machine.require(f'{cell.name}: the counter is wide enough', cell.fits(wide, bits))
+        state = machine.load(place)
+        out, after = cell_terms(f'{cell.name}.{bits}', state.term, bound, *operands)
+        machine.store(place, Value(state.type, after))
+        return Value(BOOL, out)
+    return contract
+
+
+def _line_contract(bits: int) -> Contract:
+    def contract(machine: Machine, arguments: Sequence[Value | Reference]) -> Result:
+        place, steps, operands = _taken(arguments)
+        machine.require('delay: the register is wide enough', line_fits(steps, bits))
+        state = machine.load(place)
+        out, after = cell_terms(f'delay.{bits}', state.term, steps, *operands)
+        machine.store(place, Value(state.type, after))
+        return Value(BOOL, out)
+    return contract
+
+
+def _ring_contract(machine: Machine, arguments: Sequence[Value | Reference]) -> Result:
+    place, position, operands = _taken(arguments)
+    ring = machine.memory.get(place.path)
+    if ring is None or ring.sort[0] != 'ring' or place.index is not t.number(0, 64):
+        raise Unreadable('fm_delay_ring of something else than a ring')
+    inside = t.relation('ult', t.operation('lshr', position, t.number(3, 32)),
+                        t.number(place.length, 32))
+    machine.require('delay_ring: the position is inside', inside)
+    machine.load(place)
+    out, after = cell_terms('delay_ring', ring, position, *operands)
+    machine.store(place, Value(Scalar('int', 8), t.number(0, 8)))  # noted as a write
+    machine.memory[place.path] = after
+    return Value(BOOL, out)
+
+
+def _taken(arguments: Sequence[Value | Reference]) -> tuple[Reference, Term, list[Term]]:
+    place, *others = arguments
+    values = [value.term for value in others if isinstance(value, Value)]
+    if not isinstance(place, Reference) or len(values) != len(others):
+        raise Unreadable('a cell of something else than its state')
+    return place, values[0], values[1:]
+
+
+CELLS: dict[str, Contract] = {
+    **{f'fm_{cell.name}_u{bits}': _counter_contract(cell, bits)
+       for cell in COUNTERS.values() for bits in COUNTER_BITS},
+    **{f'fm_delay_u{bits}': _line_contract(bits) for bits in LINE_BITS},
+    'fm_delay_ring': _ring_contract,
+}
+
+
+# -- proofs ----------------------------------------------------------------------------------
+
+def prove_cells(program: Program, seconds: float) -> list[Proof]:
+    """Prove everything of `fret_cells.h` that has a contract, and the operators."""
+    proofs = [*_operators(seconds)]
+    for name, item in _PURE.items():
+        proofs.append(_guarded(name, lambda name=name, item=item:  # type: ignore[misc]
+                               _prove_pure(program, name, item, seconds)))
+    for cell in COUNTERS.values():
+        for bits in COUNTER_BITS:
+            proofs.append(_guarded(
+                f'fm_{cell.name}_u{bits}', lambda cell=cell, bits=bits:  # type: ignore[misc]
+                _prove_counter(program, cell, bits, seconds)))
+    for bits in LINE_BITS:
+        proofs.append(_guarded(f'fm_delay_u{bits}', lambda bits=bits:  # type: ignore[misc]
+                               _prove_line(program, bits, seconds)))
+    proofs.append(_guarded('fm_delay_ring', lambda: _prove_ring(program, seconds)))
+    proofs.append(_guarded('fm_next_position', lambda: _prove_position(program, seconds)))
+    return proofs
+
+
+def _operators(seconds: float) -> Iterator[Proof]:
+    for claim in claims():
+        result = check(claim, seconds)
+        yield Proof(claim.name, result.answer, result.seconds)
+
+
+def _guarded(name: str, attempt: Callable[[], Proof]) -> Proof:
+    before = time.perf_counter()
+    try:
+        return attempt()
+    except Unreadable as error:
+        return Proof(name, Answer.UNKNOWN, time.perf_counter() - before, str(error))
+
+
+def _settled(name: str, goals: Sequence[Term], given: Sequence[Term], machine: Machine,
+             seconds: float) -> Proof:
+    conditions = [item.holds for item in machine.conditions]
+    result = prove([*conditions, *goals], given, seconds=seconds)
+    detail = ''
+    if result.answer is Answer.REFUTED:
+        detail = ', '.join(f'{item.value} = {value}' for item, value in
+                           sorted(result.values.items(), key=lambda pair: str(pair[0].value)))
+    return Proof(name, result.answer, result.seconds, detail)
+
+
+def _others(name: str) -> dict[str, Contract]:
+    return {other: contract for other, contract in ARITHMETIC.items() if other != name}
+
+
+def _any(name: str, kind: Scalar) -> Value:
+    sort = t.BOOL if kind.kind == 'bool' else t.word(kind.bits)
+    return Value(kind, t.variable(name, sort))
+
+
+def _called(machine: Machine, name: str, arguments: Sequence[Value | Reference]) -> Term:
+    found = machine.call(name, arguments)
+    if not isinstance(found, Value):
+        raise Unreadable(f'{name} returns nothing')
+    return found.term
+
+
+def _prove_pure(program: Program, name: str, item: _Pure, seconds: float) -> Proof:
+    """For all arguments; of a division, apart for the divisors that are special."""
+    arguments = [_any(letter, kind) for letter, kind in zip('abc', item.parameters)]
+    if name not in ('fm_div_i64', 'fm_mod_i64'):
+        return _prove_call(program, name, item, arguments, (), seconds)
+    divisor = arguments[1].term
+    special = [t.number(0, 64), t.number(-1, 64)]
+    proofs = [_prove_call(program, name, item, [arguments[0], Value(_I64, value)], (), seconds)
+              for value in special]
+    given = [t.negation(t.relation('equal', divisor, value)) for value in special]
+    proofs.append(_prove_call(program, name, item, arguments, given, seconds))
+    worst = next((each for each in proofs if each.answer is not Answer.PROVED), proofs[-1])
+    return replace(worst, seconds=sum(each.seconds for each in proofs))
+
+
+def _prove_call(program: Program, name: str, item: _Pure, arguments: Sequence[Value],
+                given: Sequence[Term], seconds: float) -> Proof:
+    machine = Machine(program, {}, _others(name))
+    found = _called(machine, name, arguments)
+    wanted = item.compute(*(value.term for value in arguments))
+    return _settled(name, [t.same(found, wanted)], given, machine, seconds)
+
+
+def _prove_counter(program: Program, cell: CounterCell, bits: int, seconds: float) -> Proof:
+    """For every bound that fits: the start is right, and a step keeps right what was."""
+    name, kind = f'fm_{cell.name}_u{bits}', Scalar('int', bits)
+    counter, bound = _any('counter', kind), _any('bound', kind)
+    operands = [_any(letter, BOOL) for letter in 'pq'[:cell.operands]]
+    number, head = (t.variable(word, t.word(WIDTH)) for word in ('number', 'head'))
+    wide = t.resized(bound.term, WIDTH, False)
+    machine = Machine(program, {('cell',): counter.term}, ARITHMETIC)
+    out = _called(machine, name, [Reference(('cell',), kind), bound, *operands])
+    wanted, after = cell.step(number, wide, [item.term for item in operands])
+    start = cell.start(wide, head if cell.has_head else t.number(0, WIDTH))
+    begins = cell.related(t.resized(start, bits, False), start, wide)
+    limit = t.operation('add', wide, t.number(1, WIDTH))
+    fits = cell.fits(wide, bits)
+    given = [fits, cell.related(counter.term, number, wide),
+             t.relation('ule', head, limit)]
+    goals = [t.same(out, wanted), cell.related(machine.memory['cell',], after, wide), begins]
+    return _settled(name, goals, given, machine, seconds)
+
+
+def _prove_line(program: Program, bits: int, seconds: float) -> Proof:
+    name, kind = f'fm_delay_u{bits}', Scalar('int', bits)
+    line, steps, p = _any('line', kind), _any('steps', UNSIGNED), _any('p', BOOL)
+    history = t.variable('history', t.word(HISTORY))
+    wide = t.resized(steps.term, HISTORY, False)
+    machine = Machine(program, {('cell',): line.term}, ARITHMETIC)
+    out = _called(machine, name, [Reference(('cell',), kind), steps, p])
+    wanted, after = line_step(history, wide, p.term)
+    given = [line_fits(steps.term, bits), line_related(line.term, history, wide)]
+    # At the start the lowest bits are all 0 or all 1, as the history's are.
+    ones = t.operation('sub', t.operation('shl', t.number(1, HISTORY), wide),
+                       t.number(1, HISTORY))
+    begins = [line_related(t.resized(ones, bits, False), line_start(True), wide),
+              line_related(t.number(0, bits), line_start(False), wide)]
+    goals = [t.same(out, wanted), line_related(machine.memory['cell',], after, wide), *begins]
+    return _settled(name, goals, given, machine, seconds)
+
+
+def _prove_ring(program: Program, seconds: float) -> Proof:
+    """
+    Prove a ring of any length, and a place in it: `ago` tells p of some steps before.
+
+    The bit at i holds p of (position - i) steps ago, or of (position - i + length), if i is at
+    the position or after it. Shown for an arbitrary i, at the start and over a step.
+    """
+    size = 1 << 28  # bytes; more than a state may have, and a length of 31 bits needs
+    length, position, place = (t.variable(word, t.word(32))
+                               for word in ('length', 'position', 'place'))
+    memory: Memory = {('ring',): t.variable('ring', t.ring(size))}
+    machine = Machine(program, memory, ARITHMETIC)
+    p = _any('p', BOOL)
+    out = _called(machine, 'fm_delay_ring',
+                  [Reference(('ring',), Scalar('int', 8), t.number(0, 64), size),
+                   Value(UNSIGNED, position), p])
+    after = machine.memory['ring',]
+    following = next_position(position, length)
+    one, zero = t.number(1, 32), t.number(0, 32)
+    age, later = _age(place, position, length), _age(place, following, length)
+    # What was p `age` steps ago is p of `age + 1` steps ago at the next step.
+    ago_after = t.choice(t.relation('equal', later, one), p.term,
+                         _ago(t.operation('sub', later, one)))
+    given = [t.relation('ult', position, length), t.relation('ult', place, length),
+             t.relation('ult', length, t.number(1 << 31, 32)), t.relation('ult', one, length),
+             t.same_truth(_ring_bit(memory['ring',], place), _ago(age)),
+             t.same_truth(_ring_bit(memory['ring',], position), _ago(length))]
+    filled = [t.same_truth(_ring_bit(t.filled(size, byte), place), t.truth(byte > 0))
+              for byte in (0, 255)]
+    goals = [t.same_truth(out, _ago(length)), t.same_truth(_ring_bit(after, place), ago_after),
+             t.relation('ult', following, length), t.relation('ult', zero, later), *filled,
+             t.negation(t.relation('ult', length, later)),
+             *_as_meant(memory['ring',], position, p.term, out, after, place)]
+    return _settled('fm_delay_ring', goals, given, machine, seconds)
+
+
+def _as_meant(ring: Term, position: Term, p: Term, out: Term, after: Term,
+              place: Term) -> list[Term]:
+    """Return that the C does what `cells.ring_step` says, which stands for it elsewhere."""
+    wanted, wanted_after = ring_step(ring, position, p)
+    return [t.same_truth(out, wanted),
+            t.same_truth(_ring_bit(after, place), _ring_bit(wanted_after, place))]
+
+
+def _age(place: Term, position: Term, length: Term) -> Term:
+    since = t.operation('sub', position, place)
+    return t.choice(t.relation('ult', place, position), since,
+                    t.operation('add', since, length))
+
+
+def _ago(age: Term) -> Term:
+    return t.term('cell', t.BOOL, (age,), 'ago')
+
+
+def _ring_bit(ring: Term, place: Term) -> Term:
+    byte = t.select(ring, t.operation('lshr', place, t.number(3, 32)))
+    within = t.resized(t.operation('bitand', place, t.number(7, 32)), 8, False)
+    return t.bit(t.operation('lshr', byte, within), 0)
+
+
+def _prove_position(program: Program, seconds: float) -> Proof:
+    machine = Machine(program, {}, ARITHMETIC)
+    position, length = _any('position', UNSIGNED), _any('length', UNSIGNED)
+    found = _called(machine, 'fm_next_position', [position, length])
+    return _settled('fm_next_position',
+                    [t.same(found, next_position(position.term, length.term))], (), machine,
+                    seconds)

@@ -1,0 +1,157 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The description that a monitor hands out (`struct fm_monitor`), held to the program.
+
+It is a few constant tables: which input lies where, which requirements a group has, which function
+steps it. What they say is read from the C text and compared.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+from fret_monitor.program.layout import GroupLayout
+from fret_monitor.program.monitor_program import MonitorProgram
+from fret_monitor.proving import numbers
+from fret_monitor.proving.c_source import integer
+from fret_monitor.proving.c_source import Program
+from fret_monitor.proving.c_source import Scalar
+from fret_monitor.proving.c_source import shown
+from fret_monitor.proving.c_source import Struct
+from fret_monitor.proving.c_source import Unreadable
+from fret_monitor.proving.execution import sort_of
+from pycparser import c_ast
+
+_ESCAPES = {'n': 10, 't': 9, '\\': 92, '"': 34, '?': 63}
+
+
+def wrong_in_description(code: Program, program: MonitorProgram,
+                         layouts: tuple[GroupLayout, ...], prefix: str,
+                         source_hash: str) -> list[str]:
+    """
+    Return what is wrong with the description; nothing is what it should be.
+
+    Raises
+    ------
+    Unreadable
+        if it is not written as `compile` writes it.
+    """
+    function = code.functions.get(f'{prefix}_monitor')
+    if function is None:
+        return ['there is no description']
+    tables = {}
+    for item in function.body.block_items or ():
+        if isinstance(item, c_ast.Decl):
+            tables[item.name] = _value(item.init, code)
+        elif not (isinstance(item, c_ast.Return) and shown(item.expr) == '&monitor'):
+            raise Unreadable(f'description: {shown(item)[:80]}')
+    wanted = dict(_wanted(code, program, layouts, prefix, source_hash))
+    return [f'{name} is {tables.get(name)}, not {value}'[:300]
+            for name, value in wanted.items() if tables.get(name) != value]
+
+
+def wrong_types_of_inputs(code: Program, program: MonitorProgram, prefix: str) -> list[str]:
+    """Return which fields of the inputs have another type than the input."""
+    fields = code.structs.get(f'{prefix}_inputs', ())
+    wrong = [f'{name} is {kind}, not {signal.type.value}'
+             for (name, kind), signal in zip(fields, program.signals)
+             if not _is(kind, signal.type)]
+    if program.signals and len(fields) != len(program.signals):
+        wrong.append(f'there are {len(fields)} fields of inputs, not {len(program.signals)}')
+    return wrong
+
+
+def _is(kind: Any, wanted: Any) -> bool:
+    return isinstance(kind, Scalar) and sort_of(kind) == numbers.sort_of(wanted) \
+        and (kind.kind != 'int' or kind.is_signed == numbers.is_signed(wanted))
+
+
+def _wanted(code: Program, program: MonitorProgram, layouts: tuple[GroupLayout, ...],
+            prefix: str, source_hash: str) -> Iterator[tuple[str, Any]]:
+    fields = [name for name, _ in code.structs[f'{prefix}_inputs']]
+    if program.signals:
+        yield 'inputs', [
+            [signal.name.encode(), ('offset', f'{prefix}_inputs', fields[place]),
+             code.constants[f'FM_{signal.type.name}']]
+            for place, signal in enumerate(program.signals)]
+    groups = []
+    for number, layout in enumerate(layouts):
+        group = layout.group
+        reads = ('name', f'inputs_{number}') if group.signals else 0
+        if group.signals:
+            yield f'inputs_{number}', list(group.signals)
+        yield f'requirements_{number}', list(group.properties)
+        groups.append([reads, len(group.signals), ('name', f'requirements_{number}'),
+                       len(group.properties), ('name', f'{prefix}_group_{number}_reset'),
+                       ('name', f'{prefix}_group_{number}_step')])
+    yield 'groups', groups
+    owner = {index: number for number, layout in enumerate(layouts)
+             for index in layout.group.properties}
+    yield 'requirements', [[item.id.encode(), owner[place]]
+                           for place, item in enumerate(program.properties)]
+    together = f'{prefix}_step_any' if len(layouts) > 1 else f'{prefix}_group_0_step'
+    yield 'monitor', [
+        1, len(program.signals), len(layouts), len(program.properties),
+        code.size(Struct(f'{prefix}_state')), code.size(Struct(f'{prefix}_inputs')),
+        ('name', 'inputs') if program.signals else 0, ('name', 'groups'),
+        ('name', 'requirements'), prefix.encode(), source_hash.encode(), ('name', together)]
+
+
+def _value(node: Any, code: Program) -> Any:
+    """Return a constant initializer: lists, numbers, bytes, names."""
+    match node:
+        case c_ast.InitList():
+            return [_value(item, code) for item in node.exprs]
+        case c_ast.Constant(type='string'):
+            return _string(node.value)
+        case c_ast.Constant():
+            return integer(node.value)
+        case c_ast.ID(name=name) if name in code.constants:
+            return code.constants[name]
+        case c_ast.ID(name=name):
+            return ('name', name)
+        case c_ast.Cast():
+            return _value(node.expr, code)
+        case c_ast.UnaryOp(op='sizeof'):
+            return code.size(Struct(_tag(node.expr)))
+        case c_ast.FuncCall(name=c_ast.ID(name='fm_offset')):
+            kind, member = node.args.exprs
+            return ('offset', _tag(kind.expr), _string(member.value).decode())
+        case _:
+            raise Unreadable(f'description: {shown(node)[:80]}')
+
+
+def _tag(node: Any) -> str:
+    while not isinstance(node, c_ast.Struct):
+        node = getattr(node, 'type', None)
+        if node is None:
+            raise Unreadable('description: sizeof something else than a struct')
+    return str(node.name)
+
+
+def _string(text: str) -> bytes:
+    """Return the bytes of a string literal."""
+    found, rest = bytearray(), text[1:-1]
+    while rest:
+        if rest[0] != '\\':
+            found += rest[0].encode()
+            rest = rest[1:]
+        elif rest[1] in _ESCAPES:
+            found.append(_ESCAPES[rest[1]])
+            rest = rest[2:]
+        else:
+            found.append(int(rest[1:4], 8) & 255)
+            rest = rest[4:]
+    return bytes(found)

@@ -1,0 +1,824 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+C run on terms: what functions leave in memory, for all values that were there before.
+
+The semantics is C99's with an int of 32 bits, two's complement and IEEE 754 without excess
+precision. Whatever C leaves undefined, or to the implementation, becomes a condition that has to
+hold: signed overflow, shifts, division, conversions, indices, reads of what was never written,
+and calls in one expression that touch the same memory.
+"""
+
+from collections.abc import Callable
+from collections.abc import Iterator
+from collections.abc import Mapping
+from collections.abc import Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from dataclasses import replace
+from fractions import Fraction
+import struct
+from typing import Any
+from typing import NamedTuple
+from typing import TypeAlias
+
+from fret_monitor.logic.numbers import NumberError
+from fret_monitor.logic.numbers import to_float32
+from fret_monitor.logic.numbers import to_float64
+from fret_monitor.proving import terms as t
+from fret_monitor.proving.c_source import Array
+from fret_monitor.proving.c_source import DOUBLE
+from fret_monitor.proving.c_source import FLOAT
+from fret_monitor.proving.c_source import Function
+from fret_monitor.proving.c_source import INT
+from fret_monitor.proving.c_source import integer
+from fret_monitor.proving.c_source import LONG
+from fret_monitor.proving.c_source import named_type
+from fret_monitor.proving.c_source import Pointer
+from fret_monitor.proving.c_source import Program
+from fret_monitor.proving.c_source import Scalar
+from fret_monitor.proving.c_source import shown
+from fret_monitor.proving.c_source import SIZE
+from fret_monitor.proving.c_source import Struct
+from fret_monitor.proving.c_source import Type
+from fret_monitor.proving.c_source import Unreadable
+from fret_monitor.proving.c_source import UNSIGNED
+from fret_monitor.proving.terms import Sort
+from fret_monitor.proving.terms import Term
+from pycparser import c_ast
+
+Path: TypeAlias = tuple[str | int, ...]
+Memory: TypeAlias = dict[Path, Term]
+
+_BYTE = Scalar('int', 8)
+_LONGEST_LOOP = 100_000
+_ARITHMETIC = {'+': ('add', 'fadd'), '-': ('sub', 'fsub'), '*': ('mul', 'fmul')}
+_BITWISE = {'&': 'bitand', '|': 'bitor', '^': 'bitxor'}
+_RELATIONS = ('<', '<=', '>', '>=', '==', '!=')
+
+
+class Value(NamedTuple):
+    """A number and its C type."""
+
+    type: Scalar
+    term: Term
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A pointer: to the object at `path`, or with an index to an element of the array there."""
+
+    path: Path
+    type: Type
+    index: Term | None = None
+    length: int = 0
+
+
+Result: TypeAlias = Value | Reference | None
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What has to hold, so that C says what happens."""
+
+    what: str
+    holds: Term
+
+
+@dataclass
+class _Effects:
+    reads: set[Path]
+    writes: set[Path]
+
+
+Contract: TypeAlias = Callable[['Machine', Sequence[Value | Reference]], Result]
+_Locals: TypeAlias = dict[str, Any]
+_FELL_THROUGH = object()
+
+
+def sort_of(kind: Type) -> Sort:
+    """Return the sort of what is stored as a type."""
+    match kind:
+        case Scalar(kind='bool'):
+            return t.BOOL
+        case Scalar(kind='float', bits=bits):
+            return t.real(bits)
+        case Scalar(bits=bits):
+            return t.word(bits)
+        case Array(item, length) if item == _BYTE:
+            return t.ring(length)
+        case _:
+            raise Unreadable(f'no value: {kind}')
+
+
+def places(program: Program, kind: Type, path: Path = ()) -> Iterator[tuple[Path, Type]]:
+    """Yield where the scalars and rings of an object lie, and what they are."""
+    if isinstance(kind, Struct):
+        for name, inner in program.structs[kind.tag]:
+            yield from places(program, inner, (*path, name))
+    elif isinstance(kind, Array) and kind.item != _BYTE:
+        for number in range(kind.length):
+            yield from places(program, kind.item, (*path, number))
+    else:
+        yield path, kind
+
+
+class Machine:
+    """
+    Runs functions of a program; `memory` and `conditions` are what came of it.
+
+    `contracts` stand in for functions of these names.
+    """
+
+    def __init__(self, program: Program, memory: Mapping[Path, Term],
+                 contracts: Mapping[str, Contract] | None = None) -> None:
+        """Start with some memory."""
+        self.memory: Memory = dict(memory)
+        self.conditions: list[Condition] = []
+        self._program = program
+        self._contracts = contracts or {}
+        self._path = [t.TRUE]
+        self._effects = [_Effects(set(), set())]
+        self._running: list[Function] = []
+
+    def call(self, name: str, arguments: Sequence[Value | Reference]) -> Result:
+        """Run a function, or use its contract."""
+        function = self._program.functions.get(name)
+        if function is None:
+            return self._library(name, arguments)
+        if len(arguments) != len(function.parameters):
+            raise Unreadable(f'{name} takes {len(function.parameters)} arguments')
+        passed = [self._passed(value, kind, name)
+                  for (_, kind), value in zip(function.parameters, arguments, strict=True)]
+        if name in self._contracts:
+            return self._contracts[name](self, passed)
+        if any(function is other for other in self._running):
+            raise Unreadable(f'{name} calls itself')
+        self._running.append(function)
+        local: _Locals = {parameter: (kind, value) for (parameter, kind), value
+                          in zip(function.parameters, passed, strict=True)}
+        result = self._run(list(function.body.block_items or ()), local)
+        self._running.pop()
+        if result is _FELL_THROUGH:
+            if function.result is not None:
+                raise Unreadable(f'{name} may return nothing')
+            return None
+        return result if function.result is None else self._passed(result, function.result, name)
+
+    def _passed(self, value: Any, kind: Type, name: str) -> Value | Reference:
+        if isinstance(kind, Scalar):
+            if not isinstance(value, Value):
+                raise Unreadable(f'{name}: a pointer where a number is wanted')
+            return self.converted(value, kind)
+        if not isinstance(value, Reference) or not isinstance(kind, Pointer):
+            raise Unreadable(f'{name}: not a pointer')
+        return self._pointing(value, kind, name)
+
+    def _pointing(self, value: Reference, kind: Pointer, name: str) -> Reference:
+        if kind.target is not None and value.type != kind.target:
+            self.require(f'{name}: a pointer to {value.type} taken for one to {kind.target}',
+                         t.FALSE)
+        return value
+
+    def require(self, what: str, holds: Term) -> None:
+        """Note a condition, unless it holds anyway."""
+        needed = t.implies(t.all_of(self._path), holds)
+        if needed is not t.TRUE:
+            where = self._running[-1].name if self._running else ''
+            self.conditions.append(Condition(f'{where}: {what}', needed))
+
+    def _library(self, name: str, arguments: Sequence[Value | Reference]) -> Result:
+        if name == 'memset':
+            self._memset(arguments)
+            return None
+        if name in ('pow', 'fmod', 'fmodf'):
+            kind = FLOAT if name == 'fmodf' else DOUBLE
+            left, right = (self._passed(item, kind, name) for item in arguments)
+            assert isinstance(left, Value) and isinstance(right, Value)
+            return Value(kind, t.library(name.rstrip('f'), left.term, right.term))
+        raise Unreadable(f'{name} is not defined')
+
+    def _memset(self, arguments: Sequence[Value | Reference]) -> None:
+        target, byte, count = arguments
+        if not isinstance(target, Reference) or not isinstance(byte, Value) \
+                or not isinstance(count, Value) or not t.is_constant(count.term) \
+                or not t.is_constant(byte.term):
+            raise Unreadable('memset of something else than constants')
+        size = self._program.size(target.type)
+        if count.term.value > size:
+            self.require('memset writes beyond the object', t.FALSE)
+        if count.term.value != size or byte.term.value not in (0, 1):
+            raise Unreadable('memset with something else than all of an object and 0')
+        for path, kind in places(self._program, target.type, target.path):
+            self.memory[path] = filled(kind, byte.term.value)
+
+    # -- memory -------------------------------------------------------------------------------
+
+    def load(self, place: Reference) -> Value:
+        """Read a number."""
+        if not isinstance(place.type, Scalar):
+            raise Unreadable(f'no number at {place.path}')
+        path = self._element(place)
+        self._effects[-1].reads.add(path)
+        if path not in self.memory:
+            self.require(f'{path}: read before it is written', t.FALSE)
+            return Value(place.type, t.variable(f'unknown.{path}', sort_of(place.type)))
+        found = self.memory[path]
+        if found.sort[0] == 'ring':
+            found = t.select(found, self._index(place))
+        return Value(place.type, found)
+
+    def store(self, place: Reference, value: Value) -> None:
+        """Write a number, which has the type of the place."""
+        path = self._element(place)
+        self._effects[-1].writes.add(path)
+        before = self.memory.get(path)
+        if before is not None and before.sort[0] == 'ring':
+            self.memory[path] = t.store(before, self._index(place), value.term)
+        else:
+            self.memory[path] = value.term
+
+    def _index(self, place: Reference) -> Term:
+        assert place.index is not None
+        return t.resized(place.index, 32, False)
+
+    def _element(self, place: Reference) -> Path:
+        """Return the path of what a reference refers to; a ring for a byte of it."""
+        if place.index is None:
+            return place.path
+        inside = t.relation('ult', place.index, t.number(place.length, place.index.sort[1]))
+        self.require(f'index of {place.path}', inside)
+        if self.memory.get(place.path) is not None:
+            return place.path
+        if not t.is_constant(place.index):
+            raise Unreadable(f'{place.path}: an index that is not constant')
+        return (*place.path, place.index.value)
+
+    # -- statements ---------------------------------------------------------------------------
+
+    def _run(self, statements: list[Any], local: _Locals) -> Any:
+        """Run statements to their end, or to a return; returns its value."""
+        for place, item in enumerate(statements):
+            match item:
+                case c_ast.Compound():
+                    inner = [*(item.block_items or ()), *statements[place + 1:]]
+                    return self._run(inner, local)
+                case c_ast.If():
+                    return self._branch(item, statements[place + 1:], local)
+                case c_ast.Return():
+                    return None if item.expr is None else self._whole(item.expr, local)
+                case c_ast.For():
+                    self._loop(item, local)
+                case _:
+                    self._simple(item, local)
+        return _FELL_THROUGH
+
+    def _simple(self, item: Any, local: _Locals) -> None:
+        match item:
+            case c_ast.Decl():
+                kind = self._declared(item.type)
+                value = None if item.init is None else self._whole(item.init, local)
+                local[item.name] = (kind, None if value is None
+                                    else self._passed(value, kind, item.name))
+            case c_ast.DeclList():
+                for each in item.decls:
+                    self._simple(each, local)
+            case c_ast.EmptyStatement():
+                pass
+            case _:
+                self._whole(item, local)
+
+    def _declared(self, node: Any) -> Type:
+        return declared(node, self._program)
+
+    def _branch(self, item: Any, rest: list[Any], local: _Locals) -> Any:
+        condition = self._truth(item.cond, local)
+        yes = [*([item.iftrue] if item.iftrue else []), *rest]
+        no = [*([item.iffalse] if item.iffalse else []), *rest]
+        if t.is_constant(condition):
+            return self._run(yes if condition.value else no, local)
+        memory, kept = dict(self.memory), dict(local)
+        with self._assuming(condition):
+            one = self._run(yes, local)
+        after, later = self.memory, dict(local)
+        self.memory = memory
+        local.clear()
+        local.update(kept)
+        with self._assuming(t.negation(condition)):
+            other = self._run(no, local)
+        for path in {*after, *self.memory}:
+            if path not in after or path not in self.memory:
+                raise Unreadable(f'{path} is written in one of two cases')
+            self.memory[path] = t.choice(condition, after[path], self.memory[path])
+        for name, (kind, value) in later.items():
+            known = local.get(name, (kind, None))[1]
+            local[name] = (kind, _either(condition, value, known))
+        return _either(condition, one, other)
+
+    @contextmanager
+    def _assuming(self, condition: Term) -> Iterator[None]:
+        self._path.append(condition)
+        yield
+        self._path.pop()
+
+    def _loop(self, item: Any, local: _Locals) -> None:
+        if self._fills(item, local):
+            return
+        if item.init is not None:
+            self._simple(item.init, local)
+        for _ in range(_LONGEST_LOOP):
+            condition = self._truth(item.cond, local)
+            if not t.is_constant(condition):
+                raise Unreadable('a loop without a fixed bound')
+            if not condition.value:
+                return
+            if self._run([item.stmt], local) is not _FELL_THROUGH:
+                raise Unreadable('a return inside a loop')
+            self._whole(item.next, local)
+        raise Unreadable(f'a loop of more than {_LONGEST_LOOP} rounds')
+
+    def _fills(self, item: Any, local: _Locals) -> bool:
+        """Run `for (i = 0; i < N; ++i) {bytes[i] = constant;}` at once, N the length of bytes."""
+        match item:
+            case c_ast.For(
+                init=c_ast.DeclList(decls=[
+                    c_ast.Decl(name=name, init=c_ast.Constant(value=zero))]),
+                cond=c_ast.BinaryOp(op='<', left=c_ast.ID(name=compared),
+                                    right=c_ast.Constant(value=limit)),
+                next=c_ast.UnaryOp(op='++' | 'p++', expr=c_ast.ID(name=counted)),
+                stmt=c_ast.Compound(block_items=[c_ast.Assignment(
+                    op='=', lvalue=c_ast.ArrayRef(name=array, subscript=c_ast.ID(name=index)),
+                    rvalue=c_ast.Constant(value=byte))]),
+            ) if name == compared == counted == index and integer(zero) == 0:
+                place = self._place(array, local)
+                if isinstance(place.type, Array) and place.type.length == integer(limit) \
+                        and place.type.item == _BYTE:
+                    self.memory[place.path] = t.filled(place.type.length, integer(byte) & 255)
+                    return True
+        return False
+
+    # -- expressions --------------------------------------------------------------------------
+
+    def _whole(self, node: Any, local: _Locals) -> Result:
+        """Evaluate a full expression."""
+        self._effects.append(_Effects(set(), set()))
+        found = self._value(node, local)
+        self._merge_effects(self._effects.pop())
+        return found
+
+    def _merge_effects(self, inner: _Effects) -> None:
+        self._effects[-1].reads |= inner.reads
+        self._effects[-1].writes |= inner.writes
+
+    def _unsequenced(self, nodes: Sequence[Any], local: _Locals) -> list[Any]:
+        """Evaluate operands, which C may do in any order."""
+        results = []
+        total = _Effects(set(), set())
+        for node in nodes:
+            self._effects.append(_Effects(set(), set()))
+            results.append(self._value(node, local))
+            found = self._effects.pop()
+            if found.writes & (total.reads | total.writes) or total.writes & found.reads:
+                self.require(f'{shown(node)}: touches what another operand does', t.FALSE)
+            total.reads |= found.reads
+            total.writes |= found.writes
+        self._merge_effects(total)
+        return results
+
+    def _truth(self, node: Any, local: _Locals) -> Term:
+        return t.is_true(self._number(node, local).term)
+
+    def _number(self, node: Any, local: _Locals) -> Value:
+        found = self._value(node, local)
+        if not isinstance(found, Value):
+            raise Unreadable(f'no number: {shown(node)}')
+        return found
+
+    def _value(self, node: Any, local: _Locals) -> Result:
+        match node:
+            case c_ast.Constant():
+                return literal(node)
+            case c_ast.ID():
+                return self._named(node.name, local)
+            case c_ast.Assignment():
+                return self._assign(node, local)
+            case c_ast.UnaryOp():
+                return self._unary(node, local)
+            case c_ast.BinaryOp(op='&&' | '||'):
+                return self._shortened(node, local)
+            case c_ast.BinaryOp():
+                left, right = self._unsequenced([node.left, node.right], local)
+                return self.binary(node.op, left, right, node)
+            case c_ast.TernaryOp():
+                return self._conditional(node, local)
+            case c_ast.Cast():
+                return self._cast(node, local)
+            case c_ast.FuncCall():
+                arguments = self._unsequenced(node.args.exprs if node.args else [], local)
+                return self.call(node.name.name, arguments)
+            case c_ast.StructRef() | c_ast.ArrayRef():
+                return self._read(self._place(node, local))
+            case _:
+                raise Unreadable(f'{type(node).__name__}: {shown(node)[:80]}')
+
+    def _named(self, name: str, local: _Locals) -> Result:
+        if name in local:
+            kind, value = local[name]
+            if value is None:
+                self.require(f'{name} is read before it is written', t.FALSE)
+                return Value(kind, t.variable(f'unknown.{name}', sort_of(kind)))
+            return value  # type: ignore[no-any-return]
+        if name in self._program.constants:
+            return Value(INT, t.number(self._program.constants[name], 32))
+        special = {'FM_NAN': float('nan'), 'FM_INFINITY': float('inf')}
+        if name in special:
+            return Value(FLOAT, t.floating(special[name], 32))
+        raise Unreadable(f'{name} is not declared')
+
+    def _read(self, place: Reference) -> Result:
+        """Return what is at a place; an array becomes a pointer to its first element."""
+        if isinstance(place.type, Array):
+            return Reference(place.path, place.type.item, t.number(0, 64), place.type.length)
+        if isinstance(place.type, Scalar):
+            return self.load(place)
+        raise Unreadable(f'{place.path} is no number')
+
+    def _place(self, node: Any, local: _Locals) -> Reference:
+        """Return where an expression lies in memory."""
+        match node:
+            case c_ast.StructRef():
+                return self._field(node, local)
+            case c_ast.ArrayRef():
+                base = self._value(node.name, local)
+                index = self._number(node.subscript, local)
+                if not isinstance(base, Reference) or base.index is None \
+                        or index.type.kind != 'int' or base.index.op != 'constant' \
+                        or base.index.value != 0:
+                    raise Unreadable(f'no element of an array: {shown(node)}')
+                # Whether it is inside is asked as the index is: of its own width.
+                return replace(base, index=self._promoted(index).term)
+            case c_ast.UnaryOp(op='*'):
+                found = self._value(node.expr, local)
+                if isinstance(found, Reference):
+                    return found
+        raise Unreadable(f'no place in memory: {shown(node)}')
+
+    def _field(self, node: Any, local: _Locals) -> Reference:
+        base = self._value(node.name, local) if node.type == '->' \
+            else self._place(node.name, local)
+        if not isinstance(base, Reference) or not isinstance(base.type, Struct) \
+                or base.index is not None:
+            raise Unreadable(f'no field: {shown(node)}')
+        fields = dict(self._program.structs[base.type.tag])
+        name = node.field.name
+        if name not in fields:
+            raise Unreadable(f'struct {base.type.tag} has no {name}')
+        return Reference((*base.path, name), fields[name])
+
+    def _assign(self, node: Any, local: _Locals) -> Result:
+        value = self._number(node.rvalue, local)
+        if node.op != '=':
+            before = self._number(node.lvalue, local)
+            value = self.binary(node.op[:-1], before, value, node)
+        return self._put(node.lvalue, value, local)
+
+    def _put(self, node: Any, value: Value, local: _Locals) -> Value:
+        if isinstance(node, c_ast.ID):
+            kind = local[node.name][0] if node.name in local else None
+            if not isinstance(kind, Scalar):
+                raise Unreadable(f'{node.name} is no number')
+            value = self.converted(value, kind)
+            local[node.name] = (kind, value)
+            return value
+        place = self._place(node, local)
+        if not isinstance(place.type, Scalar):
+            raise Unreadable(f'{shown(node)} is no number')
+        value = self.converted(value, place.type)
+        self.store(place, value)
+        return value
+
+    def _unary(self, node: Any, local: _Locals) -> Result:
+        match node.op:
+            case '&':
+                return self._place(node.expr, local)
+            case '*':
+                return self._read(self._place(node, local))
+            case 'sizeof':
+                return Value(SIZE, t.number(self._program.size(self._type(node.expr, local)), 64))
+            case '++' | 'p++':
+                before = self._number(node.expr, local)
+                after = self.binary('+', before, Value(INT, t.number(1, 32)), node)
+                stored = self._put(node.expr, after, local)
+                return stored if node.op == '++' else before
+            case '!':
+                return _boolean(t.negation(self._truth(node.expr, local)))
+            case '-' | '~':
+                return self._negative(node, self._promoted(self._number(node.expr, local)))
+        raise Unreadable(f'operator {node.op}')
+
+    def _negative(self, node: Any, value: Value) -> Value:
+        if value.type.kind == 'float':
+            if node.op == '~':
+                raise Unreadable('~ of a float')
+            return Value(value.type, t.unary('fneg', value.term))
+        if node.op == '~':
+            return Value(value.type, t.unary('complement', value.term))
+        return self.binary('-', Value(value.type, t.number(0, value.type.bits)), value, node)
+
+    def _type(self, node: Any, local: _Locals) -> Type:
+        match node:
+            case c_ast.Typename():
+                return self._declared(node)
+            case c_ast.UnaryOp(op='*', expr=c_ast.ID(name=name)) if name in local:
+                found = local[name][0]
+                if isinstance(found, Pointer) and found.target is not None:
+                    return found.target
+        raise Unreadable(f'sizeof {shown(node)}')
+
+    def _shortened(self, node: Any, local: _Locals) -> Value:
+        left = self._truth(node.left, local)
+        decided = t.negation(left) if node.op == '||' else left
+        if decided is t.FALSE:
+            return _boolean(left)
+        with self._assuming(decided):
+            right = self._truth(node.right, local)
+        return _boolean(t.disjunction(left, right) if node.op == '||'
+                        else t.conjunction(left, right))
+
+    def _conditional(self, node: Any, local: _Locals) -> Value:
+        condition = self._truth(node.cond, local)
+        if t.is_constant(condition):
+            chosen = self._number(node.iftrue if condition.value else node.iffalse, local)
+            other = self._silently(node.iffalse if condition.value else node.iftrue, local)
+            return self.converted(chosen, self.common(chosen.type, other.type))
+        memory = dict(self.memory)
+        with self._assuming(condition):
+            yes = self._number(node.iftrue, local)
+        with self._assuming(t.negation(condition)):
+            no = self._number(node.iffalse, local)
+        if memory != self.memory:
+            raise Unreadable(f'writes to memory in one of two cases: {shown(node)}')
+        kind = self.common(yes.type, no.type)
+        return Value(kind, t.choice(condition, self.converted(yes, kind).term,
+                                    self.converted(no, kind).term))
+
+    def _silently(self, node: Any, local: _Locals) -> Value:
+        """Evaluate what is never evaluated, for its type."""
+        memory = dict(self.memory)
+        with self._assuming(t.FALSE):
+            found = self._number(node, local)
+        self.memory = memory
+        return found
+
+    def _cast(self, node: Any, local: _Locals) -> Result:
+        if is_void(node.to_type):
+            self._value(node.expr, local)
+            return None
+        kind = self._declared(node.to_type)
+        found = self._value(node.expr, local)
+        if isinstance(found, Reference) and isinstance(kind, Pointer):
+            return self._pointing(found, kind, shown(node))
+        if isinstance(found, Value) and isinstance(kind, Scalar):
+            return self.converted(found, kind)
+        raise Unreadable(f'cast: {shown(node)}')
+
+    # -- numbers ------------------------------------------------------------------------------
+
+    def common(self, left: Scalar, right: Scalar) -> Scalar:
+        """Return the type of the usual arithmetic conversions."""
+        floats = [item for item in (left, right) if item.kind == 'float']
+        if floats:
+            return max(floats, key=lambda item: item.bits)
+        pair = [promoted_type(left), promoted_type(right)]
+        widest = max(item.bits for item in pair)
+        is_signed = all(item.is_signed for item in pair if item.bits == widest)
+        return Scalar('int', widest, is_signed)
+
+    def _promoted(self, value: Value) -> Value:
+        return value if value.type.kind == 'float' \
+            else self.converted(value, promoted_type(value.type))
+
+    def converted(self, value: Value, kind: Scalar) -> Value:
+        """Convert as by assignment."""
+        have, item = value
+        if have == kind:
+            return value
+        if kind.kind == 'bool':
+            return Value(kind, t.is_true(item))
+        if kind.kind == 'float':
+            return Value(kind, self._as_float(have, item, kind.bits))
+        if have.kind == 'float':
+            raise Unreadable(f'{have} converted to {kind}')
+        if have.kind == 'bool':
+            return Value(kind, t.from_truth(item, kind.bits))
+        found = t.resized(item, kind.bits, have.is_signed)
+        if kind.is_signed and (have.bits > kind.bits or
+                               (have.bits == kind.bits and not have.is_signed)):
+            back = t.resized(found, have.bits, True)
+            fits = t.relation('equal', back, item)
+            if not have.is_signed:
+                fits = t.conjunction(fits, t.negation(t.bit(found, kind.bits - 1)))
+            self.require(f'{have} converted to {kind}', fits)
+        return Value(kind, found)
+
+    def _as_float(self, have: Scalar, item: Term, bits: int) -> Term:
+        if have.kind == 'bool':
+            return t.choice(item, t.floating(1.0, bits), t.floating(0.0, bits))
+        return t.to_real(item, bits, have.is_signed)
+
+    def binary(self, op: str, left: Any, right: Any, node: Any) -> Value:
+        """Compute an infix operator on two numbers."""
+        if not isinstance(left, Value) or not isinstance(right, Value):
+            raise Unreadable(f'arithmetic on pointers: {shown(node)}')
+        if op in ('<<', '>>'):
+            return self._shift(op, self._promoted(left), self._promoted(right), node)
+        kind = self.common(left.type, right.type)
+        a, b = self.converted(left, kind).term, self.converted(right, kind).term
+        if op in _RELATIONS:
+            return _boolean(_related(op, a, b, kind))
+        if op in _BITWISE and kind.kind == 'int':
+            return Value(kind, t.operation(_BITWISE[op], a, b))
+        if op in _ARITHMETIC:
+            return Value(kind, self._computed(op, a, b, kind, node))
+        if op in ('/', '%'):
+            return Value(kind, self._divided(op, a, b, kind, node))
+        raise Unreadable(f'operator {op} of {kind}')
+
+    def _computed(self, op: str, a: Term, b: Term, kind: Scalar, node: Any) -> Term:
+        word, real = _ARITHMETIC[op]
+        if kind.kind == 'float':
+            return t.operation(real, a, b)
+        found = t.operation(word, a, b)
+        if kind.is_signed and not _is_small(op, a, b):
+            wide = 2 * kind.bits if op == '*' else kind.bits + 1
+            exact = t.operation(word, t.resized(a, wide, True), t.resized(b, wide, True))
+            fits = t.relation('equal', exact, t.resized(found, wide, True))
+            self.require(f'{shown(node)}: signed overflow', fits)
+        return found
+
+    def _divided(self, op: str, a: Term, b: Term, kind: Scalar, node: Any) -> Term:
+        if kind.kind == 'float':
+            if op == '%':
+                raise Unreadable('% of floats')
+            return t.operation('fdiv', a, b)
+        zero = t.relation('equal', b, t.number(0, kind.bits))
+        self.require(f'{shown(node)}: division by zero', t.negation(zero))
+        if kind.is_signed:
+            least = t.relation('equal', a, t.number(1 << (kind.bits - 1), kind.bits))
+            minus = t.relation('equal', b, t.number(-1, kind.bits))
+            self.require(f'{shown(node)}: signed overflow',
+                         t.negation(t.conjunction(least, minus)))
+        return t.operation(('s' if kind.is_signed else 'u') + ('div' if op == '/' else 'rem'),
+                           a, b)
+
+    def _shift(self, op: str, left: Value, right: Value, node: Any) -> Value:
+        kind, a = left
+        if kind.kind != 'int' or right.type.kind != 'int':
+            raise Unreadable(f'shift of a float: {shown(node)}')
+        inside = t.relation('ult', right.term, t.number(kind.bits, right.type.bits))
+        self.require(f'{shown(node)}: shift by more than there are bits', inside)
+        count = t.resized(right.term, kind.bits, False)
+        found = t.operation('shl' if op == '<<' else 'lshr', a, count)
+        if kind.is_signed:
+            is_natural = t.negation(t.relation('slt', a, t.number(0, kind.bits)))
+            self.require(f'{shown(node)}: shift of a negative number', is_natural)
+            if op == '<<':
+                back = t.relation('equal', t.operation('lshr', found, count), a)
+                fits = t.negation(t.relation('slt', found, t.number(0, kind.bits)))
+                self.require(f'{shown(node)}: signed overflow', t.conjunction(back, fits))
+        return Value(kind, found)
+
+
+def _is_small(op: str, a: Term, b: Term) -> bool:
+    """Whether two words that are small numbers cannot overflow in `op`."""
+    def bits(item: Term) -> int:
+        if item.op == 'word':
+            return 1
+        if item.op == 'zext':
+            return item.args[0].sort[1]
+        if item.op == 'lshr' and item.args[1].op == 'constant':
+            return max(1, bits(item.args[0]) - int(item.args[1].value))
+        if item.op == 'constant' and not item.value >> (item.sort[1] - 1):
+            return max(1, int(item.value).bit_length())
+        return item.sort[1]
+    width = a.sort[1]
+    need = bits(a) + bits(b) if op == '*' else max(bits(a), bits(b)) + 1
+    return need < width and max(bits(a), bits(b)) < width
+
+
+def _related(op: str, a: Term, b: Term, kind: Scalar) -> Term:
+    if op in ('>', '>='):
+        a, b, op = b, a, op.replace('>', '<')
+    if op in ('==', '!='):
+        found = t.relation('feq' if kind.kind == 'float' else 'equal', a, b)
+        return t.negation(found) if op == '!=' else found
+    prefix = 'f' if kind.kind == 'float' else 's' if kind.is_signed else 'u'
+    return t.relation(prefix + ('lt' if op == '<' else 'le'), a, b)
+
+
+def _boolean(item: Term) -> Value:
+    return Value(INT, t.from_truth(item, 32))
+
+
+def _either(condition: Term, one: Any, other: Any) -> Any:
+    if one is other or one == other:
+        return one
+    if isinstance(one, Value) and isinstance(other, Value):
+        if one.type != other.type:
+            kind = max((one.type, other.type), key=lambda item: item.bits)
+            if {one.type.kind, other.type.kind} != {'int'} and one.type.kind != other.type.kind:
+                raise Unreadable('two cases give values of different types')
+            one, other = (Value(kind, _widened(item, kind)) for item in (one, other))
+        return Value(one.type, t.choice(condition, one.term, other.term))
+    raise Unreadable('two cases of different kinds')
+
+
+def _widened(value: Value, kind: Scalar) -> Term:
+    if kind.kind == 'float':
+        return t.to_real(value.term, kind.bits)
+    return t.resized(value.term, kind.bits, value.type.is_signed)
+
+
+def promoted_type(kind: Scalar) -> Scalar:
+    """Return the type after integer promotion."""
+    return INT if kind.kind == 'bool' or (kind.kind == 'int' and kind.bits < 32) else kind
+
+
+def filled(kind: Type, byte: int) -> Term:
+    """Return what bytes that are all alike, 0 or 1, stand for."""
+    sort = sort_of(kind)
+    if sort[0] == 'ring':
+        return t.filled(sort[1], byte)
+    size = max(1, sort[1] // 8)
+    if sort[0] == 'real':
+        value = struct.unpack('<f' if size == 4 else '<d', bytes([byte]) * size)[0]
+        return t.floating(value, sort[1])
+    return t.constant(int.from_bytes(bytes([byte]) * size, 'little'), sort)
+
+
+def is_void(node: Any) -> bool:
+    """Whether a type name is `void`."""
+    inner = node
+    while isinstance(inner, c_ast.TypeDecl | c_ast.Typename):
+        inner = inner.type
+    return isinstance(inner, c_ast.IdentifierType) and inner.names == ['void']
+
+
+def declared(node: Any, program: Program) -> Type:
+    """Return the type of a declaration inside a function, or of a type name."""
+    match node:
+        case c_ast.TypeDecl() | c_ast.Typename():
+            return declared(node.type, program)
+        case c_ast.PtrDecl():
+            return Pointer(None if is_void(node.type) else declared(node.type, program))
+        case c_ast.Struct():
+            return Struct(node.name)
+        case c_ast.IdentifierType():
+            return named_type(node.names, program.types)
+        case _:
+            raise Unreadable(f'type {shown(node)[:80]}')
+
+
+def literal(node: Any) -> Value:
+    """Return the value of a literal."""
+    text = node.value
+    if 'int' in node.type:
+        return _whole_literal(text)
+    if node.type not in ('float', 'double'):
+        raise Unreadable(f'literal {text[:80]}')
+    is_single = text[-1] in 'fF'
+    kind = FLOAT if is_single else DOUBLE
+    try:
+        exact = Fraction(text.rstrip('fF'))
+        value = to_float32(exact) if is_single else to_float64(exact)
+    except NumberError:
+        value = float('inf')
+    except ValueError:
+        raise Unreadable(f'literal {text[:80]}') from None
+    return Value(kind, t.floating(value, kind.bits))
+
+
+def _whole_literal(text: str) -> Value:
+    value = integer(text)
+    suffix = text[len(text.rstrip('uUlL')):].lower()
+    candidates = (UNSIGNED, SIZE) if 'u' in suffix else (INT, LONG)
+    is_hex = text[:2].lower() == '0x'
+    if is_hex and 'u' not in suffix:
+        candidates = (INT, UNSIGNED, LONG, SIZE)  # type: ignore[assignment]
+    for kind in candidates:
+        limit = 1 << (kind.bits - kind.is_signed)
+        if value < limit and not ('l' in suffix and kind.bits < 64):
+            return Value(kind, t.number(value, kind.bits))
+    raise Unreadable(f'literal {text} is too large')

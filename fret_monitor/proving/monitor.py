@@ -1,0 +1,278 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A monitor's C held to its program: verdicts, state, reset, description, and nothing undefined.
+
+Each group is proved by itself, for every state and every input: first with the cells taken by
+their contracts, where most is to look whether two terms are one. If that fails, the cells are
+opened and the C state need only mean the same as the program's (a counter above its bound is as
+good as any other). Then the functions that run all groups are compared with the groups in order.
+"""
+
+from collections.abc import Callable
+from collections.abc import Iterator
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+from dataclasses import field
+import time
+from typing import Any
+
+from fret_monitor.program.layout import GroupLayout
+from fret_monitor.program.monitor_program import MonitorProgram
+from fret_monitor.proving import terms as t
+from fret_monitor.proving.c_source import BOOL
+from fret_monitor.proving.c_source import Program
+from fret_monitor.proving.c_source import Struct
+from fret_monitor.proving.c_source import Unreadable
+from fret_monitor.proving.contracts import ARITHMETIC
+from fret_monitor.proving.contracts import CELLS
+from fret_monitor.proving.contracts import Proof
+from fret_monitor.proving.description import wrong_in_description
+from fret_monitor.proving.description import wrong_types_of_inputs
+from fret_monitor.proving.execution import Machine
+from fret_monitor.proving.execution import Memory
+from fret_monitor.proving.execution import Path
+from fret_monitor.proving.execution import places
+from fret_monitor.proving.execution import Reference
+from fret_monitor.proving.execution import sort_of
+from fret_monitor.proving.meaning import group_meaning
+from fret_monitor.proving.meaning import GroupMeaning
+from fret_monitor.proving.meaning import View
+from fret_monitor.proving.solver import Answer
+from fret_monitor.proving.solver import prove
+from fret_monitor.proving.terms import Term
+
+ALL = -1  # the functions that run all groups
+ANY = -2  # likewise, with the step as the description hands it out
+
+
+@dataclass
+class Outcome:
+    """The proofs of a group, or of what runs all of them (`group` is ALL), and what refutes."""
+
+    group: int
+    proofs: list[Proof] = field(default_factory=list)
+    values: list[Mapping[Term, Any]] = field(default_factory=list)
+
+    @property
+    def is_proved(self) -> bool:
+        """Whether everything is."""
+        return all(proof.answer is Answer.PROVED for proof in self.proofs)
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is proved: C, the program it is to be, and what the C's names begin with."""
+
+    code: Program
+    program: MonitorProgram
+    layouts: tuple[GroupLayout, ...]
+    prefix: str
+    source_hash: str
+
+    def state(self, groups: Sequence[int]) -> Memory:
+        """Return memory in which the state of some groups can be anything."""
+        fields = dict(self.code.structs[f'{self.prefix}_state'])
+        memory: Memory = {}
+        for group in groups:
+            name = f'group_{group}'
+            for path, kind in places(self.code, fields[name], ('state', name)):
+                memory[path] = t.variable('.'.join(map(str, path)), sort_of(kind))
+        return memory
+
+    def inputs(self) -> Memory:
+        """Return memory in which the inputs can be anything."""
+        return {path: t.variable('.'.join(map(str, path)), sort_of(kind)) for path, kind
+                in places(self.code, Struct(f'{self.prefix}_inputs'), ('inputs',))}
+
+    def signals(self) -> dict[int, Term]:
+        """Return the inputs by their index."""
+        return dict(enumerate(self.inputs().values()))
+
+    def call_reset(self, machine: Machine, group: int) -> None:
+        """Run the function that resets a group, or all."""
+        machine.call(self._function(group, 'reset'), [self._state()])
+
+    def call_step(self, machine: Machine, group: int) -> None:
+        """Run the function that steps a group, or all."""
+        machine.call(self._function(group, 'step'), self.arguments())
+
+    def arguments(self) -> list[Reference]:
+        """Return what a step takes."""
+        verdicts = Reference(('verdicts',), BOOL, t.number(0, 64), len(self.program.properties))
+        return [self._state(), Reference(('inputs',), Struct(f'{self.prefix}_inputs')), verdicts]
+
+    def _state(self) -> Reference:
+        return Reference(('state',), Struct(f'{self.prefix}_state'))
+
+    def _function(self, group: int, verb: str) -> str:
+        if group == ANY and verb == 'step':
+            return f'{self.prefix}_step_any'
+        return f'{self.prefix}_group_{group}_{verb}' if group >= 0 else f'{self.prefix}_{verb}'
+
+
+def prove_group(subject: Subject, group: int, view: View, seconds: float) -> Outcome:
+    """Prove a group, with its cells taken by contract or opened; `seconds` an obligation."""
+    outcome = Outcome(group)
+    before = time.perf_counter()
+    try:
+        given, goals = _goals(subject, group, view)
+    except (Unreadable, KeyError) as error:
+        what = f'no {error.args[0]} in C' if isinstance(error, KeyError) else str(error)
+        outcome.proofs.append(Proof(f'group {group}: read', Answer.UNKNOWN,
+                                    time.perf_counter() - before, what))
+        return outcome
+    for name, goal in goals:
+        _settle(outcome, f'group {group}: {name}', goal, given, seconds)
+    return outcome
+
+
+def _settle(outcome: Outcome, name: str, goal: Term, given: Sequence[Term],
+            seconds: float) -> None:
+    result = prove([goal], given, seconds=seconds)
+    detail = ''
+    if result.answer is Answer.REFUTED:
+        outcome.values.append(result.values)
+        detail = shown_values(result.values)
+    outcome.proofs.append(Proof(name, result.answer, result.seconds, detail))
+
+
+def shown_values(values: Mapping[Term, Any]) -> str:
+    """Return some values of variables as a text."""
+    pairs = sorted((str(item.value), value) for item, value in values.items())
+    return ', '.join(f'{name} = {value}' for name, value in pairs)
+
+
+def _goals(subject: Subject, group: int,
+           view: View) -> tuple[list[Term], list[tuple[str, Term]]]:
+    contracts = {**ARITHMETIC, **CELLS} if view is View.CONTRACT else ARITHMETIC
+    state, inputs = subject.state([group]), subject.inputs()
+    meaning = group_meaning(subject.layouts[group], group, state, subject.signals(), view)
+    reset = Machine(subject.code, state, contracts)
+    subject.call_reset(reset, group)
+    step = Machine(subject.code, {**state, **inputs}, contracts)
+    subject.call_step(step, group)
+    goals = [*_fits(meaning), *_starts(meaning, reset, state),
+             *_steps(subject, meaning, step, {**state, **inputs})]
+    return meaning.given, goals
+
+
+def _fits(meaning: GroupMeaning) -> Iterator[tuple[str, Term]]:
+    for name, is_wide in meaning.fits:
+        yield f'{name} is wide enough', t.truth(is_wide)
+
+
+def _starts(meaning: GroupMeaning, machine: Machine,
+            before: Memory) -> Iterator[tuple[str, Term]]:
+    for check in meaning.starts:
+        yield f'reset: {check.what}', check.holds(machine.memory)
+    yield 'reset: nothing else is written', t.truth(machine.memory.keys() == before.keys())
+    for condition in machine.conditions:
+        yield f'defined: {condition.what}', condition.holds
+
+
+def _steps(subject: Subject, meaning: GroupMeaning, machine: Machine,
+           before: Memory) -> Iterator[tuple[str, Term]]:
+    memory = machine.memory
+    for number, wanted in meaning.verdicts.items():
+        found = memory.get(('verdicts', number))
+        name = f'verdict of {subject.program.properties[number].id}'
+        yield name, t.FALSE if found is None else t.same_truth(found, wanted)
+    for check in meaning.steps:
+        yield f'step: {check.what}', check.holds(memory)
+    verdicts: set[Path] = {('verdicts', number) for number in meaning.verdicts}
+    others = memory.keys() - before.keys() - verdicts
+    yield 'step: nothing else is written', t.truth(not others and _keeps_inputs(before, memory))
+    for condition in machine.conditions:
+        yield f'defined: {condition.what}', condition.holds
+
+
+def _keeps_inputs(before: Memory, after: Memory) -> bool:
+    return all(after[path] is value for path, value in before.items() if path[0] == 'inputs')
+
+
+def prove_whole(subject: Subject, seconds: float) -> Outcome:
+    """Prove that what runs all groups does what theirs do in order, and is described so."""
+    outcome = Outcome(ALL)
+    before = time.perf_counter()
+    try:
+        for name, goal in _whole_goals(subject):
+            _settle(outcome, name, goal, _positions(subject), seconds)
+    except (Unreadable, KeyError) as error:
+        outcome.proofs.append(Proof('all groups: read', Answer.UNKNOWN,
+                                    time.perf_counter() - before, str(error)))
+    return outcome
+
+
+def _positions(subject: Subject) -> list[Term]:
+    """Return what is known of the positions in rings, in all groups."""
+    found = []
+    for path, item in subject.state(range(len(subject.layouts))).items():
+        kind, _, number = str(path[-1]).partition('_')
+        if kind == 'position':
+            found.append(t.relation('ult', t.resized(item, 32, False),
+                                    t.number(int(number), 32)))
+    return found
+
+
+def _whole_goals(subject: Subject) -> Iterator[tuple[str, Term]]:
+    groups = range(len(subject.layouts))
+    state, inputs = subject.state(groups), subject.inputs()
+    contracts = {**ARITHMETIC, **CELLS}
+
+    def ran(call: Callable[[Machine], None], memory: Memory) -> Machine:
+        machine = Machine(subject.code, memory, contracts)
+        call(machine)
+        return machine
+
+    def one_by_one(verb: Callable[[Machine, int], None]) -> Callable[[Machine], None]:
+        def run(machine: Machine) -> None:
+            for group in groups:
+                verb(machine, group)
+        return run
+
+    whole = ran(lambda machine: subject.call_reset(machine, ALL), state)
+    parts = ran(one_by_one(subject.call_reset), state)
+    yield from _equal('reset of all groups', whole, parts)
+    names = [f'{subject.prefix}_step']
+    if len(groups) > 1:
+        names.append(f'{subject.prefix}_step_any')
+    parts = ran(one_by_one(subject.call_step), {**state, **inputs})
+    for name in names:
+        def stepping(machine: Machine, name: str = name) -> None:
+            machine.call(name, subject.arguments())
+        yield from _equal(f'{name}: all groups', ran(stepping, {**state, **inputs}), parts)
+    for text in wrong_types_of_inputs(subject.code, subject.program, subject.prefix):
+        yield f'inputs: {text}', t.FALSE
+    yield 'inputs: as many and of the types that the program has', t.TRUE
+    wrong = wrong_in_description(subject.code, subject.program, subject.layouts, subject.prefix,
+                                 subject.source_hash)
+    for text in wrong:
+        yield f'description: {text}', t.FALSE
+    yield 'description: inputs, groups and requirements', t.truth(not wrong)
+
+
+def _equal(name: str, whole: Machine, parts: Machine) -> Iterator[tuple[str, Term]]:
+    """Yield that two machines did the same; what a group's own proof covers is not said again."""
+    missing = whole.memory.keys() ^ parts.memory.keys()
+    yield f'{name}: the same places are written', t.truth(not missing)
+    same = [t.same(whole.memory[path], parts.memory[path])
+            for path in whole.memory.keys() & parts.memory.keys()]
+    yield f'{name}: the same values', t.all_of(same)
+    known = {condition.holds for condition in parts.conditions}
+    for condition in whole.conditions:
+        if condition.holds not in known:
+            yield f'{name}: defined: {condition.what}', condition.holds

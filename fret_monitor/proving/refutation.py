@@ -1,0 +1,280 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A trace on which C and the program differ, looked for from the reset on.
+
+What a failed proof gives is a state and inputs at which a step goes wrong; whether that state can
+be reached is another question. So both are run, the C by its text and the program by its meaning,
+over traces whose values are those of the failed proofs and those around the numbers of the
+requirements, and stay for as long as the bounds ask; then what is found is made shorter.
+"""
+
+from collections.abc import Callable
+from collections.abc import Iterator
+from collections.abc import Mapping
+from collections.abc import Sequence
+import csv
+from dataclasses import dataclass
+import io
+from random import Random
+import time
+from typing import Any
+
+from fret_monitor.logic.specification import Signal
+from fret_monitor.manifest import ValueType
+from fret_monitor.program.levels import levels
+from fret_monitor.program.monitor_program import Delay
+from fret_monitor.proving import numbers
+from fret_monitor.proving import terms as t
+from fret_monitor.proving.c_source import Unreadable
+from fret_monitor.proving.concrete import function_of
+from fret_monitor.proving.contracts import ARITHMETIC
+from fret_monitor.proving.execution import Machine
+from fret_monitor.proving.meaning import group_meaning
+from fret_monitor.proving.meaning import View
+from fret_monitor.proving.monitor import ALL
+from fret_monitor.proving.monitor import ANY
+from fret_monitor.proving.monitor import Subject
+from fret_monitor.proving.terms import Sort
+from fret_monitor.proving.terms import Term
+
+_LONGEST = 200_000  # steps of a trace
+_LONGEST_RUN = 70_000
+_SHRINKING = 2.0  # seconds
+_Row = tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Counterexample:
+    """
+    A trace, and what goes wrong at its last step.
+
+    `rows` hold the inputs in the bundle's order. `meant` and `found` are verdicts at the last step
+    by the index of the requirement (none, if the step is one that C does not define).
+    """
+
+    rows: tuple[_Row, ...]
+    meant: Mapping[int, bool]
+    found: Mapping[int, bool]
+    undefined: tuple[str, ...]
+
+
+class _Runner:
+    """Steps the C of a group (or of all) and the program side by side."""
+
+    def __init__(self, subject: Subject, group: int) -> None:
+        groups = [group] if group >= 0 else range(len(subject.layouts))
+        state, inputs = subject.state(groups), subject.inputs()
+        reset = Machine(subject.code, state, ARITHMETIC)
+        subject.call_reset(reset, group)
+        step = Machine(subject.code, {**state, **inputs}, ARITHMETIC)
+        subject.call_step(step, group)
+        meanings = [group_meaning(subject.layouts[number], number, {}, subject.signals(),
+                                  View.ALONE) for number in groups]
+        kept = [item for meaning in meanings for item in meaning.kept]
+        self.verdicts = sorted(number for meaning in meanings for number in meaning.verdicts)
+        meant = {number: item for meaning in meanings for number, item in meaning.verdicts.items()}
+        found = [step.memory.get(('verdicts', number), t.FALSE) for number in self.verdicts]
+        self.conditions = [*step.conditions, *reset.conditions]
+        self._kept = len(state) + len(kept)
+        self.start = [*self._started(reset, list(state.items())),
+                      *(t.plain(item.start) if t.is_constant(item.start)
+                        else bytes([item.start.value]) * item.start.sort[1] for item in kept)]
+        arguments = [*state.values(), *(item.now for item in kept), *inputs.values()]
+        unknown = [item for item in t.postorder([*step.memory.values(), *found])
+                   if item.op == 'variable' and item not in set(arguments)]
+        results = [*(step.memory[path] for path in state), *(item.after for item in kept),
+                   *found, *(meant[number] for number in self.verdicts),
+                   *(self._defined(item.holds, arguments) for item in self.conditions)]
+        values = [_odd(item.sort) for item in unknown]
+        compute = function_of(results, [*arguments, *unknown])
+        self._compute: Callable[..., list[Any]] = compute if not unknown else \
+            lambda *given: compute(*given, *values)
+
+    def _defined(self, holds: Term, arguments: Sequence[Term]) -> Term:
+        known = set(arguments)
+        is_known = all(item.op != 'variable' or item in known for item in t.postorder([holds]))
+        return holds if is_known else t.FALSE
+
+    def _started(self, reset: Machine, state: Sequence[tuple[Any, Term]]) -> list[Any]:
+        """Return the state after a reset of memory that was full of ones."""
+        before = [item for _, item in state]
+        compute = function_of([reset.memory[path] for path, _ in state], before)
+        return compute(*(_odd(item.sort) for item in before))
+
+    def first_difference(self, rows: Sequence[_Row], until: float) -> tuple[int, list[Any]] | None:
+        """Return the step at which something is wrong, and what a step gives there."""
+        kept, compute, count = self._kept, self._compute, len(self.verdicts)
+        state = self.start
+        for number, row in enumerate(rows):
+            result = compute(*state, *row)
+            found, meant = result[kept:kept + count], result[kept + count:kept + 2 * count]
+            if found != meant or not all(result[kept + 2 * count:]):
+                return number, result[kept:]
+            state = result[:kept]
+            if number % 1000 == 999 and time.monotonic() > until:
+                return None
+        return None
+
+
+def _odd(sort: Sort) -> Any:
+    """Return a value that is not what a reset should leave."""
+    kind, bits = sort
+    if kind == 'ring':
+        return bytes([0xA5]) * bits
+    return {'bool': True, 'word': (1 << bits) - 1, 'real': 1.5}[kind]
+
+
+def find_counterexample(subject: Subject, group: int, values: Sequence[Mapping[Term, Any]],
+                        seconds: float) -> Counterexample | None:
+    """
+    Look for a trace on which a group (ALL: any) goes wrong, for some seconds.
+
+    `values` are those of failed proofs.
+    """
+    entries = [ALL, ANY] if group == ALL and len(subject.layouts) > 1 else [group]
+    for entry in entries:
+        found = _find(subject, entry, values, seconds / len(entries))
+        if found is not None:
+            return found
+    return None
+
+
+def _find(subject: Subject, group: int, values: Sequence[Mapping[Term, Any]],
+          seconds: float) -> Counterexample | None:
+    until = time.monotonic() + seconds
+    try:
+        runner = _Runner(subject, group)
+    except (Unreadable, KeyError):
+        return None
+    for rows in _traces(subject, group, values):
+        if time.monotonic() > until:
+            return None
+        found = runner.first_difference(rows, until)
+        if found is not None:
+            return _shrunk(runner, list(rows[:found[0] + 1]))
+    return None
+
+
+def _shrunk(runner: _Runner, rows: list[_Row]) -> Counterexample:
+    """Leave steps out for as long as something stays wrong."""
+    until = time.monotonic() + _SHRINKING
+    size = len(rows) // 2
+    while size and time.monotonic() < until:
+        start = 0
+        while start < len(rows) and time.monotonic() < until:
+            shorter = rows[:start] + rows[start + size:]
+            found = runner.first_difference(shorter, until)
+            if found is not None:
+                rows = shorter[:found[0] + 1]
+            else:
+                start += size
+        size //= 2
+    found = runner.first_difference(rows, float('inf'))
+    assert found is not None
+    result, count = found[1], len(runner.verdicts)
+    undefined = tuple(item.what for item, holds in zip(runner.conditions, result[2 * count:])
+                      if not holds)
+    return Counterexample(tuple(rows), dict(zip(runner.verdicts, result[count:2 * count])),
+                          dict(zip(runner.verdicts, result[:count])), undefined)
+
+
+def _traces(subject: Subject, group: int,
+            values: Sequence[Mapping[Term, Any]]) -> Iterator[list[_Row]]:
+    """Yield traces of runs, short ones first; the same ones each time."""
+    rng = Random(0)
+    pools = _pools(subject, values)
+    bounds = _bounds(subject, group)
+    runs = sorted({1, 2, 3, *(bound + more for bound in bounds for more in (-1, 0, 1, 2, 3)
+                              if 0 < bound + more <= _LONGEST_RUN)})
+    for attempt in range(1_000_000):
+        reach = runs[:3 + attempt // 40]
+        rows: list[_Row] = []
+        row = tuple(rng.choice(pool) for pool in pools)
+        for _ in range(rng.randint(1, 6 + attempt // 20)):
+            if rng.random() < 0.8:
+                row = tuple(rng.choice(pool) if rng.random() < 0.5 else old
+                            for pool, old in zip(pools, row))
+            else:
+                row = tuple(rng.choice(pool) for pool in pools)
+            rows.extend([row] * rng.choice(reach))
+            if len(rows) > _LONGEST:
+                break
+        yield rows
+
+
+def _bounds(subject: Subject, group: int) -> set[int]:
+    found: set[int] = set()
+    for number, layout in enumerate(subject.layouts):
+        if group in (ALL, ANY, number):
+            for equation in layout.group.equations:
+                operation = equation.operation
+                if isinstance(operation, Delay):
+                    found.add(operation.steps)
+                found.add(getattr(operation, 'bound', 0))
+    return found
+
+
+def _pools(subject: Subject, values: Sequence[Mapping[Term, Any]]) -> list[list[Any]]:
+    """Return for each input some values, as terms have them."""
+    pools = []
+    for item, signal, known in zip(subject.inputs().values(), subject.program.signals,
+                                   levels(subject.program)):
+        pool = [_stored(value, signal) for value in known]
+        if signal.type.is_float:
+            pool += [_stored(value, signal) for value in (0.0, float('nan'), float('inf'), -0.5)]
+        met = [found[item] for found in values if item in found]
+        pool += [value for value in met if _is_named(value, signal)] * 2
+        pools.append(pool)
+    return pools or [[False]]  # without inputs, C has a field that nobody reads
+
+
+def _is_named(value: Any, signal: Signal) -> bool:
+    """Whether a trace can hold a value: of a text input, one of its texts."""
+    return not _is_text(signal) or 0 <= value < len(signal.values)
+
+
+def _is_text(signal: Signal) -> bool:
+    return any(isinstance(value, str) for _, value in signal.values)
+
+
+def _stored(value: Any, signal: Signal) -> Any:
+    kind, bits = numbers.sort_of(signal.type)
+    if kind == 'word':
+        return int(value) & ((1 << bits) - 1)
+    if kind == 'real':
+        return t.to_float32(float(value)) if bits == 32 else float(value)
+    return bool(value)
+
+
+def to_csv(subject: Subject, example: Counterexample) -> str:
+    """Return the trace as `simulate` reads it; without a step, a row of a column for nothing."""
+    signals = subject.program.signals
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator='\n')
+    writer.writerow([signal.name for signal in signals] or ['nothing'])
+    for row in example.rows:
+        writer.writerow([_cell(value, signal) for value, signal in zip(row, signals)] or [0])
+    return text.getvalue()
+
+
+def _cell(value: Any, signal: Signal) -> str:
+    if signal.type is ValueType.BOOL:
+        return str(int(value))
+    if _is_text(signal):
+        return str(signal.values[value][0])
+    if numbers.is_signed(signal.type):
+        value = t.signed(value, numbers.sort_of(signal.type)[1])
+    return repr(value)

@@ -1,0 +1,152 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A bundle proved: the cells once, then its groups, and what became of each requirement.
+
+    bundle -> program, C -> C read back -> obligations -> solver -> Verification
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+import time
+
+from fret_monitor.build import GeneratedMonitor
+from fret_monitor.native.cache import runtime_headers
+from fret_monitor.proving.c_source import read_program
+from fret_monitor.proving.c_source import Unreadable
+from fret_monitor.proving.contracts import Proof
+from fret_monitor.proving.contracts import prove_cells
+from fret_monitor.proving.meaning import View
+from fret_monitor.proving.monitor import ALL
+from fret_monitor.proving.monitor import Outcome
+from fret_monitor.proving.monitor import prove_group
+from fret_monitor.proving.monitor import prove_whole
+from fret_monitor.proving.monitor import Subject
+from fret_monitor.proving.refutation import Counterexample
+from fret_monitor.proving.refutation import find_counterexample
+from fret_monitor.proving.solver import Answer
+
+_QUICK = 1.0  # seconds that a search has before the cells are opened
+_FIELDS = '_fields.c'  # how messages are read, which is not a monitor's
+
+
+@dataclass(frozen=True)
+class Settled:
+    """What became of a group (or of what runs all): proofs, and a trace where they fail."""
+
+    group: int
+    proofs: tuple[Proof, ...]
+    counterexample: Counterexample | None
+    is_opened: bool
+
+    @property
+    def is_proved(self) -> bool:
+        """Whether everything is."""
+        return all(proof.answer is Answer.PROVED for proof in self.proofs)
+
+
+@dataclass(frozen=True)
+class Verification:
+    """All that was asked of a bundle, and the answers."""
+
+    cells: tuple[Proof, ...]
+    groups: tuple[Settled, ...]
+    subject: Subject | None
+    unreadable: str
+    seconds: float
+
+    @property
+    def is_proved(self) -> bool:
+        """Whether everything is."""
+        return not self.unreadable and all(item.is_proved for item in self.groups) \
+            and all(proof.answer is Answer.PROVED for proof in self.cells)
+
+    @property
+    def proofs(self) -> tuple[Proof, ...]:
+        """All of them."""
+        return (*self.cells, *(proof for item in self.groups for proof in item.proofs))
+
+
+def read_subject(generated: GeneratedMonitor, sources: Mapping[str, str],
+                 headers: Mapping[str, str]) -> Subject:
+    """
+    Read the C of a monitor.
+
+    Raises
+    ------
+    Unreadable
+        if it is not C of the kind that `compile` writes.
+    NativeError
+        if there is no C compiler, whose preprocessor is needed.
+    """
+    chosen = {name: text for name, text in sources.items() if not name.endswith(_FIELDS)}
+    code = read_program(chosen, headers)
+    symbol = generated.module.symbol
+    return Subject(code, generated.program, generated.layouts,
+                   symbol.removesuffix('_monitor'), generated.module.source_hash)
+
+
+def verify(generated: GeneratedMonitor, sources: Mapping[str, str] | None = None,
+           headers: Mapping[str, str] | None = None, *, seconds: float = 10.0) -> Verification:
+    """
+    Prove a bundle; `seconds` is for one obligation, and for one search of a counterexample.
+
+    `sources` and `headers` are C to prove in place of what `compile` would write, by file name.
+    """
+    before = time.perf_counter()
+    if sources is None:
+        sources = dict(generated.module.sources)
+    own_header, text = generated.module.header
+    headers = {**runtime_headers(), own_header: text, **(headers or {})}
+    try:
+        subject = read_subject(generated, sources, headers)
+    except Unreadable as error:
+        return Verification((), (), None, str(error), time.perf_counter() - before)
+    cells = cells_proved(tuple(sorted(headers.items())), seconds)
+    groups = tuple(settle(subject, group, seconds)
+                   for group in [*range(len(subject.layouts)), ALL])
+    return Verification(cells, groups, subject, '', time.perf_counter() - before)
+
+
+@cache
+def cells_proved(headers: tuple[tuple[str, str], ...], seconds: float) -> tuple[Proof, ...]:
+    """Prove the cells of some headers, once a process."""
+    code = read_program({'cells.c': '#include "fret_cells.h"\n'}, dict(headers))
+    return tuple(prove_cells(code, seconds))
+
+
+def settle(subject: Subject, group: int, seconds: float) -> Settled:
+    """Prove a group, or what runs all of them, or find a trace that refutes it."""
+    if group == ALL:
+        outcome = prove_whole(subject, seconds)
+        return _settled(subject, outcome, outcome, seconds)
+    by_contract = prove_group(subject, group, View.CONTRACT, seconds)
+    if by_contract.is_proved:
+        return Settled(group, tuple(by_contract.proofs), None, False)
+    found = find_counterexample(subject, group, by_contract.values, min(seconds, _QUICK))
+    if found is not None:
+        return Settled(group, tuple(by_contract.proofs), found, False)
+    opened = prove_group(subject, group, View.OPEN, seconds)
+    return _settled(subject, opened, by_contract, seconds)
+
+
+def _settled(subject: Subject, outcome: Outcome, former: Outcome, seconds: float) -> Settled:
+    is_opened = outcome is not former
+    if outcome.is_proved:
+        return Settled(outcome.group, tuple(outcome.proofs), None, is_opened)
+    found = find_counterexample(subject, outcome.group, [*outcome.values, *former.values],
+                                seconds)
+    return Settled(outcome.group, tuple(outcome.proofs), found, is_opened)
