@@ -102,11 +102,17 @@ class Check:
 
 @dataclass(frozen=True)
 class Kept:
-    """A value that the view ALONE keeps: what it is at the start and after a step."""
+    """
+    A value that the view ALONE keeps: what it is at the start and after a step.
+
+    All values above `limit` mean the same, and so do all with the same bits under `mask`.
+    """
 
     now: Term
     start: Term
     after: Term
+    limit: int | None = None
+    mask: int | None = None
 
 
 @dataclass
@@ -202,10 +208,11 @@ class _Group:
         self._found.steps.append(Check(str(path[-1]), lambda memory: _same(memory[path], after)))
 
     def _keep_related(self, name: str, path: Path, now: Term, start: Term, after: Term,
-                      related: Callable[[Term, Term], Term]) -> None:
+                      related: Callable[[Term, Term], Term], limit: int | None = None,
+                      mask: int | None = None) -> None:
         """Have the C state at a path be related to a number that is kept beside it."""
         if self._view is View.ALONE:
-            self._found.kept.append(Kept(now, start, after))
+            self._found.kept.append(Kept(now, start, after, limit, mask))
             return
         self._found.given.append(related(self._memory[path], now))
         self._found.starts.append(Check(name, lambda memory: related(memory[path], start)))
@@ -329,7 +336,8 @@ class _Group:
         history = t.variable(f'meant.{self._group}.line_{index}', t.word(HISTORY))
         out, after = line_step(history, steps, argument)
         self._keep_related(f'line_{index}', path, history, line_start(operation.initial), after,
-                           lambda line, meant: line_related(line, meant, steps))
+                           lambda line, meant: line_related(line, meant, steps),
+                           mask=(1 << steps) - 1)
         return out
 
     def _ring(self, index: int, operation: Delay, argument: Term) -> Term:
@@ -367,7 +375,8 @@ class _Group:
         number = t.variable(f'meant.{self._group}.counter_{index}', t.word(WIDTH))
         out, after = cell.step(number, bound, arguments)
         self._keep_related(f'counter_{index}', path, number, start, after,
-                           lambda counter, meant: cell.related(counter, meant, bound))
+                           lambda counter, meant: cell.related(counter, meant, bound),
+                           limit=operation.bound)
         return out
 
 

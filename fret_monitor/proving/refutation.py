@@ -71,10 +71,11 @@ class Counterexample:
     undefined: tuple[str, ...]
 
 
-class _Runner:
-    """Steps the C of a group (or of all) and the program side by side."""
+class Runner:
+    """The C of a group (or of all) and the program side by side, as terms and to be run."""
 
     def __init__(self, subject: Subject, group: int) -> None:
+        """Run a reset and a step of both; raises `Unreadable` and `KeyError`."""
         groups = [group] if group >= 0 else range(len(subject.layouts))
         state, inputs = subject.state(groups), subject.inputs()
         reset = Machine(subject.code, state, ARITHMETIC)
@@ -83,47 +84,60 @@ class _Runner:
         subject.call_step(step, group)
         meanings = [group_meaning(subject.layouts[number], number, {}, subject.signals(),
                                   View.ALONE) for number in groups]
-        kept = [item for meaning in meanings for item in meaning.kept]
-        self.verdicts = sorted(number for meaning in meanings for number in meaning.verdicts)
+        self.kept = [item for meaning in meanings for item in meaning.kept]
         meant = {number: item for meaning in meanings for number, item in meaning.verdicts.items()}
-        found = [step.memory.get(('verdicts', number), t.FALSE) for number in self.verdicts]
+        self.verdicts = sorted(meant)
         self.conditions = [*step.conditions, *reset.conditions]
-        self._kept = len(state) + len(kept)
-        self.start = [*self._started(reset, list(state.items())),
-                      *(t.plain(item.start) if t.is_constant(item.start)
-                        else bytes([item.start.value]) * item.start.sort[1] for item in kept)]
-        arguments = [*state.values(), *(item.now for item in kept), *inputs.values()]
-        unknown = [item for item in t.postorder([*step.memory.values(), *found])
-                   if item.op == 'variable' and item not in set(arguments)]
-        results = [*(step.memory[path] for path in state), *(item.after for item in kept),
-                   *found, *(meant[number] for number in self.verdicts),
-                   *(self._defined(item.holds, arguments) for item in self.conditions)]
+        self.state = [*state.values(), *(item.now for item in self.kept)]
+        self.inputs = list(inputs.values())
+        found = [step.memory.get(('verdicts', number), t.FALSE) for number in self.verdicts]
+        self.after = [*(step.memory[path] for path in state), *(item.after for item in self.kept)]
+        self.results = [*found, *(meant[number] for number in self.verdicts),
+                        *(item.holds for item in self.conditions)]
+        self.starts = [*(reset.memory[path] for path in state),
+                       *(item.start for item in self.kept)]
+        self.start = self._computed(self.starts, list(state.values()))
+        arguments = [*self.state, *self.inputs]
+        unknown = self._unknown([*self.after, *self.results], arguments)
         values = [_odd(item.sort) for item in unknown]
-        compute = function_of(results, [*arguments, *unknown])
+        compute = function_of([*self.after, *self.results], [*arguments, *unknown])
         self._compute: Callable[..., list[Any]] = compute if not unknown else \
             lambda *given: compute(*given, *values)
 
-    def _defined(self, holds: Term, arguments: Sequence[Term]) -> Term:
-        known = set(arguments)
-        is_known = all(item.op != 'variable' or item in known for item in t.postorder([holds]))
-        return holds if is_known else t.FALSE
+    def _unknown(self, roots: Sequence[Term], known: Sequence[Term]) -> list[Term]:
+        """Return the variables that stand for what was never written."""
+        arguments = set(known)
+        return [item for item in t.postorder(roots)
+                if item.op == 'variable' and item not in arguments]
 
-    def _started(self, reset: Machine, state: Sequence[tuple[Any, Term]]) -> list[Any]:
+    def _computed(self, roots: Sequence[Term], before: Sequence[Term]) -> list[Any]:
         """Return the state after a reset of memory that was full of ones."""
-        before = [item for _, item in state]
-        compute = function_of([reset.memory[path] for path, _ in state], before)
-        return compute(*(_odd(item.sort) for item in before))
+        everything = [*before, *self._unknown(roots, before)]
+        compute = function_of(roots, everything)
+        return compute(*(_odd(item.sort) for item in everything))
+
+    def judged(self, results: Sequence[Any]) -> tuple[list[bool], list[bool], list[bool]]:
+        """Split results: what the C found, what is meant, and whether each condition holds."""
+        count = len(self.verdicts)
+        return (list(results[:count]), list(results[count:2 * count]), list(results[2 * count:]))
+
+    def example(self, rows: Sequence[_Row], results: Sequence[Any]) -> Counterexample:
+        """Return a counterexample that ends with these results."""
+        found, meant, holds = self.judged(results)
+        undefined = tuple(item.what for item, each in zip(self.conditions, holds) if not each)
+        return Counterexample(tuple(rows), dict(zip(self.verdicts, meant)),
+                              dict(zip(self.verdicts, found)), undefined)
 
     def first_difference(self, rows: Sequence[_Row], until: float) -> tuple[int, list[Any]] | None:
-        """Return the step at which something is wrong, and what a step gives there."""
-        kept, compute, count = self._kept, self._compute, len(self.verdicts)
+        """Return the step at which something is wrong, and the results there."""
+        compute, size = self._compute, len(self.state)
         state = self.start
         for number, row in enumerate(rows):
-            result = compute(*state, *row)
-            found, meant = result[kept:kept + count], result[kept + count:kept + 2 * count]
-            if found != meant or not all(result[kept + 2 * count:]):
-                return number, result[kept:]
-            state = result[:kept]
+            values = compute(*state, *row)
+            found, meant, holds = self.judged(values[size:])
+            if found != meant or not all(holds):
+                return number, values[size:]
+            state = values[:size]
             if number % 1000 == 999 and time.monotonic() > until:
                 return None
         return None
@@ -156,7 +170,7 @@ def _find(subject: Subject, group: int, values: Sequence[Mapping[Term, Any]],
           seconds: float) -> Counterexample | None:
     until = time.monotonic() + seconds
     try:
-        runner = _Runner(subject, group)
+        runner = Runner(subject, group)
     except (Unreadable, KeyError):
         return None
     for rows in _traces(subject, group, values):
@@ -168,7 +182,7 @@ def _find(subject: Subject, group: int, values: Sequence[Mapping[Term, Any]],
     return None
 
 
-def _shrunk(runner: _Runner, rows: list[_Row]) -> Counterexample:
+def _shrunk(runner: Runner, rows: list[_Row]) -> Counterexample:
     """Leave steps out for as long as something stays wrong."""
     until = time.monotonic() + _SHRINKING
     size = len(rows) // 2
@@ -184,11 +198,7 @@ def _shrunk(runner: _Runner, rows: list[_Row]) -> Counterexample:
         size //= 2
     found = runner.first_difference(rows, float('inf'))
     assert found is not None
-    result, count = found[1], len(runner.verdicts)
-    undefined = tuple(item.what for item, holds in zip(runner.conditions, result[2 * count:])
-                      if not holds)
-    return Counterexample(tuple(rows), dict(zip(runner.verdicts, result[count:2 * count])),
-                          dict(zip(runner.verdicts, result[:count])), undefined)
+    return runner.example(rows, found[1])
 
 
 def _traces(subject: Subject, group: int,
@@ -243,10 +253,11 @@ def _pools(subject: Subject, values: Sequence[Mapping[Term, Any]]) -> list[list[
 
 def _is_named(value: Any, signal: Signal) -> bool:
     """Whether a trace can hold a value: of a text input, one of its texts."""
-    return not _is_text(signal) or 0 <= value < len(signal.values)
+    return not is_text(signal) or 0 <= value < len(signal.values)
 
 
-def _is_text(signal: Signal) -> bool:
+def is_text(signal: Signal) -> bool:
+    """Whether an input is a text, which counts as its place among the texts it can be."""
     return any(isinstance(value, str) for _, value in signal.values)
 
 
@@ -273,7 +284,7 @@ def to_csv(subject: Subject, example: Counterexample) -> str:
 def _cell(value: Any, signal: Signal) -> str:
     if signal.type is ValueType.BOOL:
         return str(int(value))
-    if _is_text(signal):
+    if is_text(signal):
         return str(signal.values[value][0])
     if numbers.is_signed(signal.type):
         value = t.signed(value, numbers.sort_of(signal.type)[1])

@@ -561,3 +561,46 @@ def same(left: Term, right: Term) -> Term:
         return FALSE
     ordered = (left, right) if left.number < right.number else (right, left)
     return term('same', BOOL, ordered)
+
+
+# -- the same with other parts ---------------------------------------------------------------
+
+def substituted(roots: Iterable[Term], parts: dict[Term, Term]) -> list[Term]:
+    """Return terms in which some terms stand for others, brought to one form again."""
+    known = dict(parts)
+    wanted = list(roots)
+    for item in postorder(wanted, known):
+        if item not in known:
+            known[item] = _rebuilt(item, [known[each] for each in item.args])
+    return [known[item] for item in wanted]
+
+
+def _rebuilt(item: Term, args: list[Term]) -> Term:
+    if tuple(args) == item.args:
+        return item
+    build = _BUILDERS.get(item.op)
+    if build is not None:
+        return build(*args)
+    match item.op:
+        case 'word':
+            return from_truth(args[0], item.sort[1])
+        case 'bit':
+            return bit(args[0], item.value)
+        case 'zext' | 'sext' | 'trunc':
+            return resized(args[0], item.sort[1], item.op == 'sext')
+        case 'float' | 'float_s' | 'float_u':
+            return to_real(args[0], item.sort[1], item.op == 'float_s')
+        case 'complement' | 'fneg':
+            return unary(item.op, args[0])
+        case _ if item.op in RELATIONS:
+            return relation(item.op, args[0], args[1])
+        case _ if item.op in FUNCTIONS and item.op not in ('fmod', 'pow'):
+            return operation(item.op, args[0], args[1])
+        case _:
+            return term(item.op, item.sort, tuple(args), item.value)
+
+
+_BUILDERS: dict[str, Callable[..., Term]] = {
+    'not': negation, 'and': conjunction, 'iff': same_truth, 'choice': choice, 'select': select,
+    'store': store, 'same': same,
+}

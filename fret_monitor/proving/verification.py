@@ -29,6 +29,7 @@ from fret_monitor.proving.c_source import read_program
 from fret_monitor.proving.c_source import Unreadable
 from fret_monitor.proving.contracts import Proof
 from fret_monitor.proving.contracts import prove_cells
+from fret_monitor.proving.exploration import explore
 from fret_monitor.proving.meaning import View
 from fret_monitor.proving.monitor import ALL
 from fret_monitor.proving.monitor import Outcome
@@ -51,6 +52,7 @@ class Settled:
     proofs: tuple[Proof, ...]
     counterexample: Counterexample | None
     is_opened: bool
+    states: int = 0  # where all of them were looked at
 
     @property
     def is_proved(self) -> bool:
@@ -147,6 +149,12 @@ def _settled(subject: Subject, outcome: Outcome, former: Outcome, seconds: float
     is_opened = outcome is not former
     if outcome.is_proved:
         return Settled(outcome.group, tuple(outcome.proofs), None, is_opened)
-    found = find_counterexample(subject, outcome.group, [*outcome.values, *former.values],
-                                seconds)
+    explored = explore(subject, outcome.group, seconds) if outcome.group != ALL else None
+    if explored is not None and explored.counterexample is None:
+        before = sum(proof.seconds for proof in outcome.proofs)
+        proof = Proof(f'group {outcome.group}: all {explored.states} states that can be reached',
+                      Answer.PROVED, before)
+        return Settled(outcome.group, (proof,), None, is_opened, explored.states)
+    found = explored.counterexample if explored else find_counterexample(
+        subject, outcome.group, [*outcome.values, *former.values], seconds)
     return Settled(outcome.group, tuple(outcome.proofs), found, is_opened)
