@@ -28,6 +28,7 @@ from rclpy.clock import ClockType
 from rclpy.node import Node
 
 _TELLING = 10.0  # s between two warnings about the same thing
+_PATIENCE = 5.0  # s until it is told that there is no time
 
 
 class Throttle:
@@ -55,14 +56,27 @@ class NodeTimer:
     change meanwhile.
     """
 
-    def __init__(self, node: Node, period: float, callback: Callable[[int, int], None]) -> None:
-        """Start; `callback` takes the time and the next planned one (ns), by the same clock."""
+    def __init__(self, node: Node, period: float, callback: Callable[[int, int], None],
+                 purpose: str) -> None:
+        """
+        Start; `callback` takes the time and the next planned one (ns), by the same clock.
+
+        `purpose` says what waits if there is no time.
+        """
         self._node = node
+        self._purpose = purpose
         self._node_clock: Any = node.get_clock()  # a ROSClock, annotated as less in Jazzy
         self._period = period
         self._callback = callback
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._make()
+        self._patience = node.create_timer(_PATIENCE, self._tell_no_time, clock=self._steady)
+
+    def _tell_no_time(self) -> None:
+        self._patience.cancel()
+        if self.now() == 0:
+            self._node.get_logger().warning(
+                f'use_sim_time is set, and no time has come on /clock yet: {self._purpose} waits')
 
     def _make(self) -> None:
         self._is_simulated = self._node_clock.ros_time_is_active
@@ -75,7 +89,7 @@ class NodeTimer:
 
     def _fire(self) -> None:
         if self._node_clock.ros_time_is_active != self._is_simulated:
-            self.close()
+            self._node.destroy_timer(self._timer)
             self._make()
         now = self.now()
         self._callback(now, now + self._timer.time_until_next_call())
@@ -83,6 +97,7 @@ class NodeTimer:
     def close(self) -> None:
         """Call no more."""
         self._node.destroy_timer(self._timer)
+        self._node.destroy_timer(self._patience)
 
 
 class Schedule:
@@ -133,3 +148,24 @@ class Schedule:
                         f'{missed} were missed, which are no steps, and {late} came late by '
                         'more than half a period')
         return told
+
+
+class Periods:
+    """Takes a step each period of a node's time, and tells what came late or not at all."""
+
+    def __init__(self, node: Node, period: float, step: Callable[[], None]) -> None:
+        """Start; `period` is in seconds."""
+        self.schedule = Schedule(period)
+        self._node = node
+        self._step = step
+        self._timer = NodeTimer(node, period, self._tick, 'the policy periodic')
+
+    def _tick(self, now: int, following: int) -> None:
+        self._step()
+        self.schedule.tick(now, following)
+        for line in self.schedule.news():
+            self._node.get_logger().warning(line)
+
+    def close(self) -> None:
+        """Take no more steps."""
+        self._timer.close()

@@ -22,10 +22,14 @@ come so far; it is that time which counts, so that a simulation that stands stil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from fret_monitor.manifest import ManifestInput
+from fret_monitor.manifest import Manifest, ManifestInput, Stale
+from fret_monitor.ros.periods import NodeTimer
+
+from rclpy.node import Node
 
 _LOOKS = 10  # in the shortest timeout: a silence is found before it has lasted 1.25 of them
 _SHORTEST = 0.005  # s between two looks
+_NAMED = 5  # names in one line of the log
 
 
 @dataclass(frozen=True)
@@ -108,3 +112,78 @@ class Silences:
         """Return how often an input fell silent; None if it is not watched."""
         item = self._watched.get(index)
         return None if item is None else item.silences
+
+
+class SilenceWatch:
+    """Looks for silent inputs in a node's time, tells of them, and has them taken for stale."""
+
+    def __init__(self, node: Node, manifest: Manifest, received: Callable[[int], int],
+                 violate: Callable[[int, int], None]) -> None:
+        """
+        Start.
+
+        Parameters
+        ----------
+        node
+            whose time, executor and log it is.
+        manifest
+            says which inputs may be silent for how long.
+        received
+            gives how many values came of an input (index).
+        violate
+            takes an input that is stale by what its bundle says, and how many values had come;
+            called at each look, so that what a reset forgot is said again.
+        """
+        self.silences = Silences(manifest.inputs, received)
+        self._node = node
+        self._manifest = manifest
+        self._violate = violate
+        self._timer: NodeTimer | None = None
+        period = self.silences.period
+        if period is not None:
+            self._timer = NodeTimer(node, period, self._look, 'the timeout of inputs')
+            self.silences.look(self._timer.now())
+
+    def _look(self, now: int, _: int) -> None:
+        begun, ended = self.silences.look(now)
+        for item in self.silences.silent():
+            if self._manifest.inputs[item.index].stale is Stale.VIOLATE:
+                self._violate(item.index, item.received)
+        for topic in self._manifest.topics:
+            self._tell_begun(topic.name, [item for item in begun if item.index in topic.inputs])
+            self._tell_ended(topic.name, [item for item in ended if item.index in topic.inputs])
+
+    def _tell_begun(self, topic: str, silences: Sequence[Silence]) -> None:
+        if not silences:
+            return
+        indices = {item.index for item in silences}
+        read = [item.id for item in self._manifest.requirements
+                if not indices.isdisjoint(item.inputs)]
+        timeout = self._manifest.inputs[silences[0].index].timeout
+        told = (f'nothing usable came on {self._node.resolve_topic_name(topic)} within the '
+                f'timeout of {timeout:g} s for {self._named(silences)}')
+        if read and self._manifest.inputs[silences[0].index].stale is Stale.VIOLATE:
+            self._node.get_logger().error(f'{told}: {some(read)} violated until it does')
+        else:
+            self._node.get_logger().warning(told)
+
+    def _tell_ended(self, topic: str, silences: Sequence[Silence]) -> None:
+        if silences:
+            lasted = max(item.lasted for item in silences) / 1e9
+            self._node.get_logger().info(
+                f'{self._node.resolve_topic_name(topic)} speaks again after {lasted:.1f} s, for '
+                f'{self._named(silences)}')
+
+    def _named(self, silences: Sequence[Silence]) -> str:
+        return some([f"'{self._manifest.inputs[item.index].name}'" for item in silences])
+
+    def close(self) -> None:
+        """Look no more."""
+        if self._timer is not None:
+            self._timer.close()
+
+
+def some(names: Sequence[str], separator: str = ', ') -> str:
+    """Return the first of some names in one line, and how many more there are."""
+    more = len(names) - _NAMED
+    return separator.join(names[:_NAMED]) + (f' and {more} more' if more > 0 else '')
