@@ -15,35 +15,38 @@
 """
 One opened bundle at work on a node: subscriptions in, its evaluator, violations out.
 
-Callbacks store, the evaluator steps. Messages come in the feed's thread, resets and periods in
-the executor's; one lock keeps them apart. What a watch makes on the node, it takes away again.
+Messages are read and stepped by C, taken by C too where the middleware lets it (`hot_path`), and
+by a thread of the feed otherwise. What violates is queued, and published by threads of their own.
+What a watch makes on the node, it takes away again.
 """
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from threading import Lock
+from typing import Any
 
 from fret_monitor.manifest import Manifest, ManifestInput, Policy
+from fret_monitor.native.binding import ffi
 from fret_monitor.ros.compiled import Opened
-from fret_monitor.ros.details import Details
-from fret_monitor.ros.feed import Deliver, Feed, Hearing
-from fret_monitor.ros.fields import (
-    message_class,
-    MessageReader,
-    MessageTypeError,
-    TellUnusable,
-)
-from fret_monitor.ros.handlers import Handlers
+from fret_monitor.ros.details import Details, DETAILS_TOPIC
+from fret_monitor.ros.feed import Deliver, Feed, Hearing, TopicTap
+from fret_monitor.ros.fields import message_class, MessageTypeError, why_unusable
+from fret_monitor.ros.handlers import handler_topic, Handlers
 from fret_monitor.ros.health import describe_missing, Health, PERIOD
+from fret_monitor.ros.hot_path import Announcer, find_middleware, HotTopic, Middleware, Unavailable
+from fret_monitor.ros.outlets import DetailOutlet, HandlerOutlet
+from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import Refusal
-from fret_monitor.runtime import Evaluator, Violation
+from fret_monitor.ros.periods import Periods
+from fret_monitor.ros.silence import SilenceWatch
+from fret_monitor.runtime import Evaluator, Watch
+from fret_monitor.runtime.fields import Outcome, read_fields
 
 from rclpy.clock import Clock
 from rclpy.clock import ClockType
-from rclpy.clock import ROSClock
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.timer import Timer
+from rclpy.utilities import get_rmw_implementation_identifier
 
 _PATIENCE = 5.0  # s until it is told what has not come at all
 
@@ -69,17 +72,19 @@ class BundleWatch:
         self.opened = opened
         self._node = node
         self._hot_path = hot_path
-        self._lock = Lock()
+        self._clock: Any = node.get_clock()  # a ROSClock, annotated as less in Jazzy
         self._advertised = ExitStack()
         self._running = ExitStack()
         self._feed: Feed | None = None
+        self._told: set[int | str] = set()  # inputs and topics of which something odd was told
         refuse_inputs_off_ros(self.manifest)
-        self._readers = _readers(self.manifest, self._tell_unusable)
-        self._evaluator = self._new_evaluator()
+        self._classes = _message_classes(self.manifest)
+        self._watch = self._new_watch()
         with ExitStack() as undo:
             undo.callback(self.close)
             try:
                 self._refuse_merged_topics()
+                self._read_overrides()
                 self._advertise()
             except InvalidTopicNameException as error:  # the namespace or a remapping is wrong
                 raise Refusal(f'cannot subscribe or advertise: {error}') from None
@@ -90,9 +95,9 @@ class BundleWatch:
         """What is known of the bundle."""
         return self.opened.monitor.manifest
 
-    def _new_evaluator(self) -> Evaluator:
-        return Evaluator(
-            self.opened.monitor, policy=self.opened.policy, library=self.opened.evaluator)
+    def _new_watch(self) -> Watch:
+        return Watch(Evaluator(
+            self.opened.monitor, policy=self.opened.policy, library=self.opened.evaluator))
 
     def _advertise(self) -> None:
         self._handlers = Handlers(self._node, self.manifest)
@@ -119,10 +124,18 @@ class BundleWatch:
             undo.pop_all()
 
     def _start_timers(self) -> None:
+        silence = SilenceWatch(
+            self._node, self.manifest, lambda index: self._watch.input_counts(index).received,
+            lambda index, received: self._watch.stale(index, received, self._now()))
+        self._running.callback(silence.close)
+        periods = None
         if self.opened.policy is Policy.PERIODIC:
             assert self.opened.period is not None
-            self._keep(self._node.create_timer(float(self.opened.period), self._tick))
-        self._health = Health(self._node, self._evaluator)
+            periods = Periods(self._node, float(self.opened.period),
+                              lambda: self._watch.tick(self._now()))
+            self._running.callback(periods.close)
+        self._health = Health(self._node, self._watch, silence.silences,
+                              None if periods is None else periods.schedule)
         self._running.callback(self._health.close)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._keep(self._node.create_timer(PERIOD, self._tell_health, clock=steady))
@@ -139,7 +152,7 @@ class BundleWatch:
         What was sent meanwhile is not known then, and what was sent before is old.
         """
         self._running.close()
-        self._evaluator = self._new_evaluator()
+        self._watch = self._new_watch()
 
     def close(self) -> None:
         """Stop watching, and take away from the node all that it was given; twice is once."""
@@ -148,91 +161,153 @@ class BundleWatch:
 
     def reset(self) -> int:
         """Start all step groups afresh between two steps; return how many there are."""
-        with self._lock:
-            self._evaluator.reset()
+        self._watch.reset()
         return len(self.manifest.groups)
 
-    # Where subscriptions and evaluator are connected, and nowhere else: `_connect` begins to step
-    # it with what comes and lets `stop` end that; `_check` raises what went wrong meanwhile;
-    # `_hearings` tells who is heard.
+    # Where subscriptions, evaluator and publishers are connected. What is begun first ends last:
+    # no subscription, then no watch, then the threads that publish what was due.
 
     def _connect(self) -> None:
+        middleware = self._middleware()
+        if middleware is not None:
+            try:
+                self._connect_through(middleware)
+                return
+            except Unavailable as reason:
+                self._running.close()
+                self._watch = self._new_watch()
+                self._tell_fallback(reason)
+        self._connect_through(None)
+
+    def _connect_through(self, middleware: Middleware | None) -> None:
+        watch = self._watch
+        self._follow_clock(middleware)
+        if middleware is None:
+            self._running.callback(HandlerOutlet(watch, self._handlers).join)
+        else:
+            announcer = Announcer(watch, middleware, self._handlers.publishers)
+            self._running.callback(announcer.join)
+        self._running.callback(DetailOutlet(watch, self._details).join)
+        self._running.callback(watch.close)
         feed = Feed(self._node)
         self._running.callback(feed.close)
-        for reader, topic in zip(self._readers, self.manifest.topics):
-            feed.subscribe(
-                topic.name, topic.message_type, reader.message_class,
-                self._deliver(reader), dict(topic.qos))
+        for index, topic in enumerate(self.manifest.topics):
+            taker: Deliver | TopicTap = self._delivery(index) if middleware is None \
+                else HotTopic(watch, middleware, index)
+            feed.subscribe(topic.name, topic.message_type, self._classes[topic.message_type],
+                           taker, self._overrides.apply(
+                               self._node.resolve_topic_name(topic.name), dict(topic.qos)))
         feed.start()
         self._feed = feed
 
-    def _deliver(self, reader: MessageReader) -> Deliver:
-        """Return the callback for a topic: store what the message holds, then step."""
-        evaluator, topic, lock = self._evaluator, reader.topic, self._lock
-        clock = self._node.get_clock()
-        assert isinstance(clock, ROSClock)
+    def _middleware(self) -> Middleware | None:
+        """Return what the hot path calls, None where the feed is to take the messages."""
+        if self._hot_path == 'off':
+            self._tell_fallback('hot_path is off')
+            return None
+        try:
+            found = find_middleware(even_unproven=self._hot_path == 'on')
+        except Unavailable as reason:
+            self._tell_fallback(reason)
+            return None
+        self._node.get_logger().info(
+            f'messages are taken in C, inside {get_rmw_implementation_identifier()}', once=True)
+        return found
+
+    def _tell_fallback(self, reason: object) -> None:
+        if self._hot_path == 'on':
+            raise Refusal(f'hot_path is on, and C cannot take the messages: {reason}')
+        self._node.get_logger().info(f'messages are taken in Python: {reason}', once=True)
+
+    def _follow_clock(self, middleware: Middleware | None) -> None:
+        """Stamp violations by the node's clock where that is simulated."""
+        if middleware is None:
+            return
+        handle = self._clock.handle
+        self._running.enter_context(handle)
+        pointer = ffi.cast('void *', handle.pointer)
+
+        def follow() -> None:
+            if self._clock.ros_time_is_active:
+                self._watch.use_clock(middleware.clock_now, pointer)
+            else:
+                self._watch.use_clock(ffi.NULL, ffi.NULL)
+
+        follow()
+        self._keep(self._node.create_timer(
+            PERIOD, follow, clock=Clock(clock_type=ClockType.STEADY_TIME)))
+
+    def _delivery(self, topic: int) -> Deliver:
+        """Return the callback for a topic where Python takes the messages."""
+        watch = self._watch
 
         def deliver(data: bytes, received: int, _: int) -> None:
-            with lock:
-                if not reader.read(data, evaluator):
-                    self._tell_undecodable(topic)
-                    return
-                stamp = self._now() if clock.ros_time_is_active else received
-                violations = evaluator.message(topic, stamp)
-                if violations:
-                    self._announce(violations)
+            stamp = self._now() if self._clock.ros_time_is_active else received
+            watch.message(topic, data, stamp)
 
         return deliver
 
-    def _check(self) -> None:
-        if self._feed is not None and self._feed.failure is not None:
-            raise self._feed.failure
+    # What is told.
+
+    def _now(self) -> int:
+        return int(self._clock.now().nanoseconds)
 
     def _hearings(self) -> Sequence[Hearing]:
         return self._feed.hearings() if self._feed is not None else ()
 
-    # What is done with what comes out, and what is told.
-
-    def _announce(self, violations: list[Violation]) -> None:
-        self._details.report(violations, self._evaluator.value)
-        self._handlers.announce(violations)
-
-    def _tick(self) -> None:
-        with self._lock:
-            violations = self._evaluator.tick(self._now())
-            if violations:
-                self._announce(violations)
-
-    def _now(self) -> int:
-        return int(self._node.get_clock().now().nanoseconds)
-
     def _tell_health(self) -> None:
-        self._check()  # in the executor, so that whoever spins the node is told
-        with self._lock:
-            self._health.publish(self._hearings())
+        # In the executor, so that whoever spins the node is told.
+        if self._feed is not None and self._feed.failure is not None:
+            raise self._feed.failure
+        self._health.publish(self._hearings())
+        for topic in range(len(self.manifest.topics)):
+            message = self._watch.evidence(topic)
+            if message is not None:
+                self._tell_odd(topic, message)
+
+    def _tell_odd(self, topic: int, message: bytes) -> None:
+        """Tell of what cannot be used of a message, of a topic and of an input once."""
+        readings = read_fields(self.opened.monitor, topic, message)
+        if readings is None:
+            self._tell_undecodable(topic)
+            return
+        for index, reading in zip(self.manifest.topics[topic].inputs, readings, strict=True):
+            if reading.outcome is not Outcome.READ:
+                self._tell_unusable(index, topic, message)
 
     def _tell_missing(self) -> None:
         self._patience.cancel()
-        with self._lock:
-            told = describe_missing(
-                self._evaluator, self._hearings(), self._node.resolve_topic_name)
+        told = describe_missing(self._watch, self._hearings(), self._node.resolve_topic_name)
         if told is not None:
             self._node.get_logger().warning(told)
 
     def _tell_undecodable(self, topic: int) -> None:
-        if self._evaluator.topic_counts(topic).undecodable == 1:
-            mapped = self.manifest.topics[topic]
+        mapped = self.manifest.topics[topic]
+        if self._is_news(mapped.name):
             self._node.get_logger().error(
                 f'a message on {self._node.resolve_topic_name(mapped.name)} cannot be decoded as '
                 f'{mapped.message_type}; such messages are counted and are no step')
 
-    def _tell_unusable(self, index: int, reason: str) -> None:
-        item = self.manifest.inputs[index]
-        assert item.topic is not None
-        outcome = 'has no value yet' if self._evaluator.value(index) is None else 'keeps its value'
+    def _tell_unusable(self, index: int, topic: int, message: bytes) -> None:
+        if not self._is_news(index):
+            return
+        item, mapped = self.manifest.inputs[index], self.manifest.topics[topic]
+        reason = why_unusable(item, message, self._classes[mapped.message_type])
+        outcome = 'has no value yet' if self._watch.value(index) is None else 'keeps its value'
         self._node.get_logger().warning(
-            f"{self._node.resolve_topic_name(item.topic)}: {reason}; input '{item.name}' "
+            f"{self._node.resolve_topic_name(mapped.name)}: {reason}; input '{item.name}' "
             f'{outcome}')
+
+    def _is_news(self, what: int | str) -> bool:
+        is_news = what not in self._told
+        self._told.add(what)
+        return is_news
+
+    def _read_overrides(self) -> None:
+        self._overrides = Overrides.of(self._node)
+        self._overrides.refuse_publishers([
+            self._node.resolve_topic_name(name) for name in (
+                DETAILS_TOPIC, *map(handler_topic, self.manifest.requirements))])
 
     def _refuse_merged_topics(self) -> None:
         """Refuse remappings that lead two topics together: a message would be two steps."""
@@ -272,13 +347,14 @@ def _lines_wanted(item: ManifestInput) -> list[str]:
             f'      type: {item.message_type or f"std_msgs/msg/{standard}"}']
 
 
-def _readers(manifest: Manifest, tell: TellUnusable) -> list[MessageReader]:
+def _message_classes(manifest: Manifest) -> dict[str, Any]:
+    classes: dict[str, Any] = {}
     problems: list[str] = []
     for message_type in sorted({topic.message_type for topic in manifest.topics}):
         try:
-            message_class(message_type)
+            classes[message_type] = message_class(message_type)
         except MessageTypeError as error:
             problems.append(str(error))
     if problems:
         raise Refusal(*problems)
-    return [MessageReader(manifest, topic, tell) for topic in range(len(manifest.topics))]
+    return classes

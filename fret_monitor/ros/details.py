@@ -20,24 +20,21 @@ somebody listens, and published just before the handler's message, so that who h
 order has it at hand.
 """
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import re
 import struct
-from time import monotonic
+from threading import Event
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from fret_monitor.manifest import Manifest, ManifestInput, Severity, ValueType
 from fret_monitor.ros.qos import VIOLATION_QOS
-from fret_monitor.runtime import Violation
+from fret_monitor.runtime import ViolationDetail
 
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 
 DETAILS_TOPIC = 'copilot/violations'
-MOST_A_SECOND = 100
-"""Details of a requirement in a second; the rest is counted, and told as `suppressed`."""
-
 LEVELS = {Severity.ERROR: DiagnosticStatus.ERROR, Severity.WARN: DiagnosticStatus.WARN}
 
 Value = bool | int | float | None
@@ -73,58 +70,40 @@ class Details:
         """Advertise the topic."""
         self._node = node
         self._manifest = manifest
-        self._publisher = node.create_publisher(DiagnosticArray, DETAILS_TOPIC, VIOLATION_QOS)
-        self._quotas = [Quota() for _ in manifest.requirements]
+        self.listening = Event()
+        self._publisher = node.create_publisher(
+            DiagnosticArray, DETAILS_TOPIC, VIOLATION_QOS,
+            event_callbacks=PublisherEventCallbacks(matched=lambda _: self.listening.set()))
 
-    def report(self, violations: Sequence[Violation], value: Callable[[int], Value]) -> None:
-        """Publish the details of violations of one step; `value` gives that of an input."""
-        if not self._publisher.get_subscription_count():
-            return
-        shown = [item for item in violations if self._quotas[item.requirement].take()]
-        if shown:
-            array = DiagnosticArray(status=[self._status(item, value) for item in shown])
-            array.header.stamp = as_time(shown[0].stamp)
-            self._publisher.publish(array)
+    def listeners(self) -> int:
+        """Return how many listen now; `listening` is set whenever one comes or goes."""
+        return int(self._publisher.get_subscription_count())
+
+    def publish(self, detail: ViolationDetail) -> None:
+        """Publish the details of a violation."""
+        array = DiagnosticArray(status=[self._status(detail)])
+        array.header.stamp = as_time(detail.violation.stamp)
+        self._publisher.publish(array)
 
     def close(self) -> None:
         """Withdraw the topic."""
         self._node.destroy_publisher(self._publisher)
 
-    def _status(self, violation: Violation, value: Callable[[int], Value]) -> DiagnosticStatus:
+    def _status(self, detail: ViolationDetail) -> DiagnosticStatus:
+        violation = detail.violation
         requirement = self._manifest.requirements[violation.requirement]
         inputs = self._manifest.inputs
         pairs = [  # the first three always; the inputs may have any names
             ('step', str(violation.step)),
             ('stamp', f'{violation.stamp / 1e9:.9f}'),
-            ('suppressed', str(self._quotas[violation.requirement].refused)),
-            *((inputs[index].name, show(inputs[index], value(index)))
+            ('suppressed', str(detail.suppressed)),
+            *((inputs[index].name, show(inputs[index], detail.values[index]))
               for index in requirement.inputs)]
         return DiagnosticStatus(
             level=LEVELS[requirement.severity], name=requirement.id,
             message=' '.join((requirement.title or requirement.text).split()),
             hardware_id=self._manifest.component,
             values=[KeyValue(key=key, value=text) for key, text in pairs])
-
-
-class Quota:
-    """Lets so much pass in a second, and counts the rest."""
-
-    def __init__(self) -> None:
-        """Start with nothing spent."""
-        self.refused = 0
-        self._second = 0
-        self._spent = 0
-
-    def take(self) -> bool:
-        """Return whether one more may pass."""
-        second = int(monotonic())
-        if second != self._second:
-            self._second, self._spent = second, 0
-        self._spent += 1
-        if self._spent <= MOST_A_SECOND:
-            return True
-        self.refused += 1
-        return False
 
 
 def as_time(nanoseconds: int) -> Time:

@@ -13,103 +13,26 @@
 # limitations under the License.
 
 """
-From a message to stored inputs: the one place that knows how fields are reached.
+Message types as rclpy knows them, and why a field of a message cannot be used.
 
-Callbacks store, the evaluator steps. A reader is made once for a topic; code in C that reads the
-same fields out of the serialized bytes can take its place (DESIGN 8).
+Fields are read in C (`csrc/fret_fields.h`); here is what is told of them.
 """
 
-from collections.abc import Callable
 from importlib import import_module
-from operator import attrgetter, itemgetter
-from typing import Any, Protocol
+from typing import Any
 
-from fret_monitor.manifest import Manifest, ManifestInput, ManifestTopic, ValueType
+from fret_monitor.manifest import ManifestInput
 
 from rclpy.serialization import deserialize_message
 
-
-class MessageTypeError(Exception):
-    """A message type that is not installed here."""
-
-
-# RMWError is a RuntimeError; the others come from making Python objects of what was decoded
 UNDECODABLE = (AssertionError, RuntimeError, SystemError, ValueError)
-
+"""What rclpy raises of bytes that are no message."""
 
 _SHOWN = 60  # characters of a string that is none of the values
 
 
-class InputStore(Protocol):
-    """What a reader writes to: the part of the evaluator that keeps values."""
-
-    def store(self, index: int, value: bool | int | float) -> None:
-        """Keep the value of an input."""
-
-    def unusable(self, index: int) -> None:
-        """Count a field that cannot be used."""
-
-    def undecodable(self, index: int) -> None:
-        """Count a message of a topic that cannot be decoded."""
-
-
-class UnusableField(Exception):
-    """A field whose value cannot be used: outside the array, or outside `values`."""
-
-
-TellUnusable = Callable[[int, str], None]
-"""Takes an input (index) whose field cannot be used for the first time, and why."""
-
-
-class MessageReader:
-    """Stores the inputs that one topic feeds, from its serialized messages."""
-
-    def __init__(self, manifest: Manifest, topic: int,
-                 tell: TellUnusable = lambda index, reason: None) -> None:
-        """
-        Prepare for a topic, given by its index in the manifest.
-
-        `tell` is called once an input at most.
-
-        Raises
-        ------
-        MessageTypeError
-            if the topic's message type cannot be imported.
-        """
-        mapped: ManifestTopic = manifest.topics[topic]
-        self.topic = topic
-        self.message_class = message_class(mapped.message_type)
-        self._fields = tuple(
-            (index, field_reader(manifest.inputs[index])) for index in mapped.inputs)
-        self._inputs = manifest.inputs
-        self._tell = tell
-        self._told: set[int] = set()
-
-    def read(self, data: bytes, inputs: InputStore) -> bool:
-        """
-        Store all inputs that the message feeds.
-
-        Returns whether it was a message: one that cannot be decoded is counted and is no step.
-        """
-        try:
-            message = deserialize_message(data, self.message_class)
-        except UNDECODABLE:
-            inputs.undecodable(self.topic)
-            return False
-        for index, read in self._fields:
-            try:
-                value = read(message)
-            except UnusableField:
-                inputs.unusable(index)
-                self._tell_once(index, message)
-            else:
-                inputs.store(index, value)
-        return True
-
-    def _tell_once(self, index: int, message: Any) -> None:
-        if index not in self._told:
-            self._told.add(index)
-            self._tell(index, why_unusable(self._inputs[index], message))
+class MessageTypeError(Exception):
+    """A message type that is not installed here."""
 
 
 def message_class(message_type: str) -> Any:
@@ -131,28 +54,13 @@ def message_class(message_type: str) -> Any:
             f'ros-$ROS_DISTRO-{package.replace("_", "-")}) or source its workspace') from None
 
 
-def field_reader(item: ManifestInput) -> Callable[[Any], bool | int | float]:
-    """
-    Return the function from a message to the value of an input, as the evaluator stores it.
-
-    The function raises `UnusableField`.
-    """
-    reach = _path_reader(item.path)
-    convert = _converter(item)
-
-    def read(message: Any) -> bool | int | float:
-        try:
-            return convert(reach(message))
-        except (LookupError, ValueError):
-            raise UnusableField from None
-
-    return read
-
-
-def why_unusable(item: ManifestInput, message: Any) -> str:
-    """Return why the field of an input cannot be used in this message, for a person."""
+def why_unusable(item: ManifestInput, message: bytes, kind: Any) -> str:
+    """Return why the field of an input cannot be used in a serialized message, for a person."""
     field = _path_text(item.path)
-    value = message
+    try:
+        value = deserialize_message(message, kind)
+    except UNDECODABLE:
+        return f'{field} cannot be read'
     for place, step in enumerate(item.path):
         if isinstance(step, str):
             value = getattr(value, step)
@@ -163,6 +71,8 @@ def why_unusable(item: ManifestInput, message: Any) -> str:
             which = 'the array' if place == len(item.path) - 1 else array
             size = f'{len(value)} element{"" if len(value) == 1 else "s"}'
             return f'{field} cannot be read ({which} has {size})'
+    if item.reduction:
+        return f'{item.reduction}({field}) has no value (the array is empty)'
     shown = repr(value)
     if len(shown) > _SHOWN:
         shown = shown[:_SHOWN] + '...'
@@ -171,31 +81,3 @@ def why_unusable(item: ManifestInput, message: Any) -> str:
 
 def _path_text(path: tuple[str | int, ...]) -> str:
     return ''.join(f'[{step}]' if isinstance(step, int) else f'.{step}' for step in path)[1:]
-
-
-def _path_reader(path: tuple[str | int, ...]) -> Callable[[Any], Any]:
-    if all(isinstance(step, str) for step in path):
-        return attrgetter('.'.join(str(step) for step in path))
-    steps: list[Callable[[Any], Any]] = [
-        itemgetter(step) if isinstance(step, int) else attrgetter(step) for step in path]
-
-    def reach(message: Any) -> Any:
-        for step in steps:
-            message = step(message)
-        return message
-
-    return reach
-
-
-def _converter(item: ManifestInput) -> Callable[[Any], bool | int | float]:
-    if item.is_string:
-        places = {value: place for place, (_, value) in enumerate(item.values)}
-        return places.__getitem__
-    if item.value_type is ValueType.BOOL:
-        return bool
-    return float if item.value_type.is_float else _integer
-
-
-def _integer(value: Any) -> int:
-    # A `byte` field comes as bytes of length one, an element of a fixed array as a numpy scalar.
-    return value[0] if isinstance(value, bytes) else int(value)

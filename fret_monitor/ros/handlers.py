@@ -31,22 +31,22 @@ def handler_topic(requirement: ManifestRequirement) -> str:
 
 
 class Handlers:
-    """Announces violations."""
+    """Announces violations; `publishers` are by requirement."""
 
     def __init__(self, node: Node, manifest: Manifest) -> None:
         """Advertise the handlers of all requirements."""
         self._node = node
         self._message = serialize_message(Empty())
-        self._publishers = [
+        self.publishers = [
             node.create_publisher(Empty, handler_topic(requirement), VIOLATION_QOS)
             for requirement in manifest.requirements]
 
     def announce(self, violations: Iterable[Violation]) -> None:
         """Publish a message for each violation, in order; never suppressed."""
         for violation in violations:
-            self._publishers[violation.requirement].publish(self._message)
+            self.publishers[violation.requirement].publish(self._message)
 
     def close(self) -> None:
         """Withdraw the topics."""
-        for publisher in self._publishers:
+        for publisher in self.publishers:
             self._node.destroy_publisher(publisher)

@@ -15,29 +15,32 @@
 """
 How the monitor fares, where operators look: `/diagnostics`, once a second (DESIGN 8).
 
-A status for each requirement and each topic, named `NODE: ITEM`, as aggregators expect. What
-keeps requirements from being evaluated at all is told in a sentence for the log, too.
+A status for each requirement and each topic, and one for the periods if there are any, named
+`NODE: ITEM`, as aggregators expect. What keeps requirements from being evaluated at all is told
+in a sentence for the log, too.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from time import monotonic
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from fret_monitor.manifest import ManifestRequirement, ManifestTopic
+from fret_monitor.manifest import ManifestRequirement, ManifestTopic, Stale
 from fret_monitor.ros.details import LEVELS
 from fret_monitor.ros.feed import Hearing
-from fret_monitor.runtime import Evaluator
+from fret_monitor.ros.periods import Schedule
+from fret_monitor.ros.silence import Silence, Silences, some
+from fret_monitor.runtime import Watch
 
 from rclpy.node import Node
 
 PERIOD = 1.0  # s
-_NAMED = 5  # requirements, topics, and inputs of a topic in one line of the log
 
 
 class Health:
     """Publishes diagnostics while somebody listens."""
 
-    def __init__(self, node: Node, evaluator: Evaluator) -> None:
+    def __init__(self, node: Node, evaluator: Watch, silences: Silences | None = None,
+                 schedule: Schedule | None = None) -> None:
         """Advertise the topic; whoever made this calls `publish` each `PERIOD`."""
         self._node = node
         self._evaluator = evaluator
@@ -46,20 +49,29 @@ class Health:
         self._prefix = node.get_fully_qualified_name().lstrip('/')
         self._received = [0] * len(self._manifest.topics)
         self._unusable = [0] * len(self._manifest.inputs)
+        self._lost = [0] * len(self._manifest.topics)
+        self._silences = silences
+        self._schedule = schedule
+        self._periods = (0, 0)  # late, missed
         self._time = monotonic()
 
     def publish(self, hearings: Sequence[Hearing]) -> None:
         """Publish what is so now; `hearings` are who is heard on the topics, in their order."""
         rates, unusable = list(self._rates()), self._newly_unusable()
+        lost, periods = list(self._newly_lost(hearings)), list(self._of_periods())
         if not self._publisher.get_subscription_count():
             return
         array = DiagnosticArray()
         array.header.stamp = self._node.get_clock().now().to_msg()
+        silent = {item.index: item for item in self._silences.silent()} if self._silences else {}
         array.status = [
-            *(self._of_requirement(index, item)
+            *(self._of_requirement(index, item, silent)
               for index, item in enumerate(self._manifest.requirements)),
-            *(self._of_topic(index, item, hearings[index], rates[index], unusable)
-              for index, item in enumerate(self._manifest.topics))]
+            *(self._of_topic(index, hearing, rates[index], [
+                *self._of_silence(index, silent),
+                *self._of_messages(index, unusable, lost[index])])
+              for index, hearing in enumerate(hearings)),
+            *periods]
         self._publisher.publish(array)
 
     def close(self) -> None:
@@ -81,12 +93,45 @@ class Health:
                           for index in range(len(before))]
         return {index for index, count in enumerate(self._unusable) if count > before[index]}
 
-    def _of_requirement(self, index: int, item: ManifestRequirement) -> DiagnosticStatus:
+    def _newly_lost(self, hearings: Sequence[Hearing]) -> Iterator[int]:
+        """Yield how many messages of each topic were lost since the last time."""
+        for index, hearing in enumerate(hearings):
+            yield hearing.lost - self._lost[index]
+            self._lost[index] = hearing.lost
+
+    def _of_periods(self) -> Iterator[DiagnosticStatus]:
+        if self._schedule is None:
+            return
+        schedule = self._schedule
+        late, missed = schedule.late - self._periods[0], schedule.missed - self._periods[1]
+        self._periods = (schedule.late, schedule.missed)
+        level, message = DiagnosticStatus.OK, 'in time'
+        if late or missed:
+            level = DiagnosticStatus.WARN
+            message = f'{missed} missed, {late} late since the last report'
+        yield self._status(f'periods of {self._manifest.name}', level, message, {
+            'period': f'{schedule.period:g}', 'ticks': schedule.ticks, 'late': schedule.late,
+            'missed': schedule.missed, 'restarts': schedule.restarts})
+
+    def _named(self, places: Collection[int]) -> str:
+        return ', '.join(self._manifest.inputs[place].name for place in places)
+
+    def _of_requirement(self, index: int, item: ManifestRequirement,
+                        silent: Collection[int]) -> DiagnosticStatus:
         counts = self._evaluator.requirement_counts(index)
         missing = [self._manifest.inputs[place].name for place in item.inputs
                    if self._evaluator.value(place) is None]
-        if missing:
+        old = [place for place in item.inputs if place in silent]
+        violating = [place for place in old
+                     if self._manifest.inputs[place].stale is Stale.VIOLATE]
+        if violating and not counts.verdict:
+            level = LEVELS[item.severity]
+            message = f'violated: nothing comes of {self._named(violating)}'
+        elif missing:
             level, message = DiagnosticStatus.WARN, f'no value yet of {", ".join(missing)}'
+        elif counts.verdict and old:
+            level = DiagnosticStatus.WARN
+            message = f'satisfied, on old values of {self._named(old)}'
         elif counts.verdict:
             level, message = DiagnosticStatus.OK, 'satisfied'
         else:
@@ -95,18 +140,42 @@ class Health:
             'steps': counts.steps, 'violations': counts.violations,
             'announced': counts.announced, 'text': ' '.join((item.title or item.text).split())})
 
-    def _of_topic(self, index: int, item: ManifestTopic, hearing: Hearing,
-                  rate: float, newly_unusable: set[int]) -> DiagnosticStatus:
+    def _of_silence(self, index: int, silent: dict[int, Silence]) -> Iterator[tuple[bytes, str]]:
+        found = [place for place in self._manifest.topics[index].inputs if place in silent]
+        if found:
+            is_violating = self._manifest.inputs[found[0]].stale is Stale.VIOLATE
+            lasted = max(silent[place].lasted for place in found) / 1e9
+            yield (DiagnosticStatus.ERROR if is_violating else DiagnosticStatus.WARN,
+                   f'nothing for {lasted:.1f} s of {self._named(found)}')
+
+    def _of_messages(self, index: int, unusable: set[int],
+                     lost: int) -> Iterator[tuple[bytes, str]]:
+        found = [place for place in self._manifest.topics[index].inputs if place in unusable]
+        if found:
+            yield DiagnosticStatus.WARN, f'fields cannot be used: {self._named(found)}'
+        if lost > 0:
+            yield DiagnosticStatus.WARN, f'{lost} lost since the last report'
+
+    def _of_topic(self, index: int, hearing: Hearing, rate: float,
+                  troubles: Sequence[tuple[bytes, str]]) -> DiagnosticStatus:
+        item = self._manifest.topics[index]
         counts = self._evaluator.topic_counts(index)
-        unusable = {
-            self._manifest.inputs[place].name: self._unusable[place] for place in item.inputs}
-        level, message = _judgement(item, hearing, [
-            self._manifest.inputs[place].name for place in item.inputs if place in newly_unusable])
+        found = [*_troubles(item, hearing), *troubles]
+        if not hearing.publishers:
+            found.append((DiagnosticStatus.WARN, 'no publisher'))
+        names = {self._manifest.inputs[place].name: place for place in item.inputs}
+        silences = {f'silences {name}': self._silences.count(place)
+                    for name, place in names.items()} if self._silences else {}
         return self._status(
-            f'topic {self._node.resolve_topic_name(item.name)}', level, message, {
+            f'topic {self._node.resolve_topic_name(item.name)}',
+            max([level for level, _ in found], default=DiagnosticStatus.OK),
+            '; '.join(message for _, message in found) or 'received', {
                 'received': counts.messages, 'rate': f'{rate:.1f}',
-                'undecodable': counts.undecodable, 'publishers': hearing.publishers,
-                **{f'unusable {name}': count for name, count in unusable.items() if count}})
+                'undecodable': counts.undecodable, 'lost': hearing.lost,
+                'publishers': hearing.publishers,
+                **{f'unusable {name}': self._unusable[place] for name, place in names.items()
+                   if self._unusable[place]},
+                **{key: count for key, count in silences.items() if count is not None}})
 
     def _status(self, name: str, level: bytes, message: str,
                 values: dict[str, object]) -> DiagnosticStatus:
@@ -116,21 +185,16 @@ class Health:
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])
 
 
-def _judgement(topic: ManifestTopic, hearing: Hearing,
-               unusable: Sequence[str]) -> tuple[bytes, str]:
+def _troubles(topic: ManifestTopic, hearing: Hearing) -> Iterator[tuple[bytes, str]]:
+    """Yield what is wrong with who publishes, each with its level."""
     if hearing.other_types:
-        return DiagnosticStatus.ERROR, (
+        yield DiagnosticStatus.ERROR, (
             f'a publisher of {", ".join(hearing.other_types)}, and not {topic.message_type}')
     if hearing.unheard:
-        return DiagnosticStatus.ERROR, f'not heard: {", ".join(hearing.unheard)}'
-    if unusable:
-        return DiagnosticStatus.WARN, f'fields cannot be used: {", ".join(unusable)}'
-    if not hearing.publishers:
-        return DiagnosticStatus.WARN, 'no publisher'
-    return DiagnosticStatus.OK, 'received'
+        yield DiagnosticStatus.ERROR, f'not heard: {", ".join(hearing.unheard)}'
 
 
-def describe_missing(evaluator: Evaluator, hearings: Sequence[Hearing],
+def describe_missing(evaluator: Watch, hearings: Sequence[Hearing],
                      full_name: Callable[[str], str]) -> str | None:
     """
     Return which requirements wait for which topics; None if none does.
@@ -150,16 +214,11 @@ def describe_missing(evaluator: Evaluator, hearings: Sequence[Hearing],
         if names:
             usable = 'usable ' if evaluator.topic_counts(index).messages else ''
             reasons.append(f'nothing {usable}received on {full_name(topic.name)} '
-                           f'({_publishers(topic, hearings[index])}) for {_some(names)}')
-    return (f'{_some([item.id for item in waiting])} {"is" if len(waiting) == 1 else "are"} '
-            f'not evaluated yet: {_some(reasons, "; ")}')
+                           f'({_publishers(topic, hearings[index])}) for {some(names)}')
+    return (f'{some([item.id for item in waiting])} {"is" if len(waiting) == 1 else "are"} '
+            f'not evaluated yet: {some(reasons, "; ")}')
 
 
 def _publishers(topic: ManifestTopic, hearing: Hearing) -> str:
     count = f'{hearing.publishers} publisher{"" if hearing.publishers == 1 else "s"}'
     return f'{count} of {topic.message_type}' if hearing.other_types else count
-
-
-def _some(names: Sequence[str], separator: str = ', ') -> str:
-    more = len(names) - _NAMED
-    return separator.join(names[:_NAMED]) + (f' and {more} more' if more > 0 else '')

@@ -54,8 +54,8 @@ class Middleware:
         Unavailable
             if one of them is not there.
         """
-        rmw, rcl = _loaded('librmw_implementation.so'), _loaded('librcl.so')
-        rcutils = _loaded('librcutils.so')
+        rmw = _loaded('librmw_implementation.so', f'lib{get_rmw_implementation_identifier()}.so')
+        rcl, rcutils = _loaded('librcl.so'), _loaded('librcutils.so')
         self.functions = ffi.new('struct fm_middleware *')
         for field, source, name in (
                 ('take', rmw, 'rmw_take_serialized_message_with_info'),
@@ -71,13 +71,13 @@ class Middleware:
         self.clock_now = ffi.cast('int (*)(void *, int64_t *)', _symbol(
             rcl, 'rcl_clock_get_now'))
 
-    def subscription(self, handle: Any) -> Any:
-        """Return the middleware's object for the handle of a subscription, which is held."""
-        return _found(self._of_subscription(ffi.cast('void *', handle.pointer)))
+    def subscription(self, item: Subscription) -> Any:
+        """Return the middleware's object of a subscription, whose handle is held."""
+        return _found(self._of_subscription(ffi.cast('void *', item.handle.pointer)))
 
-    def publisher(self, handle: Any) -> Any:
-        """Return the middleware's object for the handle of a publisher, which is held."""
-        return _found(self._of_publisher(ffi.cast('void *', handle.pointer)))
+    def publisher(self, item: Publisher) -> Any:
+        """Return the middleware's object of a publisher, whose handle is held."""
+        return _found(self._of_publisher(ffi.cast('void *', item.handle.pointer)))
 
 
 def find_middleware(*, even_unproven: bool = False) -> Middleware:
@@ -111,9 +111,9 @@ class Source:
         self._library = watch.library
         self._watch = watch
         with ExitStack() as undo:
-            handle = undo.enter_context(subscription.handle)
+            undo.enter_context(subscription.handle)
             pointer = self._library.fm_source_start(
-                watch.pointer, middleware.functions, middleware.subscription(handle), topic)
+                watch.pointer, middleware.functions, middleware.subscription(subscription), topic)
             if pointer == ffi.NULL:
                 raise Unavailable('the middleware tells nobody of new messages')
             self._pointer = pointer
@@ -134,6 +134,28 @@ class Source:
         self._held.close()
 
 
+class HotTopic:
+    """A topic whose messages C delivers to a watch, by whichever subscription they come."""
+
+    def __init__(self, watch: Watch, middleware: Middleware, topic: int) -> None:
+        """Deliver as messages of a topic, by its index in the manifest."""
+        self._watch = watch
+        self._middleware = middleware
+        self._topic = topic
+
+    def open(self, subscription: Subscription) -> Source:
+        """Begin to take from a subscription; raises `Unavailable`."""
+        return Source(self._watch, self._middleware, subscription, self._topic)
+
+    def overlap(self, *, has_history: bool) -> None:
+        """From now on a message may come by two subscriptions, and with a history."""
+        self._watch.overlap(self._topic, has_history=has_history)
+
+    def settle(self) -> None:
+        """There is one subscription again."""
+        self._watch.settle(self._topic)
+
+
 class Announcer:
     """The thread in C that publishes the violations of a watch."""
 
@@ -150,8 +172,9 @@ class Announcer:
         self._library = watch.library
         self._watch = watch
         with ExitStack() as undo:
-            handles = [undo.enter_context(item.handle) for item in publishers]
-            found = [middleware.publisher(handle) for handle in handles]
+            for item in publishers:
+                undo.enter_context(item.handle)
+            found = [middleware.publisher(item) for item in publishers]
             pointer = self._library.fm_announcer_start(
                 watch.pointer, middleware.functions, ffi.new('void *[]', [*found, ffi.NULL]),
                 len(found))
@@ -172,11 +195,13 @@ class Announcer:
         self._held.close()
 
 
-def _loaded(name: str) -> Any:
-    found = _C_LIBRARY.dlopen(name.encode(), _LAZY | _ALREADY_LOADED)
-    if found == ffi.NULL:
-        raise Unavailable(f'{name} is not loaded')
-    return found
+def _loaded(*names: str) -> Any:
+    """Return the first of some libraries, by name, that is loaded."""
+    for name in names:
+        found = _C_LIBRARY.dlopen(name.encode(), _LAZY | _ALREADY_LOADED)
+        if found != ffi.NULL:
+            return found
+    raise Unavailable(f'{names[0]} is not loaded')
 
 
 def _symbol(source: Any, name: str) -> Any:

@@ -21,6 +21,7 @@ interpreter lock. It knows no ROS.
 
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from typing import Any
 
 from fret_monitor.native.binding import ffi
@@ -90,8 +91,9 @@ class Watch:
         }))
         if pointer == ffi.NULL:
             raise LibraryError('the library does not read the topics of its manifest')
-        self.pointer: Any = ffi.gc(pointer, self._library.fm_watch_destroy)
-        self._origin = ffi.new('struct fm_origin *')
+        # The function alone would not keep its library open.
+        self.pointer: Any = ffi.gc(pointer, partial(_destroy, self._library))
+        self._origin: Any = ffi.new('struct fm_origin *')
         self._violations = ffi.new('struct fm_violation[]', _BATCH)
         self._types = c_types(self._monitor.manifest)
         self._values = [ffi.new(f'{name} *') for name in self._types]
@@ -190,7 +192,7 @@ class Watch:
 
     def take_detail(self, milliseconds: int) -> ViolationDetail | None:
         """Return the next detail; wait for it so long. One thread calls this."""
-        detail = ffi.cast('struct fm_detail *', self._detail)
+        detail: Any = ffi.cast('struct fm_detail *', self._detail)
         if not self._library.fm_watch_take_detail(self.pointer, detail, milliseconds):
             return None
         item = detail.violation
@@ -244,3 +246,7 @@ class Watch:
         """Return the counters of a topic."""
         found = self._library.fm_watch_topic_counts(self.pointer, index)
         return TopicCounts(found.messages, found.undecodable)
+
+
+def _destroy(library: Any, pointer: Any) -> None:
+    library.fm_watch_destroy(pointer)

@@ -1,0 +1,96 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The threads that empty the queues of a watch: who delivers a message never publishes.
+
+C publishes the handlers where the hot path is (`hot_path.Announcer`); here is the thread that does
+it otherwise, and the one that publishes details while somebody listens.
+"""
+
+from threading import Event, Thread
+
+from fret_monitor.ros.details import Details
+from fret_monitor.ros.handlers import Handlers
+from fret_monitor.runtime import Violation, ViolationDetail, Watch
+
+_PATIENCE = 200  # ms; the end of the watch wakes a thread at once
+_LOOKS = 0.1  # s between two looks whether somebody listens, where no event tells
+
+
+class HandlerOutlet:
+    """Publishes the violations of a watch from a thread in Python."""
+
+    def __init__(self, watch: Watch, handlers: Handlers) -> None:
+        """Start the thread."""
+        self._watch = watch
+        self._handlers = handlers
+        self.failures = 0
+        self._thread = Thread(target=self._run, name='handlers', daemon=True)
+        self._thread.start()
+
+    def join(self) -> None:
+        """Wait until all is published; the watch was closed before."""
+        self._thread.join()
+
+    def _run(self) -> None:
+        while violations := self._next():
+            try:
+                self._handlers.announce(violations)
+            except RuntimeError:  # the context was shut down
+                self.failures += len(violations)
+
+    def _next(self) -> list[Violation]:
+        """Return what is to be announced; nothing once the watch is closed and empty."""
+        while True:
+            is_closed = self._watch.is_closed
+            violations = self._watch.take(_PATIENCE)
+            if violations or is_closed:
+                return violations
+
+
+class DetailOutlet:
+    """Publishes the details of violations while somebody listens."""
+
+    def __init__(self, watch: Watch, details: Details) -> None:
+        """Start the thread."""
+        self._watch = watch
+        self._details = details
+        self._is_over = Event()
+        self._thread = Thread(target=self._run, name='details', daemon=True)
+        self._thread.start()
+
+    def join(self) -> None:
+        """Wait until all is published; the watch was closed before."""
+        self._is_over.set()
+        self._details.listening.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._is_over.is_set():
+            are_wanted = self._details.listeners() > 0
+            self._watch.want_details(are_wanted)
+            if not are_wanted:
+                self._details.listening.wait(_LOOKS)
+                self._details.listening.clear()
+            elif (detail := self._watch.take_detail(_PATIENCE)) is not None:
+                self._publish(detail)
+        while (detail := self._watch.take_detail(0)) is not None:
+            self._publish(detail)
+
+    def _publish(self, detail: ViolationDetail) -> None:
+        try:
+            self._details.publish(detail)
+        except RuntimeError:  # the context was shut down
+            pass
