@@ -35,134 +35,69 @@ std_msgs = pytest.importorskip('std_msgs.msg')
 
 
 class Stored:
-    """An `InputStore` that remembers."""
+    """Message types by name, and why a field of a message cannot be used."""
 
-    def __init__(self) -> None:
-        self.values: dict[int, bool | int | float] = {}
-        self.unusable_inputs: list[int] = []
-        self.undecodable_topics: list[int] = []
+from typing import Any
 
-    def store(self, index: int, value: bool | int | float) -> None:
-        self.values[index] = value
+from fret_monitor.manifest import ManifestInput
+from fret_monitor.manifest import ValueType
+from fret_monitor.ros.fields import message_class
+from fret_monitor.ros.fields import MessageTypeError
+from fret_monitor.ros.fields import why_unusable
+import pytest
+from rclpy.serialization import serialize_message
 
-    def unusable(self, index: int) -> None:
-        self.unusable_inputs.append(index)
-
-    def undecodable(self, topic: int) -> None:
-        self.undecodable_topics.append(topic)
+sensor_msgs = pytest.importorskip('sensor_msgs.msg')
+std_msgs = pytest.importorskip('std_msgs.msg')
 
 
 def an_input(
     kind: ValueType, *path: str | int, values: tuple[tuple[str, int | str], ...] = (),
+    reduction: str = '',
 ) -> ManifestInput:
-    return ManifestInput('x', kind, 't', 'any', path, values, None)
+    return ManifestInput('x', kind, 't', 'any', path, values, None, reduction)
 
 
-def test_a_nested_field_is_reached_by_its_path() -> None:
-    message = nav_msgs.Odometry()
-    message.pose.pose.position.z = 1.5
-    read = field_reader(an_input(ValueType.FLOAT64, 'pose', 'pose', 'position', 'z'))
-    assert read(message) == 1.5
+def why(item: ManifestInput, message: Any) -> str:
+    return why_unusable(item, serialize_message(message), type(message))
 
 
-@pytest.mark.parametrize(('field', 'size'), [('position', 3), ('velocity', 2)])
-def test_an_index_reaches_into_an_array_and_not_beyond(field: str, size: int) -> None:
-    message = sensor_msgs.JointState(position=[1.0, 2.0, 3.0], velocity=[4.0, 5.0])
-    for index in range(size):
-        read = field_reader(an_input(ValueType.FLOAT64, field, index))
-        assert read(message) == getattr(message, field)[index]
-    with pytest.raises(UnusableField):
-        field_reader(an_input(ValueType.FLOAT64, field, size))(message)
-
-
-def test_an_element_of_a_fixed_array_is_a_plain_number() -> None:
-    message = sensor_msgs.Imu()
-    message.orientation_covariance[4] = 0.25
-    value = field_reader(an_input(ValueType.FLOAT64, 'orientation_covariance', 4))(message)
-    assert (type(value), value) == (float, 0.25)
-
-
-def test_a_field_behind_an_index_is_reached() -> None:
-    status = message_class('diagnostic_msgs/msg/DiagnosticStatus')
-    message = message_class('diagnostic_msgs/msg/DiagnosticArray')(
-        status=[status(level=b'\0'), status(level=b'\2')])
-    assert field_reader(an_input(ValueType.UINT8, 'status', 1, 'level'))(message) == 2
-
-
-@pytest.mark.parametrize(('name', 'kind', 'given', 'stored'), [
-    ('Bool', ValueType.BOOL, True, True),
-    ('Byte', ValueType.UINT8, b'\xff', 255),
-    ('Int64', ValueType.INT64, -2**63, -2**63),
-    ('UInt64', ValueType.UINT64, 2**64 - 1, 2**64 - 1),
-    ('Float32', ValueType.FLOAT32, 0.5, 0.5),
-])
-def test_a_standard_message_gives_its_value(
-    name: str, kind: ValueType, given: Any, stored: Any,
-) -> None:
-    value = field_reader(an_input(kind, 'data'))(getattr(std_msgs, name)(data=given))
-    assert (type(value), value) == (type(stored), stored)
-
-
-def test_a_string_is_its_place_among_the_values_and_no_other_can_be_used() -> None:
-    read = field_reader(an_input(
-        ValueType.INT32, 'data', values=(('IDLE', 'idle'), ('LANDING', 'landing now'))))
-    assert read(std_msgs.String(data='landing now')) == 1
-    for unknown in ('LANDING', ''):
-        with pytest.raises(UnusableField):
-            read(std_msgs.String(data=unknown))
-
-
-def joint_reader(
-    tell: Callable[[int, str], None] = lambda index, reason: None,
-) -> MessageReader:
-    inputs = (an_input(ValueType.FLOAT64, 'position', 0), an_input(ValueType.FLOAT64, 'effort', 1))
-    topics = (ManifestTopic('other', 'std_msgs/msg/Bool', (), ()),
-              ManifestTopic('joints', 'sensor_msgs/msg/JointState', (0, 1), ()))
-    manifest = Manifest('m', 'm', '', Policy.EVERY_MESSAGE, None, inputs, topics, (), (), 0, '',
-                        '', ())
-    return MessageReader(manifest, 1, tell)
-
-
-def test_a_message_whose_field_cannot_be_used_still_stores_the_others() -> None:
-    stored = Stored()
-    message = sensor_msgs.JointState(position=[7.0], effort=[1.0])
-    assert joint_reader().read(serialize_message(message), stored)
-    assert (stored.values, stored.unusable_inputs) == ({0: 7.0}, [1])
-
-
-def test_what_cannot_be_used_is_told_once_an_input() -> None:
-    told: list[tuple[int, str]] = []
-    reader = joint_reader(lambda index, reason: told.append((index, reason)))
-    for size in (2, 1, 0):
-        message = sensor_msgs.JointState(position=[7.0] * size, effort=[1.0] * size)
-        assert reader.read(serialize_message(message), Stored())
-    assert told == [(1, 'effort[1] cannot be read (the array has 1 element)'),
-                    (0, 'position[0] cannot be read (the array has 0 elements)')]
+def test_an_array_that_is_too_short_is_told_with_its_size() -> None:
+    item = an_input(ValueType.FLOAT64, 'effort', 1)
+    for size, shown in ((1, '1 element'), (0, '0 elements')):
+        message = sensor_msgs.JointState(effort=[1.0] * size)
+        assert why(item, message) == f'effort[1] cannot be read (the array has {shown})'
 
 
 def test_of_arrays_in_arrays_the_one_too_short_is_named() -> None:
     status = message_class('diagnostic_msgs/msg/DiagnosticStatus')
     message = message_class('diagnostic_msgs/msg/DiagnosticArray')(status=[status()])
     inner = an_input(ValueType.INT32, 'status', 0, 'values', 2, 'value', values=(('A', 'a'),))
-    assert why_unusable(inner, message) == (
+    assert why(inner, message) == (
         'status[0].values[2].value cannot be read (status[0].values has 0 elements)')
     outer = an_input(ValueType.UINT8, 'status', 1, 'level')
-    assert why_unusable(outer, message) == (
-        'status[1].level cannot be read (status has 1 element)')
+    assert why(outer, message) == 'status[1].level cannot be read (status has 1 element)'
 
 
 def test_a_string_outside_the_values_is_told_and_a_long_one_cut() -> None:
     item = an_input(ValueType.INT32, 'data', values=(('IDLE', 'idle'),))
-    assert why_unusable(item, std_msgs.String(data='broken\n')) == (
+    assert why(item, std_msgs.String(data='broken\n')) == (
         r"data is 'broken\n', which is not among its values in the bundle")
-    assert len(why_unusable(item, std_msgs.String(data='x' * 100_000))) < 130
+    assert len(why(item, std_msgs.String(data='x' * 100_000))) < 130
 
 
-@pytest.mark.parametrize('data', [b'', b'\0\1\0\0', b'\0\1\0\0' + b'\xff' * 20])
-def test_bytes_that_are_no_message_are_counted_and_store_nothing(data: bytes) -> None:
-    stored = Stored()
-    assert not joint_reader().read(data, stored)
-    assert (stored.values, stored.undecodable_topics) == ({}, [1])
+def test_an_empty_array_that_was_to_be_reduced_is_told() -> None:
+    item = an_input(ValueType.FLOAT32, 'ranges', reduction='min')
+    assert why(item, sensor_msgs.LaserScan()) == 'min(ranges) has no value (the array is empty)'
+
+
+def test_bytes_that_are_no_message_cannot_be_read() -> None:
+    item = an_input(ValueType.FLOAT32, 'data')
+    assert why_unusable(item, b'', std_msgs.Float32) == 'data cannot be read'
+
+
+def test_events_of_services_have_a_class() -> None:
+    assert message_class('std_srvs/srv/Trigger_Event').__name__ == 'Trigger_Event'
 
 
 @pytest.mark.parametrize('name', ['no_such_msgs/msg/Bool', 'std_msgs/msg/NoSuch'])
