@@ -12,30 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-from collections.abc import Callable
-from typing import Any
-
-from fret_monitor.manifest import Manifest
-from fret_monitor.manifest import ManifestInput
-from fret_monitor.manifest import ManifestTopic
-from fret_monitor.manifest import Policy
-from fret_monitor.manifest import ValueType
-from fret_monitor.ros.fields import field_reader
-from fret_monitor.ros.fields import message_class
-from fret_monitor.ros.fields import MessageReader
-from fret_monitor.ros.fields import MessageTypeError
-from fret_monitor.ros.fields import UnusableField
-from fret_monitor.ros.fields import why_unusable
-import pytest
-from rclpy.serialization import serialize_message
-
-sensor_msgs = pytest.importorskip('sensor_msgs.msg')
-nav_msgs = pytest.importorskip('nav_msgs.msg')
-std_msgs = pytest.importorskip('std_msgs.msg')
-
-
-class Stored:
-    """Message types by name, and why a field of a message cannot be used."""
+"""Message types by name, and why a field of a message cannot be used."""
 
 from typing import Any
 
