@@ -52,7 +52,6 @@ thread.
 """
 
 
-
 class Tap(Protocol):
     """What takes the messages of one subscription outside this thread."""
 
@@ -389,8 +388,8 @@ class _Topic:
         if self._tell_once(bytes(publisher.endpoint_gid)):
             self._node.get_logger().error(
                 f'{_who(publisher)} is not heard on {self._current.topic_name}: '
-                f'it offers {qos.describe(publisher.qos_profile)}, and `qos` in the bundle asks '
-                f'for {qos.describe(self._current.qos_profile)}')
+                f'it offers {qos.describe(publisher.qos_profile)}, and what is asked for, by '
+                f'`qos` or `qos_overrides`, is {qos.describe(self._current.qos_profile)}')
 
     def _tell_once(self, key: object) -> bool:
         is_news = key not in self._told

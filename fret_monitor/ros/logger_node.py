@@ -30,6 +30,7 @@ from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
 from fret_monitor.ros.feed import Deliver, Feed
 from fret_monitor.ros.fields import UNDECODABLE
 from fret_monitor.ros.handlers import handler_topic
+from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import LOGGER_PARAMETERS, Parameters, read_settings
 from fret_monitor.ros.qos import VIOLATION_REQUEST
 
@@ -98,11 +99,17 @@ class LoggerNode(Node):
         requirements = [requirement for manifest in open_manifests(settings)
                         for requirement in manifest.requirements]
         self._heard = {requirement.id: Heard() for requirement in requirements}
+        overrides = Overrides.of(self)
+
+        def request(name: str) -> dict[str, str | int]:
+            return overrides.apply(self.resolve_topic_name(name), VIOLATION_REQUEST)
+
         self._feed.subscribe(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
-                             self._keep_details, VIOLATION_REQUEST)
+                             self._keep_details, request(DETAILS_TOPIC))
         for requirement in requirements:
-            self._feed.subscribe(handler_topic(requirement), 'std_msgs/msg/Empty', Empty,
-                                 self._report(requirement), VIOLATION_REQUEST)
+            name = handler_topic(requirement)
+            self._feed.subscribe(name, 'std_msgs/msg/Empty', Empty, self._report(requirement),
+                                 request(name))
         self._feed.start()
         self.create_timer(_CHECK, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(

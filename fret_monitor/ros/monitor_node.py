@@ -14,7 +14,7 @@
 
 """The node that watches: what it is to do comes by parameters, the work is `BundleWatch`'s."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from contextlib import ExitStack
 import traceback
@@ -24,6 +24,7 @@ from fret_monitor.ros.announcement import announcement, count
 from fret_monitor.ros.bundle_watch import BundleWatch
 from fret_monitor.ros.compiled import open_monitors
 from fret_monitor.ros.namesakes import Namesakes
+from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import MONITOR_PARAMETERS, Parameters, read_settings, Refusal
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -140,9 +141,14 @@ class MonitorNode(LifecycleNode):
             for item in opened:
                 self._watches.append(BundleWatch(self, item, hot_path=settings.hot_path))
             undo.pop_all()
-        for item in opened:
-            for warning in item.warnings:
-                self.get_logger().warning(warning)
+        self._warn([warning for item in opened for warning in item.warnings])
+        self._warn(Overrides.of(self).unused([
+            self.resolve_topic_name(topic.name)
+            for watch in self._watches for topic in watch.manifest.topics]))
+
+    def _warn(self, warnings: Iterable[str]) -> None:
+        for warning in warnings:
+            self.get_logger().warning(warning)
 
     def _activate(self) -> None:
         with ExitStack() as undo:

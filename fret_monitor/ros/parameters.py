@@ -150,10 +150,8 @@ class Parameters:
         # A file of parameters with the wildcard `/**` names those of other nodes too.
         for name in self._node._parameter_overrides:
             if name.startswith('qos_overrides.'):
-                self._node.get_logger().warning(
-                    f"ignored parameter '{name}': overrides of the quality of service are not "
-                    'read yet; say `qos` of the input in the bundle')
-            elif name not in _KNOWN and not self._node.has_parameter(name):
+                continue  # `Overrides` reads them
+            if name not in _KNOWN and not self._node.has_parameter(name):
                 hint = did_you_mean(name, self._table) or f'this node has {", ".join(self._table)}'
                 self._node.get_logger().warning(f"ignored parameter '{name}': {hint}")
 

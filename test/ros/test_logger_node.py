@@ -25,6 +25,7 @@ from fret_monitor.ros.logger_node import Heard
 from fret_monitor.start import manifest_of
 import pytest
 from rclpy.publisher import Publisher
+from ros.harness import BEST_EFFORT
 from ros.harness import NodeProcess
 from ros.harness import Partner
 from ros.harness import started
@@ -152,13 +153,15 @@ def test_the_logger_needs_no_compiler_and_builds_nothing(
     assert not (tmp_path / 'home' / 'fret_monitor').exists()
 
 
-def test_overrides_of_quality_are_told_not_to_be_read(
-    domain: int, arguments: tuple[str, ...],
+def test_overrides_decide_the_quality_of_what_is_listened_to(
+    partner: Partner, arguments: tuple[str, ...],
 ) -> None:
-    override = 'qos_overrides./x.subscription.depth'
-    with started('logger', *arguments, '-p', f'{override}:=5') as node:
-        assert f"ignored parameter '{override}': overrides of the quality of service are not " \
-            'read yet' in node.output
+    override = 'qos_overrides./copilot/handlerpropA_1.subscription.reliability'
+    with started('logger', *arguments, '-p', f'{override}:=best_effort'):
+        handler = 'copilot/handlerpropA_1'
+        wait_until(lambda: bool(partner.node.get_subscriptions_info_by_topic(handler)), 'a logger')
+        offered, = partner.node.get_subscriptions_info_by_topic(handler)
+        assert offered.qos_profile.reliability is BEST_EFFORT.reliability
 
 
 def test_the_manifest_is_that_of_the_compiled_bundle(tmp_path: Path) -> None:

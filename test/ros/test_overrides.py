@@ -14,6 +14,8 @@
 
 """The standard parameters for the quality of service: read as rclpy names them, or refused."""
 
+from pathlib import Path
+
 from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import Refusal
 import pytest
@@ -22,8 +24,14 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSPolicyKind
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from ros.harness import BEST_EFFORT
+from ros.harness import NodeProcess
 from ros.harness import Partner
+from ros.harness import RELIABLE
+from ros.harness import started
+from ros.harness import wait_until
 from std_msgs.msg import Empty
+from std_msgs.msg import Float32
 
 
 def test_what_rclpy_would_do_with_the_same_parameters_is_done(partner: Partner) -> None:
@@ -101,3 +109,49 @@ def test_overrides_that_nothing_reads_are_named() -> None:
         "not subscribed to; did you mean '/windspeed'?",
         "ignored parameter 'qos_overrides./motor.publisher.depth': only subscriptions can be "
         'changed']
+
+
+BUNDLE = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32, qos: {reliability: reliable, depth: 5}}
+  y: {topic: y, type: std_msgs/msg/Float32}
+requirements:
+  - {id: R, ptltl: "x < y"}
+"""
+
+
+@pytest.fixture
+def spec(tmp_path: Path) -> tuple[str, str]:
+    path = tmp_path / 'bundle.yaml'
+    path.write_text(BUNDLE, encoding='utf-8')
+    return '-p', f'spec:={path}'
+
+
+def test_an_override_decides_what_a_subscription_asks_for(
+    partner: Partner, spec: tuple[str, str],
+) -> None:
+    x = partner.publisher(Float32, '/far/x', BEST_EFFORT)
+    y = partner.publisher(Float32, 'y', RELIABLE)
+    with started('monitor', *spec, '-r', 'x:=/far/x',
+                 '-p', 'qos_overrides./far/x.subscription.reliability:=best_effort',
+                 '-p', 'qos_overrides./y.subscription.durability:=transient_local',
+                 '-p', 'qos_overrides./x.subscription.depth:=3') as node:
+        wait_until(lambda: x.get_subscription_count() > 0, 'the override beside the bundle')
+        node.wait_for('/partner is not heard on /y: it offers reliable, volatile')
+        assert y.get_subscription_count() == 0
+        assert "ignored parameter 'qos_overrides./x.subscription.depth': the topic /x is not " \
+            'subscribed to' in node.output
+
+
+@pytest.mark.parametrize(('override', 'told'), [
+    ('/x.subscription.reliability:=sure', "is 'sure', and has to be one of reliable, best_effort"),
+    ('/copilot/handlerpropR.publisher.depth:=1', 'cannot be given: violations are announced'),
+])
+def test_a_monitor_does_not_start_with_an_override_that_cannot_be(
+    domain: int, spec: tuple[str, str], override: str, told: str,
+) -> None:
+    node = NodeProcess('monitor', *spec, '-p', f'qos_overrides.{override}')
+    assert node.status() == 1
+    assert f"error: parameter 'qos_overrides.{override.partition(':=')[0]}' {told}" in node.output
+    node.kill()

@@ -1,0 +1,284 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The monitor as a process and its time: periods and timeouts, simulated and real."""
+
+from collections.abc import Iterator
+from pathlib import Path
+import signal
+from time import monotonic
+from time import sleep
+from typing import Any
+
+import pytest
+from ros.harness import NodeProcess
+from ros.harness import Partner
+from ros.harness import PATIENCE
+from ros.harness import started
+from ros.harness import wait_until
+from ros.simulator import simulating
+from ros.simulator import Simulator
+from std_msgs.msg import Bool
+from std_msgs.msg import Float32
+
+diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
+
+PERIODIC = """
+format: 1
+inputs:
+  p: {topic: p, type: std_msgs/msg/Bool}
+evaluation: {policy: periodic, period: 0.1}
+requirements:
+  - {id: R, ptltl: "p"}
+"""
+SILENT = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32, timeout: 1.0, stale: violate}
+  y: {topic: y, type: std_msgs/msg/Float32, timeout: 1.0}
+  z: {topic: z, type: std_msgs/msg/Float32}
+evaluation: {policy: relevant_message}
+requirements:
+  - {id: X, ptltl: "x < 2.0"}
+  - {id: ONSET, ptltl: "x < 3.0", report: onset}
+  - {id: XZ, ptltl: "x < 2.0 | z < 2.0"}
+  - {id: Y, ptltl: "y < 2.0"}
+"""
+SIMULATED = ('-p', 'use_sim_time:=true')
+
+
+class Operator:
+    """What is on /diagnostics."""
+
+    def __init__(self, partner: Partner) -> None:
+        """Subscribe."""
+        self.heard: list[Any] = []
+        partner.node.create_subscription(
+            diagnostic_msgs.DiagnosticArray, '/diagnostics', self.heard.append, 10)
+
+    def status(self, name: str) -> tuple[bytes, str, dict[str, str]]:
+        """Return level, message and values of a status of the next report."""
+        self.wait(1)
+        status = next(item for item in self.heard[-1].status
+                      if item.name == f'fret_monitor: {name}')
+        return status.level, status.message, {item.key: item.value for item in status.values}
+
+    def wait(self, reports: int) -> None:
+        """Wait for so many reports from now."""
+        wanted = len(self.heard) + reports
+        wait_until(lambda: len(self.heard) >= wanted, 'a report on /diagnostics')
+
+    def wait_for(self, name: str, level: bytes, words: str) -> dict[str, str]:
+        """Wait until a status is of this level and says so; return its values."""
+        found = self.status(name)
+        end = monotonic() + PATIENCE
+        while found[0] != level or words not in found[1]:
+            assert monotonic() < end, f'waited in vain for {level!r} {words!r}: {found}'
+            found = self.status(name)
+        return found[2]
+
+    def periods(self) -> dict[str, int]:
+        """Return what is counted of the periods, once nothing more comes."""
+        last, now = None, self.status('periods of bundle')[2]
+        end = monotonic() + PATIENCE
+        while last != now:
+            assert monotonic() < end, f'time goes on: {now}'
+            last, now = now, self.status('periods of bundle')[2]
+        return {key: int(value) for key, value in now.items() if key != 'period'}
+
+
+@pytest.fixture
+def simulator(domain: int) -> Iterator[Simulator]:
+    with simulating() as simulator:
+        yield simulator
+
+
+@pytest.fixture
+def operator(partner: Partner) -> Operator:
+    return Operator(partner)
+
+
+def write(folder: Path, text: str) -> str:
+    path = folder / 'bundle.yaml'
+    path.write_text(text, encoding='utf-8')
+    return f'spec:={path}'
+
+
+def since(before: dict[str, int], now: dict[str, int]) -> dict[str, int]:
+    return {key: now[key] - before[key] for key in now}
+
+
+def test_steps_follow_the_clock_through_pauses_haste_and_jumps(
+    partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path,
+) -> None:
+    with started('monitor', '-p', write(tmp_path, PERIODIC), *SIMULATED) as node:
+        partner.listen('R')
+        p = partner.publisher(Bool, 'p')
+        partner.wait_for_listener(p)
+        p.publish(Bool(data=False))
+        operator.wait_for('topic /p', b'\0', 'received')
+        assert operator.periods()['ticks'] == 0
+        simulator.jump(1000.0)
+        simulator.go(1.0)
+        before = operator.periods()
+        assert before['ticks'] > 0 and before['missed'] == 0, 'there was no time before'
+
+        simulator.go(5.0)
+        found = since(before, operator.periods())
+        assert found['ticks'] + found['missed'] == 50 and found['ticks'] > 40
+
+        before = operator.periods()
+        operator.wait(2)  # time stands still
+        assert operator.periods() == before
+
+        simulator.go(60.0, speed=20.0)
+        found = since(before, operator.periods())
+        assert found['ticks'] + found['missed'] == 600 and found['ticks'] > 300
+
+        before = operator.periods()
+        simulator.jump(3600.0)
+        found = since(before, operator.periods())
+        assert found['ticks'] == 1 and found['missed'] in (35999, 36000)
+        node.wait_for('were missed, which are no steps')
+
+        before = operator.periods()
+        now = simulator.jump(-4000.0)
+        simulator.go(2.0)
+        found = since(before, operator.periods())
+        assert found['ticks'] + found['missed'] in (19, 20)
+        assert found['restarts'] == 1
+        node.wait_for(f'time went back from {now + 4000:.1f}'[:-2])
+        # Each step violates R, and every one is announced.
+        partner.expect({'R': operator.periods()['ticks']})
+
+
+def test_without_a_clock_it_is_told_what_waits(partner: Partner, tmp_path: Path) -> None:
+    with started('monitor', '-p', write(tmp_path, PERIODIC), *SIMULATED) as node:
+        node.wait_for('use_sim_time is set, and no time has come on /clock yet: the policy '
+                      'periodic waits')
+
+
+def test_periods_that_a_stopped_process_missed_are_counted(
+    partner: Partner, operator: Operator, tmp_path: Path,
+) -> None:
+    with started('monitor', '-p', write(tmp_path, PERIODIC)) as node:
+        wait_until(lambda: bool(operator.heard), 'a report')
+        before = operator.status('periods of bundle')[2]
+        node.process.send_signal(signal.SIGSTOP)
+        sleep(3.0)  # the process sleeps, and no event can tell
+        node.process.send_signal(signal.SIGCONT)
+        node.wait_for('were missed')
+        values = operator.wait_for('periods of bundle', b'\0', 'in time')
+        assert int(values['missed']) - int(before['missed']) >= 25
+        assert int(values['restarts']) == 0
+
+
+def test_the_time_that_counts_may_change_while_the_monitor_runs(
+    partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path,
+) -> None:
+    from rcl_interfaces.msg import Parameter
+    from rcl_interfaces.msg import ParameterValue
+    from rcl_interfaces.srv import SetParameters
+    with started('monitor', '-p', write(tmp_path, PERIODIC)):
+        client = partner.node.create_client(SetParameters, '/fret_monitor/set_parameters')
+        assert client.wait_for_service(30)
+
+        def simulate(is_simulated: bool) -> None:
+            answer = client.call_async(SetParameters.Request(parameters=[Parameter(
+                name='use_sim_time', value=ParameterValue(type=1, bool_value=is_simulated))]))
+            wait_until(answer.done, 'an answer')
+            assert answer.result().results[0].successful
+
+        assert int(operator.wait_for('periods of bundle', b'\0', 'in time')['ticks']) > 0
+        simulate(True)
+        simulator.jump(1000.0)
+        operator.periods()  # until nothing comes any more
+        before = operator.periods()
+        simulator.go(2.0)
+        found = since(before, operator.periods())
+        assert found['ticks'] + found['missed'] == 20
+        simulate(False)
+        ticks = int(operator.status('periods of bundle')[2]['ticks'])
+        wait_until(lambda: int(operator.status('periods of bundle')[2]['ticks']) > ticks + 20,
+                   'steps in real time')
+
+
+def silence(node: NodeProcess) -> int:
+    return node.output.count('nothing usable came on /x within the timeout of 1 s')
+
+
+def test_an_input_that_falls_silent_violates_what_reads_it_in_the_time_of_the_node(
+    partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path,
+) -> None:
+    with started('monitor', '-p', write(tmp_path, SILENT), *SIMULATED) as node:
+        partner.listen('X', 'ONSET', 'XZ', 'Y')
+        x, y = (partner.publisher(Float32, name) for name in 'xy')
+        partner.wait_for_listener(x, y)
+        simulator.go(1.0)
+        simulator.jump(1000.0)
+        for publisher in (x, y):
+            publisher.publish(Float32(data=1.0))
+        operator.wait_for('Y', b'\0', 'satisfied')
+        operator.wait_for('X', b'\0', 'satisfied')
+        simulator.go(0.8)
+        operator.wait(3)  # a simulation that stands still is no silence
+        assert silence(node) == 0
+        simulator.go(0.5)
+        # X has a value and XZ waits for z: both are told at once, and once.
+        partner.expect({'X': 1, 'ONSET': 1, 'XZ': 1})
+        assert silence(node) == 1
+        assert "for 'x': X, ONSET, XZ violated until it does" in node.output
+        assert "came on /y within the timeout of 1 s for 'y'" in node.output
+        operator.wait_for('X', b'\2', 'violated: nothing comes of x')
+        operator.wait_for('Y', b'\1', 'satisfied, on old values of y')
+        values = operator.wait_for('topic /x', b'\2', 's of x')
+        assert (values['silences x'], values['received']) == ('1', '1')
+        operator.wait_for('topic /y', b'\1', 's of y')
+
+        partner.reset()
+        simulator.go(0.3)
+        partner.expect({'X': 2, 'ONSET': 2, 'XZ': 2})
+        assert silence(node) == 1
+        simulator.go(5.0, speed=10.0)
+        partner.expect({'X': 2, 'ONSET': 2, 'XZ': 2})
+
+        x.publish(Float32(data=1.0))
+        operator.wait_for('X', b'\1', 'satisfied, on old values of x')  # nobody has looked yet
+        simulator.go(0.5)
+        operator.wait_for('X', b'\0', 'satisfied')
+        node.wait_for('/x speaks again after')
+        operator.wait_for('XZ', b'\1', 'no value yet of z')
+        simulator.jump(3600.0)
+        simulator.go(0.5)
+        operator.wait(2)  # a jump is no silence
+        assert silence(node) == 1
+        x.publish(Float32(data=2.5))  # X is violated by its value, ONSET is not
+        partner.expect({'X': 3, 'ONSET': 2, 'XZ': 2})
+        simulator.go(1.3)
+        partner.expect({'X': 4, 'ONSET': 3, 'XZ': 3})
+
+
+def test_in_real_time_an_input_that_never_speaks_is_told_and_a_speaking_one_is_not(
+    partner: Partner, operator: Operator, tmp_path: Path,
+) -> None:
+    with started('monitor', '-p', write(tmp_path, SILENT)) as node:
+        partner.listen('X', 'ONSET', 'XZ', 'Y')
+        y = partner.publisher(Float32, 'y')
+        partner.node.create_timer(0.1, lambda: y.publish(Float32(data=1.0)))
+        operator.wait_for('X', b'\2', 'violated: nothing comes of x')
+        operator.wait_for('Y', b'\0', 'satisfied')
+        node.wait_for("for 'x': X, ONSET, XZ violated until it does")
+        before = node.output.count("for 'y'")
+        operator.wait(3)
+        assert node.output.count("for 'y'") == before <= 1  # it was silent at first, maybe
