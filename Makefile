@@ -5,7 +5,7 @@
 PYTHON := .venv/bin/python
 SHELL := /bin/sh
 
-.PHONY: help setup setup-test demo test lint bench bench-ros clean
+.PHONY: help setup setup-test demo test lint bench bench-ros fuzz coverage clean
 
 help:
 	@echo 'make setup   an environment in .venv that runs fret_monitor'
@@ -14,6 +14,8 @@ help:
 	@echo 'make lint    style, types, layers'
 	@echo 'make bench   nanoseconds a step, against hand-written C'
 	@echo 'make bench-ros  the node as a process, against a bare subscriber in C (ten minutes)'
+	@echo 'make fuzz    hostile inputs for SECONDS=60 (docs/assurance.md)'
+	@echo 'make coverage  what of the package and of csrc the tests run'
 	@echo 'make clean   remove .venv and what building left'
 
 setup:
@@ -40,5 +42,17 @@ bench: setup
 bench-ros: setup
 	@$(PYTHON) -m bench.ros
 
+# With atheris, guided by coverage; where it cannot be installed, by what is refused and why.
+SECONDS := 60
+fuzz: setup-test
+	@$(PYTHON) -c 'import atheris' 2>/dev/null || $(PYTHON) -m pip install --quiet \
+	  --disable-pip-version-check 'atheris>=3,<4' || echo 'fret_monitor: fuzzing without atheris'
+	@PYTHONPATH=.:test $(PYTHON) -m fuzz.run --seconds $(SECONDS) $(TARGETS)
+
+# The package by coverage.py, csrc by gcc and gcov; TESTS as for `make test`.
+coverage: setup-test
+	@$(PYTHON) tools/measure_coverage.py $(TESTS)
+
 clean:
-	rm -rf .venv build install log .mypy_cache .ruff_cache .pytest_cache .hypothesis *.egg-info
+	rm -rf .venv build install log .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf .coverage fuzz-crashes *.egg-info

@@ -163,6 +163,11 @@ class Load:
         count_, seconds, answers, p50, p99 = self.ask(f'send {count} {rate}').split()
         return Sent(int(count_), float(seconds), int(answers), int(p50), int(p99))
 
+    def told(self, key: str) -> dict[str, int]:
+        """Return the numbers that the subject tells under a key, by what they are of."""
+        pairs = (part.rpartition('=') for part in self.ask(f'tell {key}').strip().split('\t'))
+        return {name.partition(': ')[2]: int(number) for name, _, number in pairs}
+
     def close(self) -> None:
         """End it."""
         assert self.process.stdin is not None and self.process.stdout is not None
@@ -194,12 +199,8 @@ class Running:
         return time.clock_gettime_ns(self._clock)
 
     def kilobytes(self, key: str) -> int:
-        """Return a line of /proc/PID/status: VmRSS, VmHWM."""
-        text = Path(f'/proc/{self.process.pid}/status').read_text(encoding='ascii')
-        found = [line for line in text.splitlines() if line.startswith(f'{key}:')]
-        if not found:
-            raise SystemExit('it has ended\n')  # a zombie has no memory
-        return int(found[0].split()[1])
+        """Return how much memory it has: VmRSS, VmHWM."""
+        return kilobytes(self.process, key)
 
     def close(self) -> str:
         """End it and return all that it wrote."""
@@ -214,6 +215,15 @@ class Running:
             self.process.kill()
             self.process.wait()
         self._output.close()
+
+
+def kilobytes(process: subprocess.Popen[str] | subprocess.Popen[bytes], key: str) -> int:
+    """Return a line of /proc/PID/status."""
+    text = Path(f'/proc/{process.pid}/status').read_text(encoding='ascii')
+    found = [line for line in text.splitlines() if line.startswith(f'{key}:')]
+    if not found:
+        raise SystemExit('it has ended\n')  # a zombie has no memory
+    return int(found[0].split()[1])
 
 
 def end(process: subprocess.Popen[str] | subprocess.Popen[bytes]) -> None:
@@ -294,7 +304,7 @@ def sample(load_program: Path, work: Work, subject: Subject) -> Sample:
         taken = running.nanoseconds() - cpu - idle * (time.monotonic_ns() - begin)
         resident, highest = running.kilobytes('VmRSS'), running.kilobytes('VmHWM')
         if subject.is_monitor:
-            counted = int(load.ask('received'))
+            counted = sum(load.told('received').values())
     if counted is None:
         counted = last_number(written[0], subject)
     answers = None if work.echo is None else sent.answers

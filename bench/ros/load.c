@@ -15,7 +15,7 @@
 /// load.c: who publishes what the others listen to, and measures what comes back.
 ///
 ///     load --topics A,B [--type float32|cloud] [--depth N] [--reliability reliable|best_effort]
-///          [--bytes N] [--echo TOPIC]
+///          [--bytes N] [--echo TOPIC] [--values FILE]
 ///
 /// Messages go to the topics in turn. With `--echo` it listens to a topic of std_msgs/Empty, on
 /// which the subject answers each message in order, and takes the time from just before a publish
@@ -27,7 +27,13 @@
 ///     send N R    publish N messages, R a second (0: without a pause), at the moments of a clock
 ///                 that runs on if one is late; tell: sent, seconds, answers, and the median and
 ///                 the 99th percentile of the time to an answer, in nanoseconds
-///     received    how many messages /diagnostics says the subject got, once that stands still
+///     tell KEY    what /diagnostics says under that key, once it stands still: NAME=VALUE of each
+///                 status that has it, tabs between
+///     stream N B  publish the next N messages of `--values` on the first topic, as fast as may be,
+///                 and after each B see that as many answers came as were due; tell how many
+///                 messages were sent since the start. FILE has a line a message: its value, and
+///                 whether it is due an answer, 0 or 1, the first time and each later time that
+///                 the file is gone through
 ///     appear      wait for subscriptions; tell when one topic had one, and when all had, on the
 ///                 shared clock
 ///     step        publish on the first topic, a message a millisecond, until an answer comes; tell
@@ -39,6 +45,7 @@
 
 #define PATIENCE (30 * SECOND)
 #define MOST_MESSAGES 1000000u
+#define MOST_ROWS 100000u
 
 static struct node n;
 static struct topics topics;
@@ -52,12 +59,16 @@ static int64_t moments[MOST_MESSAGES];  // when a message left; then how long it
 static size_t n_sent;
 static size_t n_heard;
 
+static void read_values(const char * path);
+
 static bool read_other(const char * const name, char * const value)
 {
   if (strcmp(name, "--echo") == 0) {
     echo = value;
   } else if (strcmp(name, "--bytes") == 0) {
     cloud_bytes = strtoul(value, NULL, 10);
+  } else if (strcmp(name, "--values") == 0) {
+    read_values(value);
   } else {
     return false;
   }
@@ -260,31 +271,108 @@ static void step(void)
   printf("%" PRId64 "\n", now());
 }
 
-// -- what the subject says it got ---------------------------------------------------------------
+// -- a stream whose answers are known ------------------------------------------------------------
 
-/// The sum of what is `received` of the topics; -1 if it is somebody else's.
-static int64_t received_of(const diagnostic_msgs__msg__DiagnosticArray * const array)
+struct row
 {
-  int64_t sum = -1;
+  float value;
+  int is_due[2];  // the first time; later
+};
+
+static struct row rows[MOST_ROWS];
+static size_t n_rows;
+static uint64_t n_streamed;
+static uint64_t n_due;
+static uint64_t n_answered;
+
+static void read_values(const char * const path)
+{
+  FILE * const file = fopen(path, "r");
+  if (file == NULL) {
+    refuse("the values cannot be read");
+  }
+  struct row * row = rows;
+  while (n_rows < MOST_ROWS &&
+    fscanf(file, "%f %d %d", &row->value, &row->is_due[0], &row->is_due[1]) == 3)
+  {
+    ++n_rows;
+    ++row;
+  }
+  (void)fclose(file);
+}
+
+static void hear_until(const int64_t moment)
+{
+  n_sent = 0u;  // nothing is timed
+  n_heard = 0u;
+  listen_until(moment);
+  n_answered += n_heard;
+}
+
+/// Wait until all answers have come that are due; one too many shows here or the next time.
+static void settle(void)
+{
+  const int64_t begin = now();
+  do {
+    hear_until(n_answered < n_due ? now() + SECOND / 10 : 0);
+  } while (n_answered < n_due && now() - begin < PATIENCE);
+  if (n_answered != n_due) {
+    fprintf(
+      stderr, "after %" PRIu64 " messages %" PRIu64 " answers in place of %" PRIu64 "\n",
+      n_streamed, n_answered, n_due);
+    exit(1);
+  }
+}
+
+static void stream(const size_t count, const size_t batch)
+{
+  for (size_t i = 0u; i < count; ++i) {
+    const struct row * const row = &rows[n_streamed % n_rows];
+    n_due += row->is_due[n_streamed < n_rows ? 0 : 1] != 0 ? 1u : 0u;
+    message.number.data = row->value;
+    publish(0u);
+    ++n_streamed;
+    if (n_streamed % batch == 0u) {
+      settle();
+    }
+  }
+  settle();
+  hear_until(now() + SECOND / 10);
+  settle();
+  printf("%" PRIu64 "\n", n_streamed);
+}
+
+// -- what the subject says of itself -------------------------------------------------------------
+
+/// Write what an array says under a key; nothing if it is somebody else's.
+static void read_array(
+  const diagnostic_msgs__msg__DiagnosticArray * const array, const char * const key,
+  char * const text, const size_t size)
+{
+  size_t used = 0u;
+  text[0] = '\0';
   for (size_t i = 0u; i < array->status.size; ++i) {
     const diagnostic_msgs__msg__DiagnosticStatus * const status = &array->status.data[i];
-    for (size_t k = 0u; k < status->values.size; ++k) {
-      if (strcmp(status->values.data[k].key.data, "received") == 0) {
-        sum = (sum < 0 ? 0 : sum) + strtoll(status->values.data[k].value.data, NULL, 10);
+    for (size_t k = 0u; k < status->values.size && used < size; ++k) {
+      if (strcmp(status->values.data[k].key.data, key) == 0) {
+        used += (size_t)snprintf(
+          text + used, size - used, "%s%s=%s", used == 0u ? "" : "\t", status->name.data,
+          status->values.data[k].value.data);
       }
     }
   }
-  return sum;
 }
 
-static void received(void)
+static void tell(const char * const key)
 {
+  static char text[1 << 16];
+  static char last[1 << 16];
   rcl_subscription_t health;
   rcl_wait_set_t set = rcl_get_zero_initialized_wait_set();
   diagnostic_msgs__msg__DiagnosticArray array;
   rmw_message_info_t info;
-  int64_t last = -1;
   const int64_t begin = now();
+  last[0] = '\0';
   open_subscription(
     &health, &n, ROSIDL_GET_MSG_TYPE_SUPPORT(diagnostic_msgs, msg, DiagnosticArray),
     "/diagnostics", profile(10u, false));
@@ -297,14 +385,19 @@ static void received(void)
   for (;; ) {
     need(rcl_wait_set_clear(&set), "clear");
     need(rcl_wait_set_add_subscription(&set, &health, NULL), "add");
-    const bool is_there = rcl_wait(&set, SECOND) == RCL_RET_OK &&
-      rcl_take(&health, &array, &info, NULL) == RCL_RET_OK;
+    text[0] = '\0';
+    if (rcl_wait(&set, SECOND) == RCL_RET_OK &&
+      rcl_take(&health, &array, &info, NULL) == RCL_RET_OK)
+    {
+      read_array(&array, key, text, sizeof(text));
+    }
     rcl_reset_error();
-    const int64_t got = is_there ? received_of(&array) : -1;
-    if (got >= 0 && got == last) {
+    if (text[0] != '\0' && strcmp(text, last) == 0) {
       break;
     }
-    last = got >= 0 ? got : last;
+    if (text[0] != '\0') {
+      memcpy(last, text, sizeof(text));
+    }
     if (now() - begin > PATIENCE) {
       refuse("no diagnostics");
     }
@@ -312,7 +405,7 @@ static void received(void)
   need(rcl_wait_set_fini(&set), "end of the wait set");
   need(rcl_subscription_fini(&health, &n.node), "end of the diagnostics");
   diagnostic_msgs__msg__DiagnosticArray__fini(&array);
-  printf("%" PRId64 "\n", last);
+  printf("%s\n", text);
 }
 
 // -- commands -----------------------------------------------------------------------------------
@@ -320,15 +413,22 @@ static void received(void)
 static void obey(const char * const line)
 {
   size_t count = 0u;
+  size_t batch = 0u;
   double rate = 0.0;
+  char key[80];
   if (strcmp(line, "match\n") == 0) {
     match();
-  } else if (strcmp(line, "received\n") == 0) {
-    received();
+  } else if (sscanf(line, "tell %79s", key) == 1) {
+    tell(key);
   } else if (strcmp(line, "appear\n") == 0) {
     appear();
   } else if (strcmp(line, "step\n") == 0 && echo != NULL) {
     step();
+  } else if (
+    sscanf(line, "stream %zu %zu", &count, &batch) == 2 && batch != 0u && n_rows != 0u &&
+    echo != NULL)
+  {
+    stream(count, batch);
   } else if (sscanf(line, "send %zu %lf", &count, &rate) == 2 && count <= MOST_MESSAGES) {
     send(count, rate);
   } else {

@@ -1,0 +1,258 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Run for long: messages through the node, rows through `simulate`; verdicts as the reference has it.
+
+The values repeat, and the formulas look back on fewer rows than that, or are false for ever once
+they are: so what the reference evaluator finds for two turns holds for all that follow. Of the
+node one requirement's violations are counted as they come, and compared after each batch by the
+load (`bench/ros/load.c`), and what it tells of all in /diagnostics at the end; of `simulate` each
+verdict is compared. Memory is looked at throughout: it must not grow in the second half.
+
+    make soak        (or: .venv/bin/python -m bench.soak [--messages N] [--only node|simulate])
+"""
+
+from argparse import ArgumentParser
+from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+import subprocess
+import sys
+from threading import Thread
+import time
+from typing import IO
+
+from bench.ros import Bench
+from bench.ros import both
+from bench.ros import kilobytes
+from bench.ros import Load
+from bench.ros import prepared
+from bench.ros import Running
+from bench.ros import say
+from bench.ros import Subject
+from fret_monitor.build import read
+from fret_monitor.logic.evaluate import verdicts
+
+MESSAGES = 10_000_000
+TURN = 1000  # rows until the values repeat
+BATCH = 200  # messages until the violations are compared; the node's queue holds five times that
+PARTS = 20  # looks at the memory
+GROWTH = 2.0  # MB by which the second half may be above the first; a byte a message would be 5
+HANDLER = 'copilot/handlerpropR0'
+REQUIREMENTS = """\
+  - {id: R0, ptltl: "(x > 0.6) -> O[1,9] (x < 0.1)"}
+  - {id: R1, ptltl: "H[0,5] x < 0.9"}
+  - {id: R2, ptltl: "(x > 0.2) S[3,12] (x > 0.7)"}
+  - {id: R3, ptltl: "x > 0.3 | Y Z (x < 0.5 T[0,7] x > 0.1)"}
+  - {id: R4, fretish: "upon x > 0.9 node shall within 4 ticks satisfy x <= 0.2"}
+"""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """The values of a turn, and the verdicts of each row: the first time, and later."""
+
+    names: tuple[str, ...]
+    values: tuple[float, ...]
+    first: tuple[tuple[bool, ...], ...]
+    later: tuple[tuple[bool, ...], ...]
+
+    def violations(self, messages: int) -> dict[str, int]:
+        """Return at how many steps each requirement is violated."""
+        turns, rest = divmod(messages, TURN)
+        rows = [*self.first[:messages],
+                *(self.later[:rest] if turns else ())]
+        return {name: sum(not row[place] for row in rows)
+                + max(turns - 1, 0) * sum(not row[place] for row in self.later)
+                for place, name in enumerate(self.names)}
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a part of the run showed; memory is in MB, of the first half and of the second."""
+
+    title: str
+    messages: int
+    seconds: float
+    before: float
+    after: float
+    violations: int
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether memory did not grow."""
+        return self.after <= self.before + GROWTH
+
+
+def turn_of(bundle: Path) -> Turn:
+    """Make a turn of values, and ask the reference evaluator what becomes of it."""
+    draw = Random(20261121)
+    values = tuple(draw.randrange(1024) / 1024 for _ in range(TURN))  # the same in float32
+    properties = read(bundle).specification.properties
+    columns = [verdicts(item.formula, {'x': values * 3}) for item in properties]
+    turns = [tuple(zip(*(column[k * TURN:(k + 1) * TURN] for column in columns)))
+             for k in range(3)]
+    assert turns[1] == turns[2]
+    return Turn(tuple(item.id for item in properties), values, turns[0], turns[1])
+
+
+def parts_of(number: int) -> list[int]:
+    """Return how many there are of a number in each part of the run."""
+    size, more = divmod(number, PARTS)
+    return [size + (part < more) for part in range(PARTS)]
+
+
+def halves(megabytes: list[float]) -> tuple[float, float]:
+    """Return the highest of the first half, without the beginning, and of the second."""
+    middle = len(megabytes) // 2
+    return max(megabytes[1:middle]), max(megabytes[middle:])
+
+
+def expect(what: str, found: object, due: object) -> None:
+    """End it all where something is not as it is due."""
+    if found != due:
+        raise SystemExit(f'{what}: {found}, and not {due}')
+
+
+# -- the node -------------------------------------------------------------------------------------
+
+def soak_node(bench: Bench, subject: Subject, turn: Turn, messages: int) -> Result:
+    """Publish as fast as the node takes it, and compare."""
+    values = bench.folder / 'values.txt'
+    values.write_text(''.join(
+        f'{value!r} {int(not first[0])} {int(not later[0])}\n'
+        for value, first, later in zip(turn.values, turn.first, turn.later)), encoding='ascii')
+    load = Load(bench.load, '--topics', 'x', '--depth', '1000', '--echo', HANDLER,
+                '--values', str(values))
+    running = Running(subject)
+    megabytes: list[float] = []
+    sent = 0
+    with both(load, running):
+        load.ask('match', running)
+        begin = time.monotonic()
+        for part in parts_of(messages):
+            sent = int(load.ask(f'stream {part} {BATCH}', running))
+            megabytes.append(running.kilobytes('VmRSS') / 1e3)
+            say(f'{subject.name}: {sent} messages')
+        seconds = time.monotonic() - begin
+        due = turn.violations(messages)
+        expect('messages received', load.told('received'), {'topic /x': messages})
+        expect('steps', load.told('steps'), dict.fromkeys(due, messages))
+        expect('violations', load.told('violations'), due)
+    return Result(subject.name, sent, seconds, *halves(megabytes), sum(due.values()))
+
+
+# -- simulate -------------------------------------------------------------------------------------
+
+def soak_simulate(bundle: Path, turn: Turn, rows: int) -> Result:
+    """Write a trace into the verb, and compare what comes out, row by row."""
+    begin = time.monotonic()
+    with simulating(bundle, lambda file: feed(file, turn, rows)) as process:
+        assert process.stdout is not None
+        expect('heading', next(process.stdout), ','.join(('step', *turn.names)) + '\n')
+        megabytes: list[float] = []
+        count = 0
+        for part in parts_of(rows):
+            count += compare(process.stdout, turn, count, part)
+            megabytes.append(kilobytes(process, 'VmRSS') / 1e3 if count < rows else megabytes[-1])
+            say(f'simulate: {count} rows')
+        expect('rows after the last', process.stdout.read(), '')
+    return Result('simulate', count, time.monotonic() - begin, *halves(megabytes),
+                  sum(turn.violations(rows).values()))
+
+
+@contextmanager
+def simulating(bundle: Path, write: Callable[[IO[str]], None]
+               ) -> Iterator[subprocess.Popen[str]]:
+    """Start the verb, with a thread that writes its trace; see to it that it ends well."""
+    program = 'import sys; from fret_monitor.cli.main import main; sys.exit(main())'
+    with subprocess.Popen(
+            [sys.executable, '-c', program, 'simulate', str(bundle), '--trace', '/dev/stdin'],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdin is not None
+        writer = Thread(target=write, args=(process.stdin,))
+        writer.start()
+        try:
+            yield process
+        finally:
+            if sys.exc_info()[0] is not None:
+                process.kill()
+            writer.join()
+    expect('exit status of simulate', process.returncode, 0)
+
+
+def feed(file: IO[str], turn: Turn, rows: int) -> None:
+    """Write the trace, a turn at a time."""
+    lines = [f'{value!r}\n' for value in turn.values]
+    whole = ''.join(lines)
+    try:
+        with file:
+            file.write('x\n')
+            for _ in range(rows // TURN):
+                file.write(whole)
+            file.write(''.join(lines[:rows % TURN]))
+    except BrokenPipeError:
+        pass  # it has ended; whoever reads from it finds out why
+
+
+def compare(file: IO[str], turn: Turn, begin: int, count: int) -> int:
+    """Compare the next rows with the reference, and return how many there were."""
+    first, later = ([f',{",".join(str(int(flag)) for flag in row)}\n' for row in rows]
+                    for rows in (turn.first, turn.later))
+    for step in range(begin, begin + count):
+        due = f'{step}{(first if step < TURN else later)[step % TURN]}'
+        line = file.readline()
+        if line != due:
+            raise SystemExit(f'simulate: {line!r}, and not {due!r}')
+    return count
+
+
+# -- what is printed ------------------------------------------------------------------------------
+
+def soak(bench: Bench, messages: int, only: str | None = None) -> Iterator[Result]:
+    """Yield what each part showed; the node's in each of its ways."""
+    bundle = bench.bundle(
+        'soak', '  x: {topic: x, type: std_msgs/msg/Float32, qos: {depth: 1000}}\n', REQUIREMENTS)
+    turn = turn_of(bundle)
+    if only in (None, 'simulate'):
+        yield soak_simulate(bundle, turn, messages)
+    if only in (None, 'node'):
+        for subject in bench.monitors(bundle):
+            yield soak_node(bench, subject, turn, messages)
+
+
+def main() -> int:
+    """Run, and print a line for each part; 1 if memory grew."""
+    parser = ArgumentParser(description='Run for long, and compare with the reference.')
+    parser.add_argument('--messages', type=int, default=MESSAGES)
+    parser.add_argument('--only', choices=['node', 'simulate'])
+    options = parser.parse_args()
+    are_flat = True
+    with prepared(1) as bench:
+        for result in soak(bench, options.messages, options.only):
+            say('')
+            print(f'{result.title}: {result.messages:,} in {result.seconds:.0f} s, '
+                  f'{result.violations:,} violations as the reference has them, memory '
+                  f'{result.before:.1f} MB, then {result.after:.1f} MB'
+                  f'{"" if result.is_flat else ": it grew"}', flush=True)
+            are_flat = are_flat and result.is_flat
+    return 0 if are_flat else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())

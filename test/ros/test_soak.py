@@ -1,0 +1,94 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The long run, for a short while: it finds nothing, and would find what were wrong."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from bench import ros as bench
+from bench import soak
+import pytest
+
+if not any(prefix.glob('include/*/rcl/rcl.h') for prefix in bench.prefixes()) or \
+        not any((prefix / 'lib/fret_monitor/monitor').is_file() for prefix in bench.prefixes()):
+    pytest.skip('needs the headers of rcl, and the installed node', allow_module_level=True)
+
+
+@pytest.fixture
+def prepared(domain: int) -> Iterator[bench.Bench]:
+    with bench.prepared(1) as made:
+        yield made
+
+
+@pytest.fixture
+def wrong(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Let the reference overlook a violation of the first requirement; return its row."""
+    right, after = soak.turn_of, 700
+    rows: list[int] = []
+
+    def turn_of(bundle: Path) -> soak.Turn:
+        turn = right(bundle)
+        rows.append(next(row for row in range(after, soak.TURN) if not turn.later[row][0]))
+        later = list(turn.later)
+        later[rows[0]] = (True, *later[rows[0]][1:])
+        return replace(turn, later=tuple(later))
+
+    monkeypatch.setattr(soak, 'turn_of', turn_of)
+    return rows
+
+
+def test_a_short_run_gives_the_verdicts_of_the_reference(prepared: bench.Bench) -> None:
+    results = list(soak.soak(prepared, 5000))
+    assert [result.messages for result in results] == [5000] * len(results)
+    assert len({result.violations for result in results}) == 1
+    assert results[0].violations > 5000
+    assert {'simulate', 'monitor'} <= {result.title for result in results}
+
+
+def test_one_wrong_verdict_ends_the_simulation_at_its_row(
+    prepared: bench.Bench, wrong: list[int],
+) -> None:
+    with pytest.raises(SystemExit) as failure:
+        list(soak.soak(prepared, 5000, 'simulate'))
+    assert f"'{soak.TURN + wrong[0]}," in str(failure.value)
+
+
+@pytest.mark.usefixtures('wrong')
+def test_one_violation_too_many_ends_the_run_of_the_node(prepared: bench.Bench) -> None:
+    with pytest.raises(SystemExit, match=r'after \d+ messages (\d+) answers in place of \d+'):
+        list(soak.soak(prepared, 5000, 'node'))
+
+
+def test_violations_of_all_turns_are_added_up() -> None:
+    first = tuple((row % 3 == 0,) for row in range(soak.TURN))
+    later = tuple((row % 7 == 0,) for row in range(soak.TURN))
+    turn = soak.Turn(('R',), (0.0,) * soak.TURN, first, later)
+    for messages in (1, 999, 1000, 1001, 2000, 5555):
+        rows = [first[row] if row < soak.TURN else later[row % soak.TURN]
+                for row in range(messages)]
+        assert turn.violations(messages) == {'R': rows.count((False,))}
+
+
+def test_memory_that_grows_in_the_second_half_is_told() -> None:
+    steady = soak.Result('x', 1, 1.0, *soak.halves([10.0, 50.0, 50.0, 50.0, 50.5, 51.0]), 0)
+    growing = soak.Result('x', 1, 1.0, *soak.halves([10.0, 50.0, 51.0, 52.0, 53.0, 55.0]), 0)
+    assert (steady.is_flat, growing.is_flat) == (True, False)
+
+
+def test_parts_are_nearly_equal_and_make_the_whole() -> None:
+    for number in (20, 21, 399, 10_000_000):
+        parts = soak.parts_of(number)
+        assert sum(parts) == number and max(parts) - min(parts) <= 1
