@@ -5,7 +5,7 @@
 PYTHON := .venv/bin/python
 SHELL := /bin/sh
 
-.PHONY: help setup setup-test demo test lint bench bench-ros fuzz coverage clean
+.PHONY: help setup setup-test demo test lint bench bench-ros soak fuzz coverage clean
 
 help:
 	@echo 'make setup   an environment in .venv that runs fret_monitor'
@@ -13,7 +13,8 @@ help:
 	@echo 'make test    all tests'
 	@echo 'make lint    style, types, layers'
 	@echo 'make bench   nanoseconds a step, against hand-written C'
-	@echo 'make bench-ros  the node as a process, against a bare subscriber in C (ten minutes)'
+	@echo 'make bench-ros  the node as a process, against a bare subscriber in C; a quarter of an hour'
+	@echo 'make soak    ten million messages through the node, and rows through simulate; as long'
 	@echo 'make fuzz    hostile inputs for SECONDS=60 (docs/assurance.md)'
 	@echo 'make coverage  what of the package and of csrc the tests run'
 	@echo 'make clean   remove .venv and what building left'
@@ -41,6 +42,9 @@ bench: setup
 # Of its own: it takes minutes in which the machine should do nothing else.
 bench-ros: setup
 	@$(PYTHON) -m bench.ros
+
+soak: setup
+	@$(PYTHON) -m bench.soak
 
 # With atheris, guided by coverage; where it cannot be installed, by what is refused and why.
 SECONDS := 60
