@@ -25,7 +25,7 @@ from setuptools import find_packages
 from setuptools import setup
 
 NAME = 'fret_monitor'
-SHARED = ('config', 'csrc', 'docs', 'examples', 'launch')
+SHARED = ('config', 'config/sros2', 'csrc', 'docs', 'examples', 'launch')
 
 # The releases the tests ran with, and what may replace them without a change of meaning.
 # rclpy alone has no middleware: rmw-fastrtps-cpp brings one.
@@ -54,6 +54,7 @@ TEST = [
     'catkin-pkg>=1',
     'colcon-core>=0.18',
     'colcon-ros>=0.5,<1',
+    'coverage>=7.4',
     'flake8>=7,<8',
     'flake8-blind-except>=0.2,<1',
     'flake8-builtins>=2.1',

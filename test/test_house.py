@@ -59,7 +59,7 @@ KEYS = {
     'yaml': 'python3-yaml',
 }
 # Only where the wheels are: a ROS 2 installation has no key for these, and the tests do without.
-OPTIONAL = {'catkin_pkg', 'reelay', 'xdist', 'ziglang'}
+OPTIONAL = {'atheris', 'catkin_pkg', 'reelay', 'xdist', 'ziglang'}
 
 
 def git(*arguments: str) -> str:
@@ -179,6 +179,6 @@ def test_a_wheel_holds_every_file_that_a_robot_needs(repository: Path, tmp_path:
                if path.is_file()}
     shared = {f'{NAME}-0.1.0.data/data/share/{NAME}/{path.relative_to(repository).as_posix()}'
               for folder in ('config', 'csrc', 'launch')
-              for path in (repository / folder).iterdir()}
+              for path in (repository / folder).rglob('*') if path.is_file()}
     marker = f'{NAME}-0.1.0.data/data/share/ament_index/resource_index/packages/{NAME}'
     assert {*package, *shared, marker} - held == set()
