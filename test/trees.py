@@ -14,8 +14,10 @@
 
 """Trees of formulas for tests: as texts with all parentheses, and random ones."""
 
+from collections.abc import Callable
 from typing import assert_never
 
+from fret_monitor.diagnostics import CompileError
 from fret_monitor.diagnostics import Source
 from fret_monitor.diagnostics import Span
 from fret_monitor.diagnostics import Text
@@ -28,6 +30,7 @@ from fret_monitor.syntax.expression import Infix
 from fret_monitor.syntax.expression import Name
 from fret_monitor.syntax.expression import Number
 from fret_monitor.syntax.expression import Prefix
+import pytest
 
 
 def text(value: str) -> Text:
@@ -38,6 +41,15 @@ def text(value: str) -> Text:
 def written(span: Span) -> str:
     """Return what stands at a span."""
     return span.source.text[span.start:span.end]
+
+
+def refusal(parse: Callable[[Text], object], formula: str | Text) -> CompileError:
+    """Return the error of a text that a parser refuses; it tells one thing, at a place."""
+    with pytest.raises(CompileError) as caught:
+        parse(text(formula) if isinstance(formula, str) else formula)
+    (diagnostic,) = caught.value.diagnostics
+    assert diagnostic.span is not None
+    return caught.value
 
 
 def show(node: Expression) -> str:

@@ -34,6 +34,7 @@ import golden
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
+from trees import refusal
 from trees import show
 from trees import text
 from trees import written
@@ -64,11 +65,7 @@ def equations(formula: str) -> Equations:
 
 
 def error(formula: str | Text) -> CompileError:
-    with pytest.raises(CompileError) as caught:
-        parse_cocospec(text(formula) if isinstance(formula, str) else formula)
-    (diagnostic,) = caught.value.diagnostics
-    assert diagnostic.span is not None
-    return caught.value
+    return refusal(parse_cocospec, formula)
 
 
 @pytest.mark.parametrize('first', LEVEL)

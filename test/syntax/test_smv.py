@@ -35,6 +35,7 @@ import golden
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
+from trees import refusal
 from trees import show
 from trees import text
 from trees import written
@@ -52,11 +53,7 @@ def read(formula: str) -> str:
 
 
 def error(formula: str | Text) -> CompileError:
-    with pytest.raises(CompileError) as caught:
-        parse_smv(text(formula) if isinstance(formula, str) else formula)
-    (diagnostic,) = caught.value.diagnostics
-    assert diagnostic.span is not None
-    return caught.value
+    return refusal(parse_smv, formula)
 
 
 def place(formula: str) -> tuple[int, int]:
