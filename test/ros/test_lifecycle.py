@@ -262,17 +262,14 @@ def test_a_monitor_works_in_ones_own_program_with_any_executor(
 
 
 def test_what_goes_wrong_in_the_feed_is_raised_where_the_node_is_spun(
-    partner: Partner, stranger: Partner, bundle: Path, monkeypatch: pytest.MonkeyPatch,
+    partner: Partner, bundle: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def fail(self: object, violations: object) -> None:
+    def fail(topic: str) -> None:
         raise RuntimeError('no paper in the printer')
 
-    monkeypatch.setattr('fret_monitor.ros.handlers.Handlers.announce', fail)
     executor = SingleThreadedExecutor(context=partner.context)
-    with composed(partner, bundle, executor):
-        x = stranger.publisher(Float32, 'x')
-        stranger.wait_for_listener(x)
-        x.publish(Float32(data=0.9))
+    with composed(partner, bundle, executor) as node:
+        monkeypatch.setattr(node, 'get_publishers_info_by_topic', fail)
         end = monotonic() + PATIENCE
         with pytest.raises(RuntimeError, match='no paper in the printer'):
             while monotonic() < end:
