@@ -299,13 +299,13 @@ class _Skippers:
             case ArrayKind.FIXED:
                 yield from self.elements(layout, kind, kind.size or 0, cursor)
             case ArrayKind.BOUNDED | ArrayKind.UNBOUNDED:
-                lines = list(self.elements(layout, kind, 'count', cursor))
-                count = f'fm_cdr_count({cursor}, {_bound(kind)})'
+                lines = list(self.elements(layout, kind, 'length', cursor))
+                length = f'fm_cdr_count({cursor}, {_bound(kind)})'
                 if len(lines) == 1:
-                    yield lines[0].replace(', count)', f', {count})')
+                    yield lines[0].replace(', length)', f', {length})')
                 else:
                     yield '{'
-                    yield f'  const uint32_t count = {count};'
+                    yield f'  const uint32_t length = {length};'
                     yield from (f'  {line}' for line in lines)
                     yield '}'
 

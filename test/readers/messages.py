@@ -1,0 +1,329 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Messages made at random, serialized, and read again: the reference for generated readers.
+
+A value of a message is a `Tree`, with an attribute a field, as the objects of rclpy have. `serialize`
+writes one in either byte order, and `taken` says what an input is to get of one, or of a message
+object of rclpy. Both know nothing of the generated C.
+"""
+
+from collections.abc import Callable
+from collections.abc import Iterable
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+import math
+import struct
+from types import SimpleNamespace
+from typing import Any
+
+from fret_monitor.diagnostics import Source
+from fret_monitor.diagnostics import Text
+from fret_monitor.logic.specification import Signal
+from fret_monitor.manifest import ValueType
+from fret_monitor.runtime.fields import FieldReading
+from fret_monitor.runtime.fields import Outcome
+from fret_monitor.syntax.field_path import resolve_field
+from fret_monitor.syntax.field_path import ResolvedField
+from fret_monitor.syntax.message import ArrayKind
+from fret_monitor.syntax.message import FieldType
+from fret_monitor.syntax.message import MessageLayout
+from hypothesis import strategies as st
+
+Tree = SimpleNamespace
+FORMATS = {
+    'bool': '?', 'byte': 'B', 'char': 'B', 'int8': 'b', 'uint8': 'B', 'int16': 'h', 'uint16': 'H',
+    'int32': 'i', 'uint32': 'I', 'int64': 'q', 'uint64': 'Q', 'float32': 'f', 'float64': 'd'}
+WORDS = (('EMPTY', ''), ('IDLE', 'idle'), ('ODD', 'é😀"\\?'), ('LONG', 'a' * 40))
+_TIMES = ('builtin_interfaces/msg/Time', 'builtin_interfaces/msg/Duration')
+_DEEPEST = 6
+_LONGEST = 5
+
+
+# -- values ---------------------------------------------------------------------------------------
+
+
+def trees(layout: MessageLayout) -> st.SearchStrategy[Tree]:
+    """Return a strategy for the values of a message."""
+    return st.builds(Tree, **{item.name: _values(layout, item.type) for item in layout.fields})
+
+
+def weight(layout: MessageLayout) -> int:
+    """Return about how many values a message has."""
+    total = 0
+    for item in layout.fields:
+        one = weight(layout.nested(item.type)) if item.type.is_message else 1
+        is_fixed = item.type.array is ArrayKind.FIXED
+        total += one * ((item.type.size or 0) if is_fixed else 1)
+    return total
+
+
+def _values(layout: MessageLayout, kind: FieldType) -> st.SearchStrategy[Any]:
+    element = trees(layout.nested(kind)) if kind.is_message else _scalars(kind)
+    match kind.array:
+        case ArrayKind.NONE:
+            return element
+        case ArrayKind.FIXED:
+            return st.lists(element, min_size=kind.size or 0, max_size=kind.size)
+        case ArrayKind.BOUNDED:
+            return st.lists(element, max_size=min(kind.size or 0, _LONGEST))
+        case ArrayKind.UNBOUNDED:
+            return st.lists(element, max_size=_LONGEST)
+
+
+def _scalars(kind: FieldType) -> st.SearchStrategy[Any]:
+    base = kind.base
+    if base in ('string', 'wstring'):
+        limit = 8 if kind.text_limit is None else kind.text_limit
+        words = [word for _, word in WORDS if len(word.encode()) <= max(limit, 40)
+                 and (kind.text_limit is None or len(word.encode()) <= limit)]
+        character = st.characters(codec='utf-8', exclude_characters='\0')
+        return st.sampled_from(words) | st.text(character, max_size=limit // 4)
+    if base == 'bool':
+        return st.booleans()
+    if base.startswith('float'):
+        return st.floats(width=32 if base == 'float32' else 64)
+    bits = 8 * struct.calcsize(f'={FORMATS[base]}')
+    signed = base.startswith('int')
+    return st.integers(-2 ** (bits - 1), 2 ** (bits - 1) - 1) if signed \
+        else st.integers(0, 2 ** bits - 1)
+
+
+# -- CDR ------------------------------------------------------------------------------------------
+
+
+def serialize(layout: MessageLayout, tree: Any, *, big: bool = False) -> bytes:
+    """Return a message in plain CDR, as ROS 2 sends it."""
+    out = bytearray()
+    _write_message(out, layout, tree, '>' if big else '<')
+    return (b'\0\0\0\0' if big else b'\0\1\0\0') + bytes(out)
+
+
+def _write_message(out: bytearray, layout: MessageLayout, tree: Any, order: str) -> None:
+    if not layout.fields:
+        out.append(0)
+    for item in layout.fields:
+        value = getattr(tree, item.name)
+        if item.type.array is ArrayKind.NONE:
+            _write_element(out, layout, item.type, value, order)
+            continue
+        if item.type.array is not ArrayKind.FIXED:
+            _write_number(out, 'I', len(value), order)
+        for element in value:
+            _write_element(out, layout, item.type, element, order)
+
+
+def _write_element(out: bytearray, layout: MessageLayout, kind: FieldType, value: Any,
+                   order: str) -> None:
+    if kind.is_message:
+        _write_message(out, layout.nested(kind), value, order)
+    elif kind.base == 'string':
+        data = value.encode()
+        _write_number(out, 'I', len(data) + 1, order)
+        out += data + b'\0'
+    elif kind.base == 'wstring':
+        units = _units(value)
+        _write_number(out, 'I', len(units), order)
+        for unit in units:
+            _write_number(out, 'I', unit, order)
+    else:
+        _write_number(out, FORMATS[kind.base], value, order)
+
+
+def _write_number(out: bytearray, code: str, value: Any, order: str) -> None:
+    size = struct.calcsize(f'={code}')
+    out += bytes(-len(out) % size)
+    out += struct.pack(order + code, value)
+
+
+def _units(text: str) -> list[int]:
+    return [unit for (unit,) in struct.iter_unpack('<H', text.encode('utf-16-le'))]
+
+
+# -- rclpy ----------------------------------------------------------------------------------------
+
+
+def message_class(name: str) -> Any:
+    """Import the class of a message, of a service or an action too."""
+    package, folder, word = name.split('/')
+    module = import_module(f'{package}.{folder}')
+    if folder == 'action' and not hasattr(module, word):
+        action, _, part = word.partition('_')
+        inside = getattr(module, action)
+        return inside.Impl.FeedbackMessage if part == 'FeedbackMessage' else getattr(inside, part)
+    return getattr(module, word)
+
+
+def message_object(layout: MessageLayout, tree: Any) -> Any:
+    """Return the message object of rclpy that holds a tree's values."""
+    made = message_class(layout.name)()
+    for item in layout.fields:
+        value = getattr(tree, item.name)
+        if item.type.is_message:
+            inside = layout.nested(item.type)
+            value = message_object(inside, value) if item.type.array is ArrayKind.NONE \
+                else [message_object(inside, element) for element in value]
+        elif item.type.base == 'byte':
+            value = bytes([value]) if item.type.array is ArrayKind.NONE \
+                else [bytes([element]) for element in value]
+        setattr(made, item.name, value)
+    return made
+
+
+# -- reading --------------------------------------------------------------------------------------
+
+
+def taken(message: Any, signal: Signal) -> FieldReading:
+    """Return what an input gets of a tree or of a message object."""
+    value, base = message, _field_of(signal).types[-1].base
+    for step in signal.path:
+        if isinstance(step, str):
+            value = getattr(value, step)
+        elif step < len(value):
+            value = value[step]
+        else:
+            return FieldReading(Outcome.OUTSIDE, None, len(value))
+    if signal.reduction:
+        return _reduced(signal.reduction, value, base)
+    if base in ('string', 'wstring'):
+        words = [word for _, word in signal.values]
+        return FieldReading(Outcome.READ, words.index(value)) if value in words \
+            else FieldReading(Outcome.UNNAMED, None, _length(value, base))
+    return FieldReading(Outcome.READ, _plain(value))
+
+
+def _field_of(signal: Signal) -> ResolvedField:
+    assert signal.layout is not None
+    steps = (f'[{step}]' if isinstance(step, int) else f'.{step}' for step in signal.path)
+    path = ''.join(steps)[1:]
+    call = f'{signal.reduction}({path})' if signal.reduction not in ('', 'seconds') else path
+    return resolve_field(signal.layout, text(call), text(signal.layout.name))
+
+
+def text(value: str) -> Text:
+    """Return a text that stands nowhere else."""
+    return Text.whole(Source('test', value))
+
+
+def _plain(value: Any) -> bool | int | float:
+    """Return what numpy or rclpy hands out as a number of Python."""
+    if isinstance(value, bytes):
+        return value[0]
+    found: bool | int | float = value.item() if hasattr(value, 'item') else value
+    return found
+
+
+def _length(value: Any, base: str) -> int:
+    if isinstance(value, str):
+        return len(_units(value)) if base == 'wstring' else len(value.encode())
+    return len(value)
+
+
+def _reduced(function: str, value: Any, base: str) -> FieldReading:
+    if function == 'seconds':
+        return FieldReading(Outcome.READ, value.sec + value.nanosec * 1e-9)
+    if function == 'len':
+        return FieldReading(Outcome.READ, _length(value, base))
+    elements = [_plain(element) for element in _elements(value)]
+    if not elements and function in ('min', 'max', 'mean'):
+        return FieldReading(Outcome.EMPTY, None)
+    return FieldReading(Outcome.READ, REDUCE[function](elements, base))
+
+
+def _elements(value: Any) -> Iterable[Any]:
+    """Return the elements of an array, or the fields of a message."""
+    if isinstance(value, Tree):
+        return vars(value).values()
+    if hasattr(value, 'get_fields_and_field_types'):
+        return [getattr(value, name) for name in value.get_fields_and_field_types()]
+    found: Iterable[Any] = value
+    return found
+
+
+def _total(values: Iterable[float]) -> float:
+    """Sum as C does: Python's own sum of floats is more exact."""
+    total = 0.0
+    for value in values:
+        total += value
+    return total
+
+
+def _sum(values: list[Any], base: str) -> int | float:
+    if base.startswith('float'):
+        return _total(values)
+    wrapped: int = sum(values) % 2 ** 64
+    return wrapped - 2 ** 64 if base.startswith('int') and wrapped >= 2 ** 63 else wrapped
+
+
+def _extreme(choose: Callable[[list[Any]], Any]) -> Callable[[list[Any], str], Any]:
+    return lambda values, _: choose([value for value in values if value == value] or values)
+
+
+REDUCE: dict[str, Callable[[list[Any], str], Any]] = {
+    'min': _extreme(min),
+    'max': _extreme(max),
+    'sum': _sum,
+    'mean': lambda values, _: _total(map(float, values)) / len(values),
+    'norm': lambda values, _: math.sqrt(_total(float(value) * float(value) for value in values)),
+    'any': lambda values, _: any(values),
+    'all': lambda values, _: all(values),
+}
+
+
+def same(one: FieldReading, other: FieldReading) -> bool:
+    """Whether two readings are the same; NaN is NaN, and true is not 1."""
+    if (one.outcome, one.length) != (other.outcome, other.length):
+        return False
+    if isinstance(one.value, float) and math.isnan(one.value):
+        return isinstance(other.value, float) and math.isnan(other.value)
+    return type(one.value) is type(other.value) and one.value == other.value
+
+
+# -- inputs ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A message type, and inputs that are fed by it."""
+
+    layout: MessageLayout
+    signals: tuple[Signal, ...]
+
+
+def written_paths(layout: MessageLayout, prefix: str = '', depth: int = 0) -> Iterator[str]:
+    """Yield all that could be taken of a message; of arrays, a few elements."""
+    if depth > _DEEPEST:
+        return
+    for item in layout.fields:
+        path, kind = prefix + item.name, item.type
+        if kind.array is not ArrayKind.NONE:
+            yield from (f'{function}({path})' for function in ('len', *REDUCE))
+        last = 9 if kind.size is None else kind.size - 1
+        for one in [path] if kind.array is ArrayKind.NONE else \
+                [f'{path}[{index}]' for index in sorted({0, 1, 3, last}) if index <= last]:
+            yield one
+            yield from (f'{function}({one})' for function in ('len', 'norm'))
+            if kind.is_message:
+                yield from written_paths(layout.nested(kind), f'{one}.', depth + 1)
+
+
+def signal_of(layout: MessageLayout, name: str, topic: str, field: str) -> Signal:
+    """Return an input that is fed by a field, as a bundle would declare it."""
+    found = resolve_field(layout, text(field), text(layout.name))
+    is_text = found.type_name in ('string', 'wstring')
+    return Signal(
+        name, ValueType.INT32 if is_text else ValueType(found.type_name), topic, layout.name,
+        found.path, WORDS if is_text else (), None, (), reduction=found.reduction, layout=layout)

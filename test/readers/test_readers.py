@@ -1,0 +1,492 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Generated readers take of every message what Python takes of it, and nothing makes them crash."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from random import Random
+import shutil
+import struct
+import subprocess
+from typing import Any
+
+from differential.compiled import c_module
+from differential.compiled import clang
+from differential.compiled import compile_c
+from differential.compiled import CSRC
+from differential.compiled import gcc
+from differential.compiled import WARNINGS
+from differential.compiled import write_module
+from fret_monitor.build import build_specification
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.logic.formula import TRUE
+from fret_monitor.logic.specification import Specification
+from fret_monitor.manifest import Policy
+from fret_monitor.native.monitor import Monitor
+from fret_monitor.runtime.fields import FieldReading
+from fret_monitor.runtime.fields import Outcome
+from fret_monitor.runtime.fields import read_fields
+from fret_monitor.syntax.message import find_message
+from fret_monitor.syntax.message import MessageLayout
+from fret_monitor.syntax.message import parse_message
+from fret_monitor.syntax.message import search_path
+from hypothesis import given
+from hypothesis import HealthCheck
+from hypothesis import settings
+from hypothesis import strategies as st
+import pytest
+from readers.messages import message_class
+from readers.messages import message_object
+from readers.messages import same
+from readers.messages import serialize
+from readers.messages import signal_of
+from readers.messages import taken
+from readers.messages import Topic
+from readers.messages import trees
+from readers.messages import weight
+from readers.messages import written_paths
+from strategies import property_of
+
+HERE = Path(__file__).resolve().parent
+SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-g', '-O1')
+MOST_INPUTS = 40  # of a type: compilers take long over thousands
+HEAVY = 400  # values of a message that are too many to draw
+
+# All scalar types, at every offset, with arrays and strings between them.
+SCALARS = ('bool', 'byte', 'char', 'int8', 'uint8', 'int16', 'uint16', 'int32', 'uint32', 'int64',
+           'uint64', 'float32', 'float64', 'string', 'wstring')
+WRITTEN = {
+    'lay_msgs/msg/Scalars': [f'{kind} {kind}_{i}' for i in range(2) for kind in SCALARS],
+    'lay_msgs/msg/Upside': [f'{kind} {kind}_{i}' for i in range(2) for kind in SCALARS[::-1]],
+    'lay_msgs/msg/Arrays': [f'{kind}{size} {kind}_{i}' for kind in SCALARS
+                            for i, size in enumerate(('[]', '[3]', '[<=4]'))],
+    'lay_msgs/msg/Odd': ['uint8 a', 'float64 b', 'uint8 c'],
+    'lay_msgs/msg/Steps': ['uint8 a', 'uint16 b', 'uint32 c', 'uint8[3] d', 'float64 e', 'bool f'],
+    'lay_msgs/msg/Nothing': [],
+    'lay_msgs/msg/Named': ['Odd odd', 'string name', 'Nothing nothing'],
+    'lay_msgs/msg/Boxes': [
+        'Odd[] odds', 'bool between', 'Odd[3] three', 'Steps[<=4] steps', 'Steps[2] pair',
+        'Nothing[] nothings', 'Nothing[2] two', 'Named[] named', 'Named[2] both', 'string[] words',
+        'string[2] few', 'wstring[] wides', 'uint8 last'],
+    'lay_msgs/msg/Deep': ['bool first', 'Boxes boxes', 'Boxes[<=2] more', 'int64 last'],
+}
+
+
+@pytest.fixture(scope='session')
+def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Install a package of messages."""
+    folder = tmp_path_factory.mktemp('installed')
+    for name, fields in WRITTEN.items():
+        path = folder / 'share' / f'{name}.msg'
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text('\n'.join(fields) + '\n')
+    return folder
+
+
+@cache
+def installed() -> tuple[str, ...]:
+    """Return the types of all messages that are installed and that rclpy knows."""
+    paths = [path for prefix in search_path()
+             for pattern in ('msg/*.msg', 'srv/*.srv', 'action/*.action')
+             for path in sorted(prefix.glob(f'share/*/{pattern}'))]
+    endings = {'msg': [''], 'srv': ['_Event', '_Request', '_Response'],
+               'action': ['_FeedbackMessage', '_SendGoal_Event', '_GetResult_Event']}
+    names = [f'{path.parent.parent.name}/{path.parent.name}/{path.stem}{ending}'
+             for path in paths for ending in endings[path.parent.name]]
+    return tuple(name for name in dict.fromkeys(names) if is_known(name))
+
+
+def is_known(name: str) -> bool:
+    """Whether rclpy has the messages of a type, and they have some fields, not too many to draw."""
+    try:
+        return bool(message_class(name)()) and 0 < weight(find_message(name)) < HEAVY
+    except (ImportError, AttributeError, CompileError):
+        return False
+
+
+def topic_of(layout: MessageLayout, number: int, most: int | None = None) -> Topic:
+    """Return a topic with inputs of all kinds, or a choice of them."""
+    signals = []
+    for path in written_paths(layout):
+        try:
+            signals.append(signal_of(layout, f't{number}_{len(signals)}', f'topic{number}', path))
+        except CompileError:
+            continue  # there is no such reduction, or no value at the end
+    if most is not None and len(signals) > most:
+        signals = Random(layout.name).sample(signals, most)
+    return Topic(layout, tuple(signals))
+
+
+def specification_for(topics: Sequence[Topic]) -> Specification:
+    """Return a specification that does nothing but have inputs."""
+    signals = tuple(signal for topic in topics for signal in topic.signals)
+    return Specification('readers', '', signals, (property_of('R', TRUE),),
+                         Policy.EVERY_MESSAGE, None)
+
+
+def build_topics(topics: Sequence[Topic]) -> Monitor:
+    return build_specification(specification_for(topics)).monitor
+
+
+@pytest.fixture(scope='session')
+def ours(prefix: Path) -> tuple[list[Topic], Monitor]:
+    """Build readers of the messages written here; each alone, and together."""
+    names = [name for name in WRITTEN if WRITTEN[name]]
+    topics = [topic_of(find_message(name, [prefix]), number, 3 * MOST_INPUTS)
+              for number, name in enumerate(names)]
+    return topics, build_topics(topics)
+
+
+@pytest.fixture(scope='session')
+def theirs() -> tuple[list[Topic], Monitor]:
+    """Build readers of the messages that are installed."""
+    pytest.importorskip('rclpy')
+    topics = [topic_of(find_message(name), number, MOST_INPUTS // 2)
+              for number, name in enumerate(installed())]
+    return topics, build_topics(topics)
+
+
+def assert_same(topic: Topic, found: tuple[FieldReading, ...] | None, message: Any) -> None:
+    assert found is not None
+    for reading, signal in zip(found, topic.signals, strict=True):
+        expected = taken(message, signal)
+        assert same(reading, expected), (signal.path, signal.reduction, reading, expected)
+
+
+# -- right ----------------------------------------------------------------------------------------
+
+
+@settings(max_examples=150, suppress_health_check=list(HealthCheck), deadline=None)
+@given(data=st.data())
+def test_readers_take_what_was_written_in_either_byte_order(
+        ours: tuple[list[Topic], Monitor], data: st.DataObject) -> None:
+    topics, monitor = ours
+    number = data.draw(st.integers(0, len(topics) - 1))
+    tree = data.draw(trees(topics[number].layout))
+    for big in (False, True):
+        message = serialize(topics[number].layout, tree, big=big)
+        assert_same(topics[number], read_fields(monitor, number, message), tree)
+
+
+@pytest.mark.parametrize('name', installed())
+def test_readers_take_what_python_takes_of_a_message(
+        theirs: tuple[list[Topic], Monitor], name: str) -> None:
+    from rclpy.serialization import deserialize_message
+    from rclpy.serialization import serialize_message
+    topics, monitor = theirs
+    number = installed().index(name)
+    topic = topics[number]
+
+    @settings(max_examples=12, suppress_health_check=list(HealthCheck), deadline=None,
+              database=None)
+    @given(tree=trees(topic.layout))
+    def compare(tree: Any) -> None:
+        made = message_object(topic.layout, tree)
+        sent = serialize_message(made)
+        found = read_fields(monitor, number, sent)
+        assert_same(topic, found, made)
+        assert_same(topic, found, deserialize_message(sent, message_class(name)))
+        # The serializer of the other tests writes what rclpy writes; what lies between the fields
+        # is chance there.
+        for big in (False, True):
+            own = serialize(topic.layout, tree, big=big)
+            assert len(own) <= len(sent)
+            assert_same(topic, found, deserialize_message(own, message_class(name)))
+            assert_same(topic, read_fields(monitor, number, own), made)
+
+    compare()
+
+
+def test_enough_types_are_installed() -> None:
+    pytest.importorskip('rclpy')
+    names = set(installed())
+    assert {'std_msgs/msg/Bool', 'std_msgs/msg/Float64MultiArray', 'nav_msgs/msg/Odometry',
+            'sensor_msgs/msg/PointCloud2', 'diagnostic_msgs/msg/DiagnosticArray',
+            'geometry_msgs/msg/TwistWithCovarianceStamped', 'action_msgs/msg/GoalStatusArray',
+            'std_srvs/srv/SetBool_Event'} <= names
+    assert len(names) > 120
+
+
+@cache
+def monitor_of(layout: MessageLayout, field: str) -> Monitor:
+    return build_topics([Topic(layout, (signal_of(layout, 'x', 'x', field),))])
+
+
+def read_one(layout: MessageLayout, field: str, message: bytes) -> FieldReading | None:
+    """Read one field of a message."""
+    found = read_fields(monitor_of(layout, field), 0, message)
+    return found[0] if found else None
+
+
+def message_of(*numbers: int, size: int = 4, big: bool = False) -> bytes:
+    """Return a message of unsigned numbers of one size."""
+    code = {1: 'B', 4: 'I', 8: 'Q'}[size]
+    order = '>' if big else '<'
+    return bytes([0, 0 if big else 1, 0, 0]) + struct.pack(f'{order}{len(numbers)}{code}',
+                                                           *numbers)
+
+
+def test_any_byte_but_0_is_true() -> None:
+    layout = parse_message('bool x\nbool[] y', 'a')
+    for byte in range(256):
+        assert read_one(layout, 'x', message_of(byte, size=1)) == FieldReading(
+            Outcome.READ, byte != 0)
+    message = message_of(1, 0, 0, 0, 3, 0, 0, 0, 0, 7, 255, size=1)
+    assert read_one(layout, 'any(y)', message) == FieldReading(Outcome.READ, True)
+    assert read_one(layout, 'all(y)', message) == FieldReading(Outcome.READ, False)
+    assert read_one(layout, 'y[2]', message) == FieldReading(Outcome.READ, True)
+
+
+def test_sums_of_integers_wrap() -> None:
+    top = 2 ** 63 - 1
+    message = message_of(3, top, top, 5, size=8)
+    assert read_one(parse_message('uint64 n\nint64[3] x', 'a'), 'sum(x)', message) == \
+        FieldReading(Outcome.READ, (2 * top + 5) % 2 ** 64)
+    assert read_one(parse_message('uint64 n\nint64[2] x', 'a'), 'sum(x)', message) == \
+        FieldReading(Outcome.READ, -2)
+    assert read_one(parse_message('uint64 n\nuint64[3] x', 'a'), 'sum(x)', message) == \
+        FieldReading(Outcome.READ, 3)
+
+
+def test_what_is_not_a_number_is_skipped_unless_all_is() -> None:
+    layout = parse_message('float32[] x', 'a')
+    nan = struct.pack('<f', float('nan'))
+
+    def both(*values: bytes) -> list[FieldReading | None]:
+        message = message_of(len(values)) + b''.join(values)
+        return [read_one(layout, f'{function}(x)', message) for function in ('min', 'max')]
+
+    one, two = struct.pack('<f', 1.0), struct.pack('<f', 2.0)
+    for values in ((nan, one, two), (one, nan, two), (two, one, nan), (nan, nan, two, nan, one)):
+        assert both(*values) == [FieldReading(Outcome.READ, 1.0), FieldReading(Outcome.READ, 2.0)]
+    assert all(found and same(found, FieldReading(Outcome.READ, float('nan')))
+               for found in both(nan, nan))
+    assert both() == [FieldReading(Outcome.EMPTY, None)] * 2
+
+
+def test_of_an_empty_array_there_is_a_sum_but_no_mean() -> None:
+    layout = parse_message('float64[] x\nbool[] y', 'a')
+    message = message_of(0, 0)
+    found = {function: read_one(layout, function, message) for function in (
+        'len(x)', 'sum(x)', 'norm(x)', 'min(x)', 'max(x)', 'mean(x)', 'any(y)', 'all(y)')}
+    empty = FieldReading(Outcome.EMPTY, None)
+    assert found == {
+        'len(x)': FieldReading(Outcome.READ, 0), 'sum(x)': FieldReading(Outcome.READ, 0.0),
+        'norm(x)': FieldReading(Outcome.READ, 0.0), 'min(x)': empty, 'max(x)': empty,
+        'mean(x)': empty, 'any(y)': FieldReading(Outcome.READ, False),
+        'all(y)': FieldReading(Outcome.READ, True)}
+
+
+@pytest.mark.parametrize('header', [
+    b'', b'\0', b'\0\1\0', b'\1\0\0\0', b'\0\2\0\0', b'\0\3\0\0', b'\0\6\0\0', b'\0\7\0\0',
+    b'\0\x0a\0\0', b'\x80\1\0\0', b'\0\x81\0\0'])
+def test_another_encoding_cannot_be_decoded(header: bytes) -> None:
+    layout = parse_message('uint8 x', 'a')
+    assert read_one(layout, 'x', header + b'\7\0\0\0' * (len(header) == 4)) is None
+    assert read_one(layout, 'x', b'\0\1\xff\xff\7') == FieldReading(Outcome.READ, 7)
+
+
+def test_a_sequence_above_its_bound_cannot_be_decoded() -> None:
+    layout = parse_message('uint32[<=2] x\nstring[<=1] y', 'a')
+    assert read_one(layout, 'len(x)', message_of(2, 7, 8)) == FieldReading(Outcome.READ, 2)
+    assert read_one(layout, 'len(x)', message_of(3, 7, 8, 9)) is None
+    assert read_one(layout, 'len(y)', message_of(0, 2, 0, 0)) is None
+
+
+def test_a_string_without_its_zero_is_read_as_it_is() -> None:
+    layout = parse_message('string x', 'a')
+    for data in (b'idle\0', b'idle'):
+        message = message_of(len(data)) + data
+        assert read_one(layout, 'x', message) == FieldReading(Outcome.READ, 1)
+    assert read_one(layout, 'x', message_of(0)) == FieldReading(Outcome.READ, 0)
+    assert read_one(layout, 'x', message_of(6) + b'idle\0\0') == FieldReading(
+        Outcome.UNNAMED, None, 5)
+
+
+def test_nothing_behind_the_last_field_is_looked_at() -> None:
+    layout = parse_message('uint32 x\nstring[] y\nuint32 z', 'a')
+    whole = message_of(5, 2 ** 32 - 1)
+    assert read_one(layout, 'x', whole) == FieldReading(Outcome.READ, 5)
+    assert read_one(layout, 'z', whole) is None
+    assert read_one(layout, 'y[0]', message_of(5, 9, 1) + b'\0') == FieldReading(Outcome.READ, 0)
+    assert read_one(layout, 'len(y)', message_of(5, 9, 1) + b'\0') is None
+
+
+# -- wrong ----------------------------------------------------------------------------------------
+
+
+@settings(max_examples=40, suppress_health_check=list(HealthCheck), deadline=None)
+@given(data=st.data())
+def test_a_message_that_is_cut_short_is_none_or_says_the_same(
+        ours: tuple[list[Topic], Monitor], data: st.DataObject) -> None:
+    topics, monitor = ours
+    number = data.draw(st.integers(0, len(topics) - 1))
+    tree = data.draw(trees(topics[number].layout))
+    whole = serialize(topics[number].layout, tree, big=data.draw(st.booleans()))
+    for size in range(len(whole)):
+        found = read_fields(monitor, number, whole[:size])
+        if found is not None:
+            assert_same(topics[number], found, tree)
+
+
+@pytest.mark.parametrize('definition', [
+    'string[] x\nuint8 y', 'wstring[] x\nuint8 y', 'float64[] x\nuint8 y', 'Named[] x\nuint8 y',
+    'Odd[] x\nuint8 y', 'Nothing[] x\nuint8 y', 'Steps[] x\nuint8 y', 'string x\nuint8 y',
+    'wstring x\nuint8 y'])
+def test_a_length_beyond_the_message_ends_at_once(prefix: Path, definition: str) -> None:
+    layout = replace(parse_message(definition, 'lay_msgs'), search_path=(prefix,))
+    for length in (2 ** 32 - 1, 2 ** 32 - 8, 2 ** 31, 2 ** 31 - 1, 2 ** 30, 2 ** 29, 2 ** 28,
+                   10 ** 9, 0x15555556, 0x20000000, 0x1C71C71D):
+        for big in (False, True):
+            assert read_one(layout, 'y', message_of(length, *[0] * 30, big=big)) is None
+
+
+def corpus(topics: Sequence[Topic], rng: Random) -> list[tuple[int, bytes]]:
+    """Return messages with all kinds of damage, each with the number of its topic."""
+    found = []
+    for number, topic in enumerate(topics):
+        for tree in examples(topic.layout, 12):
+            for big in (False, True):
+                message = serialize(topic.layout, tree, big=big)
+                found += [(number, message), (rng.randrange(len(topics)), message)]
+                found += [(number, damaged(message, rng)) for _ in range(25)]
+    noise = [b'\0' + rng.randbytes(rng.choice((0, 3, 4, 9, 30, 200, 2000))) for _ in range(2000)]
+    return found + [(rng.randrange(len(topics)), message) for message in noise]
+
+
+def examples(layout: MessageLayout, count: int) -> list[Any]:
+    """Return some values of a message."""
+    found: list[Any] = []
+
+    @settings(max_examples=count, database=None, deadline=None, derandomize=True,
+              suppress_health_check=list(HealthCheck))
+    @given(tree=trees(layout))
+    def collect(tree: Any) -> None:
+        found.append(tree)
+
+    collect()
+    return found
+
+
+def damaged(message: bytes, rng: Random) -> bytes:
+    """Cut a message, turn some of its bits, or put a strange length into it."""
+    data = bytearray(message)
+    match rng.randrange(4):
+        case 0:
+            return bytes(data[:rng.randrange(len(data) + 1)])
+        case 1:
+            for _ in range(rng.randrange(1, 4)):
+                data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+        case 2:
+            place = rng.randrange(1 + (len(data) - 1) // 4) * 4
+            length = rng.choice((2 ** 32 - 1, 2 ** 31, 2 ** 30, 2 ** 29 + 1, len(data), 3))
+            data[place:place + 4] = struct.pack(rng.choice('<>') + 'I', length)
+        case _:
+            begin = rng.randrange(len(data))
+            data[begin:] = rng.randbytes(rng.randrange(60))
+    return bytes(data)
+
+
+@pytest.fixture(scope='session')
+def attack(ours: tuple[list[Topic], Monitor],
+           tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Write the readers of our messages and a corpus for them; return the folder and the file."""
+    topics = [replace(topic, signals=topic.signals[:MOST_INPUTS]) for topic in ours[0]]
+    folder = tmp_path_factory.mktemp('attack')
+    write_module(c_module(specification_for(topics)), folder)
+    file = folder / 'corpus'
+    file.write_bytes(b''.join(struct.pack('<II', number, len(message)) + message
+                              for number, message in corpus(topics, Random(7))))
+    return folder, file
+
+
+def run_attack(attack: tuple[Path, Path], *command: str) -> str:
+    """Compile the readers and read the corpus with them; return what that prints."""
+    folder, file = attack
+    program = folder / 'fuzz'
+    compile_c([*command, '-std=c99', '-ffp-contract=off', *WARNINGS, f'-I{CSRC}',
+               folder / 'readers_fields.c', HERE / 'fuzz.c', '-lm', '-o', program])
+    done = subprocess.run([program, file], capture_output=True, text=True, check=False,
+                          timeout=120)
+    assert done.returncode == 0, done.stderr[-4000:]
+    assert done.stderr == ''
+    return done.stdout
+
+
+def sanitized() -> list[tuple[str, ...]]:
+    """Return compilers that look for what is undefined, as far as they are here and can."""
+    found: list[tuple[str, ...]] = []
+    probe = 'int main(void) {return 0;}\n'
+    for compiler, flags in ((gcc(), SANITIZERS), (clang(), (
+            '-fsanitize=undefined', '-fno-sanitize-recover=all', '-g', '-O1'))):
+        if compiler and subprocess.run(
+                [*compiler, *flags, '-x', 'c', '-', '-o', '/dev/null'], input=probe, text=True,
+                capture_output=True, check=False).returncode == 0:
+            found.append((*compiler, *flags))
+    return found
+
+
+def test_no_bytes_make_a_reader_do_what_is_undefined(attack: tuple[Path, Path]) -> None:
+    commands = sanitized()
+    if not commands:
+        pytest.skip('needs a compiler with sanitizers')
+    plain = gcc() or clang()
+    assert plain is not None
+    expected = run_attack(attack, *plain, '-O3')
+    decoded, total = map(int, expected.split()[:2])
+    assert 0.1 < decoded / total < 0.9
+    for command in commands:
+        assert run_attack(attack, *command) == expected
+
+
+def test_the_sanitizers_would_see_a_byte_too_many(
+        attack: tuple[Path, Path], tmp_path: Path) -> None:
+    commands = [command for command in sanitized() if SANITIZERS[0] in command]
+    if not commands:
+        pytest.skip('needs gcc with the address sanitizer')
+    folder, file = attack
+    for name in ('fret_cdr.h', 'fret_cells.h', 'fret_fields.h', 'fret_monitor.h'):
+        shutil.copyfile(CSRC / name, tmp_path / name)
+    header = (tmp_path / 'fret_cdr.h').read_text()
+    right = 'size > left - padding'
+    assert right in header
+    (tmp_path / 'fret_cdr.h').write_text(header.replace(right, 'size > left - padding + 1u'))
+    compile_c([*commands[0], '-std=c99', f'-I{tmp_path}', folder / 'readers_fields.c',
+               HERE / 'fuzz.c', '-lm', '-o', tmp_path / 'fuzz'])
+    done = subprocess.run([tmp_path / 'fuzz', file], capture_output=True, text=True, check=False,
+                          timeout=120)
+    assert 'heap-buffer-overflow' in done.stderr
+
+
+@pytest.mark.parametrize('level', ['-O0', '-O2'])
+@pytest.mark.parametrize('find', [gcc, clang])
+def test_readers_compile_without_a_warning(attack: tuple[Path, Path], find: Any,
+                                           level: str) -> None:
+    compiler = find()
+    if compiler is None:
+        pytest.skip('needs the compiler')
+    folder, _ = attack
+    compile_c([*compiler, '-std=c99', level, *WARNINGS, f'-I{CSRC}', '-c',
+               folder / 'readers_fields.c', '-o', folder / 'readers.o'])
+
+
+def test_the_same_messages_give_the_same_bytes(prefix: Path) -> None:
+    def sources() -> tuple[tuple[str, str], ...]:
+        layout = find_message('lay_msgs/msg/Deep', [prefix])
+        return c_module(specification_for([topic_of(layout, 0)])).sources
+
+    assert sources() == sources()
