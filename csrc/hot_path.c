@@ -29,6 +29,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "losses.h"
 #include "watch_locked.h"
 
 #define BATCH 64u
@@ -48,6 +49,7 @@ struct fm_source
   bool is_draining;
   bool is_awaited;   // a callback came while it was drained
   bool is_behind;    // some may be left that a callback has told of
+  struct fm_losses losses;  // guarded likewise
 };
 
 static void * allocate(size_t size, void * state)
@@ -91,6 +93,9 @@ static void deliver_locked(struct fm_source * source, const struct fm_message_in
   const struct fm_origin origin = {
     info->received_timestamp, info->source_timestamp, info->publication_sequence_number,
     source->is_retired};
+  if (!source->is_retired) {  // what the new subscription brings is not lost
+    fm_losses_note(&source->losses, info->gid, info->publication_sequence_number);
+  }
   (void)fm_watch_message_locked(
     source->watch, source->topic, source->message.buffer, source->message.length, &origin);
 }
@@ -185,6 +190,14 @@ void fm_source_retire(struct fm_source * source)
   fm_watch_lock(source->watch);
   source->is_retired = true;
   fm_watch_unlock(source->watch);
+}
+
+uint64_t fm_source_lost(const struct fm_source * source)
+{
+  fm_watch_lock(source->watch);
+  const uint64_t lost = source->losses.lost;
+  fm_watch_unlock(source->watch);
+  return lost;
 }
 
 void fm_source_stop(struct fm_source * source)

@@ -291,6 +291,7 @@ struct fm_source * fm_source_start(
   uint32_t topic);
 void fm_source_drain(struct fm_source * source);
 void fm_source_retire(struct fm_source * source);
+uint64_t fm_source_lost(const struct fm_source * source);
 void fm_source_stop(struct fm_source * source);
 struct fm_announcer;
 struct fm_announcer * fm_announcer_start(

@@ -36,6 +36,8 @@ from time import monotonic, time_ns
 from typing import Any, Protocol
 
 from fret_monitor.ros import qos
+from fret_monitor.ros.losses import Gaps, ToldLosses
+from fret_monitor.ros.periods import Throttle
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -60,6 +62,10 @@ class Tap(Protocol):
 
     def retire(self) -> None:
         """Another subscription is about to take the place of this one."""
+
+    @property
+    def lost(self) -> int:
+        """Messages that were sent and never came, until it was retired."""
 
     def stop(self) -> None:
         """End taking; nothing is delivered after it."""
@@ -283,6 +289,11 @@ class _Topic:
         self._retired: list[tuple[Subscription, Tap | None, float]] = []
         self._current = self._subscribe(qos.wanted_profile((), fixed))
         self._current_tap: Tap | None = None
+        self._gaps = Gaps()
+        self._told_losses = ToldLosses(self._current)
+        self._counted_before = self._told_before = 0  # lost by former subscriptions
+        self._lost_told = 0
+        self._throttle = Throttle()
 
     def open(self) -> None:
         """Let the tap begin, if there is one."""
@@ -297,6 +308,8 @@ class _Topic:
     def deliver(self, taken: _Taken) -> None:
         """Hand a message on, unless it has come already by the other subscription."""
         stamp, key, data, _, is_retired = taken
+        if not is_retired:  # what the new one brings is not lost
+            self._gaps.note(key[1])
         if self._seen is not None:
             # What only the new one brings and is older than what was heard, is history.
             is_history = self._has_history and not is_retired and key[0] < self._newest
@@ -309,6 +322,7 @@ class _Topic:
 
     def close(self) -> None:
         """Destroy all subscriptions."""
+        self._told_losses.close()
         for subscription, tap, _ in [*self._retired, (self._current, self._current_tap, 0.0)]:
             self._destroy(subscription, tap)
 
@@ -334,8 +348,10 @@ class _Topic:
             self._renew(wanted, same_type)
         unheard = [item for item in same_type
                    if not qos.hears(self._current.qos_profile, item.qos_profile)]
+        self._gaps.confirm(gids)
         self.hearing = Hearing(len(same_type), tuple(sorted({_who(item) for item in unheard})),
-                               tuple(sorted({item.topic_type for item in others})))
+                               tuple(sorted({item.topic_type for item in others})), self._lost())
+        self._tell_lost()
         for item in others:
             self._tell_type(item)
         for item in unheard:
@@ -353,8 +369,13 @@ class _Topic:
         if self.tap is not None and self._current_tap is not None:
             self.tap.overlap(has_history=self._has_history)
             self._current_tap.retire()
+            self._counted_before += self._current_tap.lost
+        self._gaps.restart()
+        self._told_before += self._told_losses.total()
+        self._told_losses.close()
         self._retired.append((before, self._current_tap, monotonic() + _OVERLAP))
         self._current = self._subscribe(wanted)
+        self._told_losses = ToldLosses(self._current)
         self.open()
         reason = f'to hear {_who(unheard[0])}' if unheard else 'as its publishers offer it'
         self._node.get_logger().info(
@@ -376,6 +397,21 @@ class _Topic:
         return self._node.create_subscription(
             self.message_class, self._name, _unused, profile,
             callback_group=_Invisible(), raw=True)
+
+    def _lost(self) -> int:
+        """Return how many messages were lost; two that count may have counted the same ones."""
+        tap = self._current_tap
+        counted = self._counted_before + (self._gaps.lost if tap is None else tap.lost)
+        return max(counted, self._told_before + self._told_losses.total())
+
+    def _tell_lost(self) -> None:
+        lost = self.hearing.lost - self._lost_told
+        if lost > 0 and self._throttle.passes():
+            self._lost_told = self.hearing.lost
+            messages = 'message was' if lost == 1 else 'messages were'
+            self._node.get_logger().warning(
+                f'{lost} {messages} lost on {self._current.topic_name} since the last such '
+                'message: a queue overflowed (`qos: {depth: ...}`), or the network dropped them')
 
     def _tell_type(self, publisher: TopicEndpointInfo) -> None:
         if self._tell_once(publisher.topic_type):

@@ -128,6 +128,11 @@ class Source:
         """Another subscription is about to take its place."""
         self._library.fm_source_retire(self._pointer)
 
+    @property
+    def lost(self) -> int:
+        """Messages that were sent and never came, until it was retired."""
+        return int(self._library.fm_source_lost(self._pointer))
+
     def stop(self) -> None:
         """End delivering; the subscription may be destroyed then."""
         self._library.fm_source_stop(self._pointer)

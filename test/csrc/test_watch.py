@@ -79,6 +79,17 @@ def test_threads(tmp_path: Path, sanitizer: str) -> None:
         assert (done.returncode, done.stdout) == (0, '')
 
 
+@pytest.mark.parametrize('seed', range(4))
+def test_as_many_messages_are_lost_as_were_dropped(tmp_path: Path, seed: int) -> None:
+    for compiler in compilers():
+        program = tmp_path / 'losses'
+        built = run(*compiler, '-std=c99', '-O1', *WARNINGS, f'-I{csrc_directory()}',
+                    HERE / 'losses.c', '-o', program)
+        assert (built.returncode, built.stdout) == (0, '')
+        done = run(program, seed)
+        assert (done.returncode, done.stdout) == (0, '')
+
+
 @pytest.mark.parametrize('standard', ['c99', 'c11'])
 @pytest.mark.parametrize('level', ['-O0', '-O2', '-O3'])
 @pytest.mark.parametrize('compiler', compilers())

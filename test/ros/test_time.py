@@ -17,22 +17,18 @@
 from collections.abc import Iterator
 from pathlib import Path
 import signal
-from time import monotonic
 from time import sleep
-from typing import Any
 
 import pytest
 from ros.harness import NodeProcess
 from ros.harness import Partner
-from ros.harness import PATIENCE
 from ros.harness import started
 from ros.harness import wait_until
+from ros.operators import Operator
 from ros.simulator import simulating
 from ros.simulator import Simulator
 from std_msgs.msg import Bool
 from std_msgs.msg import Float32
-
-diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
 
 PERIODIC = """
 format: 1
@@ -56,46 +52,6 @@ requirements:
   - {id: Y, ptltl: "y < 2.0"}
 """
 SIMULATED = ('-p', 'use_sim_time:=true')
-
-
-class Operator:
-    """What is on /diagnostics."""
-
-    def __init__(self, partner: Partner) -> None:
-        """Subscribe."""
-        self.heard: list[Any] = []
-        partner.node.create_subscription(
-            diagnostic_msgs.DiagnosticArray, '/diagnostics', self.heard.append, 10)
-
-    def status(self, name: str) -> tuple[bytes, str, dict[str, str]]:
-        """Return level, message and values of a status of the next report."""
-        self.wait(1)
-        status = next(item for item in self.heard[-1].status
-                      if item.name == f'fret_monitor: {name}')
-        return status.level, status.message, {item.key: item.value for item in status.values}
-
-    def wait(self, reports: int) -> None:
-        """Wait for so many reports from now."""
-        wanted = len(self.heard) + reports
-        wait_until(lambda: len(self.heard) >= wanted, 'a report on /diagnostics')
-
-    def wait_for(self, name: str, level: bytes, words: str) -> dict[str, str]:
-        """Wait until a status is of this level and says so; return its values."""
-        found = self.status(name)
-        end = monotonic() + PATIENCE
-        while found[0] != level or words not in found[1]:
-            assert monotonic() < end, f'waited in vain for {level!r} {words!r}: {found}'
-            found = self.status(name)
-        return found[2]
-
-    def periods(self) -> dict[str, int]:
-        """Return what is counted of the periods, once nothing more comes."""
-        last, now = None, self.status('periods of bundle')[2]
-        end = monotonic() + PATIENCE
-        while last != now:
-            assert monotonic() < end, f'time goes on: {now}'
-            last, now = now, self.status('periods of bundle')[2]
-        return {key: int(value) for key, value in now.items() if key != 'period'}
 
 
 @pytest.fixture

@@ -1,0 +1,73 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// losses.h: how many messages of a topic were sent and never came.
+///
+/// Each publisher numbers what it sends. A number that was left out is a message that is lost: its
+/// queue or ours overflowed, or the network dropped it, where nobody asked for it again.
+/// What a publisher sent before its first message came is not counted.
+///
+/// The caller owns the memory, zeroed at the start, and sees to it that one thread at a time calls.
+
+#ifndef LOSSES_H_
+#define LOSSES_H_
+
+#include <string.h>
+
+#include "fret_monitor.h"
+
+#define FM_GID_BYTES 16u
+/// Publishers that are told apart; of more, those that spoke last are.
+#define FM_PUBLISHERS 16u
+
+struct fm_publisher
+{
+  uint8_t gid[FM_GID_BYTES];
+  uint64_t last;  // the highest number that came, 0 where there is no publisher
+};
+
+/// What is known of the publishers of a topic; the one that spoke last is the first.
+struct fm_losses
+{
+  struct fm_publisher publishers[FM_PUBLISHERS];
+  uint64_t lost;
+};
+
+/// A message has come. Numbers are from 1; 0 and the highest mean that there are none. A number
+/// that is not above the last one of its publisher is a repetition, and counts for nothing.
+/// O(1) for the publisher that spoke last, O(FM_PUBLISHERS) otherwise; cannot fail.
+FM_INLINE void fm_losses_note(
+  struct fm_losses * losses, const uint8_t gid[FM_GID_BYTES], uint64_t number)
+{
+  struct fm_publisher found = {{0}, number};
+  uint32_t place = 0;
+  if (number == 0 || number == UINT64_MAX) {
+    return;
+  }
+  while (place < FM_PUBLISHERS - 1 && losses->publishers[place].last > 0 &&
+    memcmp(losses->publishers[place].gid, gid, FM_GID_BYTES) != 0)
+  {
+    place += 1;
+  }
+  struct fm_publisher * const at = &losses->publishers[place];
+  memcpy(found.gid, gid, FM_GID_BYTES);
+  if (at->last > 0 && memcmp(at->gid, gid, FM_GID_BYTES) == 0) {
+    losses->lost += number > at->last ? number - at->last - 1 : 0;
+    found.last = number > at->last ? number : at->last;
+  }
+  memmove(&losses->publishers[1], losses->publishers, place * sizeof(found));
+  losses->publishers[0] = found;
+}
+
+#endif  // LOSSES_H_

@@ -1,0 +1,123 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+/// Messages that are lost, against what was dropped on the way: `losses SEED`. Exit status 0 if
+/// csrc/losses.h counts as many.
+
+#include "losses.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+static uint64_t seed = 1;
+
+// Marsaglia's xorshift: the same numbers on every machine.
+static uint32_t random_below(uint32_t limit)
+{
+  seed ^= seed << 13;
+  seed ^= seed >> 7;
+  seed ^= seed << 17;
+  return (uint32_t)(seed >> 32) % limit;
+}
+
+static int failures = 0;
+
+static void check(bool condition, const char * text)
+{
+  if (!condition) {
+    printf("not so: %s\n", text);
+    failures += 1;
+  }
+}
+
+static void note(struct fm_losses * losses, uint32_t publisher, uint64_t number)
+{
+  uint8_t gid[FM_GID_BYTES] = {1, 2, 3};
+  gid[FM_GID_BYTES - 1] = (uint8_t)publisher;
+  fm_losses_note(losses, gid, number);
+}
+
+// Each publisher's first message comes; of the others some are dropped, and some come twice.
+static void all_that_was_dropped_is_counted(uint32_t n_publishers)
+{
+  struct fm_losses losses = {0};
+  uint64_t numbers[FM_PUBLISHERS] = {0};
+  uint64_t dropped[FM_PUBLISHERS] = {0};  // since the last one that came
+  uint64_t lost = 0;
+  for (int k = 0; k < 20000; ++k) {
+    const uint32_t p = random_below(n_publishers);
+    numbers[p] += 1;
+    if (numbers[p] > 1 && random_below(3) == 0) {
+      dropped[p] += 1;
+      continue;
+    }
+    lost += dropped[p];
+    dropped[p] = 0;
+    note(&losses, p, numbers[p]);
+    if (random_below(4) == 0) {
+      note(&losses, p, 1 + random_below((uint32_t)numbers[p]));
+    }
+    check(losses.lost == lost, "as many are lost as were dropped");
+  }
+  check(lost > 1000, "some were dropped");
+}
+
+static void a_publisher_is_known_from_its_first_message(void)
+{
+  struct fm_losses losses = {0};
+  note(&losses, 1, 500);
+  check(losses.lost == 0, "what was sent before is not lost");
+  note(&losses, 1, 502);
+  check(losses.lost == 1, "what was sent since is");
+  note(&losses, 2, 7);
+  note(&losses, 1, 503);
+  check(losses.lost == 1, "a new publisher begins anew");
+}
+
+static void without_numbers_nothing_is_lost(void)
+{
+  struct fm_losses losses = {0};
+  note(&losses, 1, 5);
+  note(&losses, 1, UINT64_MAX);
+  note(&losses, 1, 0);
+  note(&losses, 1, 6);
+  check(losses.lost == 0, "no number is no gap");
+}
+
+// A crowd costs precision, never a wrong count.
+static void more_publishers_than_are_told_apart_lose_nothing(void)
+{
+  struct fm_losses losses = {0};
+  for (uint64_t number = 1; number < 100; ++number) {
+    for (uint32_t p = 0; p < 3 * FM_PUBLISHERS; ++p) {
+      note(&losses, p, number);
+    }
+  }
+  check(losses.lost == 0, "nothing was dropped");
+  note(&losses, 3 * FM_PUBLISHERS - 1, 102);
+  check(losses.lost == 2, "those that spoke last are known");
+}
+
+int main(int argc, char ** argv)
+{
+  if (argc != 2) {
+    return 2;
+  }
+  seed = 0x9E3779B97F4A7C15u * (strtoull(argv[1], NULL, 10) + 1);
+  all_that_was_dropped_is_counted(1);
+  all_that_was_dropped_is_counted(FM_PUBLISHERS);
+  a_publisher_is_known_from_its_first_message();
+  without_numbers_nothing_is_lost();
+  more_publishers_than_are_told_apart_lose_nothing();
+  return failures == 0 ? 0 : 1;
+}

@@ -1,0 +1,130 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Messages that are lost are counted and told, and none that is not."""
+
+from pathlib import Path
+import signal
+from threading import Event
+
+from fret_monitor.ros.feed import Feed
+from fret_monitor.ros.losses import Gaps
+import pytest
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.qos import ReliabilityPolicy
+from ros.harness import BEST_EFFORT
+from ros.harness import Partner
+from ros.harness import started
+from ros.harness import wait_until
+from ros.operators import Operator
+from std_msgs.msg import Int32
+
+ONE, OTHER = frozenset([b'1']), frozenset([b'2'])
+SHALLOW = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
+BUNDLE = """
+format: 1
+inputs:
+  n: {topic: n, type: std_msgs/msg/Int32}
+requirements:
+  - {id: R, ptltl: "n < 0"}
+"""
+
+
+def test_what_one_publisher_left_out_is_lost() -> None:
+    gaps = Gaps()
+    gaps.confirm(ONE)
+    for number in (7, 8, 10, 9, 10, 14):
+        gaps.note(number)
+    assert gaps.lost == 0, 'not confirmed yet'
+    gaps.confirm(ONE)
+    assert gaps.lost == 4
+    gaps.note(16)
+    gaps.confirm(ONE)
+    assert gaps.lost == 5
+
+
+@pytest.mark.parametrize('then', [OTHER, ONE | OTHER, frozenset()])
+def test_what_may_be_of_another_publisher_is_not_lost(then: frozenset[bytes]) -> None:
+    gaps = Gaps()
+    gaps.confirm(ONE)
+    gaps.note(1)
+    gaps.note(1000)
+    gaps.confirm(then)
+    gaps.note(2000)
+    gaps.confirm(then)
+    assert gaps.lost == 0
+
+
+def test_without_numbers_nothing_is_lost() -> None:
+    gaps = Gaps()
+    gaps.confirm(ONE)
+    for number in (1, 2**64 - 1, 0, 2):
+        gaps.note(number)
+    gaps.confirm(ONE)
+    assert gaps.lost == 0
+
+
+def test_a_queue_that_overflows_is_told(
+    partner: Partner, capfd: pytest.CaptureFixture[str],
+) -> None:
+    go, got = Event(), []
+
+    def take(data: bytes, stamp: int, sent: int) -> None:
+        got.append(data)
+        go.wait()
+
+    node = Node('fret_monitor', context=partner.context)
+    feed = Feed(node)
+    feed.subscribe('x', 'std_msgs/msg/Int32', Int32, take, {'depth': 5})
+    publisher = partner.publisher(Int32, 'x', BEST_EFFORT)
+    feed.start()
+    partner.wait_for_listener(publisher)
+    for number in range(101):
+        publisher.publish(Int32(data=number))
+        wait_until(lambda: bool(got), 'the first one')
+    go.set()
+    wait_until(lambda: feed.hearings()[0].lost > 0, 'losses')
+    assert len(got) + feed.hearings()[0].lost == 101
+    feed.close()
+    node.destroy_node()
+    assert 'messages were lost on /x since the last such message' in capfd.readouterr().err
+
+
+@pytest.mark.parametrize('hot_path', ['on', 'off'])
+def test_what_a_stopped_monitor_missed_is_told(
+    partner: Partner, tmp_path: Path, hot_path: str,
+) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE, encoding='utf-8')
+    operator = Operator(partner)
+    with started('monitor', '-p', f'spec:={bundle}', '-p', f'hot_path:={hot_path}') as node:
+        partner.listen('R')
+        n = partner.publisher(Int32, 'n', SHALLOW)
+        partner.wait_for_listener(n)
+        wait_until(lambda: n.get_subscription_count() == 1, 'the end of the first subscription')
+        n.publish(Int32(data=0))
+        partner.expect({'R': 1})
+        node.process.send_signal(signal.SIGSTOP)
+        for number in range(2000):
+            n.publish(Int32(data=number))
+        node.process.send_signal(signal.SIGCONT)
+        operator.wait_for('topic /n', b'\1', 'lost since the last report')
+        n.publish(Int32(data=0))
+        operator.wait(2)
+        values = operator.wait_for('topic /n', b'\0', 'received')
+        assert int(values['received']) + int(values['lost']) == 2002
+        assert int(values['lost']) > 100
+        node.wait_for('messages were lost on /n since the last such message')
+        partner.expect({'R': int(values['received'])})
