@@ -60,9 +60,13 @@ class BundleWatch:
     none.
     """
 
-    def __init__(self, node: Node, opened: Opened, *, hot_path: str = 'auto') -> None:
+    def __init__(self, node: Node, opened: Opened, *, hot_path: str = 'auto',
+                 name: str = '') -> None:
         """
-        Prepare to watch; `hot_path` says whether C takes the messages (auto, on, off).
+        Prepare to watch.
+
+        `hot_path` says whether C takes the messages (auto, on, off); `name` tells the bundle in
+        diagnostics from others on the same node.
 
         Raises
         ------
@@ -72,6 +76,7 @@ class BundleWatch:
         self.opened = opened
         self._node = node
         self._hot_path = hot_path
+        self._name = name
         self._clock: Any = node.get_clock()  # a ROSClock, annotated as less in Jazzy
         self._advertised = ExitStack()
         self._running = ExitStack()
@@ -135,7 +140,7 @@ class BundleWatch:
                               lambda: self._watch.tick(self._now()))
             self._running.callback(periods.close)
         self._health = Health(self._node, self._watch, silence.silences,
-                              None if periods is None else periods.schedule)
+                              None if periods is None else periods.schedule, self._name)
         self._running.callback(self._health.close)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._keep(self._node.create_timer(PERIOD, self._tell_health, clock=steady))

@@ -40,8 +40,12 @@ class Health:
     """Publishes diagnostics while somebody listens."""
 
     def __init__(self, node: Node, evaluator: Watch, silences: Silences | None = None,
-                 schedule: Schedule | None = None) -> None:
-        """Advertise the topic; whoever made this calls `publish` each `PERIOD`."""
+                 schedule: Schedule | None = None, bundle: str = '') -> None:
+        """
+        Advertise the topic; whoever made this calls `publish` each `PERIOD`.
+
+        `bundle` tells apart what several bundles on one node have in common.
+        """
         self._node = node
         self._evaluator = evaluator
         self._manifest = evaluator.monitor.manifest
@@ -53,6 +57,7 @@ class Health:
         self._silences = silences
         self._schedule = schedule
         self._periods = (0, 0)  # late, missed
+        self._bundle = bundle
         self._time = monotonic()
 
     def publish(self, hearings: Sequence[Hearing]) -> None:
@@ -109,7 +114,7 @@ class Health:
         if late or missed:
             level = DiagnosticStatus.WARN
             message = f'{missed} missed, {late} late since the last report'
-        yield self._status(f'periods of {self._manifest.name}', level, message, {
+        yield self._status(f'periods of {self._bundle or self._manifest.name}', level, message, {
             'period': f'{schedule.period:g}', 'ticks': schedule.ticks, 'late': schedule.late,
             'missed': schedule.missed, 'restarts': schedule.restarts})
 
@@ -167,7 +172,8 @@ class Health:
         silences = {f'silences {name}': self._silences.count(place)
                     for name, place in names.items()} if self._silences else {}
         return self._status(
-            f'topic {self._node.resolve_topic_name(item.name)}',
+            f'topic {self._node.resolve_topic_name(item.name)}'
+            f'{" for " if self._bundle else ""}{self._bundle}',
             max([level for level, _ in found], default=DiagnosticStatus.OK),
             '; '.join(message for _, message in found) or 'received', {
                 'received': counts.messages, 'rate': f'{rate:.1f}',

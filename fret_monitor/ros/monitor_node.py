@@ -14,7 +14,7 @@
 
 """The node that watches: what it is to do comes by parameters, the work is `BundleWatch`'s."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from contextlib import ExitStack
 import traceback
@@ -22,7 +22,7 @@ from typing import Any
 
 from fret_monitor.ros.announcement import announcement, count
 from fret_monitor.ros.bundle_watch import BundleWatch
-from fret_monitor.ros.compiled import open_monitors
+from fret_monitor.ros.compiled import open_monitors, Opened
 from fret_monitor.ros.namesakes import Namesakes
 from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import MONITOR_PARAMETERS, Parameters, read_settings, Refusal
@@ -138,8 +138,9 @@ class MonitorNode(LifecycleNode):
         opened = open_monitors(settings)
         with ExitStack() as undo:
             undo.callback(self._release)
-            for item in opened:
-                self._watches.append(BundleWatch(self, item, hot_path=settings.hot_path))
+            for item, name in zip(opened, _names(opened)):
+                self._watches.append(
+                    BundleWatch(self, item, hot_path=settings.hot_path, name=name))
             undo.pop_all()
         self._warn([warning for item in opened for warning in item.warnings])
         self._warn(Overrides.of(self).unused([
@@ -190,6 +191,18 @@ class MonitorNode(LifecycleNode):
         response.message = f'restarted {count(groups, "step group")}; input values kept'
         self.get_logger().info(response.message)
         return response
+
+
+def _names(opened: Sequence[Opened]) -> list[str]:
+    """Return what to call the bundles of one node: nothing where there is but one."""
+    if len(opened) == 1:
+        return ['']
+    names: list[str] = []
+    for item in opened:
+        stem = item.monitor.manifest.name
+        taken = sum(name.partition(' ')[0] == stem for name in names)
+        names.append(f'{stem} {taken + 1}' if taken else stem)
+    return names
 
 
 class _Attempt(AbstractContextManager[None]):

@@ -16,6 +16,7 @@
 
 from pathlib import Path
 
+from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
 from fret_monitor.ros import MonitorNode
 from fret_monitor.ros import Refusal
@@ -86,6 +87,22 @@ def test_each_of_several_bundles_steps_by_its_own_rule(
         assert partner.reset() == 'restarted 3 step groups; input values kept'
 
 
+def test_diagnostics_tell_apart_what_two_bundles_say_of_one_topic(
+    partner: Partner, bundles: tuple[Path, Path], tmp_path: Path,
+) -> None:
+    (tmp_path / 'other').mkdir()
+    third = write(tmp_path / 'other', 'first', FIRST.replace('R-1', 'R-4'))
+    names: set[str] = set()
+    partner.node.create_subscription(
+        DiagnosticArray, '/diagnostics',
+        lambda array: names.update(item.name for item in array.status), 10)
+    with started('monitor', '-p', listed((*bundles, third))):
+        topics = {f'fret_monitor: topic /{name} for {bundle}' for name, bundle in (
+            ('x', 'first'), ('y', 'first'), ('x', 'second'), ('z', 'second'),
+            ('x', 'first 2'), ('y', 'first 2'))}
+        wait_until(lambda: {name for name in names if ' topic ' in name} == topics, str(topics))
+
+
 def test_the_logger_tells_of_several_bundles(
     partner: Partner, bundles: tuple[Path, Path],
 ) -> None:
@@ -95,6 +112,7 @@ def test_the_logger_tells_of_several_bundles(
         y, z = partner.publisher(Float32, 'y'), partner.publisher(Float32, 'z')
         x = partner.publisher(Float32, 'x')
         partner.wait_for_listener(x, y, z)
+
         def is_told() -> bool:
             for publisher in (x, y, z):
                 publisher.publish(Float32(data=0.9))
