@@ -55,6 +55,18 @@ DEFINITIONS = {
     'geometry_msgs/msg/Point': 'float64 x\nfloat64 y\nfloat64 z',
     'geometry_msgs/msg/Quaternion': 'float64 x\nfloat64 y\nfloat64 z\nfloat64 w',
     'demo_msgs/msg/Scan': 'byte[4] bits\nfloat32[] ranges\nstring name',
+    'demo_msgs/msg/Laser': 'Header header\nfloat32 least\nfloat32[] ranges\nfloat32[] strengths',
+    'demo_msgs/msg/Path': 'Header header\ngeometry_msgs/Pose[] poses',
+    'demo_msgs/msg/Area': 'geometry_msgs/Point[] points',
+    'demo_msgs/msg/Joints': 'Header header\nstring[] name\nfloat64[] position',
+    'demo_msgs/msg/Lost': 'gone_msgs/Gone gone\nint8 x',
+    'demo_msgs/msg/Loop': 'Loop[] again\nint8 x',
+    'demo_msgs/srv/Switch': 'bool on\n---\nbool success',
+    'demo_msgs/action/Count': 'int32 order\n---\nint32 total\n---\nint32[] so_far',
+    'builtin_interfaces/msg/Time': 'int32 sec\nuint32 nanosec',
+    'service_msgs/msg/ServiceEventInfo': 'uint8 event_type\nbuiltin_interfaces/Time stamp',
+    'std_msgs/msg/Header': 'builtin_interfaces/Time stamp\nstring frame_id',
+    'unique_identifier_msgs/msg/UUID': 'uint8[16] uuid',
 }
 
 
@@ -62,10 +74,10 @@ DEFINITIONS = {
 def messages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Install message definitions, and no others."""
     for name, text in DEFINITIONS.items():
-        package, _, message = name.split('/')
-        folder = tmp_path / 'share' / package / 'msg'
+        package, kind, message = name.split('/')
+        folder = tmp_path / 'share' / package / kind
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / f'{message}.msg').write_text(text, encoding='utf-8')
+        (folder / f'{message}.{kind}').write_text(text, encoding='utf-8')
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
     monkeypatch.setattr('sys.prefix', str(tmp_path))
 
@@ -157,6 +169,36 @@ requirements:
                        'flag': True, 'mode': -1}
     assert result.signals[3].values == (('A', 'a'), ('B', "it's b"), ('C', '0'))
     assert result.signals[6].values == (('OFF', -1), ('ON', 1))
+
+
+def test_what_is_taken_of_a_field_decides_the_type() -> None:
+    result = specified("""
+inputs:
+  stamp: {topic: laser, type: demo_msgs/msg/Laser, field: header.stamp}
+  near: {topic: laser, type: demo_msgs/msg/Laser, field: min(ranges), initial: 0.1}
+  far: {topic: laser, type: demo_msgs/msg/Laser, field: ' max ( ranges ) '}
+  all: {topic: laser, type: demo_msgs/msg/Laser, field: sum(ranges)}
+  beams: {topic: laser, type: demo_msgs/msg/Laser, field: len(ranges), values: {NONE: 0}}
+  frame: {topic: laser, type: demo_msgs/msg/Laser, field: len(header.frame_id)}
+  lit: {topic: scan, type: demo_msgs/msg/Scan, field: sum(bits)}
+  bit: {topic: scan, type: demo_msgs/msg/Scan, field: min(bits)}
+  away: {topic: path, type: demo_msgs/msg/Path, field: "norm(poses[2].position)"}
+  mean: {topic: count, type: demo_msgs/action/Count_FeedbackMessage, field: mean(feedback.so_far)}
+  total: {topic: count, type: demo_msgs/action/Count_FeedbackMessage, field: sum(feedback.so_far)}
+  called: {topic: call, type: demo_msgs/srv/Switch_Event, field: "request[0].on"}
+requirements:
+  - {id: R, ptltl: "near < far & beams != NONE & called"}
+""")
+    found = {item.name: (item.reduction, item.type.value) for item in result.signals}
+    assert found == {
+        'stamp': ('seconds', 'float64'), 'near': ('min', 'float32'), 'far': ('max', 'float32'),
+        'all': ('sum', 'float64'), 'beams': ('len', 'uint32'), 'frame': ('len', 'uint32'),
+        'lit': ('sum', 'uint64'), 'bit': ('min', 'uint8'), 'away': ('norm', 'float64'),
+        'mean': ('mean', 'float64'), 'total': ('sum', 'int64'), 'called': ('', 'bool')}
+    paths = {item.name: item.path for item in result.signals}
+    assert paths['away'] == ('poses', 2, 'position')
+    assert paths['stamp'] == ('header', 'stamp')
+    assert result.signals[1].initial == 0.10000000149011612
 
 
 def test_the_quality_of_service_is_kept() -> None:

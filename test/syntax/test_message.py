@@ -16,6 +16,7 @@
 
 from pathlib import Path
 import sys
+from typing import Any
 
 from fret_monitor.diagnostics import CompileError
 from fret_monitor.diagnostics import Diagnostic
@@ -71,9 +72,13 @@ def prefix(tmp_path: Path) -> Path:
         'pkg_a/msg/Empty': '# nothing\n',
         'pkg_b/msg/Battery': 'float64 charge\nCell[] cells\n',
         'pkg_b/msg/Cell': 'float32 voltage\n',
+        'pkg_b/srv/Switch': '# turn it\nbool on\n--- \nbool success\nstring message\n',
+        'pkg_b/srv/Half': 'bool on\n',
+        'pkg_b/action/Count': 'int32 LAST=9\nint32 order\n---\nCell[] cells\n---\nint32[] so_far\n',
+        'pkg_b/action/Half': '---\n',
         'std_msgs/msg/Header': 'string frame_id\n',
     }.items():
-        path = tmp_path / 'share' / f'{name}.msg'
+        path = tmp_path / 'share' / f'{name}.{name.split("/")[1]}'
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
     (tmp_path / 'share' / 'pkg_b' / 'msg' / 'Special.idl').write_text('')
@@ -276,6 +281,10 @@ def test_a_message_within_itself_ends(prefix: Path) -> None:
     ('no_such/msg/X', "there are no messages of a package 'no_such'", 'ros-jazzy-no-such'),
     ('../pkg_a/msg/State', 'is not the name of a message type', 'std_msgs/msg/Float32'),
     ('pkg_a/srv/State', 'is not the name of a message type', 'std_msgs/msg/Float32'),
+    ('pkg_a/msg/State_Event', 'is not the name of a message type', 'std_msgs/msg/Float32'),
+    ('pkg_b/srv/Swich_Event', "the package 'pkg_b' has no service 'Swich'", "mean 'Switch'?"),
+    ('pkg_b/srv/Switch_Evnt', "'Switch_Evnt' is no message of 'Switch'", "mean 'Switch_Event' or"),
+    ('pkg_a/action/Go_Goal', "there are no actions of a package 'pkg_a'", 'ros-jazzy-pkg-a'),
     ('pkg_a', 'is not the name of a message type', 'std_msgs/msg/Float32'),
 ])
 def test_a_type_that_is_not_installed_is_refused_with_what_is(
@@ -287,6 +296,84 @@ def test_a_type_that_is_not_installed_is_refused_with_what_is(
     assert title in error.title
     assert help in error.help
     assert error.span is place
+
+
+def _shape(prefix: Path, name: str) -> str:
+    layout = find_message(name, [prefix])
+    assert layout.name == name
+    return ', '.join(f'{item.type} {item.name}' for item in layout.fields)
+
+
+@pytest.mark.parametrize(('name', 'expected'), [
+    ('pkg_b/srv/Switch_Request', 'bool on'),
+    ('pkg_b/srv/Switch_Response', 'bool success, string message'),
+    ('pkg_b/srv/Switch_Event',
+     'service_msgs/msg/ServiceEventInfo info, pkg_b/srv/Switch_Request[<=1] request, '
+     'pkg_b/srv/Switch_Response[<=1] response'),
+    ('pkg_b/action/Count_Goal', 'int32 order'),
+    ('pkg_b/action/Count_Result', 'pkg_b/msg/Cell[] cells'),
+    ('pkg_b/action/Count_Feedback', 'int32[] so_far'),
+    ('pkg_b/action/Count_FeedbackMessage',
+     'unique_identifier_msgs/msg/UUID goal_id, pkg_b/action/Count_Feedback feedback'),
+    ('pkg_b/action/Count_SendGoal_Event',
+     'service_msgs/msg/ServiceEventInfo info, '
+     'pkg_b/action/Count_SendGoal_Request[<=1] request, '
+     'pkg_b/action/Count_SendGoal_Response[<=1] response'),
+    ('pkg_b/action/Count_GetResult_Response', 'int8 status, pkg_b/action/Count_Result result'),
+])
+def test_services_and_actions_have_the_messages_that_rosidl_gives_them(
+        prefix: Path, name: str, expected: str) -> None:
+    assert _shape(prefix, name) == expected
+
+
+@pytest.mark.parametrize('name', ['pkg_b/srv/Half_Event', 'pkg_b/action/Half_FeedbackMessage'])
+def test_a_service_or_action_that_lacks_a_part_is_refused(prefix: Path, name: str) -> None:
+    with pytest.raises(CompileError, match=r'Half\.(srv|action):1:1: error: .* is to have'):
+        find_message(name, [prefix])
+
+
+def test_the_fields_of_services_and_actions_are_those_of_rclpy() -> None:
+    pytest.importorskip('rclpy')
+    definition = pytest.importorskip('rosidl_parser.definition')
+    parser = pytest.importorskip('rosidl_parser.parser')
+    paths = sorted((path, prefix) for prefix in search_path()
+                   for kind in ('srv', 'action') for path in prefix.glob(f'share/*/{kind}/*.idl'))
+    for path, prefix in paths:
+        share = prefix / 'share'
+        file = parser.parse_idl_file(
+            definition.IdlLocator(str(share), str(path.relative_to(share))))
+        found = [*file.content.get_elements_of_type(definition.Service),
+                 *file.content.get_elements_of_type(definition.Action)]
+        for message in (message for item in found for message in _messages_of(item)):
+            name = '/'.join(message.structure.namespaced_type.namespaced_name())
+            expected = [member.name for member in message.structure.members]
+            names = [item.name for item in find_message(name).fields]
+            assert (names or ['structure_needs_at_least_one_member']) == expected, name
+    assert not paths or len(paths) > 10
+
+
+def _messages_of(item: Any) -> list[Any]:
+    """Return the messages of a service or an action, as rosidl has them."""
+    if hasattr(item, 'event_message'):
+        return [item.request_message, item.response_message, item.event_message]
+    return [item.goal, item.result, item.feedback, item.feedback_message,
+            *_messages_of(item.send_goal_service), *_messages_of(item.get_result_service)]
+
+
+def test_a_fingerprint_is_that_of_all_that_is_serialized(prefix: Path) -> None:
+    def fingerprint() -> str:
+        return find_message('pkg_a/msg/State', [prefix]).fingerprint
+
+    before = fingerprint()
+    cell = prefix / 'share' / 'pkg_b' / 'msg' / 'Cell.msg'
+    cell.write_text('# a remark\nint8 CONSTANT=3\nfloat32 voltage 7.5\n')
+    assert fingerprint() == before
+    cell.write_text('float32 volts\n')
+    renamed = fingerprint()
+    cell.write_text('float64 voltage\n')
+    widened = fingerprint()
+    cell.unlink()
+    assert len({before, renamed, widened, fingerprint()}) == 4
 
 
 def test_a_type_in_idl_alone_is_refused(tmp_path: Path) -> None:
