@@ -38,6 +38,7 @@ import traceback
 
 CRASHES = Path('fuzz-crashes')
 LONGEST = 3000  # bytes of an input
+MESSAGES = 'messages'  # the target in C
 GUIDED = importlib.util.find_spec('atheris') is not None
 
 
@@ -54,17 +55,21 @@ def main() -> int:
 
 def _fuzz_all(options: Namespace) -> int:
     from fuzz.targets import TARGETS
-    chosen = options.targets or list(TARGETS)
-    unknown = [name for name in chosen if name not in TARGETS]
+    known = [*TARGETS, MESSAGES]
+    chosen = options.targets or known
+    unknown = [name for name in chosen if name not in known]
     if unknown:
-        print(f'no target {unknown[0]}; there are {", ".join(TARGETS)}', file=sys.stderr)
+        print(f'no target {unknown[0]}; there are {", ".join(known)}', file=sys.stderr)
         return 2
     share = options.seconds / len(chosen)
     print(f'{len(chosen)} targets, {share:.1f} s each, '
           f'{"guided by coverage" if GUIDED else "without atheris: not guided by coverage"}')
     before = set(CRASHES.glob('*'))
     for name in chosen:
-        _fuzz_apart(name, share, options.seed)
+        if name == MESSAGES:
+            _fuzz_messages(share, options.seed)
+        else:
+            _fuzz_apart(name, share, options.seed)
     found = sorted(set(CRASHES.glob('*')) - before)
     for path in found:
         print(f'{path}: found anew')
@@ -87,6 +92,19 @@ def _fuzz_apart(name: str, seconds: float, seed: int) -> None:
             print(line)
     if done.returncode:
         _write(name, done.stderr[-4000:].encode(), 'the process died')
+
+
+def _fuzz_messages(seconds: float, seed: int) -> None:
+    from fuzz.messages import fuzz
+    with tempfile.TemporaryDirectory(prefix='fret_monitor-fuzz-') as name:
+        done = fuzz(Path(name), seconds, seed or time.time_ns() % 2 ** 32)
+    told = re.search(r'Done (\d+)', done.stdout)
+    print(f'{MESSAGES}: {int(told[1]) if told else 0:,} messages')
+    if done.returncode:
+        report = done.stderr[-6000:]
+        print(f'BUG in {MESSAGES}: {report}')
+        # Its seed is in it, and what the sanitizer saw.
+        _write(MESSAGES, f'{done.args}\n{report}'.encode(), f'status {done.returncode}')
 
 
 class Recorder:

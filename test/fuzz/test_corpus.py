@@ -17,12 +17,15 @@
 from collections.abc import Callable
 from pathlib import Path
 from random import Random
+import shutil
 import subprocess
 import sys
 import time
 
 from cli.command import environment
+from differential.compiled import CSRC
 from fret_monitor.diagnostics import CompileError
+from fuzz import messages
 from fuzz import targets
 from fuzz.run import inputs_of
 from fuzz.run import mutated
@@ -97,6 +100,27 @@ def test_text_that_leaks_into_c_is_found(text: str) -> None:
         check_c(text)
 
 
+def test_messages_are_read_and_fed_without_harm(tmp_path: Path) -> None:
+    done = messages.fuzz(tmp_path, 2, 1)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout.split()[1]) > 1000
+
+
+def test_a_reader_that_looks_behind_a_message_is_found(tmp_path: Path) -> None:
+    """Compile it all with a header in which a check is one byte too lenient."""
+    shutil.copytree(CSRC, tmp_path / 'csrc')
+    header = tmp_path / 'csrc' / 'fret_cdr.h'
+    right = 'size > left - padding'
+    assert right in header.read_text()
+    header.write_text(header.read_text().replace(right, f'{right} + 1u'))
+    program = messages.build(tmp_path, messages.topics(tmp_path)[:3], tmp_path / 'csrc')
+    if b'__asan' not in program.read_bytes():
+        pytest.skip('needs a compiler with the address sanitizer')
+    done = subprocess.run([program, tmp_path / 'seeds', '20', '1'], capture_output=True,
+                          text=True, check=False)
+    assert done.returncode != 0 and 'heap-buffer-overflow' in done.stderr
+
+
 def test_it_ends_in_time_and_says_how_much_it_tried(tmp_path: Path) -> None:
     paths = environment()['PYTHONPATH'] + f':{ROOT / "test"}'
     begin = time.monotonic()
@@ -105,7 +129,7 @@ def test_it_ends_in_time_and_says_how_much_it_tried(tmp_path: Path) -> None:
         env=environment(PYTHONPATH=paths), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert time.monotonic() - begin < 60
-    first, manifests, messages = done.stdout.splitlines()
+    first, manifests, definitions = done.stdout.splitlines()
     assert first.startswith('2 targets, 2.0 s each')
-    assert manifests.startswith('manifest: ') and messages.startswith('message: ')
-    assert all(int(line.split()[1].replace(',', '')) > 50 for line in (manifests, messages))
+    assert manifests.startswith('manifest: ') and definitions.startswith('message: ')
+    assert all(int(line.split()[1].replace(',', '')) > 50 for line in (manifests, definitions))

@@ -1,0 +1,124 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Messages of many types, changed at random, through generated readers and the evaluator.
+
+The program is `messages.c` beside this file, compiled with the address and undefined-behaviour
+sanitizers where the compiler has them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+import os
+from pathlib import Path
+import shutil
+import struct
+import subprocess
+
+from differential.compiled import c_module
+from differential.compiled import CSRC
+from differential.compiled import write_module
+from fret_monitor.diagnostics import CompileError
+from fret_monitor.logic.formula import Binary
+from fret_monitor.logic.formula import BinaryOperator
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.formula import Historically
+from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.formula import Window
+from fret_monitor.logic.specification import Signal
+from fret_monitor.logic.specification import Specification
+from fret_monitor.manifest import ValueType
+from fret_monitor.syntax.message import find_message
+from readers.messages import serialize
+from readers.messages import Topic
+from readers.test_readers import examples
+from readers.test_readers import specification_for
+from readers.test_readers import topic_of
+from readers.test_readers import WRITTEN
+from strategies import as_term
+from strategies import property_of
+
+HERE = Path(__file__).resolve().parent
+SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-g', '-O1')
+# Besides those that the tests write: what robots send, with strings and arrays before numbers.
+TYPES = ('nav_msgs/msg/Odometry', 'sensor_msgs/msg/BatteryState', 'sensor_msgs/msg/JointState',
+         'sensor_msgs/msg/LaserScan', 'geometry_msgs/msg/PoseWithCovarianceStamped',
+         'diagnostic_msgs/msg/DiagnosticArray', 'std_msgs/msg/String', 'std_msgs/msg/Float32')
+MOST_INPUTS = 20
+
+
+def fuzz(folder: Path, seconds: float, seed: int) -> 'subprocess.CompletedProcess[str]':
+    """Fuzz for some seconds; what the program says, and a status other than 0 for a bug."""
+    program = build(folder, topics(folder))
+    return subprocess.run(
+        [program, folder / 'seeds', str(seconds), str(seed)], capture_output=True, text=True,
+        check=False, timeout=seconds + 60,
+        # What it allocates once it gives back by ending.
+        env={**os.environ, 'ASAN_OPTIONS': 'detect_leaks=0'})
+
+
+def topics(folder: Path) -> list[Topic]:
+    """Return topics with messages that are written here, and of those types that there are."""
+    for name, fields in WRITTEN.items():
+        path = folder / 'share' / f'{name}.msg'
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text('\n'.join(fields) + '\n')
+    layouts = [find_message(name, [folder]) for name, fields in WRITTEN.items() if fields]
+    for name in TYPES:
+        try:
+            layouts.append(find_message(name))
+        except CompileError:
+            continue  # it is not installed
+    return [topic_of(layout, number, MOST_INPUTS) for number, layout in enumerate(layouts)]
+
+
+def specification(chosen: Sequence[Topic]) -> Specification:
+    """Return a requirement for each topic, which reads the topic's first inputs."""
+    formulas = [Historically(Window(0, 3), _read(topic.signals[:3])) for topic in chosen
+                if topic.signals]
+    return replace(specification_for(chosen), properties=tuple(
+        property_of(f'R-{number}', item) for number, item in enumerate(formulas)))
+
+
+def _read(signals: Sequence[Signal]) -> Formula:
+    first, *others = (_relation(Variable(item.name, item.type)) for item in signals)
+    for other in others:
+        first = Binary(BinaryOperator.AND, first, other)
+    return first
+
+
+def _relation(item: Variable) -> Formula:
+    if item.type is ValueType.BOOL:
+        return item
+    kind = item.type if item.type.is_float or item.type is ValueType.UINT64 else ValueType.INT64
+    return Binary(BinaryOperator.LE, as_term(item, kind), as_term(item, kind))
+
+
+def build(folder: Path, chosen: Sequence[Topic], csrc: Path = CSRC) -> Path:
+    """Write messages to begin with, and the program; sanitized where that is possible."""
+    (folder / 'seeds').write_bytes(b''.join(
+        struct.pack('<II', number, len(message)) + message
+        for number, topic in enumerate(chosen) for tree in examples(topic.layout, 12)
+        for big in (False, True) for message in [serialize(topic.layout, tree, big=big)]))
+    sources = write_module(c_module(specification(chosen)), folder)
+    program = folder / 'messages'
+    gcc = shutil.which('gcc') or 'cc'
+    command = [gcc, '-std=c99', f'-I{csrc}', f'-I{folder}', *map(str, sources),
+               str(csrc / 'evaluator.c'), str(HERE / 'messages.c'), '-lm', '-o', str(program)]
+    for flags in (SANITIZERS, ('-O1',)):
+        done = subprocess.run([*command, *flags], capture_output=True, text=True, check=False)
+        if done.returncode == 0:
+            return program
+    raise AssertionError(done.stderr)
