@@ -12,10 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The bundles of config/ at work: a requirement is kept by what is right, and not by a fault."""
+"""
+Bundles of config/ and programs of examples/ at work.
+
+A requirement of a bundle is kept by what is right, and not by a fault.
+"""
 
 from collections.abc import Callable
+import os
 from pathlib import Path
+import re
+import subprocess
+import sys
 from time import sleep
 from typing import Any
 
@@ -31,7 +39,8 @@ geometry_msgs = pytest.importorskip('geometry_msgs.msg')
 nav_msgs = pytest.importorskip('nav_msgs.msg')
 sensor_msgs = pytest.importorskip('sensor_msgs.msg')
 
-CONFIG = Path(fret_monitor.__file__).resolve().parent.parent / 'config'
+SOURCE = Path(fret_monitor.__file__).resolve().parent.parent
+CONFIG = SOURCE / 'config'
 if not CONFIG.is_dir():
     pytest.skip('needs the source tree', allow_module_level=True)
 
@@ -206,3 +215,15 @@ def test_an_arm_that_does_not_stop_is_told(partner: Partner) -> None:
         arm.go_on(0.5)
         arm.stop = True
         arm.until('ARM_003')
+
+
+def test_a_monitor_in_a_program_of_its_own_closes_the_valve(domain: int) -> None:
+    done = subprocess.run(
+        [sys.executable, str(SOURCE / 'examples' / 'tank.py')], timeout=60, text=True,
+        capture_output=True, check=False,
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join([str(SOURCE), *sys.path])})
+    told = f'{done.stdout}{done.stderr}'
+    assert (done.returncode, 'Traceback' in told) == (0, False), told
+    level = re.search('the valve is closed at a level of ([0-9.]+)', told)
+    assert level is not None, told
+    assert float(level[1]) > 0.9
