@@ -149,6 +149,43 @@ def test_the_command_line_runs_from_the_workspace(
     assert (done.returncode, 'ROS-001' in done.stdout) == (0, True), f'{done.stdout}{done.stderr}'
 
 
+def test_what_belongs_to_the_package_is_installed_with_it(
+    environment: dict[str, str], workspace: Path,
+) -> None:
+    share = workspace / 'install' / NAME / 'share' / NAME
+    source = workspace / 'src' / NAME
+    for folder in ('config', 'csrc', 'docs', 'examples', 'launch'):
+        files = [path.relative_to(source) for path in (source / folder).rglob('*.*')
+                 if path.is_file()]
+        assert files
+        for file in files:
+            assert (share / file).read_bytes() == (source / file).read_bytes()
+    assert str(share.parent.parent) in environment['AMENT_PREFIX_PATH'].split(os.pathsep)
+
+
+@pytest.mark.parametrize('bundle', ['arm.yaml', 'mobile_base.yaml', 'quadrotor.yaml'])
+def test_the_bundles_that_come_with_the_package_run_from_where_they_are_installed(
+    bundle: str, environment: dict[str, str], graph: Callable[[], list[str]], workspace: Path,
+    tmp_path: Path,
+) -> None:
+    for package in ('geometry_msgs', 'nav_msgs', 'sensor_msgs'):
+        pytest.importorskip(package)
+    spec = workspace / 'install' / NAME / 'share' / NAME / 'config' / bundle
+    with subprocess.Popen(
+        [ros2_run(environment, 'monitor'), '--ros-args', '-p', f'spec:={spec}'],
+        env=environment, cwd=tmp_path, text=True, stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    ) as process:
+        assert process.stdout is not None
+        try:
+            said = next((line for line in process.stdout if 'watching' in line), '')
+        finally:
+            process.send_signal(signal.SIGINT)
+            rest, _ = process.communicate(timeout=30)
+    assert f'({spec}, ' in said, rest
+    assert process.returncode == 0, rest
+
+
 def test_the_installed_package_is_the_one_that_runs(
     environment: dict[str, str], workspace: Path, tmp_path: Path,
 ) -> None:
