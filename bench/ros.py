@@ -147,7 +147,7 @@ class Load:
         assert self.process.stdout is not None
         while not select([self.process.stdout], [], [], 0.2)[0]:
             if of is not None and of.process.poll() is not None:
-                raise SystemExit('it has ended\n')
+                raise SystemExit(f'it has ended, with status {of.process.returncode}\n')
         line = self.process.stdout.readline()
         if not line:
             self._errors.seek(0)
@@ -223,7 +223,7 @@ def kilobytes(process: subprocess.Popen[str] | subprocess.Popen[bytes], key: str
     text = Path(f'/proc/{process.pid}/status').read_text(encoding='ascii')
     found = [line for line in text.splitlines() if line.startswith(f'{key}:')]
     if not found:
-        raise SystemExit('it has ended\n')  # a zombie has no memory
+        raise SystemExit(f'it has ended, with status {process.wait()}\n')  # and has no memory
     return int(found[0].split()[1])
 
 
