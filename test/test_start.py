@@ -19,6 +19,7 @@ from fractions import Fraction
 import json
 import os
 from pathlib import Path
+import struct
 import subprocess
 import sys
 from typing import Any
@@ -29,6 +30,9 @@ from fret_monitor.manifest import Policy
 from fret_monitor.native.cache import cache_directory
 from fret_monitor.native.monitor import CompiledMonitor
 from fret_monitor.runtime.evaluator import Evaluator
+from fret_monitor.runtime.fields import FieldReading
+from fret_monitor.runtime.fields import Outcome
+from fret_monitor.runtime.fields import read_fields
 from fret_monitor.start import start
 
 import pytest
@@ -56,6 +60,9 @@ DAMAGES: list[Callable[[dict[str, Any]], Any]] = [
     lambda note: {**note, 'manifest': 3},
     lambda note: {**note, 'library': '/nowhere/lib.so'},
     lambda note: {**note, 'library': 7},
+    lambda note: {**note, 'messages': {}},
+    lambda note: {**note, 'messages': None},
+    lambda note: {key: value for key, value in note.items() if key != 'messages'},
 ]
 
 
@@ -201,6 +208,27 @@ def test_a_changed_message_definition_is_built_anew_or_refused(
     with pytest.raises(CompileError, match='height'):
         start(bundle)
     assert len(built) == 2
+
+
+def test_a_field_before_the_one_that_is_read_decides_too(
+    bundle: Path, tmp_path: Path, built: list[CompiledMonitor],
+) -> None:
+    folder = tmp_path / 'prefix' / 'share' / 'my_msgs' / 'msg'
+    (folder / 'Level.msg').write_text('Head head\nfloat32 level\n')
+    (folder / 'Head.msg').write_text('string name\n')
+    message = b'\0\1\0\0' + struct.pack('<I4sf', 4, b'abc', 1.5)
+    first = start(bundle)
+    assert read_fields(first.monitor, 0, message) == (FieldReading(Outcome.READ, 1.5),)
+    assert start(bundle).manifest == first.manifest
+    (folder / 'Head.msg').write_text('uint8[4] name\nuint8[4] more  # of it\n')
+    second = start(bundle)
+    assert read_fields(second.monitor, 0, message) == (FieldReading(Outcome.READ, 1.5),)
+    (folder / 'Head.msg').write_text('uint8[4] name\n')
+    third = start(bundle)
+    assert read_fields(third.monitor, 0, message) != (FieldReading(Outcome.READ, 1.5),)
+    assert len({item.manifest.bundle_hash for item in (first, second, third)}) == 3
+    assert len({item.manifest.source_hash for item in (first, second, third)}) == 3
+    assert len(built) == 3
 
 
 def test_overrides_and_the_compiler_decide_too(

@@ -31,6 +31,10 @@ from fret_monitor.native import evaluator_library
 from fret_monitor.native import LibraryError
 from fret_monitor.native import load
 from fret_monitor.native import load_evaluator
+from fret_monitor.native import Monitor
+from fret_monitor.runtime.fields import FieldReading
+from fret_monitor.runtime.fields import Outcome
+from fret_monitor.runtime.fields import read_fields
 from native import toys
 import pytest
 
@@ -63,6 +67,56 @@ def test_the_names_of_a_library_stay_its_own() -> None:
     monitor = load(library(), toys.manifest())
     assert not hasattr(ctypes.CDLL(None), toys.SYMBOL)
     assert hasattr(ctypes.CDLL(str(monitor.library.path)), toys.SYMBOL)
+
+
+READERS = """
+#include "fret_fields.h"
+
+static bool read_flag(const uint8_t * message, size_t size, struct fm_field * fields)
+{
+  fields[0].value.i = size != 0u && message[0] == 1u;
+  fields[0].outcome = FM_FIELD_READ;
+  return size != 0u;
+}
+
+static const struct fm_reader TOPICS[] = {{read_flag, 1}, {read_flag, 1}};
+static const struct fm_readers ALL = {FM_ABI, 2, TOPICS};
+
+FM_EXPORT const struct fm_readers * fm_toy_readers(void);
+
+const struct fm_readers * fm_toy_readers(void)
+{
+  return &ALL;
+}
+"""
+
+
+def load_readers(text: str) -> Monitor:
+    """Load the toy with readers of messages."""
+    return load(library(toys.source() + text), replace(toys.manifest(), readers='fm_toy_readers'))
+
+
+def test_a_monitor_shows_its_readers_of_messages() -> None:
+    assert load(library(), toys.manifest()).readers is None
+    monitor = load_readers(READERS)
+    assert monitor.readers is not None
+    assert monitor.readers.n_topics == 2
+    assert read_fields(monitor, 0, b'\1') == (FieldReading(Outcome.READ, True),)
+    assert read_fields(monitor, 0, b'\0') == (FieldReading(Outcome.READ, False),)
+    assert read_fields(monitor, 0, b'') is None
+
+
+@pytest.mark.parametrize(('old', 'new', 'told'), [
+    ('FM_ABI, 2, TOPICS', '7, 2, TOPICS', 'readers of messages were compiled for interface 7'),
+    ('return &ALL', '(void)ALL; return NULL', 'it has no readers of messages'),
+    ('FM_ABI, 2, TOPICS', 'FM_ABI, 1, TOPICS', 'it reads 1 topics instead of 2'),
+    ('{read_flag, 1}}', '{read_flag, 3}}', "of the topic '/level' it reads 3 inputs instead of 1"),
+    ('fm_toy_readers(void)', 'fm_toy_raeders(void)', "does not export 'fm_toy_readers'"),
+])
+def test_readers_that_do_not_fit_the_manifest_are_refused(old: str, new: str, told: str) -> None:
+    assert old in READERS
+    with pytest.raises(LibraryError, match=told):
+        load_readers(READERS.replace(old, new))
 
 
 def test_a_library_that_is_missing_is_told(tmp_path: Path) -> None:
