@@ -16,23 +16,39 @@
 Mutants of generated C: one operator, number, name, call or statement changed.
 
 `mutants` makes them on the syntax tree, so that each is C; `printed` writes one down to be
-compiled. Run as a program, this proves or refutes many of them and prints a table:
+compiled. Run as a program, this has them all proved or refuted and prints a table:
 
-    python -m bench.mutants [HOW MANY A BUNDLE]
+    python -m bench.mutants [HOW MANY A BUNDLE AND OF THE CELLS]
 """
 
+from collections import Counter
 from collections.abc import Callable
 from collections.abc import Iterator
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from dataclasses import replace
+from pathlib import Path
 from random import Random
+import sys
+import tempfile
+import time
 from typing import Any
 
+from fret_monitor.build import generate_monitor
+from fret_monitor.build import GeneratedMonitor
+from fret_monitor.build import read
+from fret_monitor.native.cache import runtime_headers
 from fret_monitor.proving.c_source import Function
 from fret_monitor.proving.c_source import Program
 from fret_monitor.proving.c_source import shown
+from fret_monitor.proving.contracts import prove_function
+from fret_monitor.proving.monitor import ALL
+from fret_monitor.proving.monitor import Subject
+from fret_monitor.proving.solver import Answer
+from fret_monitor.proving.verification import read_subject
+from fret_monitor.proving.verification import settle
+from fret_monitor.proving.verification import Settled
 from pycparser import c_ast
 from pycparser import CParser
 from pycparser.c_generator import CGenerator
@@ -45,6 +61,74 @@ _CELLS = {'once_within': 'always_within', 'always_within': 'once_within',
           'once_before': 'once_within', 'add': 'sub', 'sub': 'add', 'mul': 'add', 'div': 'mod',
           'mod': 'div', 'min': 'max', 'max': 'min', 'neg': 'abs', 'abs': 'neg'}
 _Change = Callable[[], None]
+_SECONDS = 5.0
+
+# Each requirement is of a kind, and small enough that what is changed shows.
+BUNDLES = {
+    'bits': """
+inputs: {p: {type: bool}, q: {type: bool}}
+requirements:
+  - {id: first, ptltl: "FTP -> p"}
+  - {id: once, ptltl: "O (p & q)"}
+  - {id: always, ptltl: "H (p | q)"}
+  - {id: since, ptltl: "p S q"}
+  - {id: triggered, ptltl: "p T q"}
+  - {id: before, ptltl: "Y p"}
+  - {id: weakly, ptltl: "Z q"}
+  - {id: packed, ptltl: "Y Y Y Y Y p xor q"}
+""",
+    'counters': """
+inputs: {p: {type: bool}, q: {type: bool}}
+requirements:
+  - {id: once, ptltl: "O[0,5] p"}
+  - {id: always, ptltl: "H[0,3] q"}
+  - {id: since, ptltl: "p S[0,4] q"}
+  - {id: triggered, ptltl: "q T[0,2] p"}
+  - {id: once_later, ptltl: "O[>=3] p"}
+  - {id: since_later, ptltl: "p S[>=2] q"}
+  - {id: persisted, ptltl: "H[0,4] (p | q) & H[0,3] !FTP"}
+  - {id: wide, ptltl: "O[0,200] (p & q)"}
+""",
+    'delays': """
+inputs: {p: {type: bool}, q: {type: bool}, r: {type: bool}}
+requirements:
+  - {id: once, ptltl: "O[3,3] p"}
+  - {id: always, ptltl: "H[2,4] q"}
+  - {id: since, ptltl: "p S[2,3] q"}
+  - {id: ring, ptltl: "O[70,70] r"}
+""",
+    'integers': """
+inputs: {n: {type: int32}, m: {type: int64}, u: {type: uint64}}
+requirements:
+  - {id: sum, ptltl: "n + 1 < m - 2 * n"}
+  - {id: quotient, ptltl: "n / 3 = n mod 5"}
+  - {id: absolute, ptltl: "abs(n) > 4"}
+  - {id: power, ptltl: "m ^ 3 != -m"}
+  - {id: natural, ptltl: "u + u - 1 > 7"}
+  - {id: mixed, ptltl: "u < m | u = m"}
+  - {id: before, ptltl: "preInt(3, n) < n"}
+""",
+    'floats': """
+inputs: {p: {type: bool}, x: {type: float32}, d: {type: float64}}
+requirements:
+  - {id: sum, ptltl: "x + 0.5 < x * 2.0"}
+  - {id: quotient, ptltl: "x / 4.0 >= 1.0"}
+  - {id: least, ptltl: "min(d, 3.0) = max(d, 1.5)"}
+  - {id: power, ptltl: "x ^ 2 > 1e3"}
+  - {id: absolute, ptltl: "abs(-d) >= 2.5"}
+  - {id: choice, ptltl: "ite(p, d, 1.0) > 0.5"}
+  - {id: before, ptltl: "preReal(0.5, d) < d"}
+""",
+    'groups': """
+inputs: {p: {type: bool}, q: {type: bool}, x: {type: float32}}
+definitions: {high: x > 15.0}
+requirements:
+  - {id: response, fretish: "if persisted(3, high) the system shall within 4 ticks satisfy p"}
+  - {id: other, fretish: "in q mode the system shall always satisfy p"}
+  - {id: alone, ptltl: "H (p -> O[0,2] p)"}
+  - {id: constant, ptltl: "TRUE"}
+""",
+}
 
 
 @dataclass(frozen=True)
@@ -109,7 +193,7 @@ def _changes(function: Function, code: Program) -> Iterator[tuple[str, str, _Cha
                 text = repr(float(node.value.rstrip('fF')) + 1.0) + suffix
                 yield _setting('constant', node, 'value', text)
             case c_ast.FuncCall():
-                yield from _calls(node, code)
+                yield from _calls(node, code, function.name)
             case c_ast.StructRef() if node.field.name in fields:
                 yield from _others(node, fields[node.field.name])
             case c_ast.Compound():
@@ -139,15 +223,15 @@ def _numbers(node: Any) -> Iterator[tuple[str, str, _Change]]:
     digits = node.value.rstrip('uUlL')
     suffix = node.value[len(digits):]
     value = int(digits, 0)
-    for other in {value + 1, value - 1} - {-1}:
+    for other in {value + 1, value - 1} - {-1, 1 << 63}:
         yield _setting('number', node, 'value', f'{other}{suffix}')
 
 
-def _calls(node: Any, code: Program) -> Iterator[tuple[str, str, _Change]]:
+def _calls(node: Any, code: Program, inside: str) -> Iterator[tuple[str, str, _Change]]:
     name = node.name.name
     stem = name.removeprefix('fm_').rsplit('_', 1)
     other = f'fm_{_CELLS.get(stem[0], "")}_{stem[-1]}'
-    if other in code.functions and \
+    if other in code.functions and other != inside and \
             code.functions[other].parameters == code.functions[name].parameters:
         yield _setting('call', node.name, 'name', other)
     if node.args is not None and len(node.args.exprs) > 1:
@@ -205,3 +289,98 @@ def printed(code: Program, texts: Sequence[str], mutant: Mutant) -> str:
             kept.append(item)
     tree.ext = kept
     return '\n'.join([*lines, CGenerator().visit(tree)])
+
+
+def subject_of(text: str, name: str = 'mutants') -> tuple[Subject, GeneratedMonitor]:
+    """Return the C of a bundle, read back."""
+    with tempfile.TemporaryDirectory(prefix='fret_monitor-') as folder:
+        path = Path(folder) / f'{name}.yaml'
+        path.write_text('format: 1\n' + text, encoding='utf-8')
+        generated = generate_monitor(read(path))
+    header, content = generated.module.header
+    headers = {**runtime_headers(), header: content}
+    return read_subject(generated, dict(generated.module.sources), headers), generated
+
+
+def judged(subject: Subject, mutant: Mutant, seconds: float = _SECONDS) -> tuple[str, Settled]:
+    """
+    Say what became of a mutant: refuted, undefined, equivalent, or undecided.
+
+    Refuted comes with a trace from a reset; undefined with one that ends in what C leaves open.
+    """
+    changed = replace(subject, code=mutant.code)
+    settled = None
+    for group in [*range(len(subject.layouts)), ALL]:
+        settled = settle(changed, group, seconds)
+        if not settled.is_proved:
+            example = settled.counterexample
+            if example is None:
+                return 'undecided', settled
+            return 'undefined' if example.undefined else 'refuted', settled
+    assert settled is not None
+    return 'equivalent', settled
+
+
+def cell_functions(code: Program) -> list[str]:
+    """Return the functions of `fret_cells.h` whose mutants are looked at: narrow ones."""
+    wanted = ('fm_bit', 'fm_signed', 'fm_next_position', 'fm_delay_ring')
+    return [name for name in code.functions
+            if name in wanted or name.endswith(('_u8', '_iu', '_ui', '_i64'))
+            and not name.startswith(('fm_min', 'fm_max', 'fm_power'))]
+
+
+def judged_cell(code: Program, mutant: Mutant, seconds: float = _SECONDS) -> str:
+    """Say what became of a mutant of a cell: equivalent, if all that stands on it is proved."""
+    for name in _standing_on(code, mutant.function):
+        proof = prove_function(mutant.code, name, seconds)
+        if proof is not None and proof.answer is not Answer.PROVED:
+            return 'refuted' if proof.answer is Answer.REFUTED else 'undecided'
+    return 'equivalent'
+
+
+def _standing_on(code: Program, function: str) -> list[str]:
+    """Return the functions that call a function, directly or not, and itself."""
+    found = [function]
+    for name in found:
+        found += [other for other, item in code.functions.items() if other not in found
+                  and any(isinstance(node, c_ast.FuncCall) and node.name.name == name
+                          for node in _nodes(item.body))]
+    return found
+
+
+def main() -> int:
+    """Print the table; 1 if something is undecided."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
+    print(f'{"mutants of":12} {"made":>5} {"refuted":>8} {"undefined":>10} {"equivalent":>11} '
+          f'{"undecided":>10} {"seconds":>8}')
+    left = 0
+    code = None
+    for name, text in BUNDLES.items():
+        subject, _ = subject_of(text, name)
+        code = subject.code
+        chosen = sample(code, generated_functions(code, subject.prefix), count)
+        left += _row(name, ((mutant, judged(subject, mutant)[0]) for mutant in chosen))
+    assert code is not None
+    cells = sample(code, cell_functions(code), count)
+    left += _row('fret_cells.h', ((mutant, judged_cell(code, mutant)) for mutant in cells))
+    return 1 if left else 0
+
+
+def _row(name: str, judgements: Iterator[tuple[Mutant, str]]) -> int:
+    before = time.perf_counter()
+    found: Counter[str] = Counter()
+    undecided = []
+    for mutant, judgement in judgements:
+        found[judgement] += 1
+        if judgement == 'undecided':
+            undecided.append(mutant.what)
+    print(f'{name:12} {found.total():5} {found["refuted"]:8} {found["undefined"]:10} '
+          f'{found["equivalent"]:11} {found["undecided"]:10} '
+          f'{time.perf_counter() - before:8.1f}', flush=True)
+    for what in undecided:
+        print(f'  undecided: {what}')
+    return len(undecided)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

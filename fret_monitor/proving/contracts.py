@@ -27,6 +27,7 @@ from collections.abc import Iterator
 from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import replace
+from functools import partial
 import time
 
 from fret_monitor.logic.formula import BinaryOperator
@@ -60,6 +61,8 @@ from fret_monitor.proving.operators import claims
 from fret_monitor.proving.solver import Answer
 from fret_monitor.proving.solver import prove
 from fret_monitor.proving.terms import Term
+
+_Attempt = Callable[[Program, float], 'Proof']
 
 COUNTER_BITS = (8, 16, 32)
 LINE_BITS = (8, 16, 32, 64)
@@ -195,21 +198,31 @@ CELLS: dict[str, Contract] = {
 
 def prove_cells(program: Program, seconds: float) -> list[Proof]:
     """Prove everything of `fret_cells.h` that has a contract, and the operators."""
-    proofs = [*_operators(seconds)]
+    return [*_operators(seconds),
+            *(attempt(program, seconds) for attempt in _attempts().values())]
+
+
+def prove_function(program: Program, name: str, seconds: float) -> Proof | None:
+    """Prove one function of `fret_cells.h`; None for one without a contract."""
+    attempt = _attempts().get(name)
+    return None if attempt is None else attempt(program, seconds)
+
+
+def _attempts() -> dict[str, _Attempt]:
+    """Return how each function is proved."""
+    found: dict[str, _Attempt] = {}
     for name, item in _PURE.items():
-        proofs.append(_guarded(name, lambda name=name, item=item:  # type: ignore[misc]
-                               _prove_pure(program, name, item, seconds)))
+        found[name] = partial(_guarded, name, partial(_prove_pure, name, item))
     for cell in COUNTERS.values():
         for bits in COUNTER_BITS:
-            proofs.append(_guarded(
-                f'fm_{cell.name}_u{bits}', lambda cell=cell, bits=bits:  # type: ignore[misc]
-                _prove_counter(program, cell, bits, seconds)))
+            name = f'fm_{cell.name}_u{bits}'
+            found[name] = partial(_guarded, name, partial(_prove_counter, cell, bits))
     for bits in LINE_BITS:
-        proofs.append(_guarded(f'fm_delay_u{bits}', lambda bits=bits:  # type: ignore[misc]
-                               _prove_line(program, bits, seconds)))
-    proofs.append(_guarded('fm_delay_ring', lambda: _prove_ring(program, seconds)))
-    proofs.append(_guarded('fm_next_position', lambda: _prove_position(program, seconds)))
-    return proofs
+        name = f'fm_delay_u{bits}'
+        found[name] = partial(_guarded, name, partial(_prove_line, bits))
+    found['fm_delay_ring'] = partial(_guarded, 'fm_delay_ring', _prove_ring)
+    found['fm_next_position'] = partial(_guarded, 'fm_next_position', _prove_position)
+    return found
 
 
 def _operators(seconds: float) -> Iterator[Proof]:
@@ -218,10 +231,10 @@ def _operators(seconds: float) -> Iterator[Proof]:
         yield Proof(claim.name, result.answer, result.seconds)
 
 
-def _guarded(name: str, attempt: Callable[[], Proof]) -> Proof:
+def _guarded(name: str, attempt: _Attempt, program: Program, seconds: float) -> Proof:
     before = time.perf_counter()
     try:
-        return attempt()
+        return attempt(program, seconds)
     except Unreadable as error:
         return Proof(name, Answer.UNKNOWN, time.perf_counter() - before, str(error))
 
@@ -253,7 +266,7 @@ def _called(machine: Machine, name: str, arguments: Sequence[Value | Reference])
     return found.term
 
 
-def _prove_pure(program: Program, name: str, item: _Pure, seconds: float) -> Proof:
+def _prove_pure(name: str, item: _Pure, program: Program, seconds: float) -> Proof:
     """For all arguments; of a division, apart for the divisors that are special."""
     arguments = [_any(letter, kind) for letter, kind in zip('abc', item.parameters)]
     if name not in ('fm_div_i64', 'fm_mod_i64'):
@@ -276,7 +289,7 @@ def _prove_call(program: Program, name: str, item: _Pure, arguments: Sequence[Va
     return _settled(name, [t.same(found, wanted)], given, machine, seconds)
 
 
-def _prove_counter(program: Program, cell: CounterCell, bits: int, seconds: float) -> Proof:
+def _prove_counter(cell: CounterCell, bits: int, program: Program, seconds: float) -> Proof:
     """For every bound that fits: the start is right, and a step keeps right what was."""
     name, kind = f'fm_{cell.name}_u{bits}', Scalar('int', bits)
     counter, bound = _any('counter', kind), _any('bound', kind)
@@ -296,7 +309,7 @@ def _prove_counter(program: Program, cell: CounterCell, bits: int, seconds: floa
     return _settled(name, goals, given, machine, seconds)
 
 
-def _prove_line(program: Program, bits: int, seconds: float) -> Proof:
+def _prove_line(bits: int, program: Program, seconds: float) -> Proof:
     name, kind = f'fm_delay_u{bits}', Scalar('int', bits)
     line, steps, p = _any('line', kind), _any('steps', UNSIGNED), _any('p', BOOL)
     history = t.variable('history', t.word(HISTORY))

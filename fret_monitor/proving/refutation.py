@@ -96,7 +96,7 @@ class Runner:
                         *(item.holds for item in self.conditions)]
         self.starts = [*(reset.memory[path] for path in state),
                        *(item.start for item in self.kept)]
-        self.start = self._computed(self.starts, list(state.values()))
+        self.begins = self._begins(list(state.values()))
         arguments = [*self.state, *self.inputs]
         unknown = self._unknown([*self.after, *self.results], arguments)
         values = [_odd(item.sort) for item in unknown]
@@ -110,11 +110,13 @@ class Runner:
         return [item for item in t.postorder(roots)
                 if item.op == 'variable' and item not in arguments]
 
-    def _computed(self, roots: Sequence[Term], before: Sequence[Term]) -> list[Any]:
-        """Return the state after a reset of memory that was full of ones."""
-        everything = [*before, *self._unknown(roots, before)]
-        compute = function_of(roots, everything)
-        return compute(*(_odd(item.sort) for item in everything))
+    def _begins(self, before: Sequence[Term]) -> list[list[Any]]:
+        """Return the state after a reset, for memory that was full of ones and full of zeros."""
+        everything = [*before, *self._unknown(self.starts, before)]
+        compute = function_of(self.starts, everything)
+        ones = compute(*(_odd(item.sort) for item in everything))
+        zeros = compute(*(_zero(item.sort) for item in everything))
+        return [ones] if repr(ones) == repr(zeros) else [ones, zeros]
 
     def judged(self, results: Sequence[Any]) -> tuple[list[bool], list[bool], list[bool]]:
         """Split results: what the C found, what is meant, and whether each condition holds."""
@@ -130,8 +132,12 @@ class Runner:
 
     def first_difference(self, rows: Sequence[_Row], until: float) -> tuple[int, list[Any]] | None:
         """Return the step at which something is wrong, and the results there."""
+        found = (self._difference(state, rows, until) for state in self.begins)
+        return next((each for each in found if each is not None), None)
+
+    def _difference(self, state: list[Any], rows: Sequence[_Row],
+                    until: float) -> tuple[int, list[Any]] | None:
         compute, size = self._compute, len(self.state)
-        state = self.start
         for number, row in enumerate(rows):
             values = compute(*state, *row)
             found, meant, holds = self.judged(values[size:])
@@ -149,6 +155,11 @@ def _odd(sort: Sort) -> Any:
     if kind == 'ring':
         return bytes([0xA5]) * bits
     return {'bool': True, 'word': (1 << bits) - 1, 'real': 1.5}[kind]
+
+
+def _zero(sort: Sort) -> Any:
+    kind, size = sort
+    return bytes(size) if kind == 'ring' else {'bool': False, 'word': 0, 'real': 0.0}[kind]
 
 
 def find_counterexample(subject: Subject, group: int, values: Sequence[Mapping[Term, Any]],
