@@ -40,6 +40,7 @@ from fret_monitor.diagnostics import Problems
 from fret_monitor.diagnostics import refuse
 from fret_monitor.logic.elaborate import specify
 from fret_monitor.logic.specification import Specification
+from fret_monitor.logic.unread import unread_topics
 from fret_monitor.manifest import FORMAT
 from fret_monitor.manifest import Manifest
 from fret_monitor.manifest import Policy
@@ -122,6 +123,7 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
         raise CompileError(problems.errors)
     bundle = _with_policy(written, policy, period, problems)
     specification, warnings = specify(bundle, problems=problems)
+    warnings = (*warnings, *unread_topics(bundle, specification))
     messages = _messages(specification)
     return Reading(specification, warnings, _bundle_hash(bundle, specification, messages),
                    tuple((Path(source.name), text_hash(source.text)) for source in bundle.sources),
