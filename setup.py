@@ -41,6 +41,7 @@ ROS_TEST_WHEELS = [
     'ros-jazzy-geometry-msgs>=5.3,<6',
     'ros-jazzy-nav-msgs>=5.3,<6',
     'ros-jazzy-sensor-msgs>=5.3,<6',
+    'ros-jazzy-test-msgs>=2.0,<3',
 ]
 
 # What `fret-monitor prove` needs.

@@ -20,6 +20,7 @@ import os
 from pathlib import Path
 import shutil
 import stat
+import struct
 import subprocess
 import sys
 
@@ -38,6 +39,9 @@ from fret_monitor.native import NativeError
 from fret_monitor.native.folder import open_folder
 from fret_monitor.native.monitor import load
 from fret_monitor.runtime.evaluator import Evaluator
+from fret_monitor.runtime.fields import FieldReading
+from fret_monitor.runtime.fields import Outcome
+from fret_monitor.runtime.fields import read_fields
 import pytest
 
 PACKAGE = Path(fret_monitor.__file__).resolve().parent
@@ -130,6 +134,29 @@ def test_a_folder_runs_without_a_compiler(pump: Path, tmp_path: Path,
     monkeypatch.setenv('ROS_HOME', str(tmp_path / 'empty'))
     values = [(False, 0.0), (False, 1.0), (True, 1.0), (False, 1.0)]
     assert verdicts(tmp_path / 'robot', values) == [True, False, True, True]
+
+
+def test_a_folder_reads_messages(pump: Path, tmp_path: Path) -> None:
+    folder = tmp_path / 'share' / 'pump_msgs' / 'msg'
+    folder.mkdir(parents=True)
+    (folder / 'Level.msg').write_text('string name\nfloat32[] levels\n')
+    topic = '{topic: levels, type: pump_msgs/msg/Level, field: max(levels)}'
+    pump.write_text(PUMP.replace('{type: float32}', topic))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
+        write_bundle(pump, tmp_path / 'out')
+    found = open_folder(tmp_path / 'out')
+    assert found.manifest.sources == ('pump_monitor.h', 'pump_monitor.c', 'pump_fields.c')
+    assert found.manifest.inputs[1].reduction == 'max'
+    assert (tmp_path / 'out' / 'src' / 'fret_cdr.h').is_file()
+    monitor = load(found.library, found.manifest)
+    message = b'\0\1\0\0' + struct.pack('<I4sIff', 4, b'abc', 2, 0.25, 0.75)
+    assert read_fields(monitor, 0, message) == (FieldReading(Outcome.READ, 0.75),)
+    source = tmp_path / 'out' / 'src' / 'pump_fields.c'
+    compiler = shutil.which('cc') or shutil.which('gcc')
+    if compiler:
+        subprocess.run([compiler, '-std=c99', '-Wall', '-Wextra', '-Werror', '-c', source.name],
+                       cwd=source.parent, check=True)
 
 
 def test_the_sources_of_a_folder_compile_where_they_are(pump: Path, tmp_path: Path) -> None:
