@@ -149,7 +149,7 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
     ('symbol', '../x', "(symbol is to be a name in C, not '../x')"),
     ('symbol', 'x\x00', '(symbol is to be a name in C'),
     ('readers', '../x', "(readers is to be a name in C, not '../x')"),
-    ('inputs[2].reduction', 'median', "(inputs[2].reduction is to be one of seconds, len, min, "),
+    ('inputs[2].reduction', 'median', '(inputs[2].reduction is to be one of seconds, len, min, '),
     ('policy', 'never', '(policy is to be one of every_message, '),
     ('inputs[1].initial', 2 ** 31, '(inputs[1].initial is to be a number of int32'),
     ('topics[0].inputs[0]', 3, '(topics[0].inputs[0] is to be an index below 3'),

@@ -173,9 +173,9 @@ def search_path() -> tuple[Path, ...]:
 def find_message(type_name: str, search: Sequence[Path] | None = None,
                  place: Span | None = None) -> MessageLayout:
     """
-    Return the layout of an installed message type: `pkg/msg/Name`, `pkg/Name`, or one of a service
-    or an action, such as `pkg/srv/Name_Event`.
+    Return the layout of an installed message type.
 
+    `type_name` is `pkg/msg/Name`, `pkg/Name`, or of a service or action, as `pkg/srv/Name_Event`.
     `search` are the prefixes to look in, in this order; `search_path()` unless given. `place` is
     where the type is named, for the error.
 

@@ -15,9 +15,9 @@
 """
 Messages made at random, serialized, and read again: the reference for generated readers.
 
-A value of a message is a `Tree`, with an attribute a field, as the objects of rclpy have. `serialize`
-writes one in either byte order, and `taken` says what an input is to get of one, or of a message
-object of rclpy. Both know nothing of the generated C.
+A value of a message is a `Tree`, with an attribute a field, as the objects of rclpy have.
+`serialize` writes one in either byte order, and `taken` says what an input is to get of one, or of
+a message object of rclpy. Both know nothing of the generated C.
 """
 
 from collections.abc import Callable

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Generated readers take of every message what Python takes of it, and nothing makes them crash."""
+"""Generated readers take of a message what Python takes of it, and nothing makes them crash."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -34,6 +34,7 @@ from differential.compiled import write_module
 from fret_monitor.build import build_specification
 from fret_monitor.diagnostics import CompileError
 from fret_monitor.logic.formula import TRUE
+from fret_monitor.logic.specification import Signal
 from fret_monitor.logic.specification import Specification
 from fret_monitor.manifest import Policy
 from fret_monitor.native.monitor import Monitor
@@ -111,7 +112,7 @@ def installed() -> tuple[str, ...]:
 
 
 def is_known(name: str) -> bool:
-    """Whether rclpy has the messages of a type, and they have some fields, not too many to draw."""
+    """Whether rclpy has the messages of a type, with fields, and not too many to draw."""
     try:
         return bool(message_class(name)()) and 0 < weight(find_message(name)) < HEAVY
     except (ImportError, AttributeError, CompileError):
@@ -120,7 +121,7 @@ def is_known(name: str) -> bool:
 
 def topic_of(layout: MessageLayout, number: int, most: int | None = None) -> Topic:
     """Return a topic with inputs of all kinds, or a choice of them."""
-    signals = []
+    signals: list[Signal] = []
     for path in written_paths(layout):
         try:
             signals.append(signal_of(layout, f't{number}_{len(signals)}', f'topic{number}', path))

@@ -22,12 +22,12 @@ from fret_monitor.diagnostics import CompileError
 from fret_monitor.diagnostics import Diagnostic
 from fret_monitor.diagnostics import Source
 from fret_monitor.diagnostics import Text
+from fret_monitor.syntax.field_path import resolve_field
 from fret_monitor.syntax.message import ArrayKind
 from fret_monitor.syntax.message import FieldType
 from fret_monitor.syntax.message import find_message
 from fret_monitor.syntax.message import MessageLayout
 from fret_monitor.syntax.message import parse_message
-from fret_monitor.syntax.field_path import resolve_field
 from fret_monitor.syntax.message import search_path
 from hypothesis import given
 from hypothesis import strategies
@@ -74,7 +74,8 @@ def prefix(tmp_path: Path) -> Path:
         'pkg_b/msg/Cell': 'float32 voltage\n',
         'pkg_b/srv/Switch': '# turn it\nbool on\n--- \nbool success\nstring message\n',
         'pkg_b/srv/Half': 'bool on\n',
-        'pkg_b/action/Count': 'int32 LAST=9\nint32 order\n---\nCell[] cells\n---\nint32[] so_far\n',
+        'pkg_b/action/Count':
+            'int32 LAST=9\nint32 order\n---\nCell[] cells\n---\nint32[] so_far\n',
         'pkg_b/action/Half': '---\n',
         'std_msgs/msg/Header': 'string frame_id\n',
     }.items():
