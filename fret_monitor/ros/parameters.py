@@ -127,7 +127,7 @@ class Parameters:
         Raises
         ------
         Refusal
-            if `log_level` is none.
+            if one that is read here cannot be used: `log_level`, `autostart`.
         """
         self._node = node
         self._table = table
@@ -136,7 +136,7 @@ class Parameters:
             node.declare_parameter(name, item.default, ParameterDescriptor(
                 description=item.description, read_only=item.read_only, dynamic_typing=True))
         self._warn_of_slips()
-        if problems := _found(_level, self.values()):
+        if problems := _found(_level, self.values()) + _found(_autostart, self.values()):
             raise Refusal(*problems)
         self._set_level()
         node.add_on_set_parameters_callback(self._check)
@@ -199,6 +199,12 @@ def _found(read: Callable[[Mapping[str, Any], list[str]], object],
 def _level(given: Mapping[str, Any], problems: list[str]) -> LoggingSeverity:
     word = _word(given, 'log_level', _LEVELS, problems)
     return LoggingSeverity[word.upper()] if word else LoggingSeverity.UNSET
+
+
+def _autostart(given: Mapping[str, Any], problems: list[str]) -> None:
+    value = given.get('autostart', True)
+    if not isinstance(value, bool):
+        problems.append(f"parameter 'autostart' is {value!r}, and has to be true or false")
 
 
 def _settings(given: Mapping[str, Any], problems: list[str]) -> Settings:

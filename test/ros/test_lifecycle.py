@@ -224,6 +224,30 @@ def test_a_transition_that_is_none_from_here_is_refused_and_nothing_else_happens
         partner.expect({'R_1': 1})
 
 
+def test_an_error_of_ours_is_logged_and_leaves_the_node_to_be_configured_again(
+    partner: Partner, bundle: Path, monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    def fail(self: object) -> None:
+        raise RuntimeError('no paper in the printer')
+
+    node = MonitorNode(context=partner.context, cli_args=['--ros-args'], parameter_overrides=[
+        Parameter('spec', value=str(bundle)), Parameter('autostart', value=False)])
+    try:
+        with monkeypatch.context() as patch:
+            patch.setattr('fret_monitor.ros.bundle_watch.BundleWatch.start', fail)
+            assert node.trigger_configure().name == 'SUCCESS'
+            assert node.trigger_activate().name == 'ERROR'
+        assert 'RuntimeError: no paper in the printer' in capfd.readouterr().err
+        assert partner.node.count_publishers('copilot/handlerpropR_1') == 0
+        assert node.trigger_configure().name == 'SUCCESS'
+        assert node.trigger_activate().name == 'SUCCESS'
+        assert 'watching 2 requirements' in capfd.readouterr().err
+    finally:
+        node.destroy_node()
+    node.destroy_node()  # a second time is as good
+
+
 @contextmanager
 def composed(partner: Partner, bundle: Path, executor: Executor) -> Iterator[MonitorNode]:
     """Make a monitor among the nodes of one's own program; the caller spins."""

@@ -117,6 +117,17 @@ def test_a_periodic_bundle_may_leave_its_period_to_a_parameter(
         node.wait_for('policy periodic, 0.05 s, ')
 
 
+@pytest.mark.parametrize(('word', 'told'), [
+    ('auto', 'messages are taken in C'), ('on', 'messages are taken in C'),
+    ('off', 'messages are taken in Python: hot_path is off')])
+def test_who_takes_the_messages_is_a_parameter(
+    word: str, told: str, partner: Partner, bundle: Path,
+) -> None:
+    # `on` and `off` are truth values to YAML, and words to us.
+    with started('monitor', '-p', f'spec:={bundle}', '-p', f'hot_path:={word}') as node:
+        assert told in node.output
+
+
 def test_the_level_of_the_log_changes_at_any_time(partner: Partner, bundle: Path) -> None:
     with started('monitor', '-p', f'spec:={bundle}') as node:
         assert set_to(partner, log_level='loud')[0] == (

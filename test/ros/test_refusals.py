@@ -79,6 +79,19 @@ def test_all_problems_of_the_parameters_are_told_together(context: Context) -> N
         "error: parameter 'hot_path' is 'perhaps', and has to be one of auto, on, off"]
 
 
+def test_what_is_read_at_once_is_refused_at_once(context: Context) -> None:
+    assert refusal(context, spec='x', autostart='perhaps', log_level='loud').splitlines() == [
+        "error: parameter 'log_level' is 'loud', and has to be one of debug, info, warn, error, "
+        'fatal',
+        "error: parameter 'autostart' is 'perhaps', and has to be true or false"]
+
+
+def test_an_empty_list_of_bundles_is_nothing_to_monitor(context: Context) -> None:
+    assert 'nothing to monitor' in refusal(context, spec=[])
+    assert "parameter 'spec' is ['a.yaml', ''], and has to be a path or a list of paths" \
+        in refusal(context, spec=['a.yaml', ''])
+
+
 @pytest.mark.parametrize(('name', 'value'), [
     ('period', float('inf')), ('period', float('nan')), ('rate', -2), ('rate', True)])
 def test_a_period_is_a_number_above_zero(context: Context, name: str, value: object) -> None:
