@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from dataclasses import replace
 from enum import Enum
 from fractions import Fraction
+import os
 from pathlib import Path
 import re
 
@@ -565,6 +566,11 @@ class _Reader:
                 yield text
 
     def _signals_file(self, path: Path, text: Text) -> Bundle | None:
+        if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
+            # A bundle that names a pipe would have a start wait for ever.
+            self._problems.error(f'{shown(str(path), LONGEST_PATH)} is not a regular file',
+                                 text.span)
+            return None
         try:
             source = read_source(path)
         except CompileError as error:

@@ -15,6 +15,7 @@
 """A bundle is read as it is written, and all that is wrong with it is told in one run."""
 
 from fractions import Fraction
+import os
 from pathlib import Path
 import time
 
@@ -232,6 +233,22 @@ def test_what_is_no_text_file_is_refused(tmp_path: Path) -> None:
     for name, message in expected.items():
         with pytest.raises(CompileError, match=message):
             read_bundle(tmp_path / name)
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize(('name', 'message'), [
+    ('pipe', "'pipe' is not a regular file"), ('/dev/zero', "'/dev/zero' is not a regular file"),
+    ('n' * 300, 'cannot be read: File name too long'), ('loop/x', 'symbolic links'),
+])
+def test_a_start_does_not_wait_for_signals_that_are_no_file(
+    tmp_path: Path, name: str, message: str, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo('pipe')
+    os.symlink('loop', 'loop')
+    Path('bundle.yaml').write_text(f'format: 1\nsignals: {name}\nrequirements: []\n')
+    with pytest.raises(CompileError, match=message):
+        read_bundle(Path('bundle.yaml'))
 
 
 def test_a_formula_that_yaml_would_cut_is_refused_with_the_line_to_write() -> None:
