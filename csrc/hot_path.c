@@ -43,8 +43,12 @@ struct fm_source
   struct fm_watch * watch;
   const struct fm_middleware * middleware;
   void * subscription;
-  struct fm_serialized message;  // of who takes: a callback under the mutex, or the drain
+  // These are of who takes: a callback under the mutex, or the drain.
+  struct fm_serialized message;  // as taken; if it is read in place, a copy of what is odd
+  struct fm_field * fields;
+  struct fm_reading reading;
   uint32_t topic;
+  bool is_in_place;
   bool is_retired;   // these four are guarded by the watch's mutex
   bool is_draining;
   bool is_awaited;   // a callback came while it was drained
@@ -76,15 +80,147 @@ static void * zero_allocate(size_t count, size_t size, void * state)
   return calloc(count, size);
 }
 
+static const struct fm_reader * reader_of(const struct fm_source * source)
+{
+  return fm_watch_reader(source->watch, source->topic);
+}
+
+static bool all_are_read(const struct fm_field * fields, uint32_t n)
+{
+  for (uint32_t k = 0; k < n; ++k) {
+    if (fields[k].outcome != FM_FIELD_READ) {
+      return false;
+    }
+  }
+  return true;
+}
+
+static void copy_message(struct fm_serialized * copy, const uint8_t * message, size_t size)
+{
+  copy->length = 0;
+  if (size > copy->capacity) {
+    uint8_t * room = realloc(copy->buffer, size);
+    if (room == NULL) {
+      return;
+    }
+    copy->buffer = room;
+    copy->capacity = size;
+  }
+  if (size > 0) {
+    memcpy(copy->buffer, message, size);
+  }
+  copy->length = size;
+}
+
+static void read(struct fm_source * source, const uint8_t * message, size_t size)
+{
+  source->reading.is_decoded = reader_of(source)->read(message, size, source->fields);
+}
+
+static const void * pointer_at(const void * object, size_t offset)
+{
+  const void * found;
+  memcpy(&found, (const uint8_t *)object + offset, sizeof(found));
+  return found;
+}
+
+bool fm_in_place_read(void * cdr, void * source)
+{
+  struct fm_source * self = source;
+  const struct fm_in_place * place = &self->middleware->in_place;
+  const void * buffer = pointer_at(cdr, place->buffer_of_cdr);
+  const uint8_t * message = pointer_at(buffer, place->data_of_buffer);
+  size_t size;
+  memcpy(&size, (const uint8_t *)buffer + place->size_of_buffer, sizeof(size));
+  read(self, message, size);
+  if (!self->reading.is_decoded || !all_are_read(self->fields, reader_of(self)->n_inputs)) {
+    copy_message(&self->message, message, size);
+  }
+  return true;
+}
+
+static const char fast_identifier[] = "rosidl_typesupport_fastrtps_c";
+
+static const struct fm_type_support * support_for(
+  const struct fm_type_support * handle, const char * identifier)
+{
+  const struct fm_in_place_type * type = (const struct fm_in_place_type *)(const void *)handle;
+  if (strcmp(identifier, fast_identifier) == 0) {
+    return &type->fast;
+  }
+  if (strcmp(identifier, handle->typesupport_identifier) == 0) {
+    return handle;
+  }
+  return type->original->func(type->original, identifier);
+}
+
+bool fm_in_place_make(const struct fm_type_support * original, struct fm_in_place_type * made)
+{
+  const struct fm_type_support * fast = original->func(original, fast_identifier);
+  if (fast == NULL || strcmp(fast->typesupport_identifier, fast_identifier) != 0) {
+    return false;
+  }
+  made->original = original;
+  made->support = *original;
+  made->support.func = support_for;
+  made->fast = *fast;
+  made->callbacks = *fast->data;
+  made->callbacks.cdr_deserialize = fm_in_place_read;
+  made->fast.data = &made->callbacks;
+  return true;
+}
+
+static bool find_word(const uint64_t * words, size_t n, uint64_t wanted, size_t * offset)
+{
+  for (size_t k = 0; k < n; ++k) {
+    if (words[k] == wanted) {
+      *offset = k * sizeof(*words);
+      return true;
+    }
+  }
+  return false;
+}
+
+bool fm_in_place_find(
+  void (* make_buffer)(void * self, char * data, size_t size),
+  void (* make_cdr)(void * self, void * buffer, int endianness, int version),
+  struct fm_in_place * found)
+{
+  enum { BUFFER_WORDS = 8, CDR_WORDS = 64 };  // where to look; the objects may be larger
+  uint64_t buffer[64] = {0};
+  uint64_t cdr[256] = {0};
+  char data[40] = {0};
+  if (sizeof(void *) != sizeof(uint64_t) || sizeof(size_t) != sizeof(uint64_t)) {
+    return false;
+  }
+  make_buffer(buffer, data, sizeof(data));
+  make_cdr(cdr, buffer, 1, 0);
+  return find_word(buffer, BUFFER_WORDS, (uint64_t)(uintptr_t)data, &found->data_of_buffer) &&
+         find_word(buffer, BUFFER_WORDS, sizeof(data), &found->size_of_buffer) &&
+         find_word(cdr, CDR_WORDS, (uint64_t)(uintptr_t)buffer, &found->buffer_of_cdr);
+}
+
+static int take_any(struct fm_source * source, bool * taken, struct fm_message_info * info)
+{
+  const struct fm_middleware * middleware = source->middleware;
+  return source->is_in_place ?
+         middleware->take_message(source->subscription, source, taken, info, NULL) :
+         middleware->take(source->subscription, &source->message, taken, info, NULL);
+}
+
 static bool take(struct fm_source * source, struct fm_message_info * info)
 {
   bool taken = false;
-  const int result = source->middleware->take(
-    source->subscription, &source->message, &taken, info, NULL);
-  if (result != 0) {
+  source->reading.is_decoded = false;
+  if (take_any(source, &taken, info) != 0) {
     source->middleware->forget_error();
     return false;
   }
+  if (taken && !source->is_in_place) {
+    read(source, source->message.buffer, source->message.length);
+  }
+  source->reading.message = source->message.buffer;
+  source->reading.size = source->message.length;
   return taken;
 }
 
@@ -93,11 +229,7 @@ static void deliver_locked(struct fm_source * source, const struct fm_message_in
   const struct fm_origin origin = {
     info->received_timestamp, info->source_timestamp, info->publication_sequence_number,
     source->is_retired};
-  if (!source->is_retired) {  // what the new subscription brings is not lost
-    fm_losses_note(&source->losses, info->gid, info->publication_sequence_number);
-  }
-  (void)fm_watch_message_locked(
-    source->watch, source->topic, source->message.buffer, source->message.length, &origin);
+  (void)fm_watch_deliver_locked(source->watch, source->topic, &source->reading, &origin);
 }
 
 // In the middleware's thread. Takes as many as it is told of: one that comes later has a callback
@@ -155,9 +287,16 @@ static void drain(struct fm_source * source)
   } while (!end_draining(source, left == 0));
 }
 
+static void free_source(struct fm_source * source)
+{
+  free(source->message.buffer);
+  free(source->fields);
+  free(source);
+}
+
 struct fm_source * fm_source_start(
   struct fm_watch * watch, const struct fm_middleware * middleware, void * subscription,
-  uint32_t topic)
+  uint32_t topic, bool is_in_place)
 {
   struct fm_source * source = calloc(1, sizeof(*source));
   if (source == NULL) {
@@ -167,12 +306,15 @@ struct fm_source * fm_source_start(
   source->middleware = middleware;
   source->subscription = subscription;
   source->topic = topic;
+  source->is_in_place = is_in_place;
   source->message.allocator =
     (struct fm_allocator) {allocate, deallocate, reallocate, zero_allocate, NULL};
+  source->fields = calloc(reader_of(source)->n_inputs + 1u, sizeof(*source->fields));
+  source->reading.fields = source->fields;
   source->is_draining = true;  // the middleware may call back at once, from within `listen`
-  if (middleware->listen(subscription, on_message, source) != 0) {
+  if (source->fields == NULL || middleware->listen(subscription, on_message, source) != 0) {
     middleware->forget_error();
-    free(source);
+    free_source(source);
     return NULL;
   }
   drain(source);
@@ -205,8 +347,7 @@ void fm_source_stop(struct fm_source * source)
   if (source->middleware->listen(source->subscription, NULL, NULL) != 0) {
     source->middleware->forget_error();
   }
-  free(source->message.buffer);
-  free(source);
+  free_source(source);
 }
 
 // ---- announcers --------------------------------------------------------------------------------

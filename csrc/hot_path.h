@@ -65,6 +65,49 @@ struct fm_message_info
 
 typedef void (* fm_on_message)(const void * user_data, size_t count);
 
+/// message_type_support_callbacks_t of rosidl_typesupport_fastrtps_cpp.
+struct fm_type_callbacks
+{
+  const char * message_namespace;
+  const char * message_name;
+  void * cdr_serialize;
+  bool (* cdr_deserialize)(void * cdr, void * message);
+  void * get_serialized_size;
+  void * max_serialized_size;
+  void * key_callbacks;
+};
+
+/// rosidl_message_type_support_t.
+struct fm_type_support
+{
+  const char * typesupport_identifier;
+  const struct fm_type_callbacks * data;
+  const struct fm_type_support * (* func)(
+    const struct fm_type_support * handle, const char * identifier);
+  void * get_type_hash_func;
+  void * get_type_description_func;
+  void * get_type_description_sources_func;
+};
+
+/// A type support whose messages are read in place, and those it stands for. `support` comes first:
+/// a pointer to it is one to all. Made by fm_in_place_make; neither moves nor ends as long as the
+/// middleware may use it.
+struct fm_in_place_type
+{
+  struct fm_type_support support;            // what a subscription is made with
+  const struct fm_type_support * original;   // of rosidl_typesupport_c
+  struct fm_type_support fast;               // that of Fast DDS, but for its callbacks
+  struct fm_type_callbacks callbacks;
+};
+
+/// Where an object of Fast CDR (eprosima::fastcdr::Cdr) keeps the message it reads, in bytes.
+struct fm_in_place
+{
+  size_t buffer_of_cdr;   // a pointer to its FastBuffer
+  size_t data_of_buffer;  // in that one, a pointer to the bytes of the message
+  size_t size_of_buffer;  // and their number
+};
+
 /// What is called of the middleware; 0 is success.
 struct fm_middleware
 {
@@ -78,17 +121,41 @@ struct fm_middleware
   int (* publish)(const void * publisher, const void * message, void * allocation);
   /// rcutils_reset_error
   void (* forget_error)(void);
+  /// rmw_take_with_info; NULL: no subscription is read in place
+  int (* take_message)(
+    const void * subscription, void * message, bool * taken, struct fm_message_info * info,
+    void * allocation);
+  struct fm_in_place in_place;
 };
+
+/// Find out where Fast CDR keeps what it reads, from objects that its own constructors make:
+/// FastBuffer(char *, size_t) and Cdr(FastBuffer &, Endianness, CdrVersion). Returns false if they
+/// are not as expected.
+FM_EXPORT bool fm_in_place_find(
+  void (* make_buffer)(void * self, char * data, size_t size),
+  void (* make_cdr)(void * self, void * buffer, int endianness, int version),
+  struct fm_in_place * found);
+
+/// Make a type support of a message's own (of rosidl_typesupport_c): all of it the same, but that
+/// Fast DDS will call fm_in_place_read. Returns false if the message has none for Fast DDS.
+FM_EXPORT bool fm_in_place_make(
+  const struct fm_type_support * original, struct fm_in_place_type * made);
+
+/// The `cdr_deserialize` of a subscription that is read in place: instead of making a message of
+/// the bytes, it reads the fields out of them, where the middleware has them. Such a subscription
+/// was made with a type support that differs from the message's own in this function alone.
+FM_EXPORT bool fm_in_place_read(void * cdr, void * source);
 
 struct fm_source;
 
 /// Start to deliver the messages of a subscription (an rmw_subscription_t that nobody else takes
 /// from) as those of a topic; those that it holds already come first. The watch and the middleware
-/// outlive the source; the subscription may be destroyed after fm_source_stop. NULL if the
-/// middleware has no such callback, or memory is short. Not to be called from a callback.
+/// outlive the source; the subscription may be destroyed after fm_source_stop. `is_in_place`: it
+/// was made with fm_in_place_read. NULL if the middleware has no such callback, or memory is
+/// short. Not to be called from a callback.
 FM_EXPORT struct fm_source * fm_source_start(
   struct fm_watch * watch, const struct fm_middleware * middleware, void * subscription,
-  uint32_t topic);
+  uint32_t topic, bool is_in_place);
 
 /// Take what is there and no callback told of, at most 1000 messages. A middleware that tells of
 /// every message needs it never; but one message overlooked would delay all that follow.

@@ -526,13 +526,13 @@ size_t fm_watch_evidence(struct fm_watch * watch, uint32_t topic, uint8_t * out,
 }
 
 // Store what was read. Returns whether all of it could be used.
-static bool store_locked(struct fm_watch * watch, uint32_t topic)
+static bool store_locked(struct fm_watch * watch, uint32_t topic, const struct fm_field * fields)
 {
   const struct fm_topic * fed = &watch->options.topics[topic];
   bool is_usable = true;
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-    if (watch->fields[k].outcome == FM_FIELD_READ) {
-      fm_evaluator_store(watch->options.evaluator, fed->inputs[k], watch->fields[k].value);
+    if (fields[k].outcome == FM_FIELD_READ) {
+      fm_evaluator_store(watch->options.evaluator, fed->inputs[k], fields[k].value);
     } else {
       fm_evaluator_unusable(watch->options.evaluator, fed->inputs[k]);
       is_usable = false;
@@ -550,26 +550,31 @@ static int64_t stamp_of(const struct fm_watch * watch, const struct fm_origin * 
 void fm_watch_lock(struct fm_watch * watch) {pthread_mutex_lock(&watch->mutex);}
 void fm_watch_unlock(struct fm_watch * watch) {pthread_mutex_unlock(&watch->mutex);}
 
-uint32_t fm_watch_message_locked(
-  struct fm_watch * watch, uint32_t topic, const uint8_t * message, size_t size,
+const struct fm_reader * fm_watch_reader(const struct fm_watch * watch, uint32_t topic)
+{
+  return &watch->options.readers->topics[topic];
+}
+
+uint32_t fm_watch_deliver_locked(
+  struct fm_watch * watch, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin)
 {
-  if (topic >= watch->options.n_topics || !watch->is_active || watch->is_closed) {
-    return FM_RECEIVED;
-  }
   struct topic * cell = &watch->topics[topic];
   struct fm_evaluator * evaluator = watch->options.evaluator;
+  if (!watch->is_active || watch->is_closed) {
+    return FM_RECEIVED;
+  }
   if (cell->overlaps && is_repeated(cell, origin)) {
     return FM_REPEATED;
   }
   remember(cell, origin);
-  if (!watch->options.readers->topics[topic].read(message, size, watch->fields)) {
+  if (!reading->is_decoded) {
     fm_evaluator_undecodable(evaluator, topic);
-    keep_evidence(cell, message, size);
+    keep_evidence(cell, reading->message, reading->size);
     return FM_UNDECODABLE;
   }
-  if (!store_locked(watch, topic)) {
-    keep_evidence(cell, message, size);
+  if (!store_locked(watch, topic, reading->fields)) {
+    keep_evidence(cell, reading->message, reading->size);
   }
   announce_locked(
     watch, fm_evaluator_message(evaluator, topic, stamp_of(watch, origin), watch->found));
@@ -580,8 +585,13 @@ uint32_t fm_watch_message(
   struct fm_watch * watch, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin)
 {
+  if (topic >= watch->options.n_topics) {
+    return FM_RECEIVED;
+  }
   pthread_mutex_lock(&watch->mutex);
-  const uint32_t receipt = fm_watch_message_locked(watch, topic, message, size, origin);
+  struct fm_reading reading = {watch->fields, message, size, false};
+  reading.is_decoded = fm_watch_reader(watch, topic)->read(message, size, watch->fields);
+  const uint32_t receipt = fm_watch_deliver_locked(watch, topic, &reading, origin);
   pthread_mutex_unlock(&watch->mutex);
   return receipt;
 }

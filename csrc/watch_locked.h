@@ -13,8 +13,8 @@
 // limitations under the License.
 
 
-/// watch_locked.h: what hot_path.c needs of a watch beyond watch.h: to take a message and deliver
-/// it without letting another one pass in between.
+/// watch_locked.h: what hot_path.c needs of a watch beyond watch.h: to take a message, read it where
+/// it lies, and deliver it without letting another one pass in between.
 
 #ifndef WATCH_LOCKED_H_
 #define WATCH_LOCKED_H_
@@ -24,9 +24,22 @@
 void fm_watch_lock(struct fm_watch * watch);
 void fm_watch_unlock(struct fm_watch * watch);
 
-/// fm_watch_message, for whoever holds the lock.
-uint32_t fm_watch_message_locked(
-  struct fm_watch * watch, uint32_t topic, const uint8_t * message, size_t size,
+/// How the messages of a topic are read.
+const struct fm_reader * fm_watch_reader(const struct fm_watch * watch, uint32_t topic);
+
+/// A message that was read: the fields, by the topic's inputs, if it is decoded; its bytes, where
+/// anything of it cannot be used.
+struct fm_reading
+{
+  const struct fm_field * fields;
+  const uint8_t * message;
+  size_t size;
+  bool is_decoded;
+};
+
+/// fm_watch_message behind the reading, for whoever holds the lock.
+uint32_t fm_watch_deliver_locked(
+  struct fm_watch * watch, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin);
 
 #endif  // WATCH_LOCKED_H_

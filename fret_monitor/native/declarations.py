@@ -275,6 +275,43 @@ struct fm_serialized;
 struct fm_message_info;
 typedef void (* fm_on_message)(const void * user_data, size_t count);
 
+struct fm_type_callbacks
+{
+  const char * message_namespace;
+  const char * message_name;
+  void * cdr_serialize;
+  bool (* cdr_deserialize)(void * cdr, void * message);
+  void * get_serialized_size;
+  void * max_serialized_size;
+  void * key_callbacks;
+};
+
+struct fm_type_support
+{
+  const char * typesupport_identifier;
+  const struct fm_type_callbacks * data;
+  const struct fm_type_support * (* func)(
+    const struct fm_type_support * handle, const char * identifier);
+  void * get_type_hash_func;
+  void * get_type_description_func;
+  void * get_type_description_sources_func;
+};
+
+struct fm_in_place_type
+{
+  struct fm_type_support support;
+  const struct fm_type_support * original;
+  struct fm_type_support fast;
+  struct fm_type_callbacks callbacks;
+};
+
+struct fm_in_place
+{
+  size_t buffer_of_cdr;
+  size_t data_of_buffer;
+  size_t size_of_buffer;
+};
+
 struct fm_middleware
 {
   int (* take)(
@@ -283,12 +320,24 @@ struct fm_middleware
   int (* listen)(void * subscription, fm_on_message callback, const void * user_data);
   int (* publish)(const void * publisher, const void * message, void * allocation);
   void (* forget_error)(void);
+  int (* take_message)(
+    const void * subscription, void * message, bool * taken, struct fm_message_info * info,
+    void * allocation);
+  struct fm_in_place in_place;
 };
+
+bool fm_in_place_find(
+  void (* make_buffer)(void * self, char * data, size_t size),
+  void (* make_cdr)(void * self, void * buffer, int endianness, int version),
+  struct fm_in_place * found);
+bool fm_in_place_make(
+  const struct fm_type_support * original, struct fm_in_place_type * made);
+bool fm_in_place_read(void * cdr, void * source);
 
 struct fm_source;
 struct fm_source * fm_source_start(
   struct fm_watch * watch, const struct fm_middleware * middleware, void * subscription,
-  uint32_t topic);
+  uint32_t topic, bool is_in_place);
 void fm_source_drain(struct fm_source * source);
 void fm_source_retire(struct fm_source * source);
 uint64_t fm_source_lost(const struct fm_source * source);

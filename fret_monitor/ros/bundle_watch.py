@@ -215,6 +215,10 @@ class BundleWatch:
         except Unavailable as reason:
             self._tell_fallback(reason)
             return None
+        try:
+            found.read_in_place(self._watch.library)
+        except Unavailable as reason:
+            self._node.get_logger().info(f'messages are copied before they are read: {reason}')
         self._node.get_logger().info(
             f'messages are taken in C, inside {get_rmw_implementation_identifier()}', once=True)
         return found

@@ -20,8 +20,10 @@ handles, in the middleware's own threads, and publishes the handlers in a thread
 calls of the middleware is found here, by name, in the libraries that rclpy has loaded.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import ExitStack
+import ctypes
+from dataclasses import dataclass
 from typing import Any
 
 from fret_monitor.native.binding import ffi
@@ -29,6 +31,7 @@ from fret_monitor.runtime.watch import Watch
 
 from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
+from rclpy.type_support import check_for_type_support
 from rclpy.utilities import get_rmw_implementation_identifier
 
 PROVEN = ('rmw_fastrtps_cpp',)
@@ -38,8 +41,31 @@ _LAZY, _ALREADY_LOADED = 1, 4  # RTLD_LAZY, RTLD_NOLOAD
 _C_LIBRARY: Any = ffi.dlopen(None)
 
 
+# FastBuffer(char *, size_t) and Cdr(FastBuffer &, Endianness, CdrVersion) of Fast CDR
+_MAKE_BUFFER = '_ZN8eprosima7fastcdr10FastBufferC1EPcm'
+_MAKE_CDR = '_ZN8eprosima7fastcdr3CdrC1ERNS0_10FastBufferENS1_10EndiannessENS0_10CdrVersionE'
+
+_capsule_pointer = ctypes.pythonapi.PyCapsule_GetPointer
+_capsule_pointer.restype = ctypes.c_void_p
+_capsule_pointer.argtypes = (ctypes.py_object, ctypes.c_char_p)
+_new_capsule = ctypes.pythonapi.PyCapsule_New
+_new_capsule.restype = ctypes.py_object
+_new_capsule.argtypes = (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p)
+
+
 class Unavailable(Exception):
     """What the hot path needs is not there; the text says what."""
+
+
+@dataclass(frozen=True)
+class _InPlaceClass:
+    """A class of messages that are read in place, and the type support that it stands for."""
+
+    message_class: Any
+    support: Any
+
+
+_IN_PLACE: dict[Any, _InPlaceClass] = {}
 
 
 class Middleware:
@@ -56,7 +82,7 @@ class Middleware:
         """
         rmw = _loaded('librmw_implementation.so', f'lib{get_rmw_implementation_identifier()}.so')
         rcl, rcutils = _loaded('librcl.so'), _loaded('librcutils.so')
-        self.functions = ffi.new('struct fm_middleware *')
+        self.functions: Any = ffi.new('struct fm_middleware *')
         for field, source, name in (
                 ('take', rmw, 'rmw_take_serialized_message_with_info'),
                 ('listen', rmw, 'rmw_subscription_set_on_new_message_callback'),
@@ -70,6 +96,64 @@ class Middleware:
             rcl, 'rcl_publisher_get_rmw_handle'))
         self.clock_now = ffi.cast('int (*)(void *, int64_t *)', _symbol(
             rcl, 'rcl_clock_get_now'))
+
+    def read_in_place(self, library: Any) -> None:
+        """
+        Let subscriptions be read where the middleware has their messages, not in a copy.
+
+        `library` holds the functions of csrc.
+
+        Raises
+        ------
+        Unavailable
+            if the middleware is not Fast DDS, or not as expected.
+        """
+        name = get_rmw_implementation_identifier()
+        if name != 'rmw_fastrtps_cpp':
+            raise Unavailable(f'{name} is not rmw_fastrtps_cpp')
+        cdr = _loaded('libfastcdr.so.2')
+        make_buffer = ffi.cast('void (*)(void *, char *, size_t)', _symbol(cdr, _MAKE_BUFFER))
+        make_cdr = ffi.cast('void (*)(void *, void *, int, int)', _symbol(cdr, _MAKE_CDR))
+        if not library.fm_in_place_find(make_buffer, make_cdr, ffi.addressof(
+                self.functions, 'in_place')):
+            raise Unavailable('objects of Fast CDR are not as expected')
+        self._make_type = library.fm_in_place_make
+        kind = ffi.typeof(self.functions.take_message)
+        self.functions.take_message = ffi.cast(kind, _symbol(
+            _loaded('librmw_implementation.so', f'lib{name}.so'), 'rmw_take_with_info'))
+
+    @property
+    def in_place_classes(self) -> Collection[Any]:
+        """What `class_in_place` returned so far, to anybody."""
+        return [item.message_class for item in _IN_PLACE.values()]
+
+    @property
+    def reads_in_place(self) -> bool:
+        """Whether `read_in_place` was called with success."""
+        return bool(self.functions.take_message != ffi.NULL)
+
+    def class_in_place(self, message_class: Any) -> Any:
+        """
+        Return a class for subscriptions that are read in place.
+
+        It is one for `create_subscription` alone. What is made for it stays as long as the
+        process: the middleware keeps pointers to it for as long as it likes.
+        """
+        if message_class not in _IN_PLACE:
+            _IN_PLACE[message_class] = self._make_class(message_class)
+        return _IN_PLACE[message_class].message_class
+
+    def _make_class(self, message_class: Any) -> '_InPlaceClass':
+        check_for_type_support(message_class)
+        capsule = type(message_class)._TYPE_SUPPORT
+        original = ffi.cast('struct fm_type_support *', _capsule_pointer(capsule, None))
+        support = ffi.new('struct fm_in_place_type *')
+        if not self._make_type(original, support):
+            raise Unavailable(f'{message_class.__name__} has no type support for Fast DDS')
+        made = _new_capsule(int(ffi.cast('uintptr_t', support)), None, None)
+        metaclass = type('InPlace', (type(message_class),), {'_TYPE_SUPPORT': made})
+        return _InPlaceClass(
+            metaclass(message_class.__name__, (), {'__slots__': []}), support)
 
     def subscription(self, item: Subscription) -> Any:
         """Return the middleware's object of a subscription, whose handle is held."""
@@ -113,7 +197,8 @@ class Source:
         with ExitStack() as undo:
             undo.enter_context(subscription.handle)
             pointer = self._library.fm_source_start(
-                watch.pointer, middleware.functions, middleware.subscription(subscription), topic)
+                watch.pointer, middleware.functions, middleware.subscription(subscription), topic,
+                subscription.msg_type in middleware.in_place_classes)
             if pointer == ffi.NULL:
                 raise Unavailable('the middleware tells nobody of new messages')
             self._pointer = pointer

@@ -175,7 +175,8 @@ static int publish(const void * publisher, const void * message, void * allocati
 
 static void forget_error(void) {}
 
-static const struct fm_middleware middleware = {take, listen, publish, forget_error};
+static const struct fm_middleware middleware = {
+  take, listen, publish, forget_error, NULL, {0, 0, 0}};
 
 // ---- the monitor: a requirement a topic, false where the message says so ----------------------
 
@@ -302,7 +303,7 @@ static struct fm_source * renew(
   fm_watch_overlap(watch, t, false);
   fm_source_retire(before);
   put(topic, place, fresh);
-  struct fm_source * source = fm_source_start(watch, &middleware, fresh, t);
+  struct fm_source * source = fm_source_start(watch, &middleware, fresh, t, false);
   CHECK(source != NULL);
   pause_a_little();
   fm_source_drain(source);
@@ -376,7 +377,7 @@ int main(void)
   for (uint32_t t = 0; t < N_TOPICS; ++t) {
     pthread_mutex_init(&topics[t].mutex, NULL);
     topics[t].subscriptions[0] = make_subscription();
-    sources[t] = fm_source_start(watch, &middleware, topics[t].subscriptions[0], t);
+    sources[t] = fm_source_start(watch, &middleware, topics[t].subscriptions[0], t, false);
   }
   pthread_t senders[N_SENDERS];
   pthread_t details;

@@ -32,7 +32,8 @@ STRUCTS = [
     'struct fm_field', 'struct fm_reader', 'struct fm_readers',
     'struct fm_topic', 'struct fm_evaluator_options', 'struct fm_violation',
     'struct fm_requirement_counts', 'struct fm_input_counts', 'struct fm_topic_counts',
-    'struct fm_watch_options', 'struct fm_origin', 'struct fm_detail', 'struct fm_middleware',
+    'struct fm_watch_options', 'struct fm_origin', 'struct fm_detail', 'struct fm_type_callbacks', 'struct fm_type_support',
+    'struct fm_in_place_type', 'struct fm_in_place', 'struct fm_middleware',
 ]
 
 
