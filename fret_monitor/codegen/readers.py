@@ -142,7 +142,7 @@ def _stride(runs: Sequence[_Run]) -> int:
 
 
 def _repeated(runs: Sequence[_Run], count: int) -> tuple[_Run, ...]:
-    if not runs or not count:
+    if not count:
         return ()
     return _joined([*runs, _Run(1, (count - 1) * _stride(runs))])
 
@@ -280,7 +280,7 @@ class _Skippers:
         elif len(runs) == 1 and runs[0].size % runs[0].alignment == 0:
             yield f'fm_cdr_skip_many({cursor}, {runs[0].alignment}u, ' \
                   f'{_unsigned(runs[0].size)}, {count});'
-        elif runs:
+        else:
             yield f'if ({count} > 0u) {{'
             yield from (f'  {line}' for line in self.runs(runs, cursor))
             yield f'  fm_cdr_skip_many({cursor}, 1u, {_unsigned(_stride(runs))}, {count} - 1u);'

@@ -293,7 +293,7 @@ def _check_index(kind: FieldType, match: re.Match[str], path_text: Text) -> None
     digits = match['index'].lstrip('0') or '0'
     if len(digits) > 10 or int(digits) > limit:
         refuse(f"'{match['name']}' is {_kind(kind)}: it has no element {shown(digits)[1:-1]}",
-               place, f'the last is {limit}' if limit >= 0 else 'it is empty')
+               place, f'the last is {limit}')
 
 
 def _refuse_field(layout: MessageLayout, match: re.Match[str], path_text: Text,

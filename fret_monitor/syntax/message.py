@@ -386,7 +386,7 @@ def _field_type(text: str, package: str) -> FieldType | None:
     base = _base(match['base'], package)
     size = int(match['size']) if match['size'] else None
     limit = int(match['limit']) if match['limit'] else None
-    if base is None or limit is not None and base not in ('string', 'wstring'):
+    if base is None or limit is not None and base not in ('string', 'wstring') or size == 0:
         return None
     if not match['array']:
         return FieldType(base, text_limit=limit)

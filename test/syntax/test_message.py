@@ -164,7 +164,7 @@ def _as_rosidl_says(kind: object) -> FieldType:
 @pytest.mark.parametrize('line', [
     'float32', 'float32 a-b', 'float32 2a', 'float32[x] a', 'float32[<=] a', 'float32[-1] a',
     'float32<=3 a', 'float32[2][3] a', '../x a', 'a/b/c/D d', 'Wheel<=2 a', '= 3', 'uint8 =3',
-    'lower/lower a',
+    'lower/lower a', 'float32[0] a', 'float32[<=0] a',
 ])
 def test_a_line_that_is_no_field_is_refused_with_its_place(line: str) -> None:
     with pytest.raises(CompileError, match='pkg_a/msg/Message:2:1: error: this line is no field'):
