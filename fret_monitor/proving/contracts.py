@@ -60,6 +60,7 @@ from fret_monitor.proving.operators import check
 from fret_monitor.proving.operators import claims
 from fret_monitor.proving.solver import Answer
 from fret_monitor.proving.solver import prove
+from fret_monitor.proving.solver import shown_values
 from fret_monitor.proving.terms import Term
 
 _Attempt = Callable[[Program, float], 'Proof']
@@ -241,13 +242,13 @@ def _guarded(name: str, attempt: _Attempt, program: Program, seconds: float) -> 
 
 def _settled(name: str, goals: Sequence[Term], given: Sequence[Term], machine: Machine,
              seconds: float) -> Proof:
-    conditions = [item.holds for item in machine.conditions]
-    result = prove([*conditions, *goals], given, seconds=seconds)
-    detail = ''
-    if result.answer is Answer.REFUTED:
-        detail = ', '.join(f'{item.value} = {value}' for item, value in
-                           sorted(result.values.items(), key=lambda pair: str(pair[0].value)))
-    return Proof(name, result.answer, result.seconds, detail)
+    spent = 0.0
+    for goal in [*(item.holds for item in machine.conditions), *goals]:
+        result = prove([goal], given, seconds=seconds)
+        spent += result.seconds
+        if result.answer is not Answer.PROVED:
+            return Proof(name, result.answer, spent, shown_values(result.values))
+    return Proof(name, Answer.PROVED, spent)
 
 
 def _others(name: str) -> dict[str, Contract]:

@@ -53,10 +53,12 @@ from fret_monitor.proving.meaning import GroupMeaning
 from fret_monitor.proving.meaning import View
 from fret_monitor.proving.solver import Answer
 from fret_monitor.proving.solver import prove
+from fret_monitor.proving.solver import shown_values
 from fret_monitor.proving.terms import Term
 
 ALL = -1  # the functions that run all groups
 ANY = -2  # likewise, with the step as the description hands it out
+STATIC = ('description: ', 'inputs: ')  # what no trace shows
 
 
 @dataclass
@@ -143,17 +145,10 @@ def prove_group(subject: Subject, group: int, view: View, seconds: float) -> Out
 def _settle(outcome: Outcome, name: str, goal: Term, given: Sequence[Term],
             seconds: float) -> None:
     result = prove([goal], given, seconds=seconds)
-    detail = ''
+    detail = shown_values(result.values)
     if result.answer is Answer.REFUTED:
         outcome.values.append(result.values)
-        detail = shown_values(result.values)
     outcome.proofs.append(Proof(name, result.answer, result.seconds, detail))
-
-
-def shown_values(values: Mapping[Term, Any]) -> str:
-    """Return some values of variables as a text."""
-    pairs = sorted((str(item.value), value) for item, value in values.items())
-    return ', '.join(f'{name} = {value}' for name, value in pairs)
 
 
 def _goals(subject: Subject, group: int,

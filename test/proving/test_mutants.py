@@ -1,0 +1,124 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Mutants of generated C: each is refuted or shown equivalent; what is refuted is different."""
+
+import ctypes
+from pathlib import Path
+from typing import Any
+
+from bench.mutants import BUNDLES
+from bench.mutants import cell_functions
+from bench.mutants import generated_functions
+from bench.mutants import judged
+from bench.mutants import judged_cell
+from bench.mutants import printed
+from bench.mutants import sample
+from bench.mutants import subject_of
+from differential.compiled import compile_c
+from differential.compiled import gcc
+from fret_monitor.build import GeneratedMonitor
+from fret_monitor.logic.evaluate import evaluate_all
+from fret_monitor.manifest import ValueType
+from fret_monitor.native.cache import runtime_headers
+from fret_monitor.proving import numbers
+from fret_monitor.proving import terms as t
+from fret_monitor.proving.c_source import preprocess
+from fret_monitor.proving.c_source import Struct
+from fret_monitor.proving.monitor import Subject
+from fret_monitor.proving.refutation import Counterexample
+import pytest
+
+EACH = 36  # of six bundles: more than 200 in all
+COMPILED = 3
+C_TYPES: dict[ValueType, Any] = {
+    ValueType.BOOL: ctypes.c_bool, ValueType.INT32: ctypes.c_int32,
+    ValueType.INT64: ctypes.c_int64, ValueType.UINT64: ctypes.c_uint64,
+    ValueType.FLOAT32: ctypes.c_float, ValueType.FLOAT64: ctypes.c_double,
+}
+
+
+def plain(value: Any, kind: ValueType) -> Any:
+    """Return a value of a row as the reference takes it: with its sign."""
+    if kind.is_integer and numbers.is_signed(kind):
+        return t.signed(value, numbers.sort_of(kind)[1])
+    return value
+
+
+def run_compiled(source: str, subject: Subject, rows: list[list[Any]],
+                 folder: Path) -> list[list[bool]]:
+    """Compile C that stands by itself, and return the verdicts of each step."""
+    compiler = gcc()
+    if compiler is None:
+        pytest.skip('needs gcc')
+    (folder / 'mutant.c').write_text(source, encoding='utf-8')
+    compile_c([*compiler, '-std=c99', '-w', '-O1', '-ffp-contract=off', '-fPIC', '-shared',
+               folder / 'mutant.c', '-lm', '-o', folder / 'mutant.so'])
+    library: Any = ctypes.CDLL(str(folder / 'mutant.so'))
+    fields = [(f'f{number}', C_TYPES[signal.type])
+              for number, signal in enumerate(subject.program.signals)]
+    inputs = type('Inputs', (ctypes.Structure,), {'_fields_': fields})
+    state = ctypes.create_string_buffer(
+        b'\xff' * subject.code.size(Struct(f'{subject.prefix}_state')))
+    library[f'{subject.prefix}_reset'](state)
+    found = []
+    for row in rows:
+        verdicts = (ctypes.c_bool * len(subject.program.properties))()
+        library[f'{subject.prefix}_step'](state, ctypes.byref(inputs(*row)), verdicts)
+        found.append(list(verdicts))
+    return found
+
+
+def rows_of(subject: Subject, example: Counterexample) -> list[list[Any]]:
+    kinds = [signal.type for signal in subject.program.signals]
+    return [[plain(value, kind) for value, kind in zip(row, kinds)] for row in example.rows]
+
+
+def expected(monitor: GeneratedMonitor, rows: list[list[Any]]) -> list[list[bool]]:
+    """Return the verdicts of each step by the reference evaluator."""
+    names = [signal.name for signal in monitor.program.signals]
+    trace = {name: [row[place] for row in rows] for place, name in enumerate(names)}
+    columns = evaluate_all([item.formula for item in monitor.program.properties], trace)
+    return [[bool(column[step]) for column in columns] for step in range(len(rows))]
+
+
+@pytest.mark.parametrize('name', sorted(BUNDLES))
+def test_every_mutant_is_refuted_or_shown_equivalent(name: str, tmp_path: Path) -> None:
+    subject, monitor = subject_of(BUNDLES[name], name)
+    header, text = monitor.module.header
+    texts = list(preprocess(dict(monitor.module.sources),
+                            {**runtime_headers(), header: text}).values())
+    chosen = sample(subject.code, generated_functions(subject.code, subject.prefix), EACH)
+    assert len(chosen) == EACH
+    judgements = [(mutant, *judged(subject, mutant)) for mutant in chosen]
+    assert [mutant.what for mutant, judgement, _ in judgements if judgement == 'undecided'] == []
+    refuted = [(mutant, settled.counterexample) for mutant, judgement, settled in judgements
+               if judgement == 'refuted' and settled.group >= 0]
+    assert len(refuted) > EACH // 2
+    for mutant, example in refuted[::len(refuted) // COMPILED]:
+        assert example is not None
+        rows = rows_of(subject, example)
+        wanted, found = expected(monitor, rows), run_compiled(
+            printed(subject.code, texts, mutant), subject, rows, tmp_path)
+        assert wanted[:-1] == found[:-1] or wanted[-1] != found[-1], mutant.what
+        assert wanted[-1] != found[-1], mutant.what
+        assert {number: wanted[-1][number] for number in example.meant} == example.meant
+
+
+def test_every_mutant_of_the_cells_is_refuted_or_shown_equivalent() -> None:
+    subject, _ = subject_of(BUNDLES['bits'], 'bits')
+    chosen = sample(subject.code, cell_functions(subject.code), EACH)
+    judgements = {mutant.what: judged_cell(subject.code, mutant) for mutant in chosen}
+    assert [what for what, judgement in judgements.items() if judgement == 'undecided'] == []
+    assert list(judgements.values()).count('refuted') > EACH // 2
