@@ -199,6 +199,8 @@ def _unsigned(number: int) -> str:
 
 
 class _FileWriter:
+    """Writes the file: what goes past messages, a reader a topic, and the table of them."""
+
     def __init__(self, names: Names, title: str, signals: Sequence[Signal]) -> None:
         self._names = names
         self._title = title
