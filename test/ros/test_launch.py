@@ -117,6 +117,7 @@ def test_launch_starts_the_nodes_and_ends_them(
         process.send_signal(signal.SIGINT)
         output, _ = process.communicate(timeout=30)
         assert output.count('process has finished cleanly') == len(nodes), output
+        assert ('waiting to be configured' in output) is ('autostart:=false' in arguments)
     finally:
         process.kill()
         process.wait()
