@@ -88,7 +88,8 @@ _WAIT = 200_000_000  # ns; an idle wait without an end can outlive a shutdown
 _REVIEW_PERIOD = 0.25  # s between two looks at who publishes
 _REVIEWED_AT_ONCE = 50  # topics, of 50 us each: 1 % of a processor, however many there are
 # How long an old subscription is kept beside a new one: until every publisher has found it.
-_OVERLAP = 2.0
+_OVERLAP = 2.0  # s for which a subscription is kept that is being replaced, at most
+_ASSURED = 0.5  # s behind which one that has matched all publishers hears them
 _REMEMBERED = 4096  # messages of a topic that would be recognised if they came again
 
 # reception time, (source time, sequence number) that tell it from others, data, topic,
@@ -385,7 +386,9 @@ class _Topic:
         now = monotonic()
         for retired in list(self._retired):
             item, tap, until = retired
-            if now >= until:
+            is_assured = now >= until - _OVERLAP + _ASSURED and \
+                self._current.handle.get_publisher_count() >= self.hearing.publishers
+            if now >= until or is_assured:
                 self._retired.remove(retired)
                 self._destroy(item, tap)
         if not self._retired:
