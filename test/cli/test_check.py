@@ -73,6 +73,15 @@ def test_a_warning_is_told_and_is_no_error(here: Here) -> None:
     assert 'R-4' in done.out
 
 
+@pytest.mark.parametrize('policy', ['every_message', 'relevant_message', 'all_inputs'])
+def test_a_topic_that_nobody_reads_is_told_where_it_makes_steps(here: Here, policy: str) -> None:
+    bundle = (HERE.parent / 'golden' / 'check' / 'unread_topics.yaml').read_text()
+    done = here.run('check', here.file(
+        'unread.yaml', f'{bundle}evaluation: {{policy: {policy}}}\n'))
+    assert done.status == 0
+    assert ("messages on 'weather' are steps" in done.err) == (policy == 'every_message')
+
+
 def test_state_that_is_too_large_is_refused(here: Here) -> None:
     bundle = PUMP + '  - {id: R-4, ptltl: "O[300000000,300000009] p"}\n'
     done = here.run('check', here.file('pump.yaml', bundle))

@@ -174,10 +174,12 @@ def silence(node: NodeProcess) -> int:
     return node.output.count('nothing usable came on /x within the timeout of 1 s')
 
 
+@pytest.mark.parametrize('hot_path', ['on', 'off'])
 def test_an_input_that_falls_silent_violates_what_reads_it_in_the_time_of_the_node(
-    partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path,
+    partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path, hot_path: str,
 ) -> None:
-    with started('monitor', '-p', write(tmp_path, SILENT), *SIMULATED) as node:
+    with started('monitor', '-p', write(tmp_path, SILENT), *SIMULATED,
+                 '-p', f'hot_path:={hot_path}') as node:
         partner.listen('X', 'ONSET', 'XZ', 'Y')
         x, y = (partner.publisher(Float32, name) for name in 'xy')
         partner.wait_for_listener(x, y)
