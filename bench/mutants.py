@@ -272,11 +272,10 @@ def _nodes(node: Any) -> Iterator[Any]:
         yield from _nodes(child)
 
 
-def printed(code: Program, texts: Sequence[str], mutant: Mutant) -> str:
+def printed(text: str, mutant: Mutant) -> str:
     """Return preprocessed C in which a function is the mutant's, to be compiled as it is."""
     lines = ['#include <stddef.h>', '#define FM_NAN __builtin_nanf("")',
              '#define FM_INFINITY __builtin_inff()']
-    [text] = texts
     tree = CParser().parse(text)
     kept = []
     for item in tree.ext:

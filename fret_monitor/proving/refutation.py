@@ -52,7 +52,7 @@ from fret_monitor.proving.terms import Term
 
 _LONGEST = 200_000  # steps of a trace
 _LONGEST_RUN = 70_000
-_SHRINKING = 2.0  # seconds
+_SHRINKING = 0.5  # seconds
 _Row = tuple[Any, ...]
 
 

@@ -41,7 +41,7 @@ from fret_monitor.proving.refutation import Counterexample
 from fret_monitor.proving.refutation import find_counterexample
 from fret_monitor.proving.solver import Answer
 
-_QUICK = 1.0  # seconds that a search has before the cells are opened
+_QUICK = 0.3  # seconds that a search has before the cells are opened
 _FIELDS = '_fields.c'  # how messages are read, which is not a monitor's
 
 
