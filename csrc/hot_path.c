@@ -112,7 +112,7 @@ static void copy_message(struct fm_serialized * copy, const uint8_t * message, s
   copy->length = size;
 }
 
-static void read(struct fm_source * source, const uint8_t * message, size_t size)
+static void read_fields(struct fm_source * source, const uint8_t * message, size_t size)
 {
   source->reading.is_decoded = reader_of(source)->read(message, size, source->fields);
 }
@@ -132,7 +132,7 @@ bool fm_in_place_read(void * cdr, void * source)
   const uint8_t * message = pointer_at(buffer, place->data_of_buffer);
   size_t size;
   memcpy(&size, (const uint8_t *)buffer + place->size_of_buffer, sizeof(size));
-  read(self, message, size);
+  read_fields(self, message, size);
   if (!self->reading.is_decoded || !all_are_read(self->fields, reader_of(self)->n_inputs)) {
     copy_message(&self->message, message, size);
   }
@@ -217,7 +217,7 @@ static bool take(struct fm_source * source, struct fm_message_info * info)
     return false;
   }
   if (taken && !source->is_in_place) {
-    read(source, source->message.buffer, source->message.length);
+    read_fields(source, source->message.buffer, source->message.length);
   }
   source->reading.message = source->message.buffer;
   source->reading.size = source->message.length;
@@ -229,6 +229,9 @@ static void deliver_locked(struct fm_source * source, const struct fm_message_in
   const struct fm_origin origin = {
     info->received_timestamp, info->source_timestamp, info->publication_sequence_number,
     source->is_retired};
+  if (!source->is_retired) {  // what the new subscription brings is not lost
+    fm_losses_note(&source->losses, info->gid, info->publication_sequence_number);
+  }
   (void)fm_watch_deliver_locked(source->watch, source->topic, &source->reading, &origin);
 }
 

@@ -29,6 +29,28 @@ except ImportError:
     collect_ignore_glob.append('*')
 
 
+# Their monitors take the messages in C, and then in Python: both ways pass the same tests.
+BOTH_WAYS = {
+    'test_monitor_node', 'test_publishers', 'test_silence', 'test_several', 'test_lifecycle',
+    'test_shutdown'}
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Run the tests of `BOTH_WAYS` twice."""
+    if metafunc.module.__name__.rpartition('.')[2] in BOTH_WAYS:
+        metafunc.fixturenames.append('hot_path')
+        metafunc.parametrize('hot_path', ['on', 'off'], indirect=True)
+
+
+@pytest.fixture
+def hot_path(request: pytest.FixtureRequest) -> Iterator[str]:
+    """Have monitors started with a parameter `hot_path`."""
+    from ros import harness
+    harness.HOT_PATH = request.param
+    yield request.param
+    harness.HOT_PATH = None
+
+
 def _joined(domain: int) -> Iterator['Partner']:
     from ros.harness import Partner
     made = Partner(domain)

@@ -61,6 +61,10 @@ def wait_until(is_true: Callable[[], bool], what: str, patience: float = PATIENC
         sleep(0.01)
 
 
+HOT_PATH: str | None = None
+"""What monitors are started with, where a test says nothing else; see `conftest.hot_path`."""
+
+
 class NodeProcess:
     """One of the two executables, started as a user would."""
 
@@ -68,6 +72,8 @@ class NodeProcess:
                  folder: Path | None = None) -> None:
         """Start it with these ROS arguments; ROS_DOMAIN_ID and the like are the caller's."""
         self.name = name
+        if name == 'monitor' and HOT_PATH is not None and 'hot_path' not in ' '.join(arguments):
+            arguments = (*arguments, '-p', f'hot_path:={HOT_PATH}')
         self._file = TemporaryFile()  # noqa: SIM115  closed by `kill`
         source = str(Path(fret_monitor.__file__).parent.parent)
         paths = [source, *filter(None, [os.environ.get('PYTHONPATH')])]
