@@ -181,7 +181,7 @@ class BundleWatch:
             except Unavailable as reason:
                 self._running.close()
                 self._watch = self._new_watch()
-                self._tell_fallback(reason)
+                self._fall_back(reason)
         self._connect_through(None)
 
     def _connect_through(self, middleware: Middleware | None) -> None:
@@ -204,29 +204,30 @@ class BundleWatch:
                                self._node.resolve_topic_name(topic.name), dict(topic.qos)))
         feed.start()
         self._feed = feed
+        # Not before: the first line takes rclpy a tenth of a second.
+        self._node.get_logger().info(f'messages are taken {self._way}', once=True)
 
     def _middleware(self) -> Middleware | None:
         """Return what the hot path calls, None where the feed is to take the messages."""
+        self._way = f'in C, inside {get_rmw_implementation_identifier()}'
         if self._hot_path == 'off':
-            self._tell_fallback('hot_path is off')
+            self._fall_back('hot_path is off')
             return None
         try:
             found = find_middleware(even_unproven=self._hot_path == 'on')
         except Unavailable as reason:
-            self._tell_fallback(reason)
+            self._fall_back(reason)
             return None
         try:
             found.read_in_place(self._watch.library)
         except Unavailable as reason:
-            self._node.get_logger().info(f'messages are copied before they are read: {reason}')
-        self._node.get_logger().info(
-            f'messages are taken in C, inside {get_rmw_implementation_identifier()}', once=True)
+            self._way += f', and copied before they are read: {reason}'
         return found
 
-    def _tell_fallback(self, reason: object) -> None:
+    def _fall_back(self, reason: object) -> None:
         if self._hot_path == 'on':
             raise Refusal(f'hot_path is on, and C cannot take the messages: {reason}')
-        self._node.get_logger().info(f'messages are taken in Python: {reason}', once=True)
+        self._way = f'in Python: {reason}'
 
     def _follow_clock(self, middleware: Middleware | None) -> None:
         """Stamp violations by the node's clock where that is simulated."""
