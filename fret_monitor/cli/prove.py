@@ -45,8 +45,8 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     parser.add_argument('--sources', metavar='DIR', type=Path,
                         help='prove the C in this folder, as `compile` wrote it to src')
     parser.add_argument('--json', action='store_true', help='print the certificate as JSON')
-    parser.add_argument('--timeout', metavar='SECONDS', type=_seconds, default=10.0,
-                        help='for each obligation; 10 when left out')
+    parser.add_argument('--timeout', metavar='SECONDS', type=_seconds, default=30.0,
+                        help='for each obligation; 30 when left out')
     parser.add_argument('--trace', metavar='FILE.csv', type=Path,
                         help='where to write a counterexample, for `simulate`')
     parser.set_defaults(run=run)

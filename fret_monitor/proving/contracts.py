@@ -28,6 +28,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import replace
 from functools import partial
+from itertools import product
 import time
 
 from fret_monitor.logic.formula import BinaryOperator
@@ -348,20 +349,39 @@ def _prove_ring(program: Program, seconds: float) -> Proof:
     following = next_position(position, length)
     one, zero = t.number(1, 32), t.number(0, 32)
     age, later = _age(place, position, length), _age(place, following, length)
-    # What was p `age` steps ago is p of `age + 1` steps ago at the next step.
-    ago_after = t.choice(t.relation('equal', later, one), p.term,
-                         _ago(t.operation('sub', later, one)))
     given = [t.relation('ult', position, length), t.relation('ult', place, length),
              t.relation('ult', length, t.number(1 << 31, 32)), t.relation('ult', one, length),
              t.same_truth(_ring_bit(memory['ring',], place), _ago(age)),
              t.same_truth(_ring_bit(memory['ring',], position), _ago(length))]
     filled = [t.same_truth(_ring_bit(t.filled(size, byte), place), t.truth(byte > 0))
               for byte in (0, 255)]
-    goals = [t.same_truth(out, _ago(length)), t.same_truth(_ring_bit(after, place), ago_after),
+    # Which bits change; then what that means: the one that is p is 1 step old at the next step,
+    # and all others are a step older than they were, so that `ago` of them is what it was.
+    here = t.relation('equal', place, position)
+    kept = t.choice(here, p.term, _ring_bit(memory['ring',], place))
+    goals = [t.same_truth(out, _ago(length)), t.same_truth(_ring_bit(after, place), kept),
+             t.implies(here, t.relation('equal', later, one)),
+             *_by_cases(t.implies(t.negation(here),
+                                  t.relation('equal', later, t.operation('add', age, one))),
+                        [t.relation('equal', t.operation('add', position, one), length),
+                         t.relation('ult', place, position),
+                         t.relation('ult', place, following)]),
              t.relation('ult', following, length), t.relation('ult', zero, later), *filled,
              t.negation(t.relation('ult', length, later)),
              *_as_meant(memory['ring',], position, p.term, out, after, place)]
     return _settled('fm_delay_ring', goals, given, machine, seconds)
+
+
+def _by_cases(goal: Term, conditions: Sequence[Term]) -> list[Term]:
+    """Return a goal apart for each way that some conditions come out: simpler, and the same."""
+    goals = []
+    for values in product((False, True), repeat=len(conditions)):
+        parts = {item.args[0] if item.op == 'not' else item:
+                 t.truth(value != (item.op == 'not')) for item, value in zip(conditions, values)}
+        case = t.all_of(item if value else t.negation(item)
+                        for item, value in zip(conditions, values))
+        goals.append(t.implies(case, t.substituted([goal], parts)[0]))
+    return goals
 
 
 def _as_meant(ring: Term, position: Term, p: Term, out: Term, after: Term,

@@ -42,6 +42,7 @@ from fret_monitor.proving.refutation import find_counterexample
 from fret_monitor.proving.solver import Answer
 
 _QUICK = 0.3  # seconds that a search has before the cells are opened
+_SEARCH = 10.0  # and afterwards, at most
 _FIELDS = '_fields.c'  # how messages are read, which is not a monitor's
 
 
@@ -103,9 +104,9 @@ def read_subject(generated: GeneratedMonitor, sources: Mapping[str, str],
 
 
 def verify(generated: GeneratedMonitor, sources: Mapping[str, str] | None = None,
-           headers: Mapping[str, str] | None = None, *, seconds: float = 10.0) -> Verification:
+           headers: Mapping[str, str] | None = None, *, seconds: float = 30.0) -> Verification:
     """
-    Prove a bundle; `seconds` is for one obligation, and for one search of a counterexample.
+    Prove a bundle; `seconds` is for one obligation at most.
 
     `sources` and `headers` are C to prove in place of what `compile` would write, by file name.
     """
@@ -154,6 +155,7 @@ def _settled(subject: Subject, outcome: Outcome, former: Outcome, seconds: float
     if all(proof.name.startswith(STATIC) for proof in outcome.proofs
            if proof.answer is not Answer.PROVED):
         return Settled(outcome.group, tuple(outcome.proofs), None, is_opened)
+    seconds = min(seconds, _SEARCH)
     explored = explore(subject, outcome.group, seconds) if outcome.group != ALL else None
     if explored is not None and explored.counterexample is None:
         before = sum(proof.seconds for proof in outcome.proofs)
