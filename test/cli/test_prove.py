@@ -1,0 +1,176 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`fret-monitor prove`: a certificate, or a trace that shows what is wrong."""
+
+import csv
+import json
+from pathlib import Path
+
+from cli.command import Done
+from cli.command import environment
+from cli.command import Here
+from cli.command import run
+import pytest
+
+BUNDLE = """\
+format: 1
+inputs:
+  p: {type: bool}
+  x: {type: float32}
+  state: {type: string, values: {stopped: halt, moving: go}}
+requirements:
+  - {id: R-1, ptltl: "H (x > 15.0 -> O[0,3] p)"}
+  - {id: R-2, ptltl: "Y (state = moving) -> p"}
+"""
+
+
+def compiled(here: Here) -> Path:
+    """Compile the bundle, and return the folder of its sources."""
+    path = here.file('pump.yaml', BUNDLE)
+    assert here.run('compile', path, '--output', here.folder / 'out').status == 0
+    return here.folder / 'out' / 'src'
+
+
+def changed(sources: Path, old: str, new: str) -> None:
+    file = sources / 'pump_monitor.c'
+    text = file.read_text(encoding='utf-8')
+    assert old in text
+    file.write_text(text.replace(old, new, 1), encoding='utf-8')
+
+
+def prove(here: Here, *arguments: object) -> Done:
+    return here.run('prove', here.file('pump.yaml', BUNDLE), *arguments)
+
+
+def test_a_bundle_is_proved_with_a_certificate_that_hides_nothing(here: Here) -> None:
+    done = prove(here)
+    assert (done.status, done.err) == (0, '')
+    assert done.out.startswith('pump.yaml: proved, 2 requirements\n')
+    for text in ('bundle        sha256 ', 'cells ', 'solver        z3 ', 'Assumed, or outside',
+                 'the C compiler', 'how messages are decoded', 'requirement to the equations'):
+        assert text in done.out
+
+
+def test_the_certificate_is_json_too_and_the_same_for_the_same_bundle(here: Here) -> None:
+    first, second = (json.loads(prove(here, '--json').out) for _ in range(2))
+    assert first['proved'] is True
+    assert [item['id'] for item in first['requirements']] == ['R-1', 'R-2']
+    assert all(item['proved'] for item in first['requirements'])
+    assert first['obligations']['total'] == first['obligations']['proved'] > 60
+    assert len(first['cells']) > 60
+    assert first['not_proved'] == []
+    assert first['counterexample'] is None
+    assert first['assumed']
+    manifest = here.run('compile', here.folder / 'pump.yaml', '--output', here.folder / 'out')
+    assert manifest.status == 0
+    written = json.loads((here.folder / 'out' / 'manifest.json').read_text(encoding='utf-8'))
+    assert first['bundle_hash'] == written['bundle_hash']
+    assert first['source_hash'] == written['source_hash']
+    assert {key: first[key] for key in ('bundle_hash', 'source_hash', 'code_hash')} == \
+        {key: second[key] for key in ('bundle_hash', 'source_hash', 'code_hash')}
+
+
+def test_what_compile_wrote_is_proved_where_it_lies(here: Here) -> None:
+    sources = compiled(here)
+    deployed = json.loads(prove(here, '--sources', sources, '--json').out)
+    own = json.loads(prove(here, '--json').out)
+    assert deployed['proved'] is True
+    assert deployed['code_hash'] == own['code_hash']
+
+
+@pytest.mark.parametrize(('old', 'new', 'wrong'), [
+    ('3u, in->p', '2u, in->p', 'R-1'),
+    ('> 15.0f', '>= 15.0f', 'R-1'),
+    ('state == 1', 'state == 0', 'R-2'),
+])
+def test_c_that_is_wrong_is_refuted_by_a_trace_that_simulate_runs(
+    here: Here, old: str, new: str, wrong: str,
+) -> None:
+    sources, trace = compiled(here), here.folder / 'trace.csv'
+    text = (sources / 'pump_monitor.c').read_text(encoding='utf-8')
+    if old not in text:  # as it stands there
+        old, new = (item.replace('state == ', 'state_i64 == ').replace('in->p', 'p')
+                    for item in (old, new))
+    changed(sources, old, new)
+    done = prove(here, '--sources', sources, '--trace', trace)
+    assert done.status == 1
+    assert 'NOT PROVED' in done.out
+    said = next(line for line in done.out.splitlines() if line.startswith(f'  {wrong} is '))
+    meant = 'satisfied' if f'{wrong} is satisfied' in said else 'violated'
+    simulated = here.run('simulate', here.folder / 'pump.yaml', '--trace', trace)
+    assert simulated.status == 0, simulated.err
+    last = list(csv.DictReader(simulated.out.splitlines()))[-1]
+    assert last[wrong] == {'satisfied': '1', 'violated': '0'}[meant]
+    content = json.loads(prove(here, '--sources', sources, '--json').out)
+    assert content['counterexample']['trace'] == trace.read_text(encoding='utf-8')
+    assert not next(item['proved'] for item in content['requirements'] if item['id'] == wrong)
+
+
+def test_cells_that_are_wrong_are_told(here: Here) -> None:
+    sources = compiled(here)
+    file = sources / 'fret_cells.h'
+    text = file.read_text(encoding='utf-8')
+    file.write_text(text.replace('return age <= bound', 'return age < bound'), encoding='utf-8')
+    done = prove(here, '--sources', sources)
+    assert done.status == 1
+    assert 'refuted: fm_once_within_u8' in done.out
+
+
+def test_what_takes_too_long_is_not_proved_and_said_so(here: Here) -> None:
+    done = prove(here, '--timeout', '0.001')
+    assert done.status == 1
+    assert 'NOT PROVED' in done.out
+    assert 'the time of an obligation was over: give more with --timeout' in done.out
+
+
+def test_sources_that_are_not_there_or_no_such_c_are_told(here: Here) -> None:
+    done = prove(here, '--sources', here.folder)
+    assert done.status == 1
+    assert 'there is no file' in done.err
+    sources = compiled(here)
+    changed(sources, '#include "fret_cells.h"', '#error "no"')
+    done = prove(here, '--sources', sources)
+    assert done.status == 1
+    assert 'not read      the preprocessor refuses it' in done.out
+
+
+@pytest.mark.parametrize('seconds', ['0', '-1', 'ten', 'nan'])
+def test_a_time_that_is_none_is_wrong_usage(here: Here, seconds: str) -> None:
+    assert prove(here, '--timeout', seconds).status == 2
+
+
+def test_without_the_solver_it_says_what_to_install(tmp_path: Path) -> None:
+    (tmp_path / 'pump.yaml').write_text(BUNDLE, encoding='utf-8')
+    # An interpreter that finds no z3: a finder in front of all others.
+    (tmp_path / 'sitecustomize.py').write_text(
+        'import importlib.util as util\nfind = util.find_spec\n'
+        "util.find_spec = lambda name, *more: None if name == 'z3' else find(name, *more)\n",
+        encoding='utf-8')
+    known = environment()['PYTHONPATH']
+    done = run('prove', tmp_path / 'pump.yaml',
+               env=environment(PYTHONPATH=f'{tmp_path}:{known}'))
+    assert done.status == 1
+    assert '`prove` needs z3-solver, which is not installed' in done.err
+    assert 'pip install z3-solver' in done.err
+
+
+def test_other_verbs_do_not_load_the_solver(tmp_path: Path) -> None:
+    import subprocess
+    import sys
+    script = ('import sys; from fret_monitor.cli.main import main; main(["formalize", "p shall '
+              'satisfy q"]); sys.exit("z3" in sys.modules or "pycparser" in sys.modules)')
+    done = subprocess.run([sys.executable, '-c', script], env=environment(), check=False,
+                          capture_output=True)
+    assert done.returncode == 0
