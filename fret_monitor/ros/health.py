@@ -166,7 +166,7 @@ class Health:
         item = self._manifest.topics[index]
         counts = self._evaluator.topic_counts(index)
         found = [*_troubles(item, hearing), *troubles]
-        if not hearing.publishers:
+        if not hearing.publishers and not hearing.other_types:
             found.append((DiagnosticStatus.WARN, 'no publisher'))
         names = {self._manifest.inputs[place].name: place for place in item.inputs}
         silences = {f'silences {name}': self._silences.count(place)
