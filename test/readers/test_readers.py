@@ -83,6 +83,11 @@ WRITTEN = {
         'Odd[] odds', 'bool between', 'Odd[3] three', 'Steps[<=4] steps', 'Steps[2] pair',
         'Nothing[] nothings', 'Nothing[2] two', 'Named[] named', 'Named[2] both', 'string[] words',
         'string[2] few', 'wstring[] wides', 'uint8 last'],
+    # What stands right behind something whose elements have gaps between them.
+    **{f'lay_msgs/msg/Behind{i}': [f'{kind} before', 'uint8 behind'] for i, kind in enumerate((
+        'Odd', 'Odd[]', 'Odd[3]', 'Steps[]', 'Steps[2]', 'Nothing[]', 'Nothing[2]', 'Named[]',
+        'wstring[2]', 'string[]', 'float64[]', 'float64[<=3]'))},
+    'lay_msgs/msg/BehindSome': ['uint32 a', 'uint8 b', 'uint16 c', 'uint8 d', 'uint8 behind'],
     'lay_msgs/msg/Deep': ['bool first', 'Boxes boxes', 'Boxes[<=2] more', 'int64 last'],
 }
 
@@ -128,7 +133,9 @@ def topic_of(layout: MessageLayout, number: int, most: int | None = None) -> Top
         except CompileError:
             continue  # there is no such reduction, or no value at the end
     if most is not None and len(signals) > most:
-        signals = Random(layout.name).sample(signals, most)
+        # With the last, there is something to go past before it.
+        *others, last = signals
+        signals = [*Random(f'{layout.name} {number}').sample(others, most - 1), last]
     return Topic(layout, tuple(signals))
 
 
@@ -145,10 +152,11 @@ def build_topics(topics: Sequence[Topic]) -> Monitor:
 
 @pytest.fixture(scope='session')
 def ours(prefix: Path) -> tuple[list[Topic], Monitor]:
-    """Build readers of the messages written here; each alone, and together."""
-    names = [name for name in WRITTEN if WRITTEN[name]]
-    topics = [topic_of(find_message(name, [prefix]), number, 3 * MOST_INPUTS)
-              for number, name in enumerate(names)]
+    """Build readers of much and of little of the messages written here."""
+    chosen = [(name, most) for most in (3 * MOST_INPUTS, 3, 1)
+              for name in WRITTEN if WRITTEN[name]]
+    topics = [topic_of(find_message(name, [prefix]), number, most)
+              for number, (name, most) in enumerate(chosen)]
     return topics, build_topics(topics)
 
 
@@ -171,7 +179,7 @@ def assert_same(topic: Topic, found: tuple[FieldReading, ...] | None, message: A
 # -- right ----------------------------------------------------------------------------------------
 
 
-@settings(max_examples=150, suppress_health_check=list(HealthCheck), deadline=None)
+@settings(max_examples=500, suppress_health_check=list(HealthCheck), deadline=None)
 @given(data=st.data())
 def test_readers_take_what_was_written_in_either_byte_order(
         ours: tuple[list[Topic], Monitor], data: st.DataObject) -> None:
