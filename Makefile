@@ -5,7 +5,7 @@
 PYTHON := .venv/bin/python
 SHELL := /bin/sh
 
-.PHONY: help setup setup-test demo test lint bench bench-ros soak fuzz coverage clean
+.PHONY: help setup setup-test demo test lint bench bench-ros soak fuzz coverage prove clean
 
 help:
 	@echo 'make setup   an environment in .venv that runs fret_monitor'
@@ -17,6 +17,7 @@ help:
 	@echo 'make soak    ten million messages through the node, and rows through simulate; as long'
 	@echo 'make fuzz    hostile inputs for SECONDS=60 (docs/assurance.md)'
 	@echo 'make coverage  what of the package and of csrc the tests run'
+	@echo 'make prove   proofs of the bundles in config/, and mutants of their C (docs/prove.md)'
 	@echo 'make clean   remove .venv and what building left'
 
 setup:
@@ -45,6 +46,10 @@ bench-ros: setup
 
 soak: setup
 	@$(PYTHON) -m bench.soak
+
+prove: setup-test
+	@$(PYTHON) -m bench.proofs
+	@$(PYTHON) -m bench.mutants
 
 # With atheris, guided by coverage; where it cannot be installed, by what is refused and why.
 SECONDS := 60
