@@ -91,6 +91,8 @@ def end_all(name: str, number: signal.Signals, parameter: str) -> None:
                 assert node.status(PATIENCE) == 0, node.output
                 told = [line for line in node.output.splitlines()
                         if not line.startswith(('[INFO]', '[ERROR]')) or 'context' in line]
+                # A flood may overflow a queue, which is told.
+                told = [line for line in told if ' lost on /x' not in line]
                 assert told == []
         finally:
             for node in nodes:
