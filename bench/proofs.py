@@ -53,7 +53,9 @@ def main() -> int:
     cells = cells_proved(runtime, 60.0)
     print(f'{"cells":24} {len(cells):6} obligations {time.perf_counter() - before:8.2f} s')
     paths = [Path(name) for name in sys.argv[1:]] or sorted((ROOT / 'config').glob('*.yaml'))
-    is_proved = all([_row(path, path.name) for path in paths])
+    is_proved = True
+    for path in paths:
+        is_proved &= _row(path, path.name)
     with tempfile.TemporaryDirectory(prefix='fret_monitor-') as folder:
         for count in (1, 10, 100):
             path = Path(folder) / f'copies_{count}.yaml'

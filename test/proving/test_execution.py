@@ -26,9 +26,12 @@ from differential.compiled import gcc
 from fret_monitor.proving import terms as t
 from fret_monitor.proving.c_source import read_program
 from fret_monitor.proving.c_source import Scalar
+from fret_monitor.proving.c_source import Struct
 from fret_monitor.proving.c_source import Unreadable
 from fret_monitor.proving.concrete import function_of
 from fret_monitor.proving.execution import Machine
+from fret_monitor.proving.execution import Memory
+from fret_monitor.proving.execution import Reference
 from fret_monitor.proving.execution import sort_of
 from fret_monitor.proving.execution import Value
 from fret_monitor.proving.solver import Answer
@@ -150,9 +153,7 @@ def test_terms_compute_what_compiled_c_does(compiler: Any, tmp_path: Path) -> No
 ])
 def test_what_c_leaves_undefined_is_a_condition_that_fails(text: str, said: str) -> None:
     program = read_program({'f.c': INCLUDES + text}, {})
-    memory = {('s', 'x'): t.variable('x', t.ring(4) if '[4]' in text else t.word(8))}
-    from fret_monitor.proving.c_source import Struct
-    from fret_monitor.proving.execution import Reference
+    memory: Memory = {('s', 'x'): t.variable('x', t.ring(4) if '[4]' in text else t.word(8))}
     arguments = [
         Value(kind, t.variable(name, sort_of(kind))) if isinstance(kind, Scalar)
         else Reference(('s',), Struct('s'))

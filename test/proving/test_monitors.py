@@ -46,7 +46,8 @@ from strategies import FormulaMaker
 from strategies import INPUTS
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-BUNDLES = [*sorted((ROOT / 'config').glob('*.yaml')), ROOT / 'test' / 'golden' / 'c' / 'cells.yaml']
+BUNDLES = [*sorted((ROOT / 'config').glob('*.yaml')),
+           ROOT / 'test' / 'golden' / 'c' / 'cells.yaml']
 
 
 def generated(formulas: list[Formula]) -> GeneratedMonitor:
@@ -158,7 +159,8 @@ def test_a_counter_that_is_too_narrow_is_not_proved(
 
 @pytest.mark.parametrize(('old', 'new', 'said'), [
     ('{"p", ', '{"q", ', 'description: inputs'),
-    ('offsetof(struct small_inputs, p)', 'offsetof(struct small_inputs, q)', 'description: inputs'),
+    ('offsetof(struct small_inputs, p)', 'offsetof(struct small_inputs, q)',
+     'description: inputs'),
     ('FM_BOOL', 'FM_INT8', 'description: inputs'),
     ('"R-0"', '"R-1"', 'description: requirements'),
     ('small_group_0_reset, small', 'small_group_1_reset, small', 'description: groups'),
@@ -188,4 +190,3 @@ def test_the_program_itself_is_not_trusted_to_be_what_c_was_made_of(tmp_path: Pa
     other: Any = bundle(tmp_path, 'O[0,4] p')
     mixed = replace(monitor, program=other.program, layouts=other.layouts)
     assert settled(mixed)[0].counterexample is not None
-

@@ -16,6 +16,7 @@
 
 import ctypes
 from pathlib import Path
+from random import Random
 from typing import Any
 
 from bench.mutants import BUNDLES
@@ -30,6 +31,7 @@ from differential.compiled import compile_c
 from differential.compiled import gcc
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.logic.evaluate import evaluate_all
+from fret_monitor.logic.formula import Variable
 from fret_monitor.manifest import ValueType
 from fret_monitor.native.cache import runtime_headers
 from fret_monitor.proving import numbers
@@ -39,6 +41,7 @@ from fret_monitor.proving.c_source import Struct
 from fret_monitor.proving.monitor import Subject
 from fret_monitor.proving.refutation import Counterexample
 import pytest
+from strategies import random_trace
 
 EACH = 36  # of six bundles: more than 200 in all
 COMPILED = 3
@@ -56,9 +59,16 @@ def plain(value: Any, kind: ValueType) -> Any:
     return value
 
 
-def last_verdicts(source: str, subject: Subject, group: int, rows: list[list[Any]],
+def random_rows(monitor: GeneratedMonitor) -> list[list[Any]]:
+    """Return a random trace as rows."""
+    inputs = [Variable(item.name, item.type) for item in monitor.program.signals]
+    trace = random_trace(Random(7), inputs, 300)
+    return [list(row) for row in zip(*(trace[item.name] for item in inputs))]
+
+
+def last_verdicts(source: str, subject: Subject, group: int | None, rows: list[list[Any]],
                   folder: Path) -> list[bool]:
-    """Compile C that stands by itself, run a group, and return the verdicts of the last step."""
+    """Compile C that stands by itself, run a group or all, and return its last verdicts."""
     compiler = gcc()
     if compiler is None:
         pytest.skip('needs gcc')
@@ -72,7 +82,7 @@ def last_verdicts(source: str, subject: Subject, group: int, rows: list[list[Any
     inputs = type('Inputs', (ctypes.Structure,), {'_fields_': fields})
     state = ctypes.create_string_buffer(
         b'\xff' * subject.code.size(Struct(f'{subject.prefix}_state')))
-    name = f'{subject.prefix}_group_{group}'
+    name = subject.prefix if group is None else f'{subject.prefix}_group_{group}'
     library[f'{name}_reset'](state)
     verdicts = (ctypes.c_bool * len(subject.program.properties))()
     for row in rows:
@@ -103,6 +113,12 @@ def test_every_mutant_is_refuted_or_shown_equivalent(name: str, tmp_path: Path) 
     assert len(chosen) == EACH
     judgements = [(mutant, *judged(subject, mutant)) for mutant in chosen]
     assert [mutant.what for mutant, judgement, _ in judgements if judgement == 'undecided'] == []
+    equivalent = [mutant for mutant, judgement, _ in judgements if judgement == 'equivalent']
+    for number, mutant in enumerate(equivalent[:COMPILED]):
+        rows = random_rows(monitor)
+        folder = tmp_path / f'equivalent_{number}'
+        assert last_verdicts(printed(texts[0], mutant), subject, None, rows, folder) \
+            == expected(monitor, rows), mutant.what
     refuted = [(mutant, settled.group, settled.counterexample)
                for mutant, judgement, settled in judgements
                if judgement == 'refuted' and settled.group >= 0]
