@@ -59,7 +59,7 @@ KEYS = {
     'yaml': 'python3-yaml',
 }
 # Only where the wheels are: a ROS 2 installation has no key for these, and the tests do without.
-OPTIONAL = {'atheris', 'catkin_pkg', 'reelay', 'xdist', 'ziglang'}
+OPTIONAL = {'atheris', 'catkin_pkg', 'pycparser', 'reelay', 'xdist', 'z3', 'ziglang'}
 
 
 def git(*arguments: str) -> str:

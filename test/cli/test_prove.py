@@ -17,12 +17,17 @@
 import csv
 import json
 from pathlib import Path
+import subprocess
+import sys
 
 from cli.command import Done
 from cli.command import environment
 from cli.command import Here
 from cli.command import run
 import pytest
+
+pytest.importorskip('z3')
+pytest.importorskip('pycparser')
 
 BUNDLE = """\
 format: 1
@@ -167,8 +172,6 @@ def test_without_the_solver_it_says_what_to_install(tmp_path: Path) -> None:
 
 
 def test_other_verbs_do_not_load_the_solver(tmp_path: Path) -> None:
-    import subprocess
-    import sys
     script = ('import sys; from fret_monitor.cli.main import main; main(["formalize", "p shall '
               'satisfy q"]); sys.exit("z3" in sys.modules or "pycparser" in sys.modules)')
     done = subprocess.run([sys.executable, '-c', script], env=environment(), check=False,
