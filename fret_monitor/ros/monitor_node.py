@@ -14,6 +14,7 @@
 
 """The node that watches: what it is to do comes by parameters, the work is `BundleWatch`'s."""
 
+import atexit
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from contextlib import ExitStack
@@ -67,6 +68,8 @@ class MonitorNode(LifecycleNode):
             undo.pop_all()
 
     def _begin(self) -> None:
+        # A program that ends without `destroy_node` must not take C's threads down half-way.
+        atexit.register(self._release)
         self._declared = Parameters(self, MONITOR_PARAMETERS, self._why_fixed)
         self._namesakes = Namesakes(self)
         self.create_service(Trigger, '~/reset', self._reset)
@@ -178,6 +181,7 @@ class MonitorNode(LifecycleNode):
     def destroy_node(self) -> None:
         """End the watches, then the node."""
         self._release()
+        atexit.unregister(self._release)
         super().destroy_node()
         # rclpy forgets it, and it would keep the node in the graph.
         self._state_machine.destroy_when_not_in_use()
