@@ -82,8 +82,12 @@ def _fuzz_apart(name: str, seconds: float, seed: int) -> None:
     try:
         done = subprocess.run(command, text=True, capture_output=True, errors='replace',
                               timeout=seconds + 120, check=False)
-    except subprocess.TimeoutExpired:
-        _write(name, b'', 'the process did not end')
+    except subprocess.TimeoutExpired as error:
+        # A machine that has no time for it, or an input that keeps C code busy for ever.
+        said = error.stderr or b''
+        print(f'{name}: the process did not end')
+        _write(name, said[-4000:] if isinstance(said, bytes) else said[-4000:].encode(),
+               'the process did not end')
         return
     told = re.findall(r'^(?:Done|tried) (\d+)', done.stdout + done.stderr, re.MULTILINE)
     print(f'{name}: {int(told[-1]) if told else 0:,} inputs')
