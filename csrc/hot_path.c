@@ -208,24 +208,39 @@ static int take_any(struct fm_source * source, bool * taken, struct fm_message_i
          middleware->take(source->subscription, &source->message, taken, info, NULL);
 }
 
-static bool take(struct fm_source * source, struct fm_message_info * info)
+enum result
+{
+  NOTHING,  // to be had, or the middleware fails
+  TAKEN,
+  GARBAGE   // was there, and is gone: no header, so that nobody was asked to read it
+};
+
+static enum result take(struct fm_source * source, struct fm_message_info * info)
 {
   bool taken = false;
   source->reading.is_decoded = false;
-  if (take_any(source, &taken, info) != 0) {
+  const int result = take_any(source, &taken, info);
+  if (result != 0 || !taken) {
+    const bool is_garbage = result == 0 && source->middleware->has_error();
     source->middleware->forget_error();
-    return false;
+    source->reading.size = 0;
+    return is_garbage ? GARBAGE : NOTHING;
   }
-  if (taken && !source->is_in_place) {
+  if (!source->is_in_place) {
     read_fields(source, source->message.buffer, source->message.length);
   }
   source->reading.message = source->message.buffer;
   source->reading.size = source->message.length;
-  return taken;
+  return TAKEN;
 }
 
-static void deliver_locked(struct fm_source * source, const struct fm_message_info * info)
+static void deliver_locked(
+  struct fm_source * source, enum result result, const struct fm_message_info * info)
 {
+  if (result == GARBAGE) {
+    fm_watch_undecodable_locked(source->watch, source->topic);
+    return;
+  }
   const struct fm_origin origin = {
     info->received_timestamp, info->source_timestamp, info->publication_sequence_number,
     source->is_retired};
@@ -246,11 +261,12 @@ static void on_message(const void * user_data, size_t count)
     source->is_awaited = true;
   } else {
     for (size_t k = 0; k < count || source->is_behind; ++k) {
-      if (!take(source, &info)) {
+      const enum result result = take(source, &info);
+      if (result == NOTHING) {
         source->is_behind = false;
         break;
       }
-      deliver_locked(source, &info);
+      deliver_locked(source, result, &info);
     }
   }
   fm_watch_unlock(source->watch);
@@ -280,11 +296,13 @@ static void drain(struct fm_source * source)
 {
   struct fm_message_info info;
   uint32_t left = MOST_DRAINED;
+  source->middleware->forget_error();  // one that this thread may have had before
   do {
-    while (left > 0 && take(source, &info)) {
+    enum result result = NOTHING;
+    while (left > 0 && (result = take(source, &info)) != NOTHING) {
       left -= 1;
       fm_watch_lock(source->watch);
-      deliver_locked(source, &info);
+      deliver_locked(source, result, &info);
       fm_watch_unlock(source->watch);
     }
   } while (!end_draining(source, left == 0));

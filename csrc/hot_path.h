@@ -119,8 +119,9 @@ struct fm_middleware
   int (* listen)(void * subscription, fm_on_message callback, const void * user_data);
   /// rmw_publish
   int (* publish)(const void * publisher, const void * message, void * allocation);
-  /// rcutils_reset_error
+  /// rcutils_reset_error, rcutils_error_is_set
   void (* forget_error)(void);
+  bool (* has_error)(void);
   /// rmw_take_with_info; NULL: no subscription is read in place
   int (* take_message)(
     const void * subscription, void * message, bool * taken, struct fm_message_info * info,

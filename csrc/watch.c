@@ -570,7 +570,6 @@ uint32_t fm_watch_deliver_locked(
   remember(cell, origin);
   if (!reading->is_decoded) {
     fm_evaluator_undecodable(evaluator, topic);
-    keep_evidence(cell, reading->message, reading->size);
     return FM_UNDECODABLE;
   }
   if (!store_locked(watch, topic, reading->fields)) {
@@ -579,6 +578,13 @@ uint32_t fm_watch_deliver_locked(
   announce_locked(
     watch, fm_evaluator_message(evaluator, topic, stamp_of(watch, origin), watch->found));
   return FM_RECEIVED;
+}
+
+void fm_watch_undecodable_locked(struct fm_watch * watch, uint32_t topic)
+{
+  if (watch->is_active && !watch->is_closed) {
+    fm_evaluator_undecodable(watch->options.evaluator, topic);
+  }
 }
 
 uint32_t fm_watch_message(

@@ -127,8 +127,8 @@ FM_EXPORT void fm_watch_detail(struct fm_watch * watch, bool is_wanted, uint32_t
 FM_EXPORT bool fm_watch_take_detail(
   struct fm_watch * watch, struct fm_detail * out, uint32_t milliseconds);
 
-/// Copy the first message of a topic that could not be decoded, or had a field that could not be
-/// used, and forget it, so that the next one is kept. Returns its size, 0 if there is none, or
+/// Copy the first message of a topic that had a field that could not be used, and forget it, so
+/// that the next one is kept. Returns its size, 0 if there is none, or
 /// more than `room` if it does not fit: then nothing is written, and it is still there.
 FM_EXPORT size_t fm_watch_evidence(
   struct fm_watch * watch, uint32_t topic, uint8_t * out, size_t room);

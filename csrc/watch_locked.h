@@ -42,4 +42,7 @@ uint32_t fm_watch_deliver_locked(
   struct fm_watch * watch, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin);
 
+/// Count a message of which there is nothing to read, for whoever holds the lock.
+void fm_watch_undecodable_locked(struct fm_watch * watch, uint32_t topic);
+
 #endif  // WATCH_LOCKED_H_

@@ -320,6 +320,7 @@ struct fm_middleware
   int (* listen)(void * subscription, fm_on_message callback, const void * user_data);
   int (* publish)(const void * publisher, const void * message, void * allocation);
   void (* forget_error)(void);
+  bool (* has_error)(void);
   int (* take_message)(
     const void * subscription, void * message, bool * taken, struct fm_message_info * info,
     void * allocation);

@@ -271,17 +271,16 @@ class BundleWatch:
             raise self._feed.failure
         self._health.publish(self._hearings())
         for topic in range(len(self.manifest.topics)):
+            if self._watch.topic_counts(topic).undecodable:
+                self._tell_undecodable(topic)
             message = self._watch.evidence(topic)
             if message is not None:
                 self._tell_odd(topic, message)
 
     def _tell_odd(self, topic: int, message: bytes) -> None:
-        """Tell of what cannot be used of a message, of a topic and of an input once."""
+        """Tell which fields of a message cannot be used, of an input once."""
         readings = read_fields(self.opened.monitor, topic, message)
-        if readings is None:
-            self._tell_undecodable(topic)
-            return
-        for index, reading in zip(self.manifest.topics[topic].inputs, readings, strict=True):
+        for index, reading in zip(self.manifest.topics[topic].inputs, readings or ()):
             if reading.outcome is not Outcome.READ:
                 self._tell_unusable(index, topic, message)
 

@@ -19,6 +19,7 @@ Fields are read in C (`csrc/fret_fields.h`); here is what is told of them.
 """
 
 from importlib import import_module
+from types import ModuleType
 from typing import Any
 
 from fret_monitor.manifest import ManifestInput
@@ -46,12 +47,20 @@ def message_class(message_type: str) -> Any:
     """
     package, folder, name = message_type.split('/')
     try:
-        return getattr(import_module(f'{package}.{folder}'), name)
+        return _class_of(import_module(f'{package}.{folder}'), name)
     except (ImportError, AttributeError):
         raise MessageTypeError(
             f'message type {message_type} is not installed here: '
             f'install the package {package} (sudo apt install '
             f'ros-$ROS_DISTRO-{package.replace("_", "-")}) or source its workspace') from None
+
+
+def _class_of(module: ModuleType, name: str) -> Any:
+    """Return a class of a module; `X_FeedbackMessage` of an action lies inside that of X."""
+    action, _, part = name.rpartition('_')
+    if part == 'FeedbackMessage' and hasattr(module, action):
+        return getattr(module, action).Impl.FeedbackMessage
+    return getattr(module, name)
 
 
 def why_unusable(item: ManifestInput, message: bytes, kind: Any) -> str:

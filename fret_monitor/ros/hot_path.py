@@ -87,7 +87,8 @@ class Middleware:
                 ('take', rmw, 'rmw_take_serialized_message_with_info'),
                 ('listen', rmw, 'rmw_subscription_set_on_new_message_callback'),
                 ('publish', rmw, 'rmw_publish'),
-                ('forget_error', rcutils, 'rcutils_reset_error')):
+                ('forget_error', rcutils, 'rcutils_reset_error'),
+                ('has_error', rcutils, 'rcutils_error_is_set')):
             kind = ffi.typeof(getattr(self.functions, field))
             setattr(self.functions, field, ffi.cast(kind, _symbol(source, name)))
         self._of_subscription = ffi.cast('void * (*)(void *)', _symbol(

@@ -209,7 +209,7 @@ class Watch:
         return value
 
     def evidence(self, topic: int) -> bytes | None:
-        """Return a message of a topic that could not be used, once; None if there is none."""
+        """Return a message of which a field could not be used, once; None if there is none."""
         size = self._library.fm_watch_evidence(self.pointer, topic, ffi.NULL, 0)
         while size > 0:
             room = ffi.new('uint8_t[]', size)

@@ -36,6 +36,10 @@ STRUCTS = {
     'fm_serialized': ('rmw_serialized_message_t', {
         'buffer': 'buffer', 'length': 'buffer_length', 'capacity': 'buffer_capacity',
         'allocator': 'allocator'}),
+    'fm_type_support': ('rosidl_message_type_support_t', {
+        name: name for name in (
+            'typesupport_identifier', 'data', 'func', 'get_type_hash_func',
+            'get_type_description_func', 'get_type_description_sources_func')}),
     'fm_message_info': ('rmw_message_info_t', {
         'source_timestamp': 'source_timestamp', 'received_timestamp': 'received_timestamp',
         'publication_sequence_number': 'publication_sequence_number',
@@ -48,6 +52,8 @@ FUNCTIONS = {
     'listen': 'rmw_subscription_set_on_new_message_callback',
     'publish': 'rmw_publish',
     'forget_error': 'rcutils_reset_error',
+    'has_error': 'rcutils_error_is_set',
+    'take_message': 'rmw_take_with_info',
 }
 
 
@@ -125,7 +131,7 @@ def test_structs_and_functions_are_those_of_the_middleware(tmp_path: Path) -> No
     lines.append('_Static_assert(sizeof(rmw_ret_t) == sizeof(int), "result");')
     # The arguments: pointers all of them, so a call through ours is one of theirs where each takes
     # as many. An assignment with a cast to the type of theirs would hide a missing one.
-    counts = {'take': 5, 'listen': 3, 'publish': 3}
+    counts = {'take': 5, 'listen': 3, 'publish': 3, 'has_error': 0, 'take_message': 5}
     for field, count in counts.items():
         arguments = ', '.join(['(void *)0'] * count)
         lines.append(f'int call_{field}(void) {{return (int){FUNCTIONS[field]}({arguments});}}')

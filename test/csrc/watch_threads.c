@@ -175,8 +175,10 @@ static int publish(const void * publisher, const void * message, void * allocati
 
 static void forget_error(void) {}
 
+static bool has_error(void) {return false;}
+
 static const struct fm_middleware middleware = {
-  take, listen, publish, forget_error, NULL, {0, 0, 0}};
+  take, listen, publish, forget_error, has_error, NULL, {0, 0, 0}};
 
 // ---- the monitor: a requirement a topic, false where the message says so ----------------------
 

@@ -77,6 +77,12 @@ def test_events_of_services_have_a_class() -> None:
     assert message_class('std_srvs/srv/Trigger_Event').__name__ == 'Trigger_Event'
 
 
+def test_feedback_of_actions_has_a_class() -> None:
+    pytest.importorskip('test_msgs.action')
+    assert message_class('test_msgs/action/Fibonacci_FeedbackMessage').__name__ == \
+        'Fibonacci_FeedbackMessage'
+
+
 @pytest.mark.parametrize('name', ['no_such_msgs/msg/Bool', 'std_msgs/msg/NoSuch'])
 def test_a_type_that_is_not_installed_is_told_with_its_package(name: str) -> None:
     with pytest.raises(MessageTypeError, match=rf'{name} is not installed.*{name.split("/")[0]}'):

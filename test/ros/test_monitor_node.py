@@ -17,6 +17,7 @@
 from collections.abc import Callable
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import cycle
 from pathlib import Path
 import random
 import re
@@ -194,8 +195,9 @@ def test_bytes_that_are_no_message_are_no_step_and_told_once(
     messages = random_messages(40, seed=8)
     with monitoring(partner, '-p', f'spec:={bundle}') as node:
         talker = Talker(partner)
-        for message in messages:
-            talker.publishers['x'].publish(b'\0\1\0\0')  # a header, and no number
+        # a header and no number; an encoding there is none of; not even a header
+        for message, garbage in zip(messages, cycle((b'\0\1\0\0', b'\xff' * 8, b'\0', b''))):
+            talker.publishers['x'].publish(garbage)
             talker.say([message])
         partner.expect(expected(bundle, messages))
         node.wait_for('/topic/x cannot be decoded as std_msgs/msg/Float32')
