@@ -16,6 +16,7 @@
 
 from pathlib import Path
 from time import sleep
+from typing import Any
 
 import pytest
 from rclpy.action import ActionClient
@@ -37,7 +38,10 @@ inputs:
     type: std_srvs/srv/SetBool_Event
     field: request[0].data
   event: {topic: arm/_service_event, type: std_srvs/srv/SetBool_Event, field: info.event_type}
-  goals: {topic: count/_action/status, type: action_msgs/msg/GoalStatusArray, field: len(status_list)}
+  goals:
+    topic: count/_action/status
+    type: action_msgs/msg/GoalStatusArray
+    field: len(status_list)
   numbers:
     topic: count/_action/feedback
     type: test_msgs/action/Fibonacci_FeedbackMessage
@@ -79,7 +83,7 @@ def test_calls_goals_and_feedback_are_heard(partner: Partner, tmp_path: Path) ->
     actions.destroy()
 
 
-def _count(goal: object) -> object:
+def _count(goal: Any) -> Any:
     feedback = test_msgs.Fibonacci.Feedback()
     for number in range(1, 6):
         feedback.sequence = list(range(number))
