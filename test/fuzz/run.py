@@ -81,7 +81,7 @@ def _fuzz_apart(name: str, seconds: float, seed: int) -> None:
                '--seed', str(seed), name]
     try:
         done = subprocess.run(command, text=True, capture_output=True, errors='replace',
-                              timeout=seconds + 120, check=False)
+                              timeout=seconds + 300, check=False)
     except subprocess.TimeoutExpired as error:
         # A machine that has no time for it, or an input that keeps C code busy for ever.
         said = error.stderr or b''
