@@ -24,8 +24,8 @@ folder that others own or can write is refused, and so is, one by one, what is i
 cannot be written at all is done without.
 
 The date of a seal says when its library was last asked for. After a build the libraries that
-nobody asked for in 90 days are removed, and the longest unused beyond 200; never one that was asked
-for within a day. One that a process has loaded stays whole for it, removed or not.
+nobody asked for in 90 days are removed, and the longest unused beyond 200; never one that was
+asked for within a day. One that a process has loaded stays whole for it, removed or not.
 """
 
 import atexit
