@@ -61,7 +61,7 @@ _CELLS = {'once_within': 'always_within', 'always_within': 'once_within',
           'once_before': 'once_within', 'add': 'sub', 'sub': 'add', 'mul': 'add', 'div': 'mod',
           'mod': 'div', 'min': 'max', 'max': 'min', 'neg': 'abs', 'abs': 'neg'}
 _Change = Callable[[], None]
-_SECONDS = 5.0
+_SECONDS = 20.0
 
 # Each requirement is of a kind, and small enough that what is changed shows.
 BUNDLES = {

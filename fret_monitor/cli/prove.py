@@ -70,11 +70,13 @@ def run(options: Namespace) -> int:
     from fret_monitor.proving.certificate import Certificate
     from fret_monitor.proving.certificate import code_hash
     from fret_monitor.proving.certificate import lines
+    from fret_monitor.proving.verification import is_reader
     from fret_monitor.proving.verification import verify
     generated = generate_monitor(read(options.bundle))
     for warning in generated.warnings:
         print(warning.render(), file=sys.stderr)
-    files = dict((generated.module.header, *generated.module.sources))
+    files = {name: text for name, text in
+             (generated.module.header, *generated.module.sources) if not is_reader(name)}
     if options.sources is not None:
         files = _files(options.sources, files)
     sources = {name: text for name, text in files.items() if name.endswith('.c')}

@@ -28,6 +28,7 @@ import time
 from typing import Any
 
 from fret_monitor.proving.solver import Answer
+from fret_monitor.proving.solver import new_solver
 from fret_monitor.proving.solver import Result
 import z3
 
@@ -45,8 +46,7 @@ class Claim:
 
 def check(claim: Claim, seconds: float) -> Result:
     """Ask the solver."""
-    solver: Any = z3.Solver()
-    solver.set('timeout', int(seconds * 1000))
+    solver = new_solver(seconds)
     solver.add(*claim.given, z3.Not(claim.goal))
     before = time.perf_counter()
     found = solver.check()

@@ -61,6 +61,14 @@ class Result:
     seconds: float
 
 
+def new_solver(seconds: float) -> Any:
+    """Return a solver with a limit of time, that leaves the signals to Python."""
+    solver = z3.Solver()
+    solver.set('timeout', max(1, int(seconds * 1000)))
+    solver.set('ctrl_c', False)
+    return solver
+
+
 def solver_version() -> str:
     """Return which solver it is."""
     return f'z3 {z3.get_version_string()}'
@@ -120,8 +128,7 @@ def _is_heavy(roots: Sequence[Term]) -> bool:
 
 def _ask(goal: Term, given: Sequence[Term], is_abstract: bool, seconds: float) -> Result:
     translation = Translation(is_abstract)
-    solver: Any = z3.Solver()
-    solver.set('timeout', int(seconds * 1000))
+    solver = new_solver(seconds)
     for item in given:
         solver.add(translation(item))
     solver.add(z3.Not(translation(goal)))

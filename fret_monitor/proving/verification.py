@@ -43,7 +43,7 @@ from fret_monitor.proving.solver import Answer
 
 _QUICK = 0.3  # seconds that a search has before the cells are opened
 _SEARCH = 10.0  # and afterwards, at most
-_FIELDS = '_fields.c'  # how messages are read, which is not a monitor's
+_FIELDS = '_fields.c'
 
 
 @dataclass(frozen=True)
@@ -84,6 +84,11 @@ class Verification:
         return (*self.cells, *(proof for item in self.groups for proof in item.proofs))
 
 
+def is_reader(name: str) -> bool:
+    """Whether a C file is about messages: not the monitor's, and outside of the proof."""
+    return name.endswith(_FIELDS)
+
+
 def read_subject(generated: GeneratedMonitor, sources: Mapping[str, str],
                  headers: Mapping[str, str]) -> Subject:
     """
@@ -96,7 +101,7 @@ def read_subject(generated: GeneratedMonitor, sources: Mapping[str, str],
     NativeError
         if there is no C compiler, whose preprocessor is needed.
     """
-    chosen = {name: text for name, text in sources.items() if not name.endswith(_FIELDS)}
+    chosen = {name: text for name, text in sources.items() if not is_reader(name)}
     code = read_program(chosen, headers)
     symbol = generated.module.symbol
     return Subject(code, generated.program, generated.layouts,
