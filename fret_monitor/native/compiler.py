@@ -122,10 +122,11 @@ def _version(command: Sequence[str]) -> str:
     with process:
         try:
             answer, _ = process.communicate(timeout=_VERSION_TIMEOUT)
-        except BaseException as error:
+        except KeyboardInterrupt:
             os.killpg(process.pid, signal.SIGKILL)
-            if not isinstance(error, subprocess.TimeoutExpired):
-                raise
+            raise
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
             raise CompilerError(
                 f'{shlex.join(command)} --version gave no answer in {_VERSION_TIMEOUT:g} s: '
                 'set CC to another C compiler') from None

@@ -15,9 +15,9 @@
 """
 What Python calls of csrc, in C: the text that cffi reads.
 
-It repeats `csrc/fret_monitor.h`, `csrc/fret_fields.h` and `csrc/evaluator.h` (a test compares
-sizes, offsets, values and signatures), and leaves out what Python has no business with. Reading it takes cffi longer
-than all else at a start, so what cffi makes of it is kept as `binding.py`. After a change:
+It repeats the headers of csrc (a test compares sizes, offsets, values and signatures), and leaves
+out what Python has no business with. Reading it takes cffi longer than all else at a start, so
+what cffi makes of it is kept as `binding.py`. After a change:
 
     python3 -m fret_monitor.native.declarations
 """

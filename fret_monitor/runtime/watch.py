@@ -173,11 +173,11 @@ class Watch:
         self._library.fm_watch_use_clock(self.pointer, now, clock)
 
     def overlap(self, topic: int, *, has_history: bool) -> None:
-        """A new subscription is about to bring what the old one brings too (`watch.h`)."""
+        """Expect of a new subscription what the old one brings too (`watch.h`)."""
         self._library.fm_watch_overlap(self.pointer, topic, has_history)
 
     def settle(self, topic: int) -> None:
-        """The old subscription is gone."""
+        """Expect no message twice any more."""
         self._library.fm_watch_settle(self.pointer, topic)
 
     def take(self, milliseconds: int) -> list[Violation]:

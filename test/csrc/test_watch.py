@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The shared evaluator and the hot path, in C: threads, sanitizers, and the middleware's structs."""
+"""The shared evaluator and the hot path in C: threads, sanitizers, the middleware's structs."""
 
 import os
 from pathlib import Path

@@ -32,14 +32,15 @@ STRUCTS = [
     'struct fm_field', 'struct fm_reader', 'struct fm_readers',
     'struct fm_topic', 'struct fm_evaluator_options', 'struct fm_violation',
     'struct fm_requirement_counts', 'struct fm_input_counts', 'struct fm_topic_counts',
-    'struct fm_watch_options', 'struct fm_origin', 'struct fm_detail', 'struct fm_type_callbacks', 'struct fm_type_support',
-    'struct fm_in_place_type', 'struct fm_in_place', 'struct fm_middleware',
+    'struct fm_watch_options', 'struct fm_origin', 'struct fm_detail', 'struct fm_type_callbacks',
+    'struct fm_type_support', 'struct fm_in_place_type', 'struct fm_in_place',
+    'struct fm_middleware',
 ]
 
 
 def headers() -> str:
-    return ''.join((csrc_directory() / name).read_text(encoding='utf-8')
-                   for name in ('fret_monitor.h', 'fret_fields.h', 'evaluator.h', 'watch.h', 'hot_path.h'))
+    names = ('fret_monitor.h', 'fret_fields.h', 'evaluator.h', 'watch.h', 'hot_path.h')
+    return ''.join((csrc_directory() / name).read_text(encoding='utf-8') for name in names)
 
 
 def enumerators() -> list[str]:
@@ -52,7 +53,8 @@ def enumerators() -> list[str]:
 def signatures(text: str) -> dict[str, str]:
     """Return name to declaration of each function of the evaluator, blanks made one."""
     text = re.sub(r'//[^\n]*', '', text).replace('FM_EXPORT', '')
-    found = re.findall(r'([\w ]+[ *]+(fm_(?:evaluator|watch|source|announcer)_\w+)\([^)]*\);)', text)
+    names = r'fm_(?:evaluator|watch|source|announcer)_\w+'
+    found = re.findall(rf'([\w ]+[ *]+({names})\([^)]*\);)', text)
     return {name: ' '.join(declaration.split()) for declaration, name in found}
 
 

@@ -15,6 +15,7 @@
 """Several bundles in one node, and several nodes in one graph."""
 
 from pathlib import Path
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
@@ -93,9 +94,11 @@ def test_diagnostics_tell_apart_what_two_bundles_say_of_one_topic(
     (tmp_path / 'other').mkdir()
     third = write(tmp_path / 'other', 'first', FIRST.replace('R-1', 'R-4'))
     names: set[str] = set()
-    partner.node.create_subscription(
-        DiagnosticArray, '/diagnostics',
-        lambda array: names.update(item.name for item in array.status), 10)
+
+    def note(array: Any) -> None:
+        names.update(item.name for item in array.status)
+
+    partner.node.create_subscription(DiagnosticArray, '/diagnostics', note, 10)
     with started('monitor', '-p', listed((*bundles, third))):
         topics = {f'fret_monitor: topic /{name} for {bundle}' for name, bundle in (
             ('x', 'first'), ('y', 'first'), ('x', 'second'), ('z', 'second'),
