@@ -90,6 +90,8 @@ _REVIEWED_AT_ONCE = 50  # topics, of 50 us each: 1 % of a processor, however man
 # How long an old subscription is kept beside a new one: until every publisher has found it.
 _OVERLAP = 2.0  # s for which a subscription is kept that is being replaced, at most
 _ASSURED = 0.5  # s behind which one that has matched all publishers hears them
+_NAMED = 2.0  # s in which the node of a publisher becomes known, if it has one
+_UNNAMED = '_NODE_NAME_UNKNOWN_'
 _REMEMBERED = 4096  # messages of a topic that would be recognised if they came again
 
 # reception time, (source time, sequence number) that tell it from others, data, topic,
@@ -283,6 +285,7 @@ class _Topic:
         self.hearing = Hearing()
         self._told: set[object] = set()
         self._known: set[bytes] = set()
+        self._unnamed: dict[bytes, float] = {}  # publishers, and since when they are there
         self._recent: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED)
         self._seen: set[tuple[int, int]] | None = None
         self._has_history = False
@@ -353,10 +356,26 @@ class _Topic:
         self.hearing = Hearing(len(same_type), tuple(sorted({_who(item) for item in unheard})),
                                tuple(sorted({item.topic_type for item in others})), self._lost())
         self._tell_lost()
+        named = self._named(publishers)
         for item in others:
-            self._tell_type(item)
+            if bytes(item.endpoint_gid) in named:
+                self._tell_type(item)
         for item in unheard:
-            self._tell_unheard(item)
+            if bytes(item.endpoint_gid) in named:
+                self._tell_unheard(item)
+
+    def _named(self, publishers: list[TopicEndpointInfo]) -> set[bytes]:
+        """
+        Return the publishers that can be told of by name, or have none.
+
+        The middleware tells of a publisher first, and of its node a moment later.
+        """
+        now = monotonic()
+        self._unnamed = {
+            gid: self._unnamed.get(gid, now) for gid in (
+                bytes(item.endpoint_gid) for item in publishers if item.node_name == _UNNAMED)}
+        gids = {bytes(item.endpoint_gid) for item in publishers}
+        return gids - {gid for gid, since in self._unnamed.items() if now < since + _NAMED}
 
     def _renew(self, wanted: QoSProfile, publishers: list[TopicEndpointInfo]) -> None:
         before = self._current
@@ -437,6 +456,8 @@ class _Topic:
 
 
 def _who(publisher: TopicEndpointInfo) -> str:
+    if publisher.node_name == _UNNAMED:
+        return 'a publisher of no known node'
     return f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
 
 
