@@ -122,14 +122,13 @@ def _version(command: Sequence[str]) -> str:
     with process:
         try:
             answer, _ = process.communicate(timeout=_VERSION_TIMEOUT)
-        except KeyboardInterrupt:
-            os.killpg(process.pid, signal.SIGKILL)
-            raise
         except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
             raise CompilerError(
                 f'{shlex.join(command)} --version gave no answer in {_VERSION_TIMEOUT:g} s: '
                 'set CC to another C compiler') from None
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
     return answer.decode(errors='replace')
 
 
