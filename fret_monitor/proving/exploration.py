@@ -1,0 +1,213 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+All states that C and program can reach together, where there are not too many.
+
+Where inputs matter only by finitely many comparisons, a step is one of finitely many, and so is
+the state (counters stop). Then every reachable pair of states is looked at: either a shortest
+trace is found on which the two differ, or there is none. This decides what no invariant of single
+cells can: changes of the C that make no difference for what the cells together can reach.
+"""
+
+from collections.abc import Iterator
+from collections.abc import Sequence
+from dataclasses import dataclass
+import time
+from typing import Any
+
+from fret_monitor.proving import terms as t
+from fret_monitor.proving.c_source import Unreadable
+from fret_monitor.proving.concrete import function_of
+from fret_monitor.proving.concrete import NoValue
+from fret_monitor.proving.monitor import Subject
+from fret_monitor.proving.refutation import Counterexample
+from fret_monitor.proving.refutation import is_text
+from fret_monitor.proving.refutation import Runner
+from fret_monitor.proving.solver import Answer
+from fret_monitor.proving.solver import prove
+from fret_monitor.proving.terms import Term
+
+_MOST_STATES = 200_000
+_MOST_ROWS = 64
+_State = tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Exploration:
+    """What was found: a counterexample, or with None that there is none in so many states."""
+
+    counterexample: Counterexample | None
+    states: int
+
+
+class _Infinite(Exception):
+    """Inputs matter by more than comparisons, or there are too many states or rows."""
+
+
+def explore(subject: Subject, group: int, seconds: float) -> Exploration | None:
+    """Look at all reachable states of a group and its C; None if that cannot be done in time."""
+    try:
+        return _Explorer(subject, group, time.monotonic() + seconds).run()
+    except (_Infinite, NoValue, Unreadable, KeyError):
+        return None
+
+
+class _Explorer:
+
+    def __init__(self, subject: Subject, group: int, until: float) -> None:
+        self._runner = runner = Runner(subject, group)
+        self._until = until
+        if any(item.op not in ('constant', 'filled') for item in runner.starts):
+            raise _Infinite  # the reset leaves something of what was before
+        roots = [*runner.after, *runner.results]
+        self._atoms = list(_atoms(roots, set(runner.inputs)))
+        self._rows = list(self._possible(subject))
+        decided = {atom: t.variable(f'atom.{place}', t.BOOL)
+                   for place, atom in enumerate(self._atoms)}
+        self._step = function_of(t.substituted(roots, decided),
+                                 [*runner.state, *decided.values()])
+        offset = len(runner.state) - len(runner.kept)
+        self._coarse = [(offset + place, item.limit, item.mask)
+                        for place, item in enumerate(runner.kept)
+                        if item.limit is not None or item.mask is not None]
+        self._coarse += [(place, limit, None)
+                         for place, limit in self._limits(subject, group).items()]
+
+    def _limits(self, subject: Subject, group: int) -> dict[int, int]:
+        """Return above what all values of C's counters mean the same, where that is so."""
+        runner, limits = self._runner, {}
+        for place, item in enumerate(runner.state[:len(runner.state) - len(runner.kept)]):
+            kind, _, number = str(item.value).rpartition('.')[2].partition('_')
+            if kind == 'counter':
+                operation = subject.layouts[group].group.equations[int(number)].operation
+                limits[place] = int(getattr(operation, 'bound', 0)) + 2
+        coarse = {runner.state[place]: _at_most(runner.state[place], limit + 1)
+                  for place, limit in limits.items()}
+        after = [_at_most(item, limits[place] + 1) if place in limits else item
+                 for place, item in enumerate(runner.after)]
+        roots = [*after, *runner.results]
+        goals = [t.same(one, other) for one, other in zip(roots, t.substituted(roots, coarse))]
+        seconds = max(0.1, (self._until - time.monotonic()) / 2)
+        is_so = prove(goals, seconds=seconds).answer is Answer.PROVED
+        return limits if is_so else {}
+
+    def _possible(self, subject: Subject) -> Iterator[tuple[tuple[bool, ...], tuple[Any, ...]]]:
+        """Yield each way that the comparisons can come out, with inputs for which they do."""
+        inputs = self._runner.inputs
+        given = [t.relation('ult', item, t.number(len(signal.values), item.sort[1]))
+                 for item, signal in zip(inputs, subject.program.signals) if is_text(signal)]
+        compute = function_of(self._atoms, inputs)
+        for _ in range(_MOST_ROWS):
+            result = prove([t.FALSE], given, seconds=max(0.1, self._until - time.monotonic()))
+            if result.answer is Answer.PROVED:
+                return
+            if result.answer is Answer.UNKNOWN:
+                raise _Infinite
+            row = tuple(result.values.get(item, _anything(item)) for item in inputs)
+            truth = tuple(compute(*row))
+            yield truth, row
+            given.append(t.negation(t.all_of(t.same_truth(atom, t.truth(value))
+                                             for atom, value in zip(self._atoms, truth))))
+        raise _Infinite
+
+    def run(self) -> Exploration:
+        runner, size = self._runner, len(self._runner.state)
+        start = self._canonical(runner.begins[0])
+        came_from: dict[_State, tuple[_State, int] | None] = {start: None}
+        waiting = [start]
+        while waiting:
+            if len(came_from) > _MOST_STATES or time.monotonic() > self._until:
+                raise _Infinite
+            following = []
+            for state in waiting:
+                for number, (truth, row) in enumerate(self._rows):
+                    values = self._step(*state, *truth)
+                    found, meant, holds = runner.judged(values[size:])
+                    if found != meant or not all(holds):
+                        rows = [*self._way(state, came_from), row]
+                        return Exploration(runner.example(rows, values[size:]), len(came_from))
+                    after = self._canonical(values[:size])
+                    if after not in came_from:
+                        came_from[after] = (state, number)
+                        following.append(after)
+            waiting = following
+        return Exploration(None, len(came_from))
+
+    def _canonical(self, values: Sequence[Any]) -> _State:
+        state = list(values)
+        for place, limit, mask in self._coarse:
+            if limit is not None:
+                state[place] = min(state[place], limit + 1)
+            if mask is not None:
+                state[place] &= mask
+        return tuple(state)
+
+    def _way(self, state: _State,
+             came_from: dict[_State, tuple[_State, int] | None]) -> list[tuple[Any, ...]]:
+        rows = []
+        step = came_from[state]
+        while step is not None:
+            state, number = step
+            rows.append(self._rows[number][1])
+            step = came_from[state]
+        return rows[::-1]
+
+
+def _at_most(item: Term, limit: int) -> Term:
+    """Return a word, or the limit if it is above that."""
+    if limit >> item.sort[1]:
+        return item
+    bound = t.number(limit, item.sort[1])
+    return t.choice(t.relation('ult', bound, item), bound, item)
+
+
+def _atoms(roots: Sequence[Term], inputs: set[Term]) -> Iterator[Term]:
+    """
+    Yield the truth values by which the inputs matter, each a term of inputs alone.
+
+    Raises
+    ------
+    _Infinite
+        if inputs matter by more.
+    """
+    order = t.postorder(roots)
+    reads: dict[Term, bool] = {}  # of inputs alone
+    mixed: dict[Term, bool] = {}  # of state too, or of neither
+    for item in order:
+        reads[item] = item in inputs or any(reads[each] for each in item.args)
+        mixed[item] = (item.op == 'variable' and item not in inputs) \
+            or any(mixed[each] for each in item.args)
+    pure = {item for item in order if reads[item] and not mixed[item]}
+    wanted = dict.fromkeys(root for root in roots if root in pure)
+    for item in order:
+        if item not in pure:
+            wanted.update(dict.fromkeys(each for each in item.args if each in pure))
+    yield from dict.fromkeys(atom for item in wanted for atom in _truths(item))
+
+
+def _truths(item: Term) -> Iterator[Term]:
+    """Yield the truth values of which a term of inputs is made; raises `_Infinite`."""
+    if item.sort == t.BOOL and item.op != 'constant':
+        yield item
+    elif item.op == 'variable':
+        raise _Infinite
+    else:
+        for each in item.args:
+            yield from _truths(each)
+
+
+def _anything(item: Term) -> Any:
+    kind, _ = item.sort
+    return {'bool': False, 'word': 0, 'real': 0.0}[kind]
