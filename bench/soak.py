@@ -28,6 +28,7 @@ from argparse import ArgumentParser
 from collections.abc import Callable
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -165,11 +166,13 @@ def soak_simulate(bundle: Path, turn: Turn, rows: int) -> Result:
     with simulating(bundle, lambda file: feed(file, turn, rows)) as process:
         assert process.stdout is not None
         expect('heading', next(process.stdout), ','.join(('step', *turn.names)) + '\n')
-        megabytes: list[float] = []
+        megabytes = [kilobytes(process, 'VmRSS') / 1e3]
         count = 0
         for part in parts_of(rows):
             count += compare(process.stdout, turn, count, part)
-            megabytes.append(kilobytes(process, 'VmRSS') / 1e3 if count < rows else megabytes[-1])
+            # It may have written all, and ended, while we still read.
+            with suppress(SystemExit):
+                megabytes.append(kilobytes(process, 'VmRSS') / 1e3)
             say(f'simulate: {count} rows')
         expect('rows after the last', process.stdout.read(), '')
     return Result('simulate', count, time.monotonic() - begin, *halves(megabytes),
