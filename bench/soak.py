@@ -28,7 +28,6 @@ from argparse import ArgumentParser
 from collections.abc import Callable
 from collections.abc import Iterator
 from contextlib import contextmanager
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -166,17 +165,25 @@ def soak_simulate(bundle: Path, turn: Turn, rows: int) -> Result:
     with simulating(bundle, lambda file: feed(file, turn, rows)) as process:
         assert process.stdout is not None
         expect('heading', next(process.stdout), ','.join(('step', *turn.names)) + '\n')
-        megabytes = [kilobytes(process, 'VmRSS') / 1e3]
+        megabytes = [resident(process, 0.0)]
         count = 0
         for part in parts_of(rows):
             count += compare(process.stdout, turn, count, part)
-            # It may have written all, and ended, while we still read.
-            with suppress(SystemExit):
-                megabytes.append(kilobytes(process, 'VmRSS') / 1e3)
+            megabytes.append(resident(process, megabytes[-1]))
             say(f'simulate: {count} rows')
         expect('rows after the last', process.stdout.read(), '')
     return Result('simulate', count, time.monotonic() - begin, *halves(megabytes),
                   sum(turn.violations(rows).values()))
+
+
+def resident(process: 'subprocess.Popen[str]', before: float) -> float:
+    """Return the memory in MB; it may have written all, and ended, while we still read."""
+    if process.poll() is not None:
+        return before
+    try:
+        return kilobytes(process, 'VmRSS') / 1e3
+    except SystemExit:
+        return before
 
 
 @contextmanager
