@@ -1,0 +1,149 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A process that publishes numbers on a topic, and that can be killed.
+
+It is driven by lines on standard input. `say COUNT PAUSE` publishes so many numbers, from 0 on,
+with PAUSE seconds between. `go PAUSE` publishes until the next line, `greet PAUSE` likewise, but
+-1 each time. After each it writes how many numbers it has said since its start.
+"""
+
+from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
+from pathlib import Path
+from select import select
+import subprocess
+import sys
+
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.qos import ReliabilityPolicy
+import std_msgs.msg
+
+# Fast DDS keeps a process that died for 20 s; one may ask for less for itself.
+_SHORT_LEASE = """<?xml version="1.0" encoding="UTF-8"?>
+<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+  <participant profile_name="mortal" is_default_profile="true"><rtps><builtin>
+    <discovery_config>
+      <leaseDuration><sec>2</sec></leaseDuration>
+      <leaseAnnouncement><nanosec>400000000</nanosec></leaseAnnouncement>
+    </discovery_config>
+  </builtin></rtps></participant>
+</profiles>
+"""
+
+
+class Talker:
+    """The process, from the outside."""
+
+    def __init__(self, topic: str, message: str, depth: int, profile: Path) -> None:
+        """Start it; ROS_DOMAIN_ID is the caller's."""
+        profile.write_text(_SHORT_LEASE, encoding='utf-8')
+        self.process = subprocess.Popen(
+            [sys.executable, str(Path(__file__).resolve()), topic, message, str(depth)],
+            env={**os.environ, 'FASTRTPS_DEFAULT_PROFILES_FILE': str(profile)}, text=True,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+
+    def greet(self, wait: Callable[[], None]) -> None:
+        """Greet until `wait` returns: whoever has heard a greeting hears all that follows."""
+        self._tell('greet 0.02')
+        wait()
+        self.stop()
+
+    def say(self, count: int, pause: float = 0.0) -> int:
+        """Publish so many numbers; return how many it has said in all."""
+        self._tell(f'say {count} {pause}')
+        return self._answer()
+
+    def go(self, pause: float) -> None:
+        """Publish until it is stopped or killed."""
+        self._tell(f'go {pause}')
+
+    def stop(self) -> int:
+        """Stop publishing; return how many it has said in all."""
+        self._tell('stop')
+        return self._answer()
+
+    def kill(self) -> None:
+        """Kill it, whatever it does, so that it can tell nobody."""
+        self.process.kill()
+        self.close()
+
+    def close(self) -> None:
+        """Let it end; it leaves the graph as it should."""
+        assert self.process.stdin and self.process.stdout
+        self.process.stdin.close()
+        self.process.wait(30)
+        self.process.stdout.close()
+
+    def _tell(self, line: str) -> None:
+        assert self.process.stdin
+        self.process.stdin.write(f'{line}\n')
+        self.process.stdin.flush()
+
+    def _answer(self) -> int:
+        assert self.process.stdout
+        return int(self.process.stdout.readline())
+
+
+@contextmanager
+def talking(folder: Path, topic: str = 'n', message: str = 'Int32',
+            depth: int = 1000) -> Iterator[Talker]:
+    """Have a talker, and see to its end."""
+    talker = Talker(topic, message, depth, folder / 'mortal.xml')
+    try:
+        yield talker
+        if talker.process.poll() is None:
+            talker.close()
+    finally:
+        if talker.process.poll() is None:
+            talker.process.kill()
+            talker.process.wait()
+
+
+def main() -> None:
+    """Publish as told."""
+    topic, message, depth = sys.argv[1:]
+    kind = getattr(std_msgs.msg, message)
+    number = type(kind().data)
+    rclpy.init()
+    node = Node('talker')
+    publisher = node.create_publisher(
+        kind, topic, QoSProfile(depth=int(depth), reliability=ReliabilityPolicy.RELIABLE))
+    said = 0
+
+    def is_told(pause: float) -> bool:
+        return bool(select([sys.stdin], [], [], pause)[0])
+
+    while line := sys.stdin.readline():
+        word, *numbers = line.split()
+        left = int(numbers.pop(0)) if word == 'say' else -1
+        while word != 'stop' and left != 0:
+            publisher.publish(kind(data=number(-1 if word == 'greet' else said)))
+            said += word != 'greet'
+            left -= 1
+            if is_told(float(numbers[0])):
+                break
+        if word != 'stop':
+            print(said, flush=True)
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+if __name__ == '__main__':
+    main()
