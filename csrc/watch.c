@@ -287,7 +287,9 @@ static uint64_t queue_detail_locked(struct fm_watch * watch, const struct fm_vio
     (size_t)watch->options.monitor->inputs_bytes);
   uint8_t * flags = slot + sizeof(detail) + watch->options.monitor->inputs_bytes;
   for (uint32_t i = 0; i < watch->options.monitor->n_inputs; ++i) {
-    flags[i] = fm_evaluator_has_value(watch->options.evaluator, i) ? 1u : 0u;
+    const unsigned has_value = fm_evaluator_has_value(watch->options.evaluator, i) ? 1u : 0u;
+    const unsigned is_stale = fm_evaluator_is_stale(watch->options.evaluator, i) ? 2u : 0u;
+    flags[i] = (uint8_t)(has_value | is_stale);
   }
   quota->spent += 1;
   watch->detailed += 1;
@@ -375,9 +377,12 @@ static uint32_t wait_for_violations_locked(
   struct fm_watch * watch, uint32_t room, uint32_t milliseconds)
 {
   const struct timespec end = in_milliseconds(milliseconds);
-  const struct timespec held = in_milliseconds(HELD_FOR_DETAIL);
+  struct timespec held = {0, 0};  // since a violation was seen that has to wait
   uint32_t n = released_locked(watch, room);
   while (n == 0 && (watch->queued > 0 || (!watch->is_closed && milliseconds > 0))) {
+    if (watch->queued > 0 && held.tv_sec == 0) {
+      held = in_milliseconds(HELD_FOR_DETAIL);
+    }
     if (watch->queued == 0) {
       if (pthread_cond_timedwait(&watch->violation_queued, &watch->mutex, &end) != 0) {
         return released_locked(watch, room);

@@ -64,7 +64,7 @@ enum fm_receipt
 };
 
 /// One violation in detail, followed in memory by the values of the inputs (the module's struct),
-/// and by a byte for each input: whether it has a value.
+/// and by a byte for each input: 1 where it has a value, and 2 more where it is stale.
 struct fm_detail
 {
   struct fm_violation violation;

@@ -45,22 +45,27 @@ _STAMP = re.compile(r'-?[0-9]{1,12}\.[0-9]{9}')
 
 @dataclass(frozen=True)
 class Detail:
-    """A violation as told: its step, its time in seconds, and names and values of inputs."""
+    """
+    A violation as told: its step, its time in seconds, and names and values of inputs.
+
+    `silent` names the inputs of which nothing comes, where that is what is violated.
+    """
 
     step: int
     stamp: float
     values: tuple[tuple[str, str], ...]
+    silent: str = ''
 
 
 def read_detail(status: DiagnosticStatus) -> Detail | None:
     """Return what `Details` has told; None for what is from somebody else."""
     pairs = [(item.key, item.value) for item in status.values]
-    if [key for key, _ in pairs[:3]] != ['step', 'stamp', 'suppressed']:
+    if [key for key, _ in pairs[:4]] != ['step', 'stamp', 'suppressed', 'silent']:
         return None
     step, stamp = pairs[0][1], pairs[1][1]
     if not _STEP.fullmatch(step) or not _STAMP.fullmatch(stamp):
         return None
-    return Detail(int(step), float(stamp), tuple(pairs[3:]))
+    return Detail(int(step), float(stamp), tuple(pairs[4:]), pairs[3][1])
 
 
 class Details:
@@ -93,10 +98,12 @@ class Details:
         violation = detail.violation
         requirement = self._manifest.requirements[violation.requirement]
         inputs = self._manifest.inputs
-        pairs = [  # the first three always; the inputs may have any names
+        silent = [inputs[index].name for index in requirement.inputs if index in detail.stale]
+        pairs = [  # the first four always; the inputs may have any names
             ('step', str(violation.step)),
             ('stamp', f'{violation.stamp / 1e9:.9f}'),
             ('suppressed', str(detail.suppressed)),
+            ('silent', ', '.join(silent)),
             *((inputs[index].name, show(inputs[index], detail.values[index]))
               for index in requirement.inputs)]
         return DiagnosticStatus(

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from fret_monitor.diagnostics import counted
 from fret_monitor.manifest import ManifestRequirement, Severity
 from fret_monitor.ros.compiled import open_manifests
 from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
@@ -41,7 +42,7 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Empty
 
 _CHECK = 1.0  # s
-_TOGETHER = 10**9
+_TOGETHER = 3 * 10**8
 """The most between the sending of a detail and of its violation (ns): they are sent in a row."""
 
 
@@ -113,7 +114,7 @@ class LoggerNode(Node):
         self._feed.start()
         self.create_timer(_CHECK, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(
-            f'listening for violations of {len(requirements)} requirements: '
+            f'listening for violations of {counted(len(requirements), "requirement")}: '
             + ', '.join(requirement.id for requirement in requirements[:10])
             + (', ...' if len(requirements) > 10 else ''))
 
@@ -156,4 +157,5 @@ class LoggerNode(Node):
 
 def _shown(detail: Detail) -> str:
     told = ', '.join(f'{name} = {value}' for name, value in detail.values)
-    return f'[step {detail.step}: {told}]'
+    silent = f', nothing comes of {detail.silent}' if detail.silent else ''
+    return f'[step {detail.step}{silent}: {told}]'

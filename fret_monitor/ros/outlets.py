@@ -79,7 +79,7 @@ class DetailOutlet:
 
     def _run(self) -> None:
         while not self._is_over.is_set():
-            are_wanted = self._details.listeners() > 0
+            are_wanted = self._are_wanted()
             self._watch.want_details(are_wanted)
             if not are_wanted:
                 self._details.listening.wait(_LOOKS)
@@ -88,6 +88,12 @@ class DetailOutlet:
                 self._publish(detail)
         while (detail := self._watch.take_detail(0)) is not None:
             self._publish(detail)
+
+    def _are_wanted(self) -> bool:
+        try:
+            return self._details.listeners() > 0
+        except RuntimeError:  # the context was shut down
+            return False
 
     def _publish(self, detail: ViolationDetail) -> None:
         try:

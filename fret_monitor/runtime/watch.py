@@ -53,12 +53,14 @@ class ViolationDetail:
     """
     A violation, and the values that all inputs had then (None: no value yet).
 
-    `suppressed` counts the details of this requirement that were left out so far.
+    `stale` are the inputs (indices) that were so. `suppressed` counts the details of this
+    requirement that were left out so far.
     """
 
     violation: Violation
     suppressed: int
     values: tuple[bool | int | float | None, ...]
+    stale: frozenset[int] = frozenset()
 
 
 class Watch:
@@ -197,11 +199,12 @@ class Watch:
             return None
         item = detail.violation
         values = self._detail + ffi.sizeof('struct fm_detail')
-        flags = values + self._inputs_bytes
+        flags = ffi.buffer(values + self._inputs_bytes, len(self._types))[:]
         return ViolationDetail(
             Violation(item.requirement, item.step, item.stamp), detail.suppressed,
-            tuple(self._value_at(index, values) if flags[index] == b'\x01' else None
-                  for index in range(len(self._types))))
+            tuple(self._value_at(index, values) if flag & 1 else None
+                  for index, flag in enumerate(flags)),
+            frozenset(index for index, flag in enumerate(flags) if flag & 2))
 
     def _value_at(self, index: int, values: Any) -> bool | int | float:
         place = values + self._monitor.pointer.inputs[index].offset

@@ -79,7 +79,8 @@ def status(name: str, *pairs: tuple[str, str]) -> Any:
 
 
 def right(step: int, value: str = '0.7') -> tuple[tuple[str, str], ...]:
-    return ('step', str(step)), ('stamp', '12.345678901'), ('suppressed', '0'), ('x', value)
+    return ('step', str(step)), ('stamp', '12.345678901'), ('suppressed', '0'), \
+        ('silent', ''), ('x', value)
 
 
 def lines(node: NodeProcess, number: int) -> list[str]:
@@ -149,7 +150,7 @@ def test_the_logger_needs_no_compiler_and_builds_nothing(
 ) -> None:
     environment = {'PATH': str(tmp_path / 'empty'), 'ROS_HOME': str(tmp_path / 'home'), 'CC': ''}
     with started('logger', *arguments, environment=environment) as node:
-        assert 'listening for violations of 1 requirements: A-1' in node.output
+        assert 'listening for violations of 1 requirement: A-1' in node.output
     assert not (tmp_path / 'home' / 'fret_monitor').exists()
 
 
