@@ -124,8 +124,7 @@ class Health:
     def _of_requirement(self, index: int, item: ManifestRequirement,
                         silent: Collection[int]) -> DiagnosticStatus:
         counts = self._evaluator.requirement_counts(index)
-        missing = [self._manifest.inputs[place].name for place in item.inputs
-                   if self._evaluator.value(place) is None]
+        missing = [place for place in item.inputs if self._evaluator.value(place) is None]
         old = [place for place in item.inputs if place in silent]
         violating = [place for place in old
                      if self._manifest.inputs[place].stale is Stale.VIOLATE]
@@ -133,7 +132,9 @@ class Health:
             level = LEVELS[item.severity]
             message = f'violated: nothing comes of {self._named(violating)}'
         elif missing:
-            level, message = DiagnosticStatus.WARN, f'no value yet of {", ".join(missing)}'
+            level, message = DiagnosticStatus.WARN, f'no value yet of {self._named(missing)}'
+        elif not counts.steps:
+            level, message = DiagnosticStatus.WARN, 'not evaluated yet'
         elif counts.verdict and old:
             level = DiagnosticStatus.WARN
             message = f'satisfied, on old values of {self._named(old)}'
@@ -208,21 +209,38 @@ def describe_missing(evaluator: Watch, hearings: Sequence[Hearing],
     `full_name` makes that of a topic of the one in the bundle.
     """
     manifest = evaluator.monitor.manifest
-    missing = {index for index in range(len(manifest.inputs)) if evaluator.value(index) is None}
-    waiting = [item for item in manifest.requirements if not missing.isdisjoint(item.inputs)]
+    waits = [_awaited(evaluator, index) for index in range(len(manifest.requirements))]
+    waiting = [item for item, places in zip(manifest.requirements, waits) if places]
     if not waiting:
         return None
-    read = {index for item in waiting for index in item.inputs}
+    awaited = set().union(*waits)
     reasons = []
     for index, topic in enumerate(manifest.topics):
-        names = [f"'{manifest.inputs[place].name}'" for place in topic.inputs
-                 if place in missing & read]
+        names = [_awaited_name(evaluator, place) for place in topic.inputs if place in awaited]
         if names:
             usable = 'usable ' if evaluator.topic_counts(index).messages else ''
             reasons.append(f'nothing {usable}received on {full_name(topic.name)} '
                            f'({_publishers(topic, hearings[index])}) for {some(names)}')
     return (f'{some([item.id for item in waiting])} {"is" if len(waiting) == 1 else "are"} '
             f'not evaluated yet: {some(reasons, "; ")}')
+
+
+def _awaited(evaluator: Watch, index: int) -> set[int]:
+    """
+    Return the inputs without which a requirement has not been evaluated at all.
+
+    One that has a value from the start is among them if nothing else made a step either.
+    """
+    inputs = evaluator.monitor.manifest.requirements[index].inputs
+    missing = {place for place in inputs if evaluator.value(place) is None}
+    if missing or evaluator.requirement_counts(index).steps:
+        return missing
+    return {place for place in inputs if not evaluator.input_counts(place).received}
+
+
+def _awaited_name(evaluator: Watch, place: int) -> str:
+    name = f"'{evaluator.monitor.manifest.inputs[place].name}'"
+    return name if evaluator.value(place) is None else f'{name} (it has its initial value)'
 
 
 def _publishers(topic: ManifestTopic, hearing: Hearing) -> str:

@@ -31,6 +31,7 @@ import pytest
 from ros.harness import Partner
 from ros.harness import started
 from ros.harness import wait_until
+from std_msgs.msg import Bool
 from std_msgs.msg import String
 
 diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
@@ -93,6 +94,40 @@ def test_what_cannot_be_used_and_what_does_not_come_is_told_once(
         assert node.output.count('not evaluated yet') == 1
 
 
+STOP = """
+format: 1
+inputs:
+  estop: {topic: e_stpo, type: std_msgs/msg/Bool, initial: false}
+  held: {topic: held, type: std_msgs/msg/Bool, initial: true}
+requirements:
+  - {id: CMD, ptltl: "!estop"}
+  - {id: HELD, ptltl: held}
+"""
+
+
+def test_a_requirement_that_rests_on_initial_values_is_told(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(STOP, encoding='utf-8')
+    heard: list[Any] = []
+    partner.node.create_subscription(
+        diagnostic_msgs.DiagnosticArray, '/diagnostics', heard.append, 10)
+
+    def is_told(name: str, level: bytes, message: str) -> bool:
+        return any(item.name == f'fret_monitor: {name}' and (item.level, item.message)
+                   == (level, message) for item in (heard[-1].status if heard else ()))
+
+    with started('monitor', '-p', f'spec:={bundle}', '-p', 'policy:=relevant_message') as node:
+        held = partner.publisher(Bool, 'held')
+        partner.wait_for_listener(held)
+        held.publish(Bool(data=True))
+        wait_until(lambda: is_told('CMD', b'\1', 'not evaluated yet')
+                   and is_told('HELD', b'\0', 'satisfied'), 'who is evaluated')
+        node.wait_for('CMD is not evaluated yet: nothing received on /e_stpo (0 publishers) '
+                      "for 'estop' (it has its initial value)")
+
+
 def test_the_first_line_says_the_period(partner: Partner, tmp_path: Path) -> None:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(SCAN, encoding='utf-8')
@@ -112,6 +147,10 @@ class Values:
 
     def topic_counts(self, index: int) -> Any:
         return SimpleNamespace(messages=self._messages.get(index, 0))
+
+    def requirement_counts(self, index: int) -> Any:
+        inputs = self.monitor.manifest.requirements[index].inputs
+        return SimpleNamespace(steps=int(all(self.value(place) is not None for place in inputs)))
 
 
 def a_manifest(count: int) -> Manifest:
