@@ -26,6 +26,8 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
 from functools import cached_property
+import shlex
+import sys
 from typing import NoReturn
 from unicodedata import east_asian_width
 
@@ -243,3 +245,8 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     matches = get_close_matches(name, list(known), n=3, cutoff=0.6)
     shown = ' or '.join(f"'{match}'" for match in matches)
     return f'did you mean {shown}?' if matches else ''
+
+
+def pip_install(*packages: str) -> str:
+    """Return the command that installs packages for this very Python, whatever `pip` belongs to."""
+    return shlex.join([sys.executable, '-m', 'pip', 'install', *packages])

@@ -14,9 +14,11 @@
 
 """What `make setup` says on a machine that lacks something: one sentence, and what to install."""
 
+import ast
 from collections.abc import Callable
 import os
 from pathlib import Path
+import re
 import shutil
 import subprocess
 import sys
@@ -95,3 +97,15 @@ def test_nothing_is_left_half_made(
 ) -> None:
     machine('setup', cc='exit 0', python3='exit 127')
     assert not os.path.lexists(repository / '.venv')
+
+
+def test_without_ros_the_wheels_have_the_messages_of_the_examples() -> None:
+    script = ast.parse((ROOT / 'setup.py').read_text(encoding='utf-8'))
+    [wheels] = [ast.literal_eval(item.value) for item in script.body
+                if isinstance(item, ast.Assign) and ast.unparse(item.targets[0]) == 'ROS_WHEELS']
+    examples = [*(ROOT / 'config').glob('*.yaml'), ROOT / 'docs' / 'bundle.md']
+    used = {package for path in examples for package in re.findall(
+        r'type: (\w+)/msg/', path.read_text(encoding='utf-8'))}
+    assert {'nav_msgs', 'sensor_msgs', 'geometry_msgs'} <= used
+    assert {f'ros-jazzy-{package.replace("_", "-")}' for package in used} <= {
+        wheel.partition('>')[0] for wheel in wheels}

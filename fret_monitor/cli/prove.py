@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING
 from fret_monitor.build import generate_monitor
 from fret_monitor.build import read
 from fret_monitor.diagnostics import counted
+from fret_monitor.diagnostics import pip_install
 from fret_monitor.diagnostics import refuse
 from fret_monitor.native.cache import runtime_headers
 
@@ -98,7 +99,7 @@ def _refuse_missing() -> None:
     if missing:
         refuse(f'`prove` needs {" and ".join(missing)}, which '
                f'{"are" if len(missing) > 1 else "is"} not installed',
-               help=f'pip install {" ".join(missing)}')
+               help=pip_install(*missing))
 
 
 def _files(folder: Path, names: dict[str, str]) -> dict[str, str]:

@@ -38,6 +38,7 @@ from typing import NoReturn
 
 from fret_monitor.diagnostics import CompileError
 from fret_monitor.diagnostics import did_you_mean
+from fret_monitor.diagnostics import pip_install
 from fret_monitor.diagnostics import refuse
 from fret_monitor.diagnostics import Source
 from fret_monitor.diagnostics import Span
@@ -52,6 +53,11 @@ _MAX_LISTED = 12
 _MAX_BYTES = 2 ** 20
 _SEPARATOR = '---'
 _KINDS = {'msg': 'message', 'srv': 'service', 'action': 'action'}
+
+# Where one of these is missing, it is not installed: no slip for the name of what is.
+_COMMON = (
+    'control_msgs', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs', 'sensor_msgs', 'std_msgs',
+    'tf2_msgs', 'trajectory_msgs', 'visualization_msgs')
 
 _INTERFACE = re.compile(
     r'(?P<package>[A-Za-z][A-Za-z0-9_]*)/(?:(?P<folder>msg|srv|action)/)?'
@@ -250,9 +256,9 @@ def _refuse_missing(package: str, folder: str, name: str, prefixes: tuple[Path, 
                f'only definitions in .{folder} files are read')
     packages = {path.parent.parent.name for prefix in prefixes
                 for path in _list(prefix / 'share', f'*/{folder}/*.{folder}')}
+    near = '' if package in _COMMON else did_you_mean(package, packages)
     refuse(f"there are no {_KINDS[folder]}s of a package '{package}'", place, 'not installed here',
-           '\n'.join(filter(None, (did_you_mean(package, packages),
-                                   _no_package(package, packages)))))
+           '\n'.join(filter(None, (near, _no_package(package, packages)))))
 
 
 def _list(folder: Path, pattern: str) -> list[Path]:
@@ -265,8 +271,13 @@ def _list(folder: Path, pattern: str) -> list[Path]:
 def _no_package(package: str, packages: set[str]) -> str:
     if not packages:
         return 'no messages at all are installed: source ROS, such as /opt/ros/jazzy/setup.bash'
-    name = package.replace('_', '-')
-    return f'install it (sudo apt install ros-jazzy-{name}), or source the workspace that has it'
+    return f'install it ({_command(package)}), or source the workspace that has it'
+
+
+def _command(package: str) -> str:
+    """Return what installs a package of ROS, with pip where ROS itself came that way."""
+    name = f'ros-jazzy-{package.replace("_", "-")}'
+    return f'sudo apt install {name}' if os.environ.get('AMENT_PREFIX_PATH') else pip_install(name)
 
 
 def listed(names: Sequence[str]) -> str:

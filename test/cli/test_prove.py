@@ -168,7 +168,7 @@ def test_without_the_solver_it_says_what_to_install(tmp_path: Path) -> None:
                env=environment(PYTHONPATH=f'{tmp_path}:{known}'))
     assert done.status == 1
     assert '`prove` needs z3-solver, which is not installed' in done.err
-    assert 'pip install z3-solver' in done.err
+    assert f'help: {sys.executable} -m pip install z3-solver\n' in done.err
 
 
 def test_other_verbs_do_not_load_the_solver(tmp_path: Path) -> None:

@@ -395,6 +395,20 @@ def test_a_broken_definition_is_told_with_its_place(prefix: Path) -> None:
         find_message('pkg_a/msg/Broken', [prefix])
 
 
+@pytest.mark.parametrize('sourced, command', [
+    (True, 'sudo apt install ros-jazzy-nav-msgs'),
+    (False, f'{sys.executable} -m pip install ros-jazzy-nav-msgs')])
+def test_a_package_that_is_not_installed_is_installed_as_ros_itself_was(
+        prefix: Path, monkeypatch: pytest.MonkeyPatch, sourced: bool, command: str) -> None:
+    monkeypatch.setattr('sys.prefix', str(prefix))
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(prefix) if sourced else '')
+    (prefix / 'share' / 'pkg_b').rename(prefix / 'share' / 'nav_msg')
+    with pytest.raises(CompileError) as found:
+        find_message('nav_msgs/msg/Odometry')
+    assert [item.help for item in found.value.diagnostics] == [
+        f'install it ({command}), or source the workspace that has it']
+
+
 def test_the_first_prefix_that_has_a_message_wins(
         prefix: Path, tmp_path_factory: pytest.TempPathFactory,
         monkeypatch: pytest.MonkeyPatch) -> None:
