@@ -29,7 +29,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "losses.h"
 #include "watch_locked.h"
 
 #define BATCH 64u
@@ -53,7 +52,6 @@ struct fm_source
   bool is_draining;
   bool is_awaited;   // a callback came while it was drained
   bool is_behind;    // some may be left that a callback has told of
-  struct fm_losses losses;  // guarded likewise
 };
 
 static void * allocate(size_t size, void * state)
@@ -243,10 +241,7 @@ static void deliver_locked(
   }
   const struct fm_origin origin = {
     info->received_timestamp, info->source_timestamp, info->publication_sequence_number,
-    source->is_retired};
-  if (!source->is_retired) {  // what the new subscription brings is not lost
-    fm_losses_note(&source->losses, info->gid, info->publication_sequence_number);
-  }
+    info->gid, source->is_retired};
   (void)fm_watch_deliver_locked(source->watch, source->topic, &source->reading, &origin);
 }
 
@@ -256,6 +251,9 @@ static void on_message(const void * user_data, size_t count)
 {
   struct fm_source * source = (struct fm_source *)user_data;
   struct fm_message_info info;
+  if (source->middleware->has_error()) {
+    source->middleware->forget_error();  // somebody else's: the thread may be a publisher's
+  }
   fm_watch_lock(source->watch);
   if (source->is_draining) {
     source->is_awaited = true;
@@ -353,14 +351,6 @@ void fm_source_retire(struct fm_source * source)
   fm_watch_lock(source->watch);
   source->is_retired = true;
   fm_watch_unlock(source->watch);
-}
-
-uint64_t fm_source_lost(const struct fm_source * source)
-{
-  fm_watch_lock(source->watch);
-  const uint64_t lost = source->losses.lost;
-  fm_watch_unlock(source->watch);
-  return lost;
 }
 
 void fm_source_stop(struct fm_source * source)

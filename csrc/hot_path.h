@@ -165,9 +165,6 @@ FM_EXPORT void fm_source_drain(struct fm_source * source);
 /// A new subscription is there: what comes by this one may come by that one too (fm_watch_overlap).
 FM_EXPORT void fm_source_retire(struct fm_source * source);
 
-/// Messages that were sent and never came (losses.h), until it was retired.
-FM_EXPORT uint64_t fm_source_lost(const struct fm_source * source);
-
 /// End it; waits for a callback under way. Nothing is delivered after it. Frees the source.
 FM_EXPORT void fm_source_stop(struct fm_source * source);
 

@@ -19,6 +19,7 @@
 
 #define _POSIX_C_SOURCE 200809L
 
+#include "losses.h"
 #include "watch_locked.h"
 
 #include <pthread.h>
@@ -37,13 +38,22 @@ struct key
 {
   int64_t sent;
   uint64_t sequence;
+  uint64_t sender;  // of its gid, 0: not known
+};
+
+struct sender
+{
+  uint64_t id;
+  int64_t newest;  // sent
 };
 
 struct topic
 {
   struct key * keys;  // of the last messages, a ring; NULL until the first
   uint64_t n_keys;    // so far
-  int64_t newest;     // sent; of those heard before the overlap, and since by the new one
+  struct sender senders[FM_PUBLISHERS];  // those heard last
+  uint32_t n_senders;                    // so far
+  struct fm_losses losses;
   bool overlaps;
   bool has_history;
   uint8_t * evidence;
@@ -453,32 +463,96 @@ static bool is_known(const struct topic * topic, struct key key)
   const uint64_t n = topic->n_keys < REMEMBERED ? topic->n_keys : REMEMBERED;
   for (uint64_t k = 1; k <= n; ++k) {
     const struct key known = topic->keys[(topic->n_keys - k) % REMEMBERED];
-    if (known.sent == key.sent && known.sequence == key.sequence) {
+    if (known.sent == key.sent && known.sequence == key.sequence && known.sender == key.sender) {
       return true;
     }
   }
   return false;
 }
 
-static bool is_repeated(const struct topic * topic, const struct fm_origin * origin)
+// FNV-1a of a gid; 0 where there is none.
+static uint64_t id_of(const uint8_t * gid)
 {
-  const struct key key = {origin->sent, origin->sequence};
-  const bool is_history =
-    topic->has_history && !origin->is_retired && origin->sent < topic->newest;
+  uint64_t id = 0xcbf29ce484222325u;
+  for (uint32_t k = 0; gid != NULL && k < FM_GID_BYTES; ++k) {
+    id = (id ^ gid[k]) * 0x100000001b3u;
+  }
+  return gid == NULL ? 0 : id;
+}
+
+static struct key key_of(const struct fm_origin * origin)
+{
+  const struct key key = {origin->sent, origin->sequence, id_of(origin->gid)};
+  return key;
+}
+
+// The sender of a message, NULL if nothing was heard of it.
+static struct sender * find_sender(struct topic * topic, uint64_t id)
+{
+  const uint32_t n = topic->n_senders < FM_PUBLISHERS ? topic->n_senders : FM_PUBLISHERS;
+  for (uint32_t k = 0; k < n; ++k) {
+    if (topic->senders[k].id == id) {
+      return &topic->senders[k];
+    }
+  }
+  return NULL;
+}
+
+static bool is_repeated(struct topic * topic, const struct fm_origin * origin)
+{
+  const struct key key = key_of(origin);
+  const struct sender * sender = find_sender(topic, key.sender);
+  const bool is_history = topic->has_history && !origin->is_retired && sender != NULL &&
+    origin->sent < sender->newest;
   return is_history || is_known(topic, key);
+}
+
+static void remember_key(struct topic * topic, struct key key)
+{
+  if (topic->keys == NULL) {
+    topic->keys = malloc(REMEMBERED * sizeof(*topic->keys));
+  }
+  if (topic->keys != NULL) {
+    topic->keys[topic->n_keys % REMEMBERED] = key;
+    topic->n_keys += 1;
+  }
+}
+
+static void remember_sender(struct topic * topic, struct key key)
+{
+  struct sender * sender = find_sender(topic, key.sender);
+  if (sender == NULL) {
+    sender = &topic->senders[topic->n_senders % FM_PUBLISHERS];
+    topic->n_senders += 1;
+    sender->id = key.sender;
+    sender->newest = key.sent;
+  }
+  sender->newest = key.sent > sender->newest ? key.sent : sender->newest;
 }
 
 static void remember(struct topic * topic, const struct fm_origin * origin)
 {
-  if (topic->keys == NULL) {
-    topic->keys = malloc(REMEMBERED * sizeof(*topic->keys));
-    if (topic->keys == NULL) {
-      return;
+  const struct key key = key_of(origin);
+  remember_key(topic, key);
+  remember_sender(topic, key);
+  if (origin->gid != NULL) {
+    const uint64_t before = topic->losses.lost;
+    fm_losses_note(&topic->losses, origin->gid, origin->sequence);
+    if (topic->overlaps) {
+      topic->losses.lost = before;  // what one subscription leaves out the other may still bring
     }
   }
-  topic->keys[topic->n_keys % REMEMBERED] = (struct key) {origin->sent, origin->sequence};
-  topic->n_keys += 1;
-  topic->newest = origin->sent > topic->newest ? origin->sent : topic->newest;
+}
+
+uint64_t fm_watch_missed(struct fm_watch * watch, uint32_t topic)
+{
+  uint64_t missed = 0;
+  if (topic < watch->options.n_topics) {
+    pthread_mutex_lock(&watch->mutex);
+    missed = watch->topics[topic].losses.lost;
+    pthread_mutex_unlock(&watch->mutex);
+  }
+  return missed;
 }
 
 void fm_watch_overlap(struct fm_watch * watch, uint32_t topic, bool has_history)

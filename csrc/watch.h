@@ -52,6 +52,7 @@ struct fm_origin
   int64_t received;    // ns; the stamp of what it violates, if there is no clock
   int64_t sent;        // ns, by its sender's clock
   uint64_t sequence;   // the sender's number of it
+  const uint8_t * gid; // of the sender, 16 bytes; NULL: not known
   bool is_retired;     // it came by a subscription that is about to be replaced
 };
 
@@ -107,7 +108,7 @@ FM_EXPORT void fm_watch_use_clock(
 
 /// From now on a topic may bring messages twice, by an old subscription and by a new one:
 /// recognise them. With `has_history`, what only the new one brings and was sent before what was
-/// heard last is history, and left out too. Until fm_watch_settle.
+/// heard last of the same sender is history, and left out too. Until fm_watch_settle.
 FM_EXPORT void fm_watch_overlap(struct fm_watch * watch, uint32_t topic, bool has_history);
 FM_EXPORT void fm_watch_settle(struct fm_watch * watch, uint32_t topic);
 
@@ -132,6 +133,10 @@ FM_EXPORT bool fm_watch_take_detail(
 /// more than `room` if it does not fit: then nothing is written, and it is still there.
 FM_EXPORT size_t fm_watch_evidence(
   struct fm_watch * watch, uint32_t topic, uint8_t * out, size_t room);
+
+/// Messages of a topic that were sent and never came, by the numbers of senders whose gid is known;
+/// what is lost between fm_watch_overlap and fm_watch_settle is not counted.
+FM_EXPORT uint64_t fm_watch_missed(struct fm_watch * watch, uint32_t topic);
 
 /// Violations that were lost since the queue had no memory to grow, or was full (2^20).
 FM_EXPORT uint64_t fm_watch_lost(struct fm_watch * watch);

@@ -224,6 +224,7 @@ struct fm_origin
   int64_t received;
   int64_t sent;
   uint64_t sequence;
+  const uint8_t * gid;
   bool is_retired;
 };
 
@@ -264,6 +265,7 @@ bool fm_watch_take_detail(
   struct fm_watch * watch, struct fm_detail * out, uint32_t milliseconds);
 size_t fm_watch_evidence(
   struct fm_watch * watch, uint32_t topic, uint8_t * out, size_t room);
+uint64_t fm_watch_missed(struct fm_watch * watch, uint32_t topic);
 uint64_t fm_watch_lost(struct fm_watch * watch);
 struct fm_requirement_counts fm_watch_requirement_counts(
   struct fm_watch * watch, uint32_t requirement);
@@ -341,7 +343,6 @@ struct fm_source * fm_source_start(
   uint32_t topic, bool is_in_place);
 void fm_source_drain(struct fm_source * source);
 void fm_source_retire(struct fm_source * source);
-uint64_t fm_source_lost(const struct fm_source * source);
 void fm_source_stop(struct fm_source * source);
 struct fm_announcer;
 struct fm_announcer * fm_announcer_start(

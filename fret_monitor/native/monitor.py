@@ -177,7 +177,8 @@ def load_evaluator(library: Path) -> CData:
         if it cannot be loaded, or is no evaluator of this version.
     """
     Library(library).find('fm_evaluator_rows')
-    return ffi.dlopen(os.path.abspath(library), _FLAGS)
+    # It stays: a thread of the middleware may be in it when Python lets go of everything.
+    return ffi.dlopen(os.path.abspath(library), _FLAGS | ffi.RTLD_NODELETE)
 
 
 def _differences(monitor: Monitor) -> Iterator[str]:

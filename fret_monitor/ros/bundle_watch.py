@@ -170,7 +170,8 @@ class BundleWatch:
         return len(self.manifest.groups)
 
     # Where subscriptions, evaluator and publishers are connected. What is begun first ends last:
-    # no subscription, then no watch, then the threads that publish what was due.
+    # no subscription, then no watch, then the threads that publish what was due. Each of them
+    # closes the watch before it waits, for who is interrupted half-way.
 
     def _connect(self) -> None:
         middleware = self._middleware()
@@ -188,12 +189,11 @@ class BundleWatch:
         watch = self._watch
         self._follow_clock(middleware)
         if middleware is None:
-            self._running.callback(HandlerOutlet(watch, self._handlers).join)
+            self._running.callback(HandlerOutlet(watch, self._handlers).end)
         else:
             announcer = Announcer(watch, middleware, self._handlers.publishers)
             self._running.callback(announcer.join)
-        self._running.callback(DetailOutlet(watch, self._details).join)
-        self._running.callback(watch.close)
+        self._running.callback(DetailOutlet(watch, self._details).end)
         feed = Feed(self._node)
         self._running.callback(feed.close)
         for index, topic in enumerate(self.manifest.topics):

@@ -28,6 +28,7 @@ The subscriptions are invisible to any executor. All of them belong to the feed'
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
+from contextlib import ExitStack
 from dataclasses import dataclass
 from heapq import merge
 from operator import itemgetter
@@ -63,10 +64,6 @@ class Tap(Protocol):
     def retire(self) -> None:
         """Another subscription is about to take the place of this one."""
 
-    @property
-    def lost(self) -> int:
-        """Messages that were sent and never came, until it was retired."""
-
     def stop(self) -> None:
         """End taking; nothing is delivered after it."""
 
@@ -82,6 +79,10 @@ class TopicTap(Protocol):
 
     def settle(self) -> None:
         """There is one subscription again."""
+
+    @property
+    def lost(self) -> int:
+        """Messages that were sent and never came, by any of its subscriptions."""
 
 
 _WAIT = 200_000_000  # ns; an idle wait without an end can outlive a shutdown
@@ -166,13 +167,14 @@ class Feed:
     def close(self) -> None:
         """Stop delivering, and destroy the subscriptions. Nothing is delivered after it."""
         self._closing.set()
-        if self._thread.is_alive():
-            self._guard.trigger_guard_condition()
-            self._thread.join()
-        for topic in self._topics:
-            topic.close()
-        self._topics.clear()
-        self._guard.destroy_when_not_in_use()
+        with ExitStack() as last:  # whatever interrupts it
+            last.callback(self._guard.destroy_when_not_in_use)
+            last.callback(self._topics.clear)
+            for topic in self._topics:
+                last.callback(topic.close)
+            if self._thread.is_alive():
+                self._guard.trigger_guard_condition()
+                self._thread.join()
 
     def hearings(self) -> list[Hearing]:
         """Return who is heard on each topic, in order of subscription."""
@@ -295,7 +297,7 @@ class _Topic:
         self._current_tap: Tap | None = None
         self._gaps = Gaps()
         self._told_losses = ToldLosses(self._current)
-        self._counted_before = self._told_before = 0  # lost by former subscriptions
+        self._told_before = 0  # lost by former subscriptions
         self._lost_told = 0
         self._throttle = Throttle()
 
@@ -326,15 +328,17 @@ class _Topic:
 
     def close(self) -> None:
         """Destroy all subscriptions."""
-        self._told_losses.close()
-        for subscription, tap, _ in [*self._retired, (self._current, self._current_tap, 0.0)]:
-            self._destroy(subscription, tap)
+        with ExitStack() as last:
+            last.callback(self._told_losses.close)
+            for item, tap, _ in [*self._retired, (self._current, self._current_tap, 0.0)]:
+                last.callback(self._destroy, item, tap)
 
     def _destroy(self, subscription: Subscription, tap: Tap | None) -> None:
-        if tap is not None:
-            tap.drain()
-            tap.stop()
-        self._node.destroy_subscription(subscription)
+        with ExitStack() as last:
+            last.callback(self._node.destroy_subscription, subscription)
+            if tap is not None:
+                last.callback(tap.stop)
+                tap.drain()
 
     def review(self) -> None:
         """See who publishes, tell whom it cannot hear, and subscribe anew where that helps."""
@@ -389,7 +393,6 @@ class _Topic:
         if self.tap is not None and self._current_tap is not None:
             self.tap.overlap(has_history=self._has_history)
             self._current_tap.retire()
-            self._counted_before += self._current_tap.lost
         self._gaps.restart()
         self._told_before += self._told_losses.total()
         self._told_losses.close()
@@ -422,8 +425,7 @@ class _Topic:
 
     def _lost(self) -> int:
         """Return how many messages were lost; two that count may have counted the same ones."""
-        tap = self._current_tap
-        counted = self._counted_before + (self._gaps.lost if tap is None else tap.lost)
+        counted = self._gaps.lost if self.tap is None else self.tap.lost
         return max(counted, self._told_before + self._told_losses.total())
 
     def _tell_lost(self) -> None:

@@ -24,9 +24,11 @@ from collections.abc import Collection, Sequence
 from contextlib import ExitStack
 import ctypes
 from dataclasses import dataclass
+from threading import Lock
 from typing import Any
 
 from fret_monitor.native.binding import ffi
+from fret_monitor.ros import at_work
 from fret_monitor.runtime.watch import Watch
 
 from rclpy.publisher import Publisher
@@ -195,33 +197,43 @@ class Source:
         """
         self._library = watch.library
         self._watch = watch
+        self._middleware = middleware
+        self._lock = Lock()  # the feed's thread drains, others stop
+        self._pointer: Any = ffi.NULL
         with ExitStack() as undo:
             undo.enter_context(subscription.handle)
-            pointer = self._library.fm_source_start(
+            at_work.begin(self)
+            self._pointer = self._library.fm_source_start(
                 watch.pointer, middleware.functions, middleware.subscription(subscription), topic,
                 subscription.msg_type in middleware.in_place_classes)
-            if pointer == ffi.NULL:
+            if self._pointer == ffi.NULL:
+                at_work.ended(self)
                 raise Unavailable('the middleware tells nobody of new messages')
-            self._pointer = pointer
             self._held = undo.pop_all()
-        self._middleware = middleware
 
     def drain(self) -> None:
         """Take what is there and was not told of."""
-        self._library.fm_source_drain(self._pointer)
+        with self._lock:
+            if self._pointer != ffi.NULL:
+                self._library.fm_source_drain(self._pointer)
 
     def retire(self) -> None:
         """Another subscription is about to take its place."""
-        self._library.fm_source_retire(self._pointer)
+        with self._lock:
+            if self._pointer != ffi.NULL:
+                self._library.fm_source_retire(self._pointer)
 
-    @property
-    def lost(self) -> int:
-        """Messages that were sent and never came, until it was retired."""
-        return int(self._library.fm_source_lost(self._pointer))
+    def end(self) -> None:
+        """End delivering; twice is once."""
+        with self._lock:
+            pointer, self._pointer = self._pointer, ffi.NULL
+            if pointer != ffi.NULL:
+                self._library.fm_source_stop(pointer)
+        at_work.ended(self)
 
     def stop(self) -> None:
         """End delivering; the subscription may be destroyed then."""
-        self._library.fm_source_stop(self._pointer)
+        self.end()
         self._held.close()
 
 
@@ -241,6 +253,11 @@ class HotTopic:
     def overlap(self, *, has_history: bool) -> None:
         """From now on a message may come by two subscriptions, and with a history."""
         self._watch.overlap(self._topic, has_history=has_history)
+
+    @property
+    def lost(self) -> int:
+        """Messages that were sent and never came."""
+        return self._watch.missed(self._topic)
 
     def settle(self) -> None:
         """There is one subscription again."""
@@ -262,27 +279,37 @@ class Announcer:
         """
         self._library = watch.library
         self._watch = watch
+        self._middleware = middleware
+        self._pointer: Any = ffi.NULL
         with ExitStack() as undo:
             for item in publishers:
                 undo.enter_context(item.handle)
             found = [middleware.publisher(item) for item in publishers]
-            pointer = self._library.fm_announcer_start(
+            at_work.begin(self)
+            self._pointer = self._library.fm_announcer_start(
                 watch.pointer, middleware.functions, ffi.new('void *[]', [*found, ffi.NULL]),
                 len(found))
-            if pointer == ffi.NULL:
+            if self._pointer == ffi.NULL:
+                at_work.ended(self)
                 raise Unavailable('no thread can be started')
-            self._pointer = pointer
             self._held = undo.pop_all()
-        self._middleware = middleware
 
     @property
     def failures(self) -> int:
-        """Violations that could not be published."""
+        """Violations that could not be published, until `join`."""
         return int(self._library.fm_announcer_failures(self._pointer))
 
+    def end(self) -> None:
+        """Close the watch, and wait until all is published; twice is once."""
+        self._watch.close()
+        pointer, self._pointer = self._pointer, ffi.NULL
+        if pointer != ffi.NULL:
+            self._library.fm_announcer_join(pointer)
+        at_work.ended(self)
+
     def join(self) -> None:
-        """Wait until all is published; the watch was closed before."""
-        self._library.fm_announcer_join(self._pointer)
+        """Close the watch, and wait until all is published; the publishers may go then."""
+        self.end()
         self._held.close()
 
 

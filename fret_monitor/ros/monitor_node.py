@@ -14,7 +14,6 @@
 
 """The node that watches: what it is to do comes by parameters, the work is `BundleWatch`'s."""
 
-import atexit
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from contextlib import ExitStack
@@ -68,8 +67,6 @@ class MonitorNode(LifecycleNode):
             undo.pop_all()
 
     def _begin(self) -> None:
-        # A program that ends without `destroy_node` must not take C's threads down half-way.
-        atexit.register(self._release)
         self._declared = Parameters(self, MONITOR_PARAMETERS, self._why_fixed)
         self._namesakes = Namesakes(self)
         self.create_service(Trigger, '~/reset', self._reset)
@@ -172,7 +169,8 @@ class MonitorNode(LifecycleNode):
     def _release(self) -> None:
         self._is_active = False
         while self._watches:
-            self._watches.pop().close()
+            self._watches[-1].close()  # and if that is interrupted, it is tried again
+            self._watches.pop()
 
     def _why_fixed(self) -> str:
         return ('read when the node is configured, since a step has to mean the same from the '
@@ -181,7 +179,6 @@ class MonitorNode(LifecycleNode):
     def destroy_node(self) -> None:
         """End the watches, then the node."""
         self._release()
-        atexit.unregister(self._release)
         super().destroy_node()
         # rclpy forgets it, and it would keep the node in the graph.
         self._state_machine.destroy_when_not_in_use()

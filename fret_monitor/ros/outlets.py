@@ -21,6 +21,7 @@ it otherwise, and the one that publishes details while somebody listens.
 
 from threading import Event, Thread
 
+from fret_monitor.ros import at_work
 from fret_monitor.ros.details import Details
 from fret_monitor.ros.handlers import Handlers
 from fret_monitor.runtime import Violation, ViolationDetail, Watch
@@ -38,11 +39,15 @@ class HandlerOutlet:
         self._handlers = handlers
         self.failures = 0
         self._thread = Thread(target=self._run, name='handlers', daemon=True)
+        at_work.begin(self)
         self._thread.start()
 
-    def join(self) -> None:
-        """Wait until all is published; the watch was closed before."""
-        self._thread.join()
+    def end(self) -> None:
+        """Close the watch, and wait until all is published."""
+        self._watch.close()
+        if self._thread.is_alive():
+            self._thread.join()
+        at_work.ended(self)
 
     def _run(self) -> None:
         while violations := self._next():
@@ -69,13 +74,17 @@ class DetailOutlet:
         self._details = details
         self._is_over = Event()
         self._thread = Thread(target=self._run, name='details', daemon=True)
+        at_work.begin(self)
         self._thread.start()
 
-    def join(self) -> None:
-        """Wait until all is published; the watch was closed before."""
+    def end(self) -> None:
+        """Close the watch, and wait until all is published."""
+        self._watch.close()
         self._is_over.set()
         self._details.listening.set()
-        self._thread.join()
+        if self._thread.is_alive():
+            self._thread.join()
+        at_work.ended(self)
 
     def _run(self) -> None:
         while not self._is_over.is_set():

@@ -222,6 +222,10 @@ class Watch:
             size = found
         return None
 
+    def missed(self, topic: int) -> int:
+        """Return how many messages of a topic were sent and never came (`watch.h`)."""
+        return int(self._library.fm_watch_missed(self.pointer, topic))
+
     @property
     def lost(self) -> int:
         """Violations that were lost since nobody took them."""

@@ -1,0 +1,120 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Signals at the worst of times: while threads are started, and while they are waited for."""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+from time import monotonic
+from time import sleep
+
+import pytest
+from ros.harness import NodeProcess
+from ros.harness import PATIENCE
+from ros.harness import started
+
+BUNDLE = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+requirements:
+  - {id: R, ptltl: "x < 1.0"}
+"""
+
+# Interrupts `destroy_node` where it waits for the feed's thread, and goes on publishing.
+PROGRAM = """
+import gc, signal, threading
+import rclpy
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_msgs.msg import Float32
+from fret_monitor.ros import MonitorNode
+
+rclpy.init()
+signal.signal(signal.SIGINT, signal.default_int_handler)
+user = Node('user')
+publisher = user.create_publisher(Float32, 'x', 10)
+join = threading.Thread.join
+
+def interrupted(self, *arguments):
+    if self.name == {thread!r}:
+        threading.Thread.join = join
+        signal.raise_signal(signal.SIGINT)
+    return join(self, *arguments)
+
+def watch():
+    node = MonitorNode(parameter_overrides=[Parameter('spec', value={bundle!r})])
+    while not publisher.get_subscription_count():
+        pass
+    for _ in range(100):
+        publisher.publish(Float32(data=2.0))
+    threading.Thread.join = interrupted
+    try:
+        node.destroy_node()
+    except KeyboardInterrupt:
+        print('interrupted', flush=True)
+
+watch()
+gc.collect()
+for _ in range(5000):
+    publisher.publish(Float32(data=2.0))
+print('still here', flush=True)
+"""
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> Path:
+    path = tmp_path / 'bundle.yaml'
+    path.write_text(BUNDLE, encoding='utf-8')
+    return path
+
+
+def threads(node: NodeProcess) -> int:
+    try:
+        return len(os.listdir(f'/proc/{node.process.pid}/task'))
+    except FileNotFoundError:
+        return 0
+
+
+@pytest.mark.skipif(not Path('/proc/self/task').is_dir(), reason='needs /proc')
+@pytest.mark.usefixtures('domain')
+def test_a_signal_while_the_threads_start_ends_the_node(bundle: Path) -> None:
+    arguments = ('-p', f'spec:={bundle}', '-p', 'hot_path:=on')
+    with started('monitor', *arguments) as node:
+        sleep(0.5)  # the middleware's threads too
+        running = threads(node)
+    for before in (3, 2, 2, 2, 1, 1):
+        node = NodeProcess('monitor', *arguments)
+        try:
+            end = monotonic() + PATIENCE
+            while threads(node) < running - before and node.process.poll() is None:
+                assert monotonic() < end, node.output
+            assert node.end(signal.SIGTERM) == 0, node.output
+        finally:
+            node.kill()
+
+
+@pytest.mark.usefixtures('domain')
+@pytest.mark.parametrize('thread', ['feed', 'details'])
+def test_an_interrupted_end_leaves_nothing_that_crashes(bundle: Path, thread: str) -> None:
+    program = PROGRAM.format(bundle=str(bundle), thread=thread)
+    done = subprocess.run(
+        [sys.executable, '-c', program], text=True, stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT, check=False, timeout=60)
+    assert done.returncode == 0, done.stdout
+    assert 'interrupted' in done.stdout
+    assert 'still here' in done.stdout
