@@ -51,6 +51,7 @@ LEVELS = {
     'fret_monitor.ros': 8,
     'fret_monitor.bag': 8,
     'fret_monitor.cli': 8,
+    'fret_monitor.__main__': 9,
 }
 FACES = {name for name, level in LEVELS.items() if level == 8}
 LEAN = {'fret_monitor.native', 'fret_monitor.runtime'}

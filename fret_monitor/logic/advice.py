@@ -57,6 +57,18 @@ def advise(sentence: Sentence, bundle: Bundle, report: Report) -> Iterator[Diagn
             'write report: onset to hear of it once, or say by when: within 10 ticks')
 
 
+def advise_alone(sentence: Sentence) -> Iterator[Diagnostic]:
+    """Yield the warnings about a sentence that no bundle says the period for."""
+    yield from sentence.remarks
+    duration = sentence.timing.duration if sentence.timing else None
+    if duration is not None and duration.unit in SECONDS:
+        yield _warning(
+            f"'{duration.number} {duration.unit.value}' counts {duration.number} steps",
+            duration.span, 'a sentence alone has no period',
+            f'write {duration.number} ticks; or, for time, put it into a bundle with '
+            'policy: periodic and a period')
+
+
 def _about_time(sentence: Sentence, duration: Duration, bundle: Bundle) -> Iterator[Diagnostic]:
     written = f'{duration.number} {duration.unit.value}'
     count = next(_counts(sentence), None)

@@ -15,6 +15,7 @@
 
 """Durations of FRETish sentences to steps, in exact arithmetic."""
 
+from collections.abc import Callable
 from collections.abc import Iterator
 from fractions import Fraction
 from typing import Final
@@ -74,12 +75,28 @@ def _number(duration: Duration) -> Literal:
 
 
 def _refuse_period(duration: Duration, seconds: Fraction, period: Fraction) -> None:
-    near = [decimal(item) for item in _fitting(seconds, period)]
+    periods, rates = _fitting_key(seconds, period)
     refuse('this duration is no whole number of steps', duration.span,
            f'{approximate(seconds)} s are {approximate(seconds / period)} periods of '
            f'{approximate(period)} s',
-           f"it would be with period: {' or '.join(near)}" if near else
-           'take a period that divides it')
+           'it would be with ' + periods + (f' ({rates})' if periods and rates else rates)
+           if periods or rates else 'take a period that divides it')
+
+
+def _fitting_key(seconds: Fraction, period: Fraction) -> tuple[str, str]:
+    """
+    Return the `period` and the `rate` that would divide a time, as a bundle has them.
+
+    Either is empty where it cannot be written in decimals. Of a period that is none it follows
+    that the bundle has a rate.
+    """
+    if not _is_decimal(period):
+        rates = [decimal(item) for item in _fitting(seconds, period, lambda item: 1 / item)]
+        return '', f"rate: {' or '.join(rates)}" if rates else ''
+    near = list(_fitting(seconds, period, lambda item: item))
+    rates = [decimal(1 / item) for item in near] if all(_is_decimal(1 / p) for p in near) else []
+    return (f"period: {' or '.join(map(decimal, near))}" if near else '',
+            f"rate: {' or '.join(rates)}" if rates else '')
 
 
 def steps_help(number: str, unit: Unit, policy: Policy, period: Fraction | None) -> str:
@@ -95,11 +112,12 @@ def steps_help(number: str, unit: Unit, policy: Policy, period: Fraction | None)
     return f'{shown}: write {int(steps)} or {int(steps) + 1}'
 
 
-def _fitting(seconds: Fraction, period: Fraction) -> Iterator[Fraction]:
-    """Yield the next shorter and the next longer period that divide a time and are decimal."""
+def _fitting(seconds: Fraction, period: Fraction,
+             written: Callable[[Fraction], Fraction]) -> Iterator[Fraction]:
+    """Yield the next shorter and the next longer period that divide a time, if decimal."""
     steps = int(seconds / period)
     for tried in (range(steps + 1, steps + _TRIED), range(steps, max(0, steps - _TRIED), -1)):
-        found = next((seconds / n for n in tried if _is_decimal(seconds / n)), None)
+        found = next((item for n in tried if _is_decimal(item := written(seconds / n))), None)
         if found is not None:
             yield found
 

@@ -78,11 +78,13 @@ from fret_monitor.syntax.expression import Equations
 from fret_monitor.syntax.expression import Expression
 from fret_monitor.syntax.expression import Name
 from fret_monitor.syntax.message import find_message as find_installed
+from fret_monitor.syntax.quoted_text import QuotedText
 from fret_monitor.syntax.sentence import Component
 from fret_monitor.syntax.sentence import Sentence
 from fret_monitor.syntax.sentence import Unit
 
 _MANY = 8
+_MEANT = 3
 _Trees: TypeAlias = Mapping[str, Expression | Equations | None]
 
 __all__ = ['Scope', 'elaborate', 'scope_of', 'specify']
@@ -264,7 +266,7 @@ class _Reading:
         try:
             tree = read_formula(item.language, item.text)
         except CompileError as error:
-            self.problems.extend(map(self._with_steps, error.diagnostics))
+            self.problems.extend(map(self._with_help, error.diagnostics))
             return Term(Broken(), item.text.span)
         if not isinstance(tree, Sentence):
             return self._term(item.language, item.text, tree, item.id.value)
@@ -287,15 +289,19 @@ class _Reading:
         try:
             return read_expression(language, text)
         except CompileError as error:
-            self.problems.extend(map(self._with_steps, error.diagnostics))
+            self.problems.extend(map(self._with_help, error.diagnostics))
             return None
 
-    def _with_steps(self, found: Diagnostic) -> Diagnostic:
-        """Say of a bound that has a unit of time how many steps that is."""
-        if not isinstance(found, TimedBound) or found.unit not in SECONDS:
-            return found
-        return replace(found, help=steps_help(found.number, found.unit, self._bundle.policy,
-                                              self._bundle.period))
+    def _with_help(self, found: Diagnostic) -> Diagnostic:
+        """Say how many steps a bound with a unit of time is, and what a text in quotes is."""
+        if isinstance(found, TimedBound) and found.unit in SECONDS:
+            return replace(found, help=steps_help(found.number, found.unit, self._bundle.policy,
+                                                  self._bundle.period))
+        if isinstance(found, QuotedText):
+            meant = [f'{name} = {value}' for name, vocabulary in self._scope.vocabularies.items()
+                     for value, of in vocabulary.values if found.text in (value, str(of))]
+            return replace(found, help=f"write {' or '.join(meant[:_MEANT])}") if meant else found
+        return found
 
     def _term(self, language: Language, text: Text, tree: Expression | Equations | None,
               owner: str) -> Term:

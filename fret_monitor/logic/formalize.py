@@ -28,6 +28,7 @@ from fret_monitor.diagnostics import Diagnostic
 from fret_monitor.diagnostics import Problems
 from fret_monitor.diagnostics import refuse
 from fret_monitor.diagnostics import Text
+from fret_monitor.logic.advice import advise_alone
 from fret_monitor.logic.elaborator import gives_truth
 from fret_monitor.logic.formula import Variable
 from fret_monitor.logic.fretish import sentence_term
@@ -73,7 +74,7 @@ def formalize(text: Text, language: Literal['smv', 'cocospec'] = 'smv',
     if shown.endswith(' ...'):
         refuse('the formula is too long to be shown', sentence.span,
                f'more than {_LIMIT:,} characters')
-    return shown, (*sentence.remarks, *problems.warnings)
+    return shown, (*advise_alone(sentence), *problems.warnings)
 
 
 def scope_by_use(sentence: Sentence) -> Scope:

@@ -159,7 +159,10 @@ def truth(term: Term, operator: str) -> Formula:
 
 
 def _truth_help(term: Term) -> str:
+    written = term.span.source.text[term.span.start:term.span.end]
     match term.value:
+        case Literal() if written.isidentifier():  # a constant
+            return f'compare it with something, as in x <= {written}'
         case Literal(value, _, _) if value in (0, 1):
             return f"write {'TRUE' if value else 'FALSE'}"
         case Literal():

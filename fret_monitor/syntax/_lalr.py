@@ -45,6 +45,7 @@ from fret_monitor.syntax.precedence import Chain
 from fret_monitor.syntax.precedence import Operator
 from fret_monitor.syntax.precedence import Pending
 from fret_monitor.syntax.precedence import Precedence
+from fret_monitor.syntax.quoted_text import QuotedText
 
 END = '$END'
 OPERAND_ENDS = frozenset({'NAME', 'NUMBER', 'NEGATIVE', 'TRUE', 'FALSE', 'RPAR'})
@@ -134,6 +135,8 @@ def _lexeme(language: Language, text: Text, kind: str, start: int, end: int) -> 
         case 'QUOTED' if len(word) > 2:
             word = re.sub(r'\\(.)', r'\1', word[1:-1])
         case _:
+            if word == "'":
+                _refuse_apostrophe(text, start)
             _refuse_text(language, word, span)
     return Lexeme('NAME', word, start, end, span)
 
@@ -161,12 +164,18 @@ def _refuse_text(language: Language, word: str, span: Span) -> NoReturn:
     if word.isspace():
         refuse(f'a special space (U+{ord(word):04X}) cannot be used here', span,
                'looks like a space, and is none', 'delete it and type a space')
-    if word == "'":
-        refuse('an apostrophe cannot be used in a formula', span, 'not expected',
-               'a name of a value is written without quotes: mode = LANDED')
     shown = f"'{word}'" if word.isprintable() else f'the character U+{ord(word):04X}'
     refuse(f'{shown} cannot be used in a formula', span, 'not expected',
            language.refused.get(word, ''))
+
+
+def _refuse_apostrophe(text: Text, start: int) -> NoReturn:
+    match = re.compile(r"'([^'\n]*)'").match(text.value, start)
+    raise CompileError([QuotedText(
+        'an apostrophe cannot be used in a formula',
+        text.at(start, match.end() if match else start + 1), 'not expected',
+        'a name of a value is written without quotes: mode = LANDED',
+        text=match[1] if match else '')])
 
 
 def refuse_number(word: str, span: Span) -> NoReturn:

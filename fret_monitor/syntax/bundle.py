@@ -101,7 +101,8 @@ class InputEntry:
     """
     An input; `field` is the path as written, None where it was left out.
 
-    `damaged` are the keys whose values were refused, and 'name' where its name was.
+    `damaged` are the keys whose values were refused, and 'name' where its name was; `places` says
+    where the keys are that inputs on one topic must agree in.
     """
 
     name: Text
@@ -114,6 +115,7 @@ class InputEntry:
     timeout: Fraction | None
     stale: Stale | None
     damaged: frozenset[str] = frozenset()
+    places: tuple[tuple[str, Span], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -489,10 +491,11 @@ class _Reader:
     def _check_topic(self, item: InputEntry, topic: Text, first: InputEntry) -> None:
         for key, aspect in _TOPIC_ASPECTS:
             if key not in item.damaged | first.damaged and aspect(item) != aspect(first):
+                place = dict(item.places).get(key, topic.span)
                 self._problems.error(
-                    f"inputs on one topic must agree in '{key}'", topic.span,
-                    f'{shown(first.name.value)} in {_line_of(first.name, topic.span)} '
-                    'says otherwise')
+                    f"inputs on one topic must agree in '{key}'", place,
+                    f'{shown(first.name.value)} in {_line_of(first.name, place)} '
+                    f'says {_said(first, key)}, {shown(item.name.value)} {_said(item, key)}')
 
     def _definitions(self, shape: Shape) -> Iterator[Definition]:
         for name, node in self._named(shape, 'definitions', 'fast: speed > 2.0'):
@@ -610,6 +613,16 @@ def _qos_of(item: InputEntry) -> object:
     return sorted((key.value, value.value) for key, value in item.qos)
 
 
+def _said(item: InputEntry, key: str) -> str:
+    """Return what is written under a key of an input."""
+    place = dict(item.places).get(key)
+    if place is None:
+        return 'nothing'
+    if key == 'qos':
+        return ', '.join(f'{name.value}: {value.value}' for name, value in item.qos) or 'nothing'
+    return shown(place.source.text[place.start:place.end])[1:-1]
+
+
 _TOPIC_ASPECTS: tuple[tuple[str, Callable[[InputEntry], object]], ...] = (
     ('type', lambda item: item.type.value if item.type else None),
     ('qos', _qos_of),
@@ -671,7 +684,11 @@ def _input(name: _Name, mapping: Mapping, problems: Problems) -> InputEntry:
     for key, found in faults.items():
         problems.extend(found.errors)
         damaged.update([key] if found.errors or isinstance(shape.node(key), Unread) else ())
-    return replace(entry, damaged=frozenset(damaged | _check_input(entry, shape, problems)))
+    damaged |= _check_input(entry, shape, problems)
+    places = tuple((key, node.span if isinstance(node, Scalar) else written.span)
+                   for key, _ in _TOPIC_ASPECTS
+                   if (node := shape.node(key)) and (written := shape.key(key)))
+    return replace(entry, damaged=frozenset(damaged), places=places)
 
 
 def _checked(shape: Shape, key: str, find_fault: Callable[[str], Fault | None],

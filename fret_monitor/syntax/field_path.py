@@ -300,9 +300,9 @@ def _refuse_field(layout: MessageLayout, match: re.Match[str], path_text: Text,
                   place: Span) -> NoReturn:
     name = match['name']
     names = [item.name for item in layout.fields]
-    deeper = [path for path in _leaf_paths(layout) if path.split('.')[-1] == name]
-    before, after = path_text.value[:match.start()], path_text.value[match.end():]
-    if deeper and not after:
+    before, wanted = path_text.value[:match.start()], path_text.value[match.start():]
+    deeper = [path for path in _leaf_paths(layout) if path.endswith(f'.{wanted}')]
+    if deeper:
         refuse(f"{layout.name} has no field '{name}'", place, 'it stands deeper',
                f'field: {before}{deeper[0]}')
     constant = any(item.name == name for item in layout.constants)

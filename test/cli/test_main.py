@@ -91,6 +91,29 @@ def test_without_a_verb_the_verbs_are_told(here: Here) -> None:
     assert done.err.endswith('error: a verb is missing\n')
 
 
+def test_the_package_is_the_command_line() -> None:
+    asked = [sys.executable, '-m', 'fret_monitor', 'formalize', 'the sw shall always satisfy p']
+    done = subprocess.run(asked, env=environment(), capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, 'H p\n', '')
+    done = subprocess.run(asked[:-1], env=environment(), capture_output=True, text=True,
+                          check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith('usage: fret-monitor formalize')
+
+
+def test_formalize_tells_that_a_time_counts_steps(here: Here) -> None:
+    done = here.run('formalize', 'the sw shall within 2 seconds satisfy p')
+    assert (done.status, done.out) == (0, here.run(
+        'formalize', 'the sw shall within 2 ticks satisfy p').out)
+    assert done.err.splitlines() == [
+        "<sentence>:1:21: warning: '2 seconds' counts 2 steps",
+        ' 1 | the sw shall within 2 seconds satisfy p',
+        '   |                     ^^^^^^^^^ a sentence alone has no period',
+        '    = help: write 2 ticks; or, for time, put it into a bundle with policy: periodic and '
+        'a period']
+    assert here.run('formalize', 'the sw shall within 2 ticks satisfy p').err == ''
+
+
 @pytest.mark.parametrize('words', [('--help',), *((verb, '--help') for verb in VERBS)])
 def test_help_is_given(here: Here, words: tuple[str, ...]) -> None:
     done = here.run(*words)

@@ -57,6 +57,7 @@ DEFINITIONS = {
     'demo_msgs/msg/Scan': 'byte[4] bits\nfloat32[] ranges\nstring name',
     'demo_msgs/msg/Laser': 'Header header\nfloat32 least\nfloat32[] ranges\nfloat32[] strengths',
     'demo_msgs/msg/Path': 'Header header\ngeometry_msgs/Pose[] poses',
+    'demo_msgs/msg/Placed': 'Header header\ngeometry_msgs/Pose pose',
     'demo_msgs/msg/Area': 'geometry_msgs/Point[] points',
     'demo_msgs/msg/Joints': 'Header header\nstring[] name\nfloat64[] position',
     'demo_msgs/msg/Lost': 'gone_msgs/Gone gone\nint8 x',
