@@ -17,8 +17,8 @@
 //
 //   fret-monitor compile config/quadrotor.yaml --output compiled
 //   cd compiled/src
-//   cc -std=c99 -I. ../../examples/standalone.c quadrotor_monitor.c -lm -o standalone
-//   printf '12.5,3.0\n17.0,9.5\n' | ./standalone
+//   cc -std=c99 -I. ../../examples/standalone.c quadrotor_monitor.c -lm -o ../../standalone
+//   printf '12.5,3.0\n17.0,9.5\n' | ../../standalone
 
 #include <stdio.h>
 

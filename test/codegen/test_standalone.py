@@ -60,7 +60,7 @@ def test_it_tells_the_violations_that_simulate_tells(compiled: Path) -> None:
     assert compile_it == 'fret-monitor compile config/quadrotor.yaml --output compiled'
     subprocess.run(['sh', '-ec', f'{enter}\n{build_it}\n{run_it}'], cwd=compiled, check=True)
     rows = '\n'.join(ROWS) + '\n'
-    told = subprocess.run([compiled / 'compiled' / 'src' / 'standalone'], input=rows,
+    told = subprocess.run([compiled / 'standalone'], input=rows,
                           capture_output=True, text=True, check=True).stdout
     (compiled / 'trace.csv').write_text('current_consumption,wind_speed\n' + rows)
     simulate(build(BUNDLE).monitor, compiled / 'trace.csv', compiled / 'verdicts.csv')
