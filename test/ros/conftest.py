@@ -30,7 +30,7 @@ except ImportError:
 
 
 # Their monitors take the messages in C, and then in Python: both ways pass the same tests.
-BOTH_WAYS = {'test_monitor_node', 'test_silence', 'test_lifecycle', 'test_shutdown'}
+BOTH_WAYS = {'test_monitor_node', 'test_shutdown'}
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
