@@ -248,5 +248,5 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def pip_install(*packages: str) -> str:
-    """Return the command that installs packages for this very Python, whatever `pip` belongs to."""
+    """Return the command that installs packages for this very Python."""
     return shlex.join([sys.executable, '-m', 'pip', 'install', *packages])

@@ -16,6 +16,7 @@
 
 from collections.abc import Iterable
 from collections.abc import Iterator
+from collections.abc import Mapping
 from collections.abc import Sequence
 from contextlib import suppress
 import csv
@@ -27,6 +28,7 @@ from pathlib import Path
 from fret_monitor.diagnostics import CompileError
 from fret_monitor.diagnostics import counted
 from fret_monitor.diagnostics import Diagnostic
+from fret_monitor.diagnostics import did_you_mean
 from fret_monitor.diagnostics import Level
 from fret_monitor.diagnostics import Problems
 from fret_monitor.diagnostics import refuse
@@ -34,11 +36,13 @@ from fret_monitor.diagnostics import Source
 from fret_monitor.importing.compare import Difference
 from fret_monitor.importing.compare import differences
 from fret_monitor.importing.component import Component
+from fret_monitor.importing.component import key_of
 from fret_monitor.importing.draft import Draft
 from fret_monitor.importing.draft import draft
 from fret_monitor.importing.emit import emit
 from fret_monitor.importing.files import choose
 from fret_monitor.importing.files import read_files
+from fret_monitor.importing.topics import Connection
 from fret_monitor.logic.evaluate import Value
 from fret_monitor.syntax.bundle import handler_name
 from fret_monitor.syntax.bundle import parse_bundle
@@ -94,6 +98,8 @@ def import_bundles(paths: Sequence[Path], output: Path, component: str | None = 
         raise CompileError([told for _, reason in failed for told in reason.diagnostics])
     for item, reason in failed:
         problems.extend(_not_made(item, reason))
+    if len(found) == len(files.components):  # of the others it is not known what they have
+        problems.extend(_unknown(files.connections, found))
     warnings = (*problems.warnings, *found[0].warnings)
     return [replace(found[0], warnings=warnings), *found[1:]]
 
@@ -116,6 +122,17 @@ def _not_made(component: Component, error: CompileError) -> Iterator[Diagnostic]
     yield _unnamed(component) if not component.name else Diagnostic(
         f"no bundle of '{component.full_name}': none of its requirements can be monitored: "
         f'{_ids(component)}', level=Level.WARNING)
+
+
+def _unknown(connections: Mapping[str, Connection],
+             found: Iterable[Imported]) -> Iterator[Diagnostic]:
+    """Tell the names in lists that no component has."""
+    names = {key_of(name): name for item in found
+             for name in (*(one.name for one in item.draft.inputs), *item.draft.unused)}
+    for key, item in connections.items():
+        if item.place is not None and key not in names:
+            yield Diagnostic(f'no input is called {shown(item.name)}', item.place,
+                             help=did_you_mean(item.name, names.values()), level=Level.WARNING)
 
 
 def _unnamed(component: Component) -> Diagnostic:

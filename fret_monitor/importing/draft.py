@@ -329,7 +329,8 @@ class _Drafter:
                      for item in missing]
             self._todo.append('\n'.join([f'no file says on what topic {_these(missing)}; write it '
                                          'in the place of the type:', *lines]))
-        guessed = [item for item in inputs if key_of(item.name) in self._guessed]
+        guessed = [item for item in inputs if key_of(item.name) in self._guessed
+                   and not self._is_typed(self._connection(item.name))]
         if guessed:
             self._todo.append('no file declares, and the type is a guess: ' + ', '.join(
                 f'{item.name} ({item.signal.type.value})' for item in guessed))
@@ -337,6 +338,10 @@ class _Drafter:
             if item.topic and self._connection(item.name).message_type is None:
                 self._todo.append(
                     f"the message type of {item.topic} ('{item.name}') is a guess: {item.type}")
+
+    @staticmethod
+    def _is_typed(link: Connection) -> bool:
+        return link.message_type is not None or plain_type(link.type) is not None
 
     # Meanings
 

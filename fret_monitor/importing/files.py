@@ -134,7 +134,8 @@ def _connect(item: Connection, connections: dict[str, Connection], file: str,
     else:
         connections[key] = Connection(
             known.name, known.topic or item.topic, known.message_type or item.message_type,
-            known.field or item.field, known.type or item.type, known.note or item.note)
+            known.field or item.field, known.type or item.type, known.note or item.note,
+            known.place or item.place)
 
 
 # What several files say of one component.

@@ -21,6 +21,8 @@ known, message type and field.
 """
 
 from dataclasses import dataclass
+from dataclasses import field as attribute
+from dataclasses import replace
 import re
 
 from fret_monitor.diagnostics import Problems
@@ -47,7 +49,7 @@ class Connection:
     What feeds an input; None where it is not known.
 
     `type` is what the database says of the input itself, in C's words; `message_type` the ROS
-    type of the topic. `note` says why there is no topic.
+    type of the topic. `note` says why there is no topic, `place` where a list has it.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Connection:
     field: str | None = None
     type: str = ''
     note: str = ''
+    place: Span | None = attribute(default=None, compare=False)
 
 
 def is_database(value: object) -> bool:
@@ -138,6 +141,6 @@ def read_list(source: Source, file: str, problems: Problems) -> list[Connection]
             name, topic, kind, field = (words + [''] * _MOST_COLUMNS)[:_MOST_COLUMNS]
             item = Connection(name, topic or None, _message_type(kind) or None, field or None)
             place = Span(source, start, start + max(len(whole.rstrip()), 1))
-            found.append(_usable(item, file, problems, place))
+            found.append(replace(_usable(item, file, problems, place), place=place))
         start += len(whole) + 1
     return found

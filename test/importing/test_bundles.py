@@ -132,6 +132,26 @@ def test_a_list_gives_topics_and_a_guess_of_their_types(tmp_path: Path) -> None:
     meaning(found)
 
 
+def test_a_type_that_a_file_gives_is_no_guess(tmp_path: Path) -> None:
+    rover = [requirement('R-1', 'the rover shall always satisfy speed <= 2.0')]
+    found = imported(tmp_path, rover_json=rover, list_txt='speed speed std_msgs/msg/Float64\n')
+    assert found.draft.todo == ()
+    found = imported(tmp_path, rover_json=rover, list_txt='speed speed\n')
+    assert [item.partition(':')[0] for item in found.draft.todo] == [
+        'no file declares, and the type is a guess',
+        "the message type of speed ('speed') is a guess"]
+
+
+def test_a_name_in_a_list_that_nobody_has_is_told_with_its_line(tmp_path: Path) -> None:
+    listed = 'speed /wheels/speed\nsped foo\n'
+    found = imported(tmp_path, spec_json=SPECIFICATION, signals_txt=listed)
+    [warning] = found.warnings
+    assert warning.title == "no input is called 'sped'"
+    assert warning.help == "did you mean 'speed'?"
+    assert warning.span is not None
+    assert (warning.span.source.name, warning.span.line) == (str(tmp_path / 'signals.txt'), 2)
+
+
 def test_a_message_with_several_fields_is_to_be_looked_at(tmp_path: Path) -> None:
     listed = 'speed /battery sensor_msgs/msg/BatteryState\n'
     found = imported(tmp_path, spec_json=SPECIFICATION, signals_txt=listed)
