@@ -19,6 +19,8 @@ A requirement of a bundle is kept by what is right, and not by a fault.
 """
 
 from collections.abc import Callable
+from math import inf
+from math import nan
 import os
 from pathlib import Path
 import re
@@ -89,13 +91,14 @@ class Base(Robot):
     def __init__(self, partner: Partner) -> None:
         super().__init__(partner)
         self.speed, self.turning, self.nearest, self.commanded = 0.3, 0.0, 2.0, 0.3
+        self.ranges: list[float] | None = None
         scan = partner.publisher(sensor_msgs.LaserScan, 'scan')
         odometry = partner.publisher(nav_msgs.Odometry, 'odom')
         commands = partner.publisher(geometry_msgs.Twist, 'cmd_vel')
         self.publishers = (scan, odometry, commands)
         self.says = [
             lambda: scan.publish(sensor_msgs.LaserScan(
-                ranges=[5.0, self.nearest, float('inf')])),
+                ranges=self.ranges or [5.0, self.nearest, inf])),
             lambda: odometry.publish(self._odometry()),
             lambda: commands.publish(geometry_msgs.Twist(
                 linear=geometry_msgs.Vector3(x=0.0, y=self.commanded, z=0.0)))]
@@ -154,6 +157,18 @@ def test_a_mobile_base_that_goes_blind_violates_what_is_said_of_its_scan(
         base.until('BASE_002')
 
 
+def test_a_mobile_base_whose_scans_are_of_nothing_but_nan_is_blocked(partner: Partner) -> None:
+    with started('monitor', '-p', f'spec:={CONFIG / "mobile_base.yaml"}'):
+        partner.listen('BASE_001', 'BASE_002', 'BASE_003', 'BASE_004')
+        base = Base(partner)
+        partner.wait_for_listener(*base.publishers)
+        base.go_on(1.0)
+        base.ranges = [5.0, nan, nan]
+        base.keeps(2.0)
+        base.ranges = [nan] * 3
+        base.until('BASE_002')
+
+
 class Arm(Robot):
     """An arm of six joints."""
 
@@ -190,6 +205,8 @@ def test_an_arm_is_watched(partner: Partner) -> None:
         arm.position[2] = -2.8
         arm.until('ARM_001')
         afresh().velocity[5] = -3.5
+        arm.until('ARM_002')
+        afresh().velocity[1] = nan
         arm.until('ARM_002')
         # Comes to rest in time, and moves while the button is still pressed
         afresh().velocity[0] = 0.5
