@@ -15,8 +15,13 @@
 """A node as a process: from the command line to the exit status, without a traceback."""
 
 from collections.abc import Callable
+from collections.abc import Iterator
+from pathlib import Path
 import sys
+from textwrap import fill
 
+from fret_monitor.ros.parameters import LOGGER_PARAMETERS
+from fret_monitor.ros.parameters import MONITOR_PARAMETERS
 from fret_monitor.ros.parameters import Refusal
 from fret_monitor.ros.signals import StopRequest
 
@@ -29,11 +34,13 @@ from rclpy.utilities import remove_ros_args
 
 # Python sees a signal only between two calls into C, so none of them may last longer.
 _SPIN = 0.2  # s
+_WIDTH = 80
 
 _USAGE = """\
-usage: ros2 run fret_monitor {name} --ros-args -p spec:=BUNDLE.yaml
-       ros2 run fret_monitor {name} --ros-args -p library:=FOLDER   (what `compile` wrote)
+usage: {command} --ros-args -p spec:=BUNDLE.yaml
+       {command} --ros-args -p library:=FOLDER   (what `compile` wrote)
 """
+_PARAMETERS = {'monitor': MONITOR_PARAMETERS, 'logger': LOGGER_PARAMETERS}
 
 
 def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:
@@ -44,17 +51,25 @@ def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:
     standard error.
     """
     try:
+        logging.basicConfig(format='warning: %(message)s')  # nothing else is logged by Python
         own = remove_ros_args(sys.argv)[1:]
         if own:
             return _tell_usage(name, own[0])
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         return _run(make_node, stop)
     except _rclpy.UnknownROSArgsError as error:
-        print(f'error: unknown ROS arguments {error}', file=sys.stderr)
+        print(f'error: unknown ROS arguments {error}{_no_flag(str(error))}', file=sys.stderr)
         return 1
     except _rclpy.RCLInvalidROSArgsError as error:
         reason = str(error).partition(', at ')[0]
-        print(f'error: {reason}\n{_USAGE.format(name=name)}', end='', file=sys.stderr)
+        print(f'error: {reason}\n{_usage(name)}', end='', file=sys.stderr)
+        return 1
+    except _rclpy.RCLError as error:
+        if 'initialize logging' not in str(error):
+            raise
+        reason = str(error).partition(', at ')[0]
+        print('error: ROS cannot make its folder of logs: set HOME, or ROS_LOG_DIR to a folder '
+              f'that can be written ({reason})', file=sys.stderr)
         return 1
     except Refusal as refusal:
         print(refusal, file=sys.stderr)
@@ -64,10 +79,32 @@ def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:
         stop.end()
 
 
+def _usage(name: str) -> str:
+    """Return how this process is started, by the command that has started it."""
+    script = Path(sys.argv[0])
+    is_by_path = script.name == name and script.parent.parts[-2:] != ('lib', 'fret_monitor')
+    return _USAGE.format(command=script if is_by_path else f'ros2 run fret_monitor {name}')
+
+
+def _described(name: str) -> Iterator[str]:
+    """Yield the lines that tell the parameters of a node."""
+    parameters = _PARAMETERS[name]
+    width = max(map(len, parameters)) + 4
+    for key, item in parameters.items():
+        yield fill(item.description, _WIDTH, initial_indent=f'  {key}:='.ljust(width + 2),
+                   subsequent_indent=' ' * (width + 2))
+
+
+def _no_flag(unknown: str) -> str:
+    """Return what to write for an assignment among arguments that ROS does not know."""
+    found = next((item for item in sys.argv if ':=' in item and repr(item) in unknown), None)
+    return f': a parameter has -p before it: -p {shlex.quote(found)}' if found else ''
+
+
 def _tell_usage(name: str, argument: str) -> int:
-    usage = _USAGE.format(name=name)
+    usage = _usage(name)
     if argument in ('-h', '--help'):
-        print(usage, end='')
+        print(usage, 'parameters, each behind a -p of its own:', *_described(name), sep='\n')
         return 0
     print(f"error: unexpected argument '{argument}'\n{usage}", end='', file=sys.stderr)
     return 1

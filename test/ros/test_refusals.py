@@ -202,7 +202,7 @@ def test_the_logger_refuses_what_the_monitor_does(context: Context, tmp_path: Pa
 @pytest.mark.parametrize(('arguments', 'told'), [
     (['-p', 'spec:=no.yaml'], 'error: '),
     (['-p', 'spec'], "error: Failed to parse ROS arguments: Couldn't parse parameter"),
-    (['--', 'bundle.yaml'], "error: unexpected argument 'bundle.yaml'\nusage: ros2 run"),
+    (['--', 'bundle.yaml'], "error: unexpected argument 'bundle.yaml'\nusage: "),
     (['--sepc'], "error: unknown ROS arguments ['--sepc']"),
 ])
 def test_a_process_that_refuses_ends_with_status_one_and_a_clear_word(

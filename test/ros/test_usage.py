@@ -1,0 +1,47 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the nodes say of themselves on the command line."""
+
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import fret_monitor
+from fret_monitor.ros.parameters import LOGGER_PARAMETERS
+from fret_monitor.ros.parameters import MONITOR_PARAMETERS
+import pytest
+
+SCRIPT = 'import sys; from fret_monitor.ros.{name} import main; sys.exit(main())'
+
+
+@pytest.mark.parametrize(('name', 'parameters'), [
+    ('monitor', MONITOR_PARAMETERS), ('logger', LOGGER_PARAMETERS)])
+@pytest.mark.parametrize('folder', ['bin', 'lib/fret_monitor'])
+def test_help_names_the_command_that_was_used_and_all_parameters(
+        name: str, parameters: dict[str, object], folder: str, tmp_path: Path) -> None:
+    script = tmp_path / folder / name
+    script.parent.mkdir(parents=True)
+    script.write_text(SCRIPT.format(name=name), encoding='utf-8')
+    package = str(Path(fret_monitor.__file__).resolve().parent.parent)
+    done = subprocess.run([sys.executable, script, '--help'], text=True, capture_output=True,
+                          env={**os.environ, 'PYTHONPATH': os.pathsep.join(
+                              [package, os.environ.get('PYTHONPATH', '')])}, check=False)
+    command = script if folder == 'bin' else f'ros2 run fret_monitor {name}'
+    assert (done.returncode, done.stderr) == (0, '')
+    assert done.stdout.startswith(f'usage: {command} --ros-args -p spec:=BUNDLE.yaml\n')
+    told = [line.split(':=')[0].strip() for line in done.stdout.partition('parameters')[2]
+            .splitlines() if line.startswith('  ') and line[2] != ' ']
+    assert told == list(parameters)
