@@ -16,7 +16,9 @@
 
 from collections.abc import Callable
 from collections.abc import Iterator
+import logging
 from pathlib import Path
+import shlex
 import sys
 from textwrap import fill
 
