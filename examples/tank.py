@@ -15,7 +15,8 @@
 """
 A monitor in one's own program: a tank that closes its valve when its requirement is violated.
 
-    python3 tank.py
+    python3 tank.py                         in a workspace, once it is sourced
+    .venv/bin/python examples/tank.py       after `make setup`, without ROS
 
 `MonitorNode` is a node like any other. It shares a process and an executor with the tank here,
 and takes its messages without either: what violates is announced while the executor is busy, too.
