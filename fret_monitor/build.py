@@ -144,7 +144,9 @@ def _with_policy(bundle: Bundle, policy: Policy | None, period: Fraction | None,
         problems.error('the policy periodic needs a period',
                        help='give a period (seconds) or a rate (Hz)')
     if policy is not Policy.PERIODIC and period is not None:
-        problems.error(f'a period goes with the policy periodic, not with {policy.value}')
+        problems.error(
+            f'a period or a rate goes with the policy periodic, not with {policy.value}',
+            help='policy: periodic; as a parameter of the node, -p policy:=periodic')
     return replace(bundle, policy=policy, period=period)
 
 

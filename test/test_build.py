@@ -378,7 +378,7 @@ def test_policy_and_period_stand_in_for_those_of_the_bundle(pump: Path) -> None:
     assert manifest(policy=Policy.ALL_INPUTS).bundle_hash != manifest().bundle_hash
     with pytest.raises(CompileError, match='the policy periodic needs a period'):
         manifest(policy=Policy.PERIODIC)
-    with pytest.raises(CompileError, match='a period goes with the policy periodic'):
+    with pytest.raises(CompileError, match='a period or a rate goes with the policy'):
         manifest(period=Fraction(1))
 
 

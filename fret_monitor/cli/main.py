@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from collections.abc import Sequence
 from contextlib import contextmanager
 from io import TextIOWrapper
+import logging
 import os
 import signal
 import sys
@@ -70,6 +71,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         return 2
     if isinstance(sys.stdout, TextIOWrapper):  # names need not be what a terminal can show
         sys.stdout.reconfigure(errors='backslashreplace')
+    logging.basicConfig(format='warning: %(message)s')
     try:
         status: int = options.run(options)
         print(end='', flush=True)

@@ -108,6 +108,15 @@ def build_library(
     return build.kept() or build.make()
 
 
+@cache
+def _tell_once(root: Path, reason: str) -> None:
+    """Warn of a folder that is done without: by several libraries, as a rule."""
+    _log.warning(
+        '%s cannot be written (%s): the library is built for this run only, and every start will '
+        'compile again: make it writable, make room, or set ROS_HOME to another folder',
+        root, reason)
+
+
 def is_kept(library: Path) -> bool:
     """
     Return whether a library is one that `build_library` has kept, and whole; note its use.
@@ -266,9 +275,7 @@ class _Build:
         return self._folder / self._library
 
     def _make_for_now(self, reason: str) -> Path:
-        _log.warning(
-            '%s cannot be written (%s): the library is built for this run only',
-            self._root, reason)
+        _tell_once(self._root, reason)
         try:
             folder = Path(tempfile.mkdtemp(prefix='fret_monitor-'))
             atexit.register(shutil.rmtree, folder, ignore_errors=True)

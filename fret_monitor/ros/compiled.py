@@ -22,13 +22,14 @@ compiled folder runs on robots that have none of them.
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+import os
 from pathlib import Path
 from time import monotonic, time
 
 from fret_monitor.diagnostics import CompileError, Problems
 from fret_monitor.manifest import Manifest, ManifestRequirement, Policy
 from fret_monitor.native import load, Monitor, NativeError
-from fret_monitor.native.folder import open_folder
+from fret_monitor.native.folder import MANIFEST_FILE, open_folder
 from fret_monitor.ros.parameters import Origin, Refusal, Settings
 
 
@@ -77,12 +78,33 @@ def _all[T](open_one: Callable[[Origin], T], origins: Sequence[Origin]) -> list[
     for origin in origins:
         try:
             with _told():
+                _refuse_slips(origin)
                 opened.append(open_one(origin))
         except Refusal as refusal:
             refused.append(str(refusal))
     if refused:
         raise Refusal(*refused, heading='')
     return opened
+
+
+def _refuse_slips(origin: Origin) -> None:
+    """Refuse what is there, but goes with the other parameter, and what is not there."""
+    spec, library = origin.spec, origin.library
+    if library is not None and os.path.isfile(library):
+        raise Refusal(f"'{library}' is a file, and not the folder of a compiled bundle"
+                      + (f'; for a bundle: -p spec:={library}' if spec is None else ''))
+    if spec is None:
+        return
+    if os.path.isfile(spec / MANIFEST_FILE):
+        raise Refusal(f"'{spec}' is a directory: for a compiled bundle, -p library:={spec}")
+    parts = str(spec).split(',')
+    if os.path.exists(spec):
+        return
+    if len(parts) > 1:
+        listed = ', '.join(part.strip() for part in parts)
+        raise Refusal(f"there is no file '{spec}'; for several bundles: -p spec:=\"[{listed}]\"")
+    if not spec.is_absolute():
+        raise Refusal(f"there is no file '{spec}' in {Path.cwd()}")
 
 
 def _refuse_shared_handlers(origins: Sequence[Origin], manifests: Sequence[Manifest]) -> None:

@@ -449,7 +449,14 @@ class _Topic:
             self._node.get_logger().error(
                 f'{_who(publisher)} is not heard on {self._current.topic_name}: '
                 f'it offers {qos.describe(publisher.qos_profile)}, and what is asked for, by '
-                f'`qos` or `qos_overrides`, is {qos.describe(self._current.qos_profile)}')
+                f'`qos` or `qos_overrides`, is {qos.describe(self._current.qos_profile)}'
+                f'{self._remedy(publisher)}')
+
+    def _remedy(self, publisher: TopicEndpointInfo) -> str:
+        """Return what to do about what is fixed and keeps a publisher from being heard."""
+        names = [f'`{name}`' for name in qos.misfits(
+            self._current.qos_profile, publisher.qos_profile) if name in self._fixed]
+        return f': leave {" and ".join(names)} out there' if names else ''
 
     def _tell_once(self, key: object) -> bool:
         is_news = key not in self._told

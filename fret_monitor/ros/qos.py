@@ -78,13 +78,21 @@ def wanted_profile(offers: Iterable[QoSProfile], fixed: Mapping[str, str | int])
     )
 
 
+def misfits(subscription: QoSProfile, offer: QoSProfile) -> list[str]:
+    """Return the policies in which a subscription asks for more than a publisher offers."""
+    found = []
+    if (subscription.reliability is ReliabilityPolicy.RELIABLE
+            and offer.reliability is not ReliabilityPolicy.RELIABLE):
+        found.append('reliability')
+    if (subscription.durability is DurabilityPolicy.TRANSIENT_LOCAL
+            and offer.durability is not DurabilityPolicy.TRANSIENT_LOCAL):
+        found.append('durability')
+    return found
+
+
 def hears(subscription: QoSProfile, offer: QoSProfile) -> bool:
     """Return whether a subscription gets the messages of a publisher with this offer."""
-    needs_reliable = subscription.reliability is ReliabilityPolicy.RELIABLE
-    needs_durable = subscription.durability is DurabilityPolicy.TRANSIENT_LOCAL
-    return (
-        (not needs_reliable or offer.reliability is ReliabilityPolicy.RELIABLE)
-        and (not needs_durable or offer.durability is DurabilityPolicy.TRANSIENT_LOCAL))
+    return not misfits(subscription, offer)
 
 
 def same_request(one: QoSProfile, other: QoSProfile) -> bool:

@@ -215,6 +215,7 @@ def test_a_quality_that_the_bundle_asks_for_stays_and_who_is_not_heard_is_told(
         assert (listener.numbers(0), listener.numbers(1)) == ([], list(range(1000, 1030)))
     told = capfd.readouterr().err
     assert told.count('/partner is not heard on /x: it offers best effort, volatile') == 1
+    assert 'is reliable, volatile: leave `reliability` out there\n' in told
 
 
 def test_a_publisher_of_another_type_is_told_once_with_both_types(

@@ -139,6 +139,7 @@ def test_an_override_decides_what_a_subscription_asks_for(
                  '-p', 'qos_overrides./x.subscription.depth:=3') as node:
         wait_until(lambda: x.get_subscription_count() > 0, 'the override beside the bundle')
         node.wait_for('/partner is not heard on /y: it offers reliable, volatile')
+        node.wait_for(': leave `durability` out there')
         assert y.get_subscription_count() == 0
         assert "ignored parameter 'qos_overrides./x.subscription.depth': the topic /x is not " \
             'subscribed to' in node.output

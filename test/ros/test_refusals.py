@@ -26,6 +26,7 @@ from rclpy.context import Context
 from rclpy.parameter import Parameter
 from ros.harness import NodeProcess
 from ros.harness import Partner
+from ros.harness import started
 
 BUNDLE = """
 format: 1
@@ -106,16 +107,25 @@ def test_a_period_needs_the_policy_periodic_and_that_a_period(
     context: Context, tmp_path: Path,
 ) -> None:
     bundle = str(write(tmp_path))
-    assert 'a period goes with the policy periodic' in refusal(context, spec=bundle, period=0.1)
+    for given in ({'period': 0.1}, {'rate': 10}):
+        told = refusal(context, spec=bundle, **given)
+        assert 'a period or a rate goes with the policy periodic, not with every_message' in told
+        assert '-p policy:=periodic' in told
     assert 'the policy periodic needs a period' in refusal(
         context, spec=bundle, policy='periodic')
 
 
 def test_a_bundle_that_is_not_there_is_told_by_its_name(context: Context, tmp_path: Path) -> None:
     told = refusal(context, spec='no.yaml')
-    assert told == "error: there is no file 'no.yaml'"
+    assert told == f"error: there is no file 'no.yaml' in {Path.cwd()}"
     deep = '/'.join([str(tmp_path), *['folder'] * 30, 'no.yaml'])
     assert refusal(context, spec=deep) == f"error: there is no file '{deep}'"
+
+
+def test_several_bundles_in_a_word_are_told_how_to_be_written(context: Context) -> None:
+    assert refusal(context, spec='a.yaml,b.yaml') == (
+        "error: there is no file 'a.yaml,b.yaml'; for several bundles: "
+        '-p spec:="[a.yaml, b.yaml]"')
 
 
 def test_a_wrong_bundle_is_told_as_check_tells_it(context: Context, tmp_path: Path) -> None:
@@ -158,6 +168,20 @@ def compiled(folder: Path, text: str = BUNDLE) -> str:
 
 def test_a_folder_without_a_compiled_bundle_is_told(context: Context, tmp_path: Path) -> None:
     assert 'holds no compiled bundle' in refusal(context, library=str(tmp_path))
+
+
+def test_a_bundle_and_a_compiled_one_are_told_apart(context: Context, tmp_path: Path) -> None:
+    library = compiled(tmp_path)
+    bundle = tmp_path / 'bundle.yaml'
+    assert refusal(context, spec=library) == (
+        f"error: '{library}' is a directory: for a compiled bundle, -p library:={library}")
+    assert refusal(context, library=str(bundle)) == (
+        f"error: '{bundle}' is a file, and not the folder of a compiled bundle; "
+        f'for a bundle: -p spec:={bundle}')
+    assert refusal(context, library=str(bundle), spec=str(bundle)) == (
+        f"error: '{bundle}' is a file, and not the folder of a compiled bundle")
+    assert refusal(context, spec=str(tmp_path)) == (
+        f"error: '{tmp_path}' is a directory, not a file")
 
 
 def test_a_library_of_another_bundle_is_refused(context: Context, tmp_path: Path) -> None:
@@ -203,7 +227,9 @@ def test_the_logger_refuses_what_the_monitor_does(context: Context, tmp_path: Pa
     (['-p', 'spec:=no.yaml'], 'error: '),
     (['-p', 'spec'], "error: Failed to parse ROS arguments: Couldn't parse parameter"),
     (['--', 'bundle.yaml'], "error: unexpected argument 'bundle.yaml'\nusage: "),
-    (['--sepc'], "error: unknown ROS arguments ['--sepc']"),
+    (['--sepc'], "error: unknown ROS arguments ['--sepc']\n"),
+    (['spec:=x y'], "error: unknown ROS arguments ['spec:=x y']: a parameter has -p before it: "
+                    "-p 'spec:=x y'\n"),
 ])
 def test_a_process_that_refuses_ends_with_status_one_and_a_clear_word(
     name: str, arguments: list[str], told: str, domain: int, tmp_path: Path,
@@ -215,3 +241,32 @@ def test_a_process_that_refuses_ends_with_status_one_and_a_clear_word(
         assert 'Traceback' not in node.output
     finally:
         node.kill()
+
+
+@pytest.mark.parametrize('name', ['monitor', 'logger'])
+def test_without_a_folder_of_logs_it_says_what_to_set(
+    name: str, domain: int, tmp_path: Path,
+) -> None:
+    (tmp_path / 'file').write_text('', encoding='utf-8')
+    node = NodeProcess(name, '-p', f'spec:={write(tmp_path)}', folder=tmp_path, environment={
+        'HOME': str(tmp_path / 'file'), 'ROS_HOME': '', 'ROS_LOG_DIR': ''})
+    try:
+        assert node.status() == 1
+        assert node.output.startswith(
+            'error: ROS cannot make its folder of logs: set HOME, or ROS_LOG_DIR to a folder '
+            'that can be written (failed to initialize logging: ')
+        assert 'Traceback' not in node.output
+    finally:
+        node.kill()
+
+
+def test_what_cannot_be_kept_is_told_once_with_what_to_do(domain: int, tmp_path: Path) -> None:
+    (tmp_path / 'file').write_text('', encoding='utf-8')
+    home = tmp_path / 'file' / 'ros'
+    with started('monitor', '-p', f'spec:={write(tmp_path)}', folder=tmp_path,
+                 environment={'ROS_HOME': str(home)}) as node:
+        told = [line for line in node.output.splitlines() if 'cannot be written' in line]
+        assert told == [
+            f'warning: {home}/fret_monitor cannot be written (Not a directory): the library is '
+            'built for this run only, and every start will compile again: make it writable, '
+            'make room, or set ROS_HOME to another folder']
