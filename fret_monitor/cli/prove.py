@@ -107,7 +107,9 @@ def _files(folder: Path, names: dict[str, str]) -> dict[str, str]:
     found = {}
     for name in (*names, 'fret_cells.h', 'fret_monitor.h'):
         try:
-            found[name] = (folder / name).read_text(encoding='utf-8')
+            # A carriage return by itself ends a line for Python, and not for a C compiler.
+            text = (folder / name).read_bytes().decode('utf-8')
+            found[name] = text.replace('\r\n', '\n')
         except FileNotFoundError:
             refuse(f"there is no file '{folder / name}'",
                    help='`compile BUNDLE --output DIR` writes the sources to DIR/src')

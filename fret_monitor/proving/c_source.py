@@ -103,6 +103,7 @@ LONG = Scalar('int', 64, True)
 SIZE = Scalar('int', 64)
 FLOAT = Scalar('float', 32)
 DOUBLE = Scalar('float', 64)
+_MODELLED = {'const', 'extern', 'inline', 'static', 'typedef'}
 _WORDS = {'char': 8, 'short': 16, 'int': 32, 'long': 64}
 
 
@@ -219,12 +220,16 @@ class _Reader:
         self.structs: dict[str, tuple[tuple[str, Type], ...]] = {}
         self.constants: dict[str, int] = {}
         self.types: dict[str, Type] = {}
+        self._texts: dict[str, str] = {}
 
     def read(self, tree: Any) -> None:
+        _refuse_unmodelled(tree)
         for item in tree.ext:
             match item:
                 case c_ast.Typedef():
-                    self.types[item.name] = self.type(item.type)
+                    kind = self.type(item.type)
+                    if self.types.setdefault(item.name, kind) != kind:
+                        raise Unreadable(f'{item.name} is declared twice')
                 case c_ast.FuncDef():
                     self._function(item)
                 case c_ast.Decl() if isinstance(item.type, c_ast.Struct):
@@ -242,7 +247,10 @@ class _Reader:
         declared = item.decl.type
         parameters = tuple(self._parameters(declared))
         result = None if _is_void(declared.type) else self.type(declared.type)
-        if item.decl.name in self.functions and 'static' not in item.decl.storage:
+        # Each file has its own of a static function; all have to be the same one.
+        text = shown(item)
+        if self._texts.setdefault(item.decl.name, text) != text or \
+                (item.decl.name in self.functions and 'static' not in item.decl.storage):
             raise Unreadable(f'{item.decl.name} is defined twice')
         self.functions[item.decl.name] = Function(item.decl.name, parameters, result, item.body)
 
@@ -299,10 +307,31 @@ def named_type(names: list[str], types: Mapping[str, Type]) -> Type:
     if names in (['float'], ['double']):
         return FLOAT if names == ['float'] else DOUBLE
     sizes = [_WORDS[name] for name in names if name in _WORDS]
+    if not {*names} <= {*_WORDS, 'signed', 'unsigned'}:
+        raise Unreadable(f'type {" ".join(names)}')
     if not sizes and 'unsigned' not in names:
         raise Unreadable(f'type {" ".join(names)}')
     bits = {8: 8, 16: 16}.get(min(sizes, default=32), max(sizes, default=32))
     return Scalar('int', bits, 'unsigned' not in names)
+
+
+def _refuse_unmodelled(node: Any) -> None:
+    """Refuse qualifiers, storage classes, bit-fields and alignments that change the meaning."""
+    words = [*(getattr(node, 'quals', None) or ()), *(getattr(node, 'storage', None) or ()),
+             *(getattr(node, 'funcspec', None) or ()), *(getattr(node, 'dim_quals', None) or ())]
+    is_left_open = words.count('inline') > words.count('static')  # which definition is called
+    if not {*words} <= _MODELLED or is_left_open or getattr(node, 'align', None) or \
+            getattr(node, 'bitsize', None) is not None or _may_be_signed(node):
+        raise Unreadable(f'not modelled: {shown(node)[:80]}')
+    for _, child in node.children():
+        _refuse_unmodelled(child)
+
+
+def _may_be_signed(node: Any) -> bool:
+    """Whether something is a plain `char`, signed or not as the machine likes."""
+    inner = getattr(getattr(node, 'type', None), 'type', None)
+    return isinstance(inner, c_ast.IdentifierType) and not isinstance(node, c_ast.PtrDecl) \
+        and 'char' in inner.names and not {'signed', 'unsigned'} & {*inner.names}
 
 
 def _is_void(node: Any) -> bool:

@@ -37,8 +37,8 @@ from fret_monitor.proving.verification import Verification
 
 ASSUMED = (
     'the C compiler, its flags and the machine do what C99 and IEEE 754 say: an int of 32 bits, '
-    "two's complement, float and double without excess precision, fused operations or other "
-    'rounding than to nearest; all NaNs count as one',
+    "long, size_t and pointers of 64, two's complement, float and double without excess "
+    'precision, fused operations or other rounding than to nearest; all NaNs count as one',
     "the preprocessor, pycparser, z3, and fret_monitor's own reading of C in fret_monitor/proving",
     'the caller passes state and inputs that are his own and lie apart, truth values that are 0 '
     'or 1, and resets the state before the first step',

@@ -22,18 +22,23 @@ steps it. What they say is read from the C text and compared.
 from collections.abc import Iterator
 from typing import Any
 
+from fret_monitor.program.layout import FieldKind
 from fret_monitor.program.layout import GroupLayout
+from fret_monitor.program.layout import StateField
 from fret_monitor.program.monitor_program import MonitorProgram
 from fret_monitor.proving import numbers
+from fret_monitor.proving.c_source import Array
 from fret_monitor.proving.c_source import integer
 from fret_monitor.proving.c_source import Program
 from fret_monitor.proving.c_source import Scalar
 from fret_monitor.proving.c_source import shown
 from fret_monitor.proving.c_source import Struct
+from fret_monitor.proving.c_source import Type
 from fret_monitor.proving.c_source import Unreadable
 from fret_monitor.proving.execution import sort_of
 from pycparser import c_ast
 
+_EXACT = (FieldKind.FLAG, FieldKind.NUMBER, FieldKind.FEEDBACK, FieldKind.WIRE)
 _ESCAPES = {'n': 10, 't': 9, '\\': 92, '"': 34, '?': 63}
 
 
@@ -53,7 +58,7 @@ def wrong_in_description(code: Program, program: MonitorProgram,
         return ['there is no description']
     tables = {}
     for item in function.body.block_items or ():
-        if isinstance(item, c_ast.Decl):
+        if isinstance(item, c_ast.Decl) and item.storage == ['static']:
             tables[item.name] = _value(item.init, code)
         elif not (isinstance(item, c_ast.Return) and shown(item.expr) == '&monitor'):
             raise Unreadable(f'description: {shown(item)[:80]}')
@@ -71,6 +76,27 @@ def wrong_types_of_inputs(code: Program, program: MonitorProgram, prefix: str) -
     if program.signals and len(fields) != len(program.signals):
         wrong.append(f'there are {len(fields)} fields of inputs, not {len(program.signals)}')
     return wrong
+
+
+def wrong_types_of_state(code: Program, layout: GroupLayout, tag: str) -> list[str]:
+    """Return which fields of a group's state are of another kind than what they hold."""
+    wanted = {f'{item.kind.value}_{item.number}': item for item in layout.fields}
+    return [f'{name}: {shown_type(kind)}, where `compile` has {wanted[name].type.value}'
+            for name, kind in code.structs.get(tag, ())
+            if name in wanted and not _holds(kind, wanted[name])]
+
+
+def _holds(kind: Type, wanted: StateField) -> bool:
+    if wanted.kind is FieldKind.RING:
+        return isinstance(kind, Array) and kind.item == Scalar('int', 8)
+    if wanted.kind in _EXACT:
+        return _is(kind, wanted.type)
+    return isinstance(kind, Scalar) and kind.kind == 'int' and not kind.is_signed
+
+
+def shown_type(kind: Type) -> str:
+    """Return a type as C has it, or nearly."""
+    return str(kind) if isinstance(kind, Scalar) else type(kind).__name__.lower()
 
 
 def _is(kind: Any, wanted: Any) -> bool:

@@ -288,6 +288,8 @@ class Machine:
     def _simple(self, item: Any, local: _Locals) -> None:
         match item:
             case c_ast.Decl():
+                if item.storage:
+                    raise Unreadable(f'not modelled: {shown(item)[:80]}')
                 kind = self._declared(item.type)
                 value = None if item.init is None else self._whole(item.init, local)
                 local[item.name] = (kind, None if value is None

@@ -42,6 +42,7 @@ from fret_monitor.proving.contracts import CELLS
 from fret_monitor.proving.contracts import Proof
 from fret_monitor.proving.description import wrong_in_description
 from fret_monitor.proving.description import wrong_types_of_inputs
+from fret_monitor.proving.description import wrong_types_of_state
 from fret_monitor.proving.execution import Machine
 from fret_monitor.proving.execution import Memory
 from fret_monitor.proving.execution import Path
@@ -58,6 +59,7 @@ from fret_monitor.proving.terms import Term
 
 ALL = -1  # the functions that run all groups
 ANY = -2  # likewise, with the step as the description hands it out
+_TYPES = 'a field of another kind than the program needs'
 STATIC = ('description: ', 'inputs: ')  # what no trace shows
 
 
@@ -124,6 +126,22 @@ class Subject:
         if group == ANY and verb == 'step':
             return f'{self.prefix}_step_any'
         return f'{self.prefix}_group_{group}_{verb}' if group >= 0 else f'{self.prefix}_{verb}'
+
+
+def wrong_types(subject: Subject, group: int) -> list[Proof]:
+    """
+    Return a failed proof for each field that cannot hold what it is to hold; ALL: of all groups.
+
+    How wide a counter is shows in its proof; here, that it is an unsigned number.
+    """
+    groups = range(len(subject.layouts)) if group == ALL else [group]
+    found = [f'group {number}: type of {text}' for number in groups
+             for text in wrong_types_of_state(subject.code, subject.layouts[number],
+                                              f'{subject.prefix}_group_{number}')]
+    if group != ALL:
+        found += [f'group {group}: type of inputs.{text}' for text in
+                  wrong_types_of_inputs(subject.code, subject.program, subject.prefix)]
+    return [Proof(text, Answer.UNKNOWN, 0.0, _TYPES) for text in found]
 
 
 def prove_group(subject: Subject, group: int, view: View, seconds: float) -> Outcome:

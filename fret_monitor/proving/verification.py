@@ -29,6 +29,7 @@ from fret_monitor.proving.c_source import read_program
 from fret_monitor.proving.c_source import Unreadable
 from fret_monitor.proving.contracts import Proof
 from fret_monitor.proving.contracts import prove_cells
+from fret_monitor.proving.directives import require_same_directives
 from fret_monitor.proving.exploration import explore
 from fret_monitor.proving.meaning import View
 from fret_monitor.proving.monitor import ALL
@@ -37,6 +38,7 @@ from fret_monitor.proving.monitor import prove_group
 from fret_monitor.proving.monitor import prove_whole
 from fret_monitor.proving.monitor import STATIC
 from fret_monitor.proving.monitor import Subject
+from fret_monitor.proving.monitor import wrong_types
 from fret_monitor.proving.refutation import Counterexample
 from fret_monitor.proving.refutation import find_counterexample
 from fret_monitor.proving.solver import Answer
@@ -44,6 +46,7 @@ from fret_monitor.proving.solver import Answer
 _QUICK = 0.3  # seconds that a search has before the cells are opened
 _SEARCH = 10.0  # and afterwards, at most
 _FIELDS = '_fields.c'
+_RUNTIME = ('fret_cells.h', 'fret_monitor.h')
 
 
 @dataclass(frozen=True)
@@ -102,10 +105,14 @@ def read_subject(generated: GeneratedMonitor, sources: Mapping[str, str],
         if there is no C compiler, whose preprocessor is needed.
     """
     chosen = {name: text for name, text in sources.items() if not is_reader(name)}
+    module = generated.module
+    require_same_directives({**headers, **chosen}, {
+        **{name: runtime_headers()[name] for name in _RUNTIME},
+        **dict([module.header, *module.sources])})
     code = read_program(chosen, headers)
-    symbol = generated.module.symbol
+    symbol = module.symbol
     return Subject(code, generated.program, generated.layouts,
-                   symbol.removesuffix('_monitor'), generated.module.source_hash)
+                   symbol.removesuffix('_monitor'), module.source_hash)
 
 
 def verify(generated: GeneratedMonitor, sources: Mapping[str, str] | None = None,
@@ -124,7 +131,7 @@ def verify(generated: GeneratedMonitor, sources: Mapping[str, str] | None = None
         subject = read_subject(generated, sources, headers)
     except Unreadable as error:
         return Verification((), (), None, str(error), time.perf_counter() - before)
-    runtime = tuple((name, headers[name]) for name in ('fret_cells.h', 'fret_monitor.h'))
+    runtime = tuple((name, headers[name]) for name in _RUNTIME)
     cells = cells_proved(runtime, seconds)
     groups = tuple(settle(subject, group, seconds)
                    for group in [*range(len(subject.layouts)), ALL])
@@ -140,6 +147,9 @@ def cells_proved(headers: tuple[tuple[str, str], ...], seconds: float) -> tuple[
 
 def settle(subject: Subject, group: int, seconds: float) -> Settled:
     """Prove a group, or what runs all of them, or find a trace that refutes it."""
+    wrong = wrong_types(subject, group)
+    if wrong:
+        return Settled(group, tuple(wrong), None, False)
     if group == ALL:
         outcome = prove_whole(subject, seconds)
         return _settled(subject, outcome, outcome, seconds)
