@@ -18,6 +18,7 @@ from argparse import ArgumentParser
 from collections.abc import Iterator
 from collections.abc import Sequence
 from contextlib import contextmanager
+from contextlib import suppress
 from io import TextIOWrapper
 import logging
 import os
@@ -77,6 +78,8 @@ def _main(arguments: Sequence[str] | None) -> int:
         print(end='', flush=True)
         return status
     except (CompileError, NativeError) as error:
+        with suppress(OSError):
+            sys.stdout.flush()  # what was written before comes before
         print(error if isinstance(error, CompileError) else f'error: {error}', file=sys.stderr)
         return 1
     except BrokenPipeError:

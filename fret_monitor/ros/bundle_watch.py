@@ -189,7 +189,8 @@ class BundleWatch:
         watch = self._watch
         self._follow_clock(middleware)
         if middleware is None:
-            self._running.callback(HandlerOutlet(watch, self._handlers).end)
+            outlet = HandlerOutlet(watch, self._handlers)
+            self._running.callback(outlet.end)
         else:
             announcer = Announcer(watch, middleware, self._handlers.publishers)
             self._running.callback(announcer.join)
@@ -197,7 +198,7 @@ class BundleWatch:
         feed = Feed(self._node)
         self._running.callback(feed.close)
         for index, topic in enumerate(self.manifest.topics):
-            taker: Deliver | TopicTap = self._delivery(index) if middleware is None \
+            taker: Deliver | TopicTap = self._delivery(index, outlet) if middleware is None \
                 else HotTopic(watch, middleware, index)
             feed.subscribe(topic.name, topic.message_type, self._classes[topic.message_type],
                            taker, self._overrides.apply(
@@ -247,13 +248,14 @@ class BundleWatch:
         self._keep(self._node.create_timer(
             PERIOD, follow, clock=Clock(clock_type=ClockType.STEADY_TIME)))
 
-    def _delivery(self, topic: int) -> Deliver:
+    def _delivery(self, topic: int, outlet: HandlerOutlet) -> Deliver:
         """Return the callback for a topic where Python takes the messages."""
         watch = self._watch
 
         def deliver(data: bytes, received: int, _: int) -> None:
             stamp = self._now() if self._clock.ros_time_is_active else received
             watch.message(topic, data, stamp)
+            outlet.announce_now()
 
         return deliver
 

@@ -49,12 +49,20 @@ class HandlerOutlet:
             self._thread.join()
         at_work.ended(self)
 
+    def announce_now(self) -> None:
+        """Publish in the caller's thread what may go out: who brings messages is not faster."""
+        while violations := self._watch.take(0):
+            self._announce(violations)
+
     def _run(self) -> None:
         while violations := self._next():
-            try:
-                self._handlers.announce(violations)
-            except RuntimeError:  # the context was shut down
-                self.failures += len(violations)
+            self._announce(violations)
+
+    def _announce(self, violations: list[Violation]) -> None:
+        try:
+            self._handlers.announce(violations)
+        except RuntimeError:  # the context was shut down
+            self.failures += len(violations)
 
     def _next(self) -> list[Violation]:
         """Return what is to be announced; nothing once the watch is closed and empty."""

@@ -96,7 +96,6 @@ class Watch:
         # The function alone would not keep its library open.
         self.pointer: Any = ffi.gc(pointer, partial(_destroy, self._library))
         self._origin: Any = ffi.new('struct fm_origin *')
-        self._violations = ffi.new('struct fm_violation[]', _BATCH)
         self._types = c_types(self._monitor.manifest)
         self._values = [ffi.new(f'{name} *') for name in self._types]
         self._inputs_bytes = int(self._monitor.pointer.inputs_bytes)
@@ -183,10 +182,10 @@ class Watch:
         self._library.fm_watch_settle(self.pointer, topic)
 
     def take(self, milliseconds: int) -> list[Violation]:
-        """Return what is to be announced, in order; wait for it so long. One thread calls this."""
-        count = self._library.fm_watch_take(self.pointer, self._violations, _BATCH, milliseconds)
-        return [Violation(item.requirement, item.step, item.stamp)
-                for item in self._violations[0:count]]
+        """Return what is to be announced, in order; wait for it so long."""
+        batch: Any = ffi.new('struct fm_violation[]', _BATCH)
+        count = self._library.fm_watch_take(self.pointer, batch, _BATCH, milliseconds)
+        return [Violation(item.requirement, item.step, item.stamp) for item in batch[0:count]]
 
     def want_details(self, are_wanted: bool) -> None:
         """Keep details from now on, or no longer."""
