@@ -92,7 +92,7 @@ def end_all(name: str, number: signal.Signals, parameter: str) -> None:
                 told = [line for line in node.output.splitlines()
                         if not line.startswith(('[INFO]', '[ERROR]')) or 'context' in line]
                 # A flood may overflow a queue, which is told.
-                told = [line for line in told if ' lost on /x' not in line]
+                told = [line for line in told if ' lost on /' not in line]
                 assert told == []
         finally:
             for node in nodes:
