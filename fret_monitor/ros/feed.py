@@ -91,6 +91,7 @@ _REVIEWED_AT_ONCE = 50  # topics, of 50 us each: 1 % of a processor, however man
 # How long an old subscription is kept beside a new one: until every publisher has found it.
 _OVERLAP = 2.0  # s for which a subscription is kept that is being replaced, at most
 _ASSURED = 0.5  # s behind which one that has matched all publishers hears them
+_GRACE = 1.0  # s after its end for which repetitions of what it brought are recognised
 _NAMED = 2.0  # s in which the node of a publisher becomes known, if it has one
 _UNNAMED = '_NODE_NAME_UNKNOWN_'
 _REMEMBERED = 4096  # messages of a topic that would be recognised if they came again
@@ -293,6 +294,7 @@ class _Topic:
         self._has_history = False
         self._newest = 0  # source time
         self._retired: list[tuple[Subscription, Tap | None, float]] = []
+        self._overlaps_until: float | None = None
         self._current = self._subscribe(qos.wanted_profile((), fixed))
         self._current_tap: Tap | None = None
         self._gaps = Gaps()
@@ -413,7 +415,12 @@ class _Topic:
             if now >= until or is_assured:
                 self._retired.remove(retired)
                 self._destroy(item, tap)
-        if not self._retired:
+                self._overlaps_until = now + _GRACE
+        if self._retired or self._overlaps_until is None:
+            return
+        # What the old one brought may still wait in the new one.
+        if now >= self._overlaps_until:
+            self._overlaps_until = None
             self._seen = None
             if self.tap is not None:
                 self.tap.settle()
