@@ -200,7 +200,10 @@ class BundleWatch:
         for index, topic in enumerate(self.manifest.topics):
             taker: Deliver | TopicTap = self._delivery(index, outlet) if middleware is None \
                 else HotTopic(watch, middleware, index)
-            feed.subscribe(topic.name, topic.message_type, self._classes[topic.message_type],
+            kind = self._classes[topic.message_type]
+            if middleware is not None and middleware.reads_in_place:
+                kind = middleware.class_in_place(kind)
+            feed.subscribe(topic.name, topic.message_type, kind,
                            taker, self._overrides.apply(
                                self._node.resolve_topic_name(topic.name), dict(topic.qos)))
         feed.start()
