@@ -1,0 +1,53 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Where C takes the messages: that it reads them where the middleware has them."""
+
+from pathlib import Path
+
+from fret_monitor.ros import MonitorNode
+import pytest
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.utilities import get_rmw_implementation_identifier
+
+BUNDLE = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+requirements:
+  - {id: R, ptltl: "x < 1.0"}
+"""
+
+
+@pytest.mark.parametrize(('hot_path', 'is_in_place'), [('on', True), ('off', False)])
+def test_a_subscription_is_read_in_place_on_the_hot_path_alone(
+    domain: int, tmp_path: Path, hot_path: str, is_in_place: bool,
+) -> None:
+    if get_rmw_implementation_identifier() != 'rmw_fastrtps_cpp':
+        pytest.skip('only Fast DDS is read in place')
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE, encoding='utf-8')
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = MonitorNode(context=context, parameter_overrides=[
+        Parameter('spec', value=str(bundle)), Parameter('hot_path', value=hot_path)])
+    try:
+        kinds = [type(item.msg_type).__name__ for item in node.subscriptions
+                 if item.topic_name == '/x']
+        assert kinds
+        assert all((kind == 'InPlace') is is_in_place for kind in kinds)
+    finally:
+        node.destroy_node()
+        context.try_shutdown()
