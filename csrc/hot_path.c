@@ -218,11 +218,14 @@ static enum result take(struct fm_source * source, struct fm_message_info * info
   bool taken = false;
   source->reading.is_decoded = false;
   const int result = take_any(source, &taken, info);
-  if (result != 0 || !taken) {
-    const bool is_garbage = result == 0 && source->middleware->has_error();
+  const bool has_error = source->middleware->has_error();
+  if (has_error) {
     source->middleware->forget_error();
+    source->reading.is_behind_garbage = true;
+  }
+  if (result != 0 || !taken) {
     source->reading.size = 0;
-    return is_garbage ? GARBAGE : NOTHING;
+    return result == 0 && has_error ? GARBAGE : NOTHING;
   }
   if (!source->is_in_place) {
     read_fields(source, source->message.buffer, source->message.length);
@@ -243,6 +246,7 @@ static void deliver_locked(
     info->received_timestamp, info->source_timestamp, info->publication_sequence_number,
     info->gid, source->is_retired};
   (void)fm_watch_deliver_locked(source->watch, source->topic, &source->reading, &origin);
+  source->reading.is_behind_garbage = false;
 }
 
 // In the middleware's thread. Takes as many as it is told of: one that comes later has a callback

@@ -42,7 +42,19 @@ struct fm_losses
 {
   struct fm_publisher publishers[FM_PUBLISHERS];
   uint64_t lost;
+  uint64_t unnumbered;  // that came without a number, and are still to be found in a gap
 };
+
+/// A message has come whose number nobody knows: the gap that it leaves is no loss. Whose it was is
+/// not known either, so that the next gap of any publisher is taken for it. O(1).
+FM_INLINE void fm_losses_unnumbered(struct fm_losses * losses) {losses->unnumbered += 1;}
+
+FM_INLINE void fm_losses_gap(struct fm_losses * losses, uint64_t gap)
+{
+  const uint64_t known = gap < losses->unnumbered ? gap : losses->unnumbered;
+  losses->unnumbered -= known;
+  losses->lost += gap - known;
+}
 
 /// A message has come. Numbers are from 1; 0 and the highest mean that there are none. A number
 /// that is not above the last one of its publisher is a repetition, and counts for nothing.
@@ -63,7 +75,7 @@ FM_INLINE void fm_losses_note(
   struct fm_publisher * const at = &losses->publishers[place];
   memcpy(found.gid, gid, FM_GID_BYTES);
   if (at->last > 0 && memcmp(at->gid, gid, FM_GID_BYTES) == 0) {
-    losses->lost += number > at->last ? number - at->last - 1 : 0;
+    fm_losses_gap(losses, number > at->last ? number - at->last - 1 : 0);
     found.last = number > at->last ? number : at->last;
   }
   memmove(&losses->publishers[1], losses->publishers, place * sizeof(found));

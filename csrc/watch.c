@@ -32,6 +32,7 @@
 #define MOST_DETAILS 1024u
 #define DETAIL_MEMORY (4u << 20)
 #define HELD_FOR_DETAIL 100u  // milliseconds
+#define MOST_GARBAGE 4096u  // messages that one take leaves out
 #define REMEMBERED 4096u  // messages of a topic that would be recognised if they came again
 
 struct key
@@ -530,18 +531,20 @@ static void remember_sender(struct topic * topic, struct key key)
   sender->newest = key.sent > sender->newest ? key.sent : sender->newest;
 }
 
-static void remember(struct topic * topic, const struct fm_origin * origin)
+// Returns how many of its sender's were left out in front of it, and are counted as lost.
+static uint64_t remember(struct topic * topic, const struct fm_origin * origin)
 {
   const struct key key = key_of(origin);
+  const uint64_t before = topic->losses.lost;
   remember_key(topic, key);
   remember_sender(topic, key);
   if (origin->gid != NULL) {
-    const uint64_t before = topic->losses.lost;
     fm_losses_note(&topic->losses, origin->gid, origin->sequence);
     if (topic->overlaps) {
       topic->losses.lost = before;  // what one subscription leaves out the other may still bring
     }
   }
+  return topic->losses.lost - before;
 }
 
 uint64_t fm_watch_missed(struct fm_watch * watch, uint32_t topic)
@@ -634,6 +637,17 @@ const struct fm_reader * fm_watch_reader(const struct fm_watch * watch, uint32_t
   return &watch->options.readers->topics[topic];
 }
 
+// The middleware threw away messages in front of this one, and told of it once: what was left out
+// were these.
+static void count_garbage_locked(struct fm_watch * watch, uint32_t topic, uint64_t gap)
+{
+  const uint64_t n = gap > MOST_GARBAGE ? MOST_GARBAGE : gap;
+  watch->topics[topic].losses.lost -= n;
+  for (uint64_t k = 0; k < n; ++k) {
+    fm_evaluator_undecodable(watch->options.evaluator, topic);
+  }
+}
+
 uint32_t fm_watch_deliver_locked(
   struct fm_watch * watch, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin)
@@ -646,7 +660,10 @@ uint32_t fm_watch_deliver_locked(
   if (cell->overlaps && is_repeated(cell, origin)) {
     return FM_REPEATED;
   }
-  remember(cell, origin);
+  const uint64_t gap = remember(cell, origin);
+  if (reading->is_behind_garbage) {
+    count_garbage_locked(watch, topic, gap);
+  }
   if (!reading->is_decoded) {
     fm_evaluator_undecodable(evaluator, topic);
     return FM_UNDECODABLE;
@@ -662,6 +679,7 @@ uint32_t fm_watch_deliver_locked(
 void fm_watch_undecodable_locked(struct fm_watch * watch, uint32_t topic)
 {
   if (watch->is_active && !watch->is_closed) {
+    fm_losses_unnumbered(&watch->topics[topic].losses);
     fm_evaluator_undecodable(watch->options.evaluator, topic);
   }
 }
@@ -674,7 +692,7 @@ uint32_t fm_watch_message(
     return FM_RECEIVED;
   }
   pthread_mutex_lock(&watch->mutex);
-  struct fm_reading reading = {watch->fields, message, size, false};
+  struct fm_reading reading = {watch->fields, message, size, false, false};
   reading.is_decoded = fm_watch_reader(watch, topic)->read(message, size, watch->fields);
   const uint32_t receipt = fm_watch_deliver_locked(watch, topic, &reading, origin);
   pthread_mutex_unlock(&watch->mutex);

@@ -94,6 +94,20 @@ static void without_numbers_nothing_is_lost(void)
   check(losses.lost == 0, "no number is no gap");
 }
 
+static void what_came_without_a_number_is_not_lost(void)
+{
+  struct fm_losses losses = {0};
+  note(&losses, 1, 5);
+  fm_losses_unnumbered(&losses);
+  fm_losses_unnumbered(&losses);
+  note(&losses, 1, 7);
+  check(losses.lost == 0, "the gap of one is the first of them");
+  note(&losses, 1, 11);
+  check(losses.lost == 2, "of a gap of three one is the second of them");
+  note(&losses, 1, 13);
+  check(losses.lost == 3, "each is found once");
+}
+
 // A crowd costs precision, never a wrong count.
 static void more_publishers_than_are_told_apart_lose_nothing(void)
 {
@@ -118,6 +132,7 @@ int main(int argc, char ** argv)
   all_that_was_dropped_is_counted(FM_PUBLISHERS);
   a_publisher_is_known_from_its_first_message();
   without_numbers_nothing_is_lost();
+  what_came_without_a_number_is_not_lost();
   more_publishers_than_are_told_apart_lose_nothing();
   return failures == 0 ? 0 : 1;
 }
