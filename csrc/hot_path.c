@@ -374,7 +374,6 @@ struct fm_announcer
   void ** publishers;
   uint32_t n_publishers;
   pthread_t thread;
-  uint64_t failures;
 };
 
 static void publish(struct fm_announcer * announcer, const struct fm_violation * violation)
@@ -387,9 +386,7 @@ static void publish(struct fm_announcer * announcer, const struct fm_violation *
     announcer->publishers[violation->requirement], &empty, NULL);
   if (result != 0) {
     announcer->middleware->forget_error();
-    fm_watch_lock(announcer->watch);
-    announcer->failures += 1;
-    fm_watch_unlock(announcer->watch);
+    fm_watch_tell_untold(announcer->watch, 1);
   }
 }
 
@@ -449,14 +446,6 @@ struct fm_announcer * fm_announcer_start(
     return NULL;
   }
   return announcer;
-}
-
-uint64_t fm_announcer_failures(const struct fm_announcer * announcer)
-{
-  fm_watch_lock(announcer->watch);
-  const uint64_t failures = announcer->failures;
-  fm_watch_unlock(announcer->watch);
-  return failures;
 }
 
 void fm_announcer_join(struct fm_announcer * announcer)

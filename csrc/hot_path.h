@@ -172,13 +172,11 @@ struct fm_announcer;
 
 /// Start a thread that publishes a std_msgs/msg/Empty for each violation of the watch, in order:
 /// by `publishers` (rmw_publisher_t, one a requirement, in the manifest's order; copied). NULL if
-/// no thread can be made, or memory is short. The watch and publishers outlive the announcer.
+/// no thread can be made, or memory is short. What cannot be published is counted (fm_watch_untold).
+/// The watch and publishers outlive the announcer.
 FM_EXPORT struct fm_announcer * fm_announcer_start(
   struct fm_watch * watch, const struct fm_middleware * middleware, void * const * publishers,
   uint32_t n_publishers);
-
-/// Violations that could not be published.
-FM_EXPORT uint64_t fm_announcer_failures(const struct fm_announcer * announcer);
 
 /// Wait for the thread, which ends once the watch is closed and all is published. Frees it.
 FM_EXPORT void fm_announcer_join(struct fm_announcer * announcer);

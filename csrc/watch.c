@@ -90,7 +90,7 @@ struct fm_watch
   uint32_t queue_begin;
   uint32_t queued;
   uint32_t queue_capacity;
-  uint64_t lost;
+  uint64_t untold;
   uint8_t * details;             // a ring of slots
   size_t slot;                   // bytes of one
   uint32_t detail_slots;
@@ -103,7 +103,6 @@ struct fm_watch
   int (* now)(void * clock, int64_t * nanoseconds);
   void * clock;
   bool wants_details;
-  bool is_active;
   bool is_closed;
 };
 
@@ -185,7 +184,6 @@ struct fm_watch * fm_watch_create(const struct fm_watch_options * options)
     return NULL;
   }
   watch->options = *options;
-  watch->is_active = true;
   if (!make_memory(watch) || pthread_mutex_init(&watch->mutex, NULL) != 0) {
     free_memory(watch);
     return NULL;
@@ -224,13 +222,6 @@ bool fm_watch_is_closed(struct fm_watch * watch)
   return is_closed;
 }
 
-void fm_watch_activate(struct fm_watch * watch, bool is_active)
-{
-  pthread_mutex_lock(&watch->mutex);
-  watch->is_active = is_active;
-  pthread_mutex_unlock(&watch->mutex);
-}
-
 // ---- queues ------------------------------------------------------------------------------------
 
 static bool grow_queue_locked(struct fm_watch * watch)
@@ -257,7 +248,7 @@ static void queue_violation_locked(
   struct fm_watch * watch, const struct fm_violation * item, uint64_t detail)
 {
   if (watch->queued == watch->queue_capacity && !grow_queue_locked(watch)) {
-    watch->lost += 1;
+    watch->untold += 1;
     return;
   }
   const struct queued entry = {*item, detail};
@@ -449,12 +440,19 @@ bool fm_watch_take_detail(struct fm_watch * watch, struct fm_detail * out, uint3
   return has_one;
 }
 
-uint64_t fm_watch_lost(struct fm_watch * watch)
+uint64_t fm_watch_untold(struct fm_watch * watch)
 {
   pthread_mutex_lock(&watch->mutex);
-  const uint64_t lost = watch->lost;
+  const uint64_t untold = watch->untold;
   pthread_mutex_unlock(&watch->mutex);
-  return lost;
+  return untold;
+}
+
+void fm_watch_tell_untold(struct fm_watch * watch, uint64_t more)
+{
+  pthread_mutex_lock(&watch->mutex);
+  watch->untold += more;
+  pthread_mutex_unlock(&watch->mutex);
 }
 
 // ---- messages that come twice ------------------------------------------------------------------
@@ -654,7 +652,7 @@ uint32_t fm_watch_deliver_locked(
 {
   struct topic * cell = &watch->topics[topic];
   struct fm_evaluator * evaluator = watch->options.evaluator;
-  if (!watch->is_active || watch->is_closed) {
+  if (watch->is_closed) {
     return FM_RECEIVED;
   }
   if (cell->overlaps && is_repeated(cell, origin)) {
@@ -678,7 +676,7 @@ uint32_t fm_watch_deliver_locked(
 
 void fm_watch_undecodable_locked(struct fm_watch * watch, uint32_t topic)
 {
-  if (watch->is_active && !watch->is_closed) {
+  if (!watch->is_closed) {
     fm_losses_unnumbered(&watch->topics[topic].losses);
     fm_evaluator_undecodable(watch->options.evaluator, topic);
   }
@@ -702,7 +700,7 @@ uint32_t fm_watch_message(
 void fm_watch_tick(struct fm_watch * watch, int64_t stamp)
 {
   pthread_mutex_lock(&watch->mutex);
-  if (watch->is_active && !watch->is_closed) {
+  if (!watch->is_closed) {
     announce_locked(watch, fm_evaluator_tick(watch->options.evaluator, stamp, watch->found));
   }
   pthread_mutex_unlock(&watch->mutex);
@@ -712,7 +710,7 @@ void fm_watch_stale(
   struct fm_watch * watch, uint32_t input, uint64_t received, int64_t stamp)
 {
   pthread_mutex_lock(&watch->mutex);
-  if (watch->is_active && !watch->is_closed) {
+  if (!watch->is_closed) {
     announce_locked(
       watch, fm_evaluator_stale(
         watch->options.evaluator, input, received, stamp, watch->found));

@@ -90,9 +90,6 @@ FM_EXPORT uint32_t fm_watch_message(
   struct fm_watch * watch, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin);
 
-/// While active (the start) messages and ticks are steps; otherwise they are ignored.
-FM_EXPORT void fm_watch_activate(struct fm_watch * watch, bool is_active);
-
 /// fm_evaluator_tick, fm_evaluator_stale and fm_evaluator_reset; what the first two announce is
 /// queued.
 FM_EXPORT void fm_watch_tick(struct fm_watch * watch, int64_t stamp);
@@ -138,8 +135,10 @@ FM_EXPORT size_t fm_watch_evidence(
 /// what is lost between fm_watch_overlap and fm_watch_settle is not counted.
 FM_EXPORT uint64_t fm_watch_missed(struct fm_watch * watch, uint32_t topic);
 
-/// Violations that were lost since the queue had no memory to grow, or was full (2^20).
-FM_EXPORT uint64_t fm_watch_lost(struct fm_watch * watch);
+/// Violations that nobody was told of: the queue had no memory to grow, or was full (2^20), or who
+/// took them said that they could not be published.
+FM_EXPORT uint64_t fm_watch_untold(struct fm_watch * watch);
+FM_EXPORT void fm_watch_tell_untold(struct fm_watch * watch, uint64_t more);
 
 /// As those of the evaluator.
 FM_EXPORT struct fm_requirement_counts fm_watch_requirement_counts(

@@ -248,7 +248,6 @@ bool fm_watch_is_closed(struct fm_watch * watch);
 uint32_t fm_watch_message(
   struct fm_watch * watch, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin);
-void fm_watch_activate(struct fm_watch * watch, bool is_active);
 void fm_watch_tick(struct fm_watch * watch, int64_t stamp);
 void fm_watch_stale(
   struct fm_watch * watch, uint32_t input, uint64_t received, int64_t stamp);
@@ -266,7 +265,8 @@ bool fm_watch_take_detail(
 size_t fm_watch_evidence(
   struct fm_watch * watch, uint32_t topic, uint8_t * out, size_t room);
 uint64_t fm_watch_missed(struct fm_watch * watch, uint32_t topic);
-uint64_t fm_watch_lost(struct fm_watch * watch);
+uint64_t fm_watch_untold(struct fm_watch * watch);
+void fm_watch_tell_untold(struct fm_watch * watch, uint64_t more);
 struct fm_requirement_counts fm_watch_requirement_counts(
   struct fm_watch * watch, uint32_t requirement);
 struct fm_input_counts fm_watch_input_counts(struct fm_watch * watch, uint32_t input);
@@ -348,7 +348,6 @@ struct fm_announcer;
 struct fm_announcer * fm_announcer_start(
   struct fm_watch * watch, const struct fm_middleware * middleware, void * const * publishers,
   uint32_t n_publishers);
-uint64_t fm_announcer_failures(const struct fm_announcer * announcer);
 void fm_announcer_join(struct fm_announcer * announcer);
 """
 

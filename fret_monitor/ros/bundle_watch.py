@@ -275,12 +275,19 @@ class BundleWatch:
         if self._feed is not None and self._feed.failure is not None:
             raise self._feed.failure
         self._health.publish(self._hearings())
+        self._tell_untold()
         for topic in range(len(self.manifest.topics)):
             if self._watch.topic_counts(topic).undecodable:
                 self._tell_undecodable(topic)
             message = self._watch.evidence(topic)
             if message is not None:
                 self._tell_odd(topic, message)
+
+    def _tell_untold(self) -> None:
+        if self._watch.untold and self._is_news('violations'):
+            self._node.get_logger().error(
+                f'violations could not be published: {self._watch.untold} so far; /diagnostics '
+                'counts them')
 
     def _tell_odd(self, topic: int, message: bytes) -> None:
         """Tell which fields of a message cannot be used, of an input once."""

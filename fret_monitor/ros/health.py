@@ -15,9 +15,9 @@
 """
 How the monitor fares, where operators look: `/diagnostics`, once a second (DESIGN 8).
 
-A status for each requirement and each topic, and one for the periods if there are any, named
-`NODE: ITEM`, as aggregators expect. What keeps requirements from being evaluated at all is told
-in a sentence for the log, too.
+A status for each requirement and each topic, one for the periods if there are any, and one for
+violations that could not be published, named `NODE: ITEM`, as aggregators expect. What keeps
+requirements from being evaluated at all is told in a sentence for the log, too.
 """
 
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -54,6 +54,7 @@ class Health:
         self._received = [0] * len(self._manifest.topics)
         self._unusable = [0] * len(self._manifest.inputs)
         self._lost = [0] * len(self._manifest.topics)
+        self._untold = 0
         self._silences = silences
         self._schedule = schedule
         self._periods = (0, 0)  # late, missed
@@ -64,6 +65,7 @@ class Health:
         """Publish what is so now; `hearings` are who is heard on the topics, in their order."""
         rates, unusable = list(self._rates()), self._newly_unusable()
         lost, periods = list(self._newly_lost(hearings)), list(self._of_periods())
+        untold = list(self._of_untold())
         if not self._publisher.get_subscription_count():
             return
         array = DiagnosticArray()
@@ -76,7 +78,7 @@ class Health:
                 *self._of_silence(index, silent),
                 *self._of_messages(index, unusable, lost[index])])
               for index, hearing in enumerate(hearings)),
-            *periods]
+            *periods, *untold]
         self._publisher.publish(array)
 
     def close(self) -> None:
@@ -117,6 +119,17 @@ class Health:
         yield self._status(f'periods of {self._bundle or self._manifest.name}', level, message, {
             'period': f'{schedule.period:g}', 'ticks': schedule.ticks, 'late': schedule.late,
             'missed': schedule.missed, 'restarts': schedule.restarts})
+
+    def _of_untold(self) -> Iterator[DiagnosticStatus]:
+        """Yield a status once violations could not be published; there is none where all could."""
+        before, self._untold = self._untold, self._evaluator.untold
+        if not self._untold:
+            return
+        more = self._untold - before
+        level, message = (DiagnosticStatus.ERROR, f'{more} not published since the last report') \
+            if more else (DiagnosticStatus.WARN, 'some were not published')
+        yield self._status(f'violations of {self._bundle or self._manifest.name}', level, message,
+                           {'not published': self._untold})
 
     def _named(self, places: Collection[int]) -> str:
         return ', '.join(self._manifest.inputs[place].name for place in places)

@@ -294,11 +294,6 @@ class Announcer:
                 raise Unavailable('no thread can be started')
             self._held = undo.pop_all()
 
-    @property
-    def failures(self) -> int:
-        """Violations that could not be published, until `join`."""
-        return int(self._library.fm_announcer_failures(self._pointer))
-
     def end(self) -> None:
         """Close the watch, and wait until all is published; twice is once."""
         self._watch.close()

@@ -37,7 +37,6 @@ class HandlerOutlet:
         """Start the thread."""
         self._watch = watch
         self._handlers = handlers
-        self.failures = 0
         self._thread = Thread(target=self._run, name='handlers', daemon=True)
         at_work.begin(self)
         self._thread.start()
@@ -62,7 +61,7 @@ class HandlerOutlet:
         try:
             self._handlers.announce(violations)
         except RuntimeError:  # the context was shut down
-            self.failures += len(violations)
+            self._watch.tell_untold(len(violations))
 
     def _next(self) -> list[Violation]:
         """Return what is to be announced; nothing once the watch is closed and empty."""

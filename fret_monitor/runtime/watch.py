@@ -121,10 +121,6 @@ class Watch:
         """Whether it was closed."""
         return bool(self._library.fm_watch_is_closed(self.pointer))
 
-    def activate(self, is_active: bool) -> None:
-        """While active, as at the start, messages and ticks are steps; else they are ignored."""
-        self._library.fm_watch_activate(self.pointer, is_active)
-
     def message(self, topic: int, message: bytes, received: int, *, sent: int = 0,
                 sequence: int = 0, is_retired: bool = False) -> Receipt:
         """
@@ -226,9 +222,13 @@ class Watch:
         return int(self._library.fm_watch_missed(self.pointer, topic))
 
     @property
-    def lost(self) -> int:
-        """Violations that were lost since nobody took them."""
-        return int(self._library.fm_watch_lost(self.pointer))
+    def untold(self) -> int:
+        """Violations that nobody was told of: nobody took them, or could publish them."""
+        return int(self._library.fm_watch_untold(self.pointer))
+
+    def tell_untold(self, more: int) -> None:
+        """Count violations that were taken, and could not be published."""
+        self._library.fm_watch_tell_untold(self.pointer, more)
 
     def value(self, index: int) -> bool | int | float | None:
         """Return the current value of an input, None where it has none yet."""

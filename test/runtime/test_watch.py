@@ -164,17 +164,6 @@ def test_what_cannot_be_used_is_kept_to_be_shown_once(watch: Watch) -> None:
     assert (watch.input_counts(1).unusable, watch.topic_counts(1).undecodable) == (2, 1)
 
 
-def test_while_not_active_nothing_is_a_step(watch: Watch) -> None:
-    watch.activate(False)
-    watch.message(0, a_float(2.0), received=0)
-    watch.tick(0)
-    watch.stale(0, 0, 0)
-    assert (watch.take(0), watch.topic_counts(0).messages) == ([], 0)
-    watch.activate(True)
-    watch.message(0, a_float(2.0), received=0)
-    assert len(watch.take(0)) == 1
-
-
 def test_many_violations_are_kept(watch: Watch) -> None:
     for number in range(5000):
         watch.message(0, a_float(2.0), received=number)
@@ -182,4 +171,16 @@ def test_many_violations_are_kept(watch: Watch) -> None:
     while violations := watch.take(0):
         stamps += [item.stamp for item in violations]
     assert stamps == list(range(5000))
-    assert watch.lost == 0
+    assert watch.untold == 0
+
+
+def test_violations_beyond_what_a_queue_may_hold_are_counted(tmp_path: Path) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE.partition('requirements:')[0] + 'requirements:\n' + ''.join(
+        f'  - {{id: R{k}, ptltl: "x < {k}.0"}}\n' for k in range(1024)), encoding='utf-8')
+    watch = Watch(Evaluator(build.build(bundle).monitor))
+    for number in range(1026):
+        watch.message(0, a_float(1e6), received=number)
+    watch.tell_untold(5)
+    assert watch.untold == 2 * 1024 + 5
+    assert sum(map(len, iter(lambda: watch.take(0), []))) == 1 << 20
