@@ -33,6 +33,7 @@
 
 #define BATCH 64u
 #define MOST_DRAINED 1000u
+#define QUIET_LOOKS 16u  // of which one drains
 #define PATIENCE 200u  // milliseconds; an end of the watch wakes it at once
 
 // ---- sources -----------------------------------------------------------------------------------
@@ -48,10 +49,12 @@ struct fm_source
   struct fm_reading reading;
   uint32_t topic;
   bool is_in_place;
-  bool is_retired;   // these four are guarded by the watch's mutex
+  bool is_retired;   // these are guarded by the watch's mutex
   bool is_draining;
   bool is_awaited;   // a callback came while it was drained
   bool is_behind;    // some may be left that a callback has told of
+  bool was_told;     // a callback came since the last look
+  uint32_t quiet;    // looks since the last callback
 };
 
 static void * allocate(size_t size, void * state)
@@ -259,6 +262,7 @@ static void on_message(const void * user_data, size_t count)
     source->middleware->forget_error();  // somebody else's: the thread may be a publisher's
   }
   fm_watch_lock(source->watch);
+  source->was_told = true;
   if (source->is_draining) {
     source->is_awaited = true;
   } else {
@@ -348,6 +352,26 @@ void fm_source_drain(struct fm_source * source)
 {
   begin_draining(source);
   drain(source);
+}
+
+// While it is drained a message waits, and one of another topic may overtake it: seldom, therefore.
+static bool begin_look(struct fm_source * source)
+{
+  fm_watch_lock(source->watch);
+  const bool is_due = !source->was_told && source->quiet % QUIET_LOOKS == 0;
+  source->quiet = source->was_told ? 0 : source->quiet + 1u;
+  source->is_behind = source->is_behind || source->was_told;
+  source->was_told = false;
+  source->is_draining = is_due;
+  fm_watch_unlock(source->watch);
+  return is_due;
+}
+
+void fm_source_look(struct fm_source * source)
+{
+  if (begin_look(source)) {
+    drain(source);
+  }
 }
 
 void fm_source_retire(struct fm_source * source)

@@ -158,9 +158,13 @@ FM_EXPORT struct fm_source * fm_source_start(
   struct fm_watch * watch, const struct fm_middleware * middleware, void * subscription,
   uint32_t topic, bool is_in_place);
 
-/// Take what is there and no callback told of, at most 1000 messages. A middleware that tells of
-/// every message needs it never; but one message overlooked would delay all that follow.
+/// Take what is there, at most 1000 messages. What comes meanwhile waits for its end.
 FM_EXPORT void fm_source_drain(struct fm_source * source);
+
+/// To be called now and then: have the next callback take what none has told of, or drain, if there
+/// was none since the last look; but seldom once a topic is silent. A middleware that tells of every
+/// message needs it never; but one message overlooked would delay all that follow.
+FM_EXPORT void fm_source_look(struct fm_source * source);
 
 /// A new subscription is there: what comes by this one may come by that one too (fm_watch_overlap).
 FM_EXPORT void fm_source_retire(struct fm_source * source);

@@ -34,7 +34,8 @@
 struct fm_publisher
 {
   uint8_t gid[FM_GID_BYTES];
-  uint64_t last;  // the highest number that came, 0 where there is no publisher
+  uint64_t first;  // the number that came first
+  uint64_t last;   // the highest that came, 0 where there is no publisher
 };
 
 /// What is known of the publishers of a topic; the one that spoke last is the first.
@@ -62,7 +63,7 @@ FM_INLINE void fm_losses_gap(struct fm_losses * losses, uint64_t gap)
 FM_INLINE void fm_losses_note(
   struct fm_losses * losses, const uint8_t gid[FM_GID_BYTES], uint64_t number)
 {
-  struct fm_publisher found = {{0}, number};
+  struct fm_publisher found = {{0}, number, number};
   uint32_t place = 0;
   if (number == 0 || number == UINT64_MAX) {
     return;
@@ -76,10 +77,23 @@ FM_INLINE void fm_losses_note(
   memcpy(found.gid, gid, FM_GID_BYTES);
   if (at->last > 0 && memcmp(at->gid, gid, FM_GID_BYTES) == 0) {
     fm_losses_gap(losses, number > at->last ? number - at->last - 1 : 0);
+    found.first = at->first;
     found.last = number > at->last ? number : at->last;
   }
   memmove(&losses->publishers[1], losses->publishers, place * sizeof(found));
   losses->publishers[0] = found;
+}
+
+/// As fm_losses_note, of a message that is known to come for the first time: one that is not above
+/// the last one of its publisher comes late, and was taken for lost before.
+FM_INLINE void fm_losses_note_new(
+  struct fm_losses * losses, const uint8_t gid[FM_GID_BYTES], uint64_t number)
+{
+  const uint64_t before = losses->lost;
+  fm_losses_note(losses, gid, number);
+  const struct fm_publisher * const found = &losses->publishers[0];
+  const bool is_late = found->first < number && number < found->last;
+  losses->lost = is_late && before > 0 ? before - 1 : losses->lost;
 }
 
 #endif  // LOSSES_H_

@@ -55,6 +55,7 @@ struct topic
   struct sender senders[FM_PUBLISHERS];  // those heard last
   uint32_t n_senders;                    // so far
   struct fm_losses losses;
+  uint64_t settled;      // lost when the overlap began
   bool overlaps;
   bool has_history;
   uint8_t * evidence;
@@ -537,12 +538,13 @@ static uint64_t remember(struct topic * topic, const struct fm_origin * origin)
   remember_key(topic, key);
   remember_sender(topic, key);
   if (origin->gid != NULL) {
-    fm_losses_note(&topic->losses, origin->gid, origin->sequence);
-    if (topic->overlaps) {
-      topic->losses.lost = before;  // what one subscription leaves out the other may still bring
+    if (topic->overlaps) {  // what one subscription leaves out the other may still bring
+      fm_losses_note_new(&topic->losses, origin->gid, origin->sequence);
+    } else {
+      fm_losses_note(&topic->losses, origin->gid, origin->sequence);
     }
   }
-  return topic->losses.lost - before;
+  return topic->losses.lost > before ? topic->losses.lost - before : 0;
 }
 
 uint64_t fm_watch_missed(struct fm_watch * watch, uint32_t topic)
@@ -550,7 +552,8 @@ uint64_t fm_watch_missed(struct fm_watch * watch, uint32_t topic)
   uint64_t missed = 0;
   if (topic < watch->options.n_topics) {
     pthread_mutex_lock(&watch->mutex);
-    missed = watch->topics[topic].losses.lost;
+    const struct topic * cell = &watch->topics[topic];
+    missed = cell->overlaps ? cell->settled : cell->losses.lost;
     pthread_mutex_unlock(&watch->mutex);
   }
   return missed;
@@ -560,8 +563,10 @@ void fm_watch_overlap(struct fm_watch * watch, uint32_t topic, bool has_history)
 {
   if (topic < watch->options.n_topics) {
     pthread_mutex_lock(&watch->mutex);
-    watch->topics[topic].overlaps = true;
-    watch->topics[topic].has_history = has_history;
+    struct topic * cell = &watch->topics[topic];
+    cell->settled = cell->overlaps ? cell->settled : cell->losses.lost;
+    cell->overlaps = true;
+    cell->has_history = has_history;
     pthread_mutex_unlock(&watch->mutex);
   }
 }

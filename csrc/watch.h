@@ -132,7 +132,7 @@ FM_EXPORT size_t fm_watch_evidence(
   struct fm_watch * watch, uint32_t topic, uint8_t * out, size_t room);
 
 /// Messages of a topic that were sent and never came, by the numbers of senders whose gid is known;
-/// what is lost between fm_watch_overlap and fm_watch_settle is not counted.
+/// what is lost between fm_watch_overlap and fm_watch_settle is counted from there on.
 FM_EXPORT uint64_t fm_watch_missed(struct fm_watch * watch, uint32_t topic);
 
 /// Violations that nobody was told of: the queue had no memory to grow, or was full (2^20), or who

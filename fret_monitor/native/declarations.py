@@ -342,6 +342,7 @@ struct fm_source * fm_source_start(
   struct fm_watch * watch, const struct fm_middleware * middleware, void * subscription,
   uint32_t topic, bool is_in_place);
 void fm_source_drain(struct fm_source * source);
+void fm_source_look(struct fm_source * source);
 void fm_source_retire(struct fm_source * source);
 void fm_source_stop(struct fm_source * source);
 struct fm_announcer;

@@ -59,7 +59,10 @@ class Tap(Protocol):
     """What takes the messages of one subscription outside this thread."""
 
     def drain(self) -> None:
-        """Take what has come and was not noticed."""
+        """Take what has come."""
+
+    def look(self) -> None:
+        """See to what has come and was not noticed; called now and then."""
 
     def retire(self) -> None:
         """Another subscription is about to take the place of this one."""
@@ -346,7 +349,7 @@ class _Topic:
         """See who publishes, tell whom it cannot hear, and subscribe anew where that helps."""
         self._let_go()
         if self._current_tap is not None:
-            self._current_tap.drain()
+            self._current_tap.look()
         publishers = self._node.get_publishers_info_by_topic(self._name)
         same_type = [item for item in publishers if item.topic_type == self._message_type]
         others = [item for item in publishers if item.topic_type != self._message_type]

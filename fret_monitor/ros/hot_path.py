@@ -212,10 +212,16 @@ class Source:
             self._held = undo.pop_all()
 
     def drain(self) -> None:
-        """Take what is there and was not told of."""
+        """Take what is there."""
         with self._lock:
             if self._pointer != ffi.NULL:
                 self._library.fm_source_drain(self._pointer)
+
+    def look(self) -> None:
+        """See to what is there and was not told of."""
+        with self._lock:
+            if self._pointer != ffi.NULL:
+                self._library.fm_source_look(self._pointer)
 
     def retire(self) -> None:
         """Another subscription is about to take its place."""

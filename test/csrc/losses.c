@@ -108,6 +108,27 @@ static void what_came_without_a_number_is_not_lost(void)
   check(losses.lost == 3, "each is found once");
 }
 
+static void note_new(struct fm_losses * losses, uint64_t number)
+{
+  const uint8_t gid[FM_GID_BYTES] = {1};
+  fm_losses_note_new(losses, gid, number);
+}
+
+static void what_comes_late_is_not_lost(void)
+{
+  struct fm_losses losses = {0};
+  note_new(&losses, 5);
+  note_new(&losses, 4);
+  check(losses.lost == 0, "what was sent before the first one was never missed");
+  note_new(&losses, 9);
+  check(losses.lost == 3, "three are missing");
+  note_new(&losses, 7);
+  note_new(&losses, 6);
+  check(losses.lost == 1, "two of them came late");
+  note_new(&losses, 12);
+  check(losses.lost == 3, "and two more are missing");
+}
+
 // A crowd costs precision, never a wrong count.
 static void more_publishers_than_are_told_apart_lose_nothing(void)
 {
@@ -133,6 +154,7 @@ int main(int argc, char ** argv)
   a_publisher_is_known_from_its_first_message();
   without_numbers_nothing_is_lost();
   what_came_without_a_number_is_not_lost();
+  what_comes_late_is_not_lost();
   more_publishers_than_are_told_apart_lose_nothing();
   return failures == 0 ? 0 : 1;
 }

@@ -35,7 +35,8 @@ from rclpy.qos import QoSProfile
 from rclpy.qos import ReliabilityPolicy
 import std_msgs.msg
 
-# Fast DDS keeps a process that died for 20 s; one may ask for less for itself.
+# Fast DDS keeps a process that died for 20 s; one may ask for less for itself. Whoever does not
+# hear of it for so long, stopped perhaps, takes it for dead as well.
 _SHORT_LEASE = """<?xml version="1.0" encoding="UTF-8"?>
 <profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
   <participant profile_name="mortal" is_default_profile="true"><rtps><builtin>
@@ -51,13 +52,15 @@ _SHORT_LEASE = """<?xml version="1.0" encoding="UTF-8"?>
 class Talker:
     """The process, from the outside."""
 
-    def __init__(self, topic: str, message: str, depth: int, profile: Path) -> None:
-        """Start it; ROS_DOMAIN_ID is the caller's."""
-        profile.write_text(_SHORT_LEASE, encoding='utf-8')
+    def __init__(self, topic: str, message: str, depth: int, profile: Path | None) -> None:
+        """Start it; ROS_DOMAIN_ID is the caller's. With a profile it is mortal."""
+        environment = dict(os.environ)
+        if profile is not None:
+            profile.write_text(_SHORT_LEASE, encoding='utf-8')
+            environment['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(profile)
         self.process = subprocess.Popen(
             [sys.executable, str(Path(__file__).resolve()), topic, message, str(depth)],
-            env={**os.environ, 'FASTRTPS_DEFAULT_PROFILES_FILE': str(profile)}, text=True,
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+            env=environment, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
     def greet(self, wait: Callable[[], None]) -> None:
         """Greet until `wait` returns: whoever has heard a greeting hears all that follows."""
@@ -98,14 +101,17 @@ class Talker:
 
     def _answer(self) -> int:
         assert self.process.stdout
-        return int(self.process.stdout.readline())
+        for line in self.process.stdout:
+            if line.strip().isdecimal():  # Fast DDS writes its errors there too
+                return int(line)
+        raise AssertionError(f'the talker ended: {self.process.wait()}')
 
 
 @contextmanager
 def talking(folder: Path, topic: str = 'n', message: str = 'Int32',
-            depth: int = 1000) -> Iterator[Talker]:
+            depth: int = 1000, is_mortal: bool = True) -> Iterator[Talker]:
     """Have a talker, and see to its end."""
-    talker = Talker(topic, message, depth, folder / 'mortal.xml')
+    talker = Talker(topic, message, depth, folder / 'mortal.xml' if is_mortal else None)
     try:
         yield talker
         if talker.process.poll() is None:

@@ -124,6 +124,8 @@ def test_after_a_publisher_was_killed_the_next_one_is_heard_and_nothing_is_stepp
     with monitoring(partner, write(tmp_path, NUMBERS), 'GREETING', 'NUMBER', 'NEXT'):
         with talking(tmp_path) as first:
             first.greet(greeted(partner))
+            wait_until(lambda: partner.node.count_subscribers('n') == 1,
+                       'the end of the first subscription')
             first.go(0.0)  # it dies while it writes
             wait_until(lambda: partner.heard['NUMBER'] > 500, 'numbers')
             first.kill()
@@ -347,7 +349,7 @@ def test_a_monitor_stopped_for_ten_seconds_goes_on_and_tells_what_it_missed(
 ) -> None:
     bundle = write(tmp_path, NUMBERS.replace('Int32,', 'Int32, timeout: 5.0,'))
     with monitoring(partner, bundle, 'GREETING', 'NUMBER', 'NEXT') as node, \
-            talking(tmp_path, depth=20) as talker:
+            talking(tmp_path, depth=20, is_mortal=False) as talker:
         talker.greet(greeted(partner))
         before = talker.say(20)
         expect_numbers(partner, before)
