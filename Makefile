@@ -29,9 +29,9 @@ setup-test:
 demo: setup
 	@$(PYTHON) examples/demo.py
 
-# Two workers, one of which has the tests with ROS 2 for itself.
+# Three workers, two of which begin with the tests with ROS 2: these wait more than they work.
 test: setup-test
-	@$(PYTHON) -m pytest -n 2 $(TESTS)
+	@$(PYTHON) -m pytest -n 3 $(TESTS)
 
 lint: setup-test
 	@$(PYTHON) -m pytest --quiet test/test_lint.py test/test_layers.py test/test_house.py

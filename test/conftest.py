@@ -38,6 +38,7 @@ settings.register_profile(
 settings.load_profile('fret_monitor')
 
 ROOT = Path(__file__).resolve().parent.parent
+_BUSY = r'/test_(bench|colcon|faults|hot_path|interrupts|shutdown|soak)'  # those with ROS 2
 _WORKER = 'PYTEST_XDIST_WORKER'
 _HOME = pytest.StashKey[str]()
 # Of the domain numbers, 0 to 101 give ports that no system hands to others; 0 is everybody's.
@@ -62,16 +63,22 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Let one worker of pytest-xdist have all tests that watch processes against the clock."""
+    """
+    Let two workers of pytest-xdist have all tests that watch processes against the clock.
+
+    One has those that keep a processor busy, the other one those that wait most of their time.
+    """
     from xdist.scheduler import LoadScopeScheduling
 
-    class OneWorkerForRos(LoadScopeScheduling):  # type: ignore[misc]
+    class WorkersForRos(LoadScopeScheduling):  # type: ignore[misc]
         # Its way to be told what goes together; xdist_group does nothing in pytest 9.
 
         def _split_scope(self, nodeid: str) -> str:
-            return 'ros' if re.search(r'\btest/(ros/|test_colcon)', nodeid) else nodeid
+            if not re.search(r'\btest/(ros/|test_colcon)', nodeid):
+                return nodeid
+            return 'busy' if re.search(_BUSY, nodeid) else 'waiting'
 
-    return OneWorkerForRos(config, log)
+    return WorkersForRos(config, log)
 
 
 @pytest.fixture

@@ -29,8 +29,8 @@ except ImportError:
     collect_ignore_glob.append('*')
 
 
-# Their monitors take the messages in C, and then in Python: both ways pass the same tests.
-BOTH_WAYS = {'test_monitor_node', 'test_shutdown'}
+# Its monitors take the messages in C, and then in Python: both ways pass the same tests.
+BOTH_WAYS = {'test_monitor_node'}
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

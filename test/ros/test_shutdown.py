@@ -32,6 +32,12 @@ from ros.harness import wait_until
 from std_msgs.msg import Empty
 from std_msgs.msg import Float32
 
+# The monitor takes messages in C, and in Python; the logger in Python only.
+nodes = pytest.mark.parametrize(
+    'name, hot_path', [('monitor', 'on'), ('monitor', 'off'), ('logger', 'off')],
+    indirect=['hot_path'])
+signals = pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+
 TIMES = 20
 AT_ONCE = 4
 PATIENCE = 5.0  # s; two of them on an idle machine, and this one starts others meanwhile
@@ -99,18 +105,20 @@ def end_all(name: str, number: signal.Signals, parameter: str) -> None:
                 node.kill()
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize('name', ['monitor', 'logger'])
+@signals
+@nodes
 def test_an_idle_node_ends_quietly(
-    name: str, number: signal.Signals, parameter: str, domain: int,
+    name: str, hot_path: str, number: signal.Signals, parameter: str, domain: int,
 ) -> None:
     end_all(name, number, parameter)
 
 
 @pytest.mark.usefixtures('flood')
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize('name', ['monitor', 'logger'])
-def test_a_busy_node_ends_quietly(name: str, number: signal.Signals, parameter: str) -> None:
+@signals
+@nodes
+def test_a_busy_node_ends_quietly(
+    name: str, hot_path: str, number: signal.Signals, parameter: str,
+) -> None:
     end_all(name, number, parameter)
 
 
@@ -122,10 +130,10 @@ def catches(process: int, number: signal.Signals) -> bool:
 
 
 @pytest.mark.skipif(not Path('/proc/self/status').exists(), reason='needs /proc')
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize('name', ['monitor', 'logger'])
+@signals
+@nodes
 def test_a_node_that_is_still_starting_ends_quietly(
-    name: str, number: signal.Signals, parameter: str, domain: int,
+    name: str, hot_path: str, number: signal.Signals, parameter: str, domain: int,
 ) -> None:
     # Before Python has started (the wheels start it twice) no program of Python's has a say.
     for delay in (0.0, 0.05, 0.1, 0.2, 0.3, 0.5):
