@@ -23,6 +23,7 @@ It may publish a `std_msgs/Empty` for each message. On SIGINT it prints how many
 from argparse import ArgumentParser
 
 import rclpy
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from std_msgs.msg import Empty
 from std_msgs.msg import Float32
@@ -56,7 +57,7 @@ def main() -> None:
     listener = Listener(options.topics.split(','), options.depth, options.publish)
     try:
         rclpy.spin(listener)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, ExternalShutdownException):  # whichever rclpy has of a SIGINT
         print(listener.taken)
 
 

@@ -43,6 +43,7 @@ _WORKER = 'PYTEST_XDIST_WORKER'
 _HOME = pytest.StashKey[str]()
 # Of the domain numbers, 0 to 101 give ports that no system hands to others; 0 is everybody's.
 _DOMAINS = range(1, 101)
+_turns = 0
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -87,10 +88,14 @@ def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     Set ROS_DOMAIN_ID to a number that no other test on this machine uses, and return it.
 
     Whoever uses one holds a lock on a file, which ends with the process whatever happens to it.
+    None is used again soon: what was sent in it may still be under way.
     """
+    global _turns
+    _turns += 1
+    begin = (_turns + 31 * int(os.environ.get(_WORKER, 'gw0').removeprefix('gw'))) % len(_DOMAINS)
     folder = Path(tempfile.gettempdir()) / f'fret_monitor-domains-{os.getuid()}'
     folder.mkdir(exist_ok=True)
-    for number in _DOMAINS:
+    for number in (*_DOMAINS[begin:], *_DOMAINS[:begin]):
         with (folder / str(number)).open('w') as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

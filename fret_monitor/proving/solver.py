@@ -22,13 +22,16 @@ unknown at all times: `fmod`, `pow`, and cells that are called by their contract
 """
 
 from collections.abc import Callable
+from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
 import math
 from random import Random
 import struct
+import sys
 import time
 from typing import Any
 
@@ -126,12 +129,34 @@ def _is_heavy(roots: Sequence[Term]) -> bool:
     return any(item.op in _HEAVY for item in t.postorder(roots))
 
 
+@contextmanager
+def _interrupts_kept() -> Iterator[None]:
+    """Raise at the end the KeyboardInterrupt that Python lost, as it freed an object of z3's."""
+    lost: list[BaseException] = []
+    before = sys.unraisablehook
+
+    def keep(item: 'sys.UnraisableHookArgs') -> None:
+        if isinstance(item.exc_value, KeyboardInterrupt):
+            lost.append(item.exc_value)
+        else:
+            before(item)
+
+    sys.unraisablehook = keep
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
+    if lost:
+        raise lost[0]
+
+
 def _ask(goal: Term, given: Sequence[Term], is_abstract: bool, seconds: float) -> Result:
     translation = Translation(is_abstract)
     solver = new_solver(seconds)
-    for item in given:
-        solver.add(translation(item))
-    solver.add(z3.Not(translation(goal)))
+    with _interrupts_kept():
+        for item in given:
+            solver.add(translation(item))
+        solver.add(z3.Not(translation(goal)))
     before = time.perf_counter()
     found = solver.check()
     spent = time.perf_counter() - before

@@ -18,6 +18,7 @@ import os
 import signal
 from threading import Timer
 
+from fret_monitor.proving import solver
 from fret_monitor.proving import terms as t
 from fret_monitor.proving.solver import Answer
 from fret_monitor.proving.solver import prove
@@ -44,6 +45,16 @@ def test_an_interrupt_ends_a_proof() -> None:
     with pytest.raises(KeyboardInterrupt):
         prove([hard()], seconds=2.0)
         timer.join()
+
+
+def test_an_interrupt_while_an_object_is_freed_is_not_lost() -> None:
+    class Freed:
+
+        def __del__(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt), solver._interrupts_kept():
+        Freed()
 
 
 def test_what_follows_from_what_is_given_is_proved_and_nothing_else() -> None:

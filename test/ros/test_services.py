@@ -71,14 +71,28 @@ def test_calls_goals_and_feedback_are_heard(partner: Partner, tmp_path: Path) ->
                    'the monitor listens')
         wait_until(client.service_is_ready, 'the service')
         wait_until(actions.server_is_ready, 'the action')
-        called = client.call_async(SetBool.Request(data=True))
-        wait_until(called.done, 'an answer')
-        # of an event without a request: the input keeps its value, which is told
-        monitor.wait_for("input 'wanted'")
-        sent = actions.send_goal_async(test_msgs.Fibonacci.Goal(order=5))
-        wait_until(sent.done, 'a goal')
-        wait_until(lambda: partner.heard['COUNT'] == 3 and partner.heard['GOALS'] > 0
+
+        def call() -> bool:
+            called = client.call_async(SetBool.Request(data=True))
+            wait_until(called.done, 'an answer')
+            return "input 'wanted'" in monitor.output
+
+        def set_goal() -> bool:
+            sent = actions.send_goal_async(test_msgs.Fibonacci.Goal(order=5))
+            wait_until(sent.done, 'a goal')
+            ended = sent.result().get_result_async()
+            wait_until(ended.done, 'its end')
+            return partner.heard['COUNT'] > 0
+
+        # Nobody but the two knows when a hidden publisher and the monitor have found one another.
+        # Of an event without a request: the input keeps its value, which is told.
+        wait_until(call, 'a call')
+        wait_until(set_goal, 'a goal')
+        wait_until(lambda: partner.heard['COUNT'] % 3 == 0 and partner.heard['GOALS'] > 0
                    and partner.heard['CALLED'] > 0, 'violations of all')
+        before = partner.heard['COUNT']
+        set_goal()
+        wait_until(lambda: partner.heard['COUNT'] == before + 3, 'those of another goal')
     server.destroy()
     actions.destroy()
 
