@@ -31,6 +31,11 @@ What FRET writes around the first time point costs nothing: with FTP at step 0
     Z p                        for Y p | FTP
     O[0,b] p from a started counter   for O[0,b] (FTP | p)
     H[0,b] p from a started counter   for H[0,b] p & H[0,m] !FTP, m <= b   (its persisted)
+
+Its `within n` under a condition needs no delay line of n bits, as false stays false there:
+    H !(!q S[n,inf) p)   for H (O[n,n] p -> O[0,n-1] q)
+It fails at k + n if p held at k and q at none of the n steps behind k; S says so there or later,
+and later is no news under H. The first step is never behind k, so FTP in q is left out.
 """
 
 from dataclasses import replace
@@ -212,6 +217,9 @@ class _GroupBuilder:
             case Once():
                 return self._once(node.window, self.operand[node.argument], False)
             case Historically():
+                deadline = self._deadline(node)
+                if deadline is not None:
+                    return deadline
                 return ~self._once(node.window, ~self.operand[node.argument], True)
             case Since():
                 return self._since(node.window, self.operand[node.left],
@@ -491,6 +499,23 @@ class _GroupBuilder:
                 else self._once_ever(argument, dual)
         return self._once_within(window.high - window.low,
                                  self._ago(window.low, argument), dual)
+
+    def _deadline(self, node: Historically) -> Operand | None:
+        """Return `H (O[n,n] p -> O[0,n-1] a)` with one counter; None for anything else."""
+        match node:
+            case Historically(Window(0, None), Binary(
+                    BinaryOperator.IMPLIES, Once(Window(int(low), high), trigger),
+                    Once(Window(0, int(last)), answer))) if low == high == last + 1:
+                pass
+            case _:
+                return None
+        answered = self.operand[answer]
+        rest = self._beside_first_step(answered)
+        if rest is not None:
+            answered = rest
+        late = self._since(Window(low, None), ~answered, self.operand[trigger], False)
+        self._name(late, Since(Window(low, None), Unary(UnaryOperator.NOT, answer), trigger))
+        return ~self._once_ever(late, True)
 
     def _ago(self, steps: int, argument: Operand) -> Operand:
         return self._delay(steps, argument) if steps else argument

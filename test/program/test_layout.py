@@ -106,6 +106,10 @@ def test_the_running_example_needs_a_few_bytes() -> None:
     assert size('H ((H[0,10] (x > 15.0 & y > 8.0) & H[0,9] !FTP) -> O[0,10] (x <= 15.0))') <= 8
 
 
+def test_a_deadline_far_away_needs_a_few_bytes() -> None:
+    assert size('H (O[2000000000,2000000000] p -> O[0,1999999999] q)') <= 8
+
+
 def test_fields_are_ordered_by_size_so_that_a_struct_has_no_holes() -> None:
     assert size('O[0,9] p & preReal(0.0, d) > 1.0 & Y q & O[0,300] q & O[0,70000] r') == 16
     assert size('p') == 1

@@ -127,6 +127,16 @@ KINDS = [
     ('p S[1,1] q', 'ApplyBinary Delay'),
     ('O[2,5] p & O[2,7] p', 'ApplyBinary Delay OnceWithin OnceWithin'),
     ('O[2,5] p & H[2,5] p', 'AlwaysWithin ApplyBinary Delay Delay OnceWithin'),
+    # FRET's deadlines
+    ('H (O[5,5] p -> O[0,4] q)', 'AlwaysSoFar SinceBefore'),
+    ('H (O[5,5] (p & Z !p & !q) -> O[0,4] (FTP | q))',
+     'AlwaysSoFar ApplyBinary ApplyBinary Delay SinceBefore'),
+    ('H (O[1,1] p -> O[0,0] q)', 'AlwaysSoFar SinceBefore'),
+    ('H (O[5,5] p -> O[0,5] q)', 'AlwaysSoFar ApplyBinary Delay OnceWithin'),
+    ('H (O[5,5] p -> O[0,3] q)', 'AlwaysSoFar ApplyBinary Delay OnceWithin'),
+    ('H (O[5,6] p -> O[0,4] q)', 'AlwaysSoFar ApplyBinary Delay OnceWithin OnceWithin'),
+    ('H (O[5,5] p -> O[1,4] q)', 'AlwaysSoFar ApplyBinary Delay Delay OnceWithin'),
+    ('H[0,9] (O[5,5] p -> O[0,4] q)', 'AlwaysWithin ApplyBinary Delay OnceWithin'),
     ('n + 1 > 2', 'ApplyBinary ApplyBinary'), ('n ^ 3 > 2', 'ApplyBinary Power'),
 ]
 
