@@ -216,7 +216,10 @@ enum result
   GARBAGE   // was there, and is gone: no header, so that nobody was asked to read it
 };
 
-static enum result take(struct fm_source * source, struct fm_message_info * info)
+// Takes one of `waiting`, as far as is known. A message without a header is thrown away in passing:
+// there may have been as many as are waiting, and there was one.
+static enum result take(
+  struct fm_source * source, struct fm_message_info * info, uint64_t waiting)
 {
   bool taken = false;
   source->reading.is_decoded = false;
@@ -224,9 +227,10 @@ static enum result take(struct fm_source * source, struct fm_message_info * info
   const bool has_error = source->middleware->has_error();
   if (has_error) {
     source->middleware->forget_error();
-    source->reading.is_behind_garbage = true;
+    source->reading.thrown += waiting > 2 ? waiting - 1 : 1;
   }
   if (result != 0 || !taken) {
+    source->reading.thrown -= has_error ? 1 : 0;  // it is counted now
     source->reading.size = 0;
     return result == 0 && has_error ? GARBAGE : NOTHING;
   }
@@ -242,14 +246,16 @@ static void deliver_locked(
   struct fm_source * source, enum result result, const struct fm_message_info * info)
 {
   if (result == GARBAGE) {
-    fm_watch_undecodable_locked(source->watch, source->topic);
+    if (!source->is_retired) {  // the subscription that takes its place counts it
+      fm_watch_undecodable_locked(source->watch, source->topic);
+    }
     return;
   }
   const struct fm_origin origin = {
     info->received_timestamp, info->source_timestamp, info->publication_sequence_number,
     info->gid, source->is_retired};
   (void)fm_watch_deliver_locked(source->watch, source->topic, &source->reading, &origin);
-  source->reading.is_behind_garbage = false;
+  source->reading.thrown = 0;
 }
 
 // In the middleware's thread. Takes as many as it is told of: one that comes later has a callback
@@ -267,7 +273,7 @@ static void on_message(const void * user_data, size_t count)
     source->is_awaited = true;
   } else {
     for (size_t k = 0; k < count || source->is_behind; ++k) {
-      const enum result result = take(source, &info);
+      const enum result result = take(source, &info, k < count ? count - k : 1);
       if (result == NOTHING) {
         source->is_behind = false;
         break;
@@ -305,7 +311,7 @@ static void drain(struct fm_source * source)
   source->middleware->forget_error();  // one that this thread may have had before
   do {
     enum result result = NOTHING;
-    while (left > 0 && (result = take(source, &info)) != NOTHING) {
+    while (left > 0 && (result = take(source, &info, 1)) != NOTHING) {
       left -= 1;
       fm_watch_lock(source->watch);
       deliver_locked(source, result, &info);

@@ -28,8 +28,11 @@
 #include "fret_monitor.h"
 
 #define FM_GID_BYTES 16u
-/// Publishers that are told apart; of more, those that spoke last are.
-#define FM_PUBLISHERS 16u
+/// Publishers that are told apart; of more, those that spoke last are: where all of more speak in turn,
+/// nothing is found to be lost.
+#define FM_PUBLISHERS 64u
+/// Messages within which one without a number is to be found in a gap.
+#define FM_PATIENCE 64u
 
 struct fm_publisher
 {
@@ -44,11 +47,16 @@ struct fm_losses
   struct fm_publisher publishers[FM_PUBLISHERS];
   uint64_t lost;
   uint64_t unnumbered;  // that came without a number, and are still to be found in a gap
+  uint32_t patience;    // messages for which they are looked for
 };
 
 /// A message has come whose number nobody knows: the gap that it leaves is no loss. Whose it was is
-/// not known either, so that the next gap of any publisher is taken for it. O(1).
-FM_INLINE void fm_losses_unnumbered(struct fm_losses * losses) {losses->unnumbered += 1;}
+/// not known either, so that the next gap of any publisher is taken for it, if it comes soon. O(1).
+FM_INLINE void fm_losses_unnumbered(struct fm_losses * losses)
+{
+  losses->unnumbered += 1;
+  losses->patience = FM_PATIENCE;
+}
 
 FM_INLINE void fm_losses_gap(struct fm_losses * losses, uint64_t gap)
 {
@@ -68,6 +76,8 @@ FM_INLINE void fm_losses_note(
   if (number == 0 || number == UINT64_MAX) {
     return;
   }
+  losses->patience -= losses->patience > 0 ? 1u : 0u;
+  losses->unnumbered = losses->patience > 0 ? losses->unnumbered : 0u;
   while (place < FM_PUBLISHERS - 1 && losses->publishers[place].last > 0 &&
     memcmp(losses->publishers[place].gid, gid, FM_GID_BYTES) != 0)
   {

@@ -32,7 +32,6 @@
 #define MOST_DETAILS 1024u
 #define DETAIL_MEMORY (4u << 20)
 #define HELD_FOR_DETAIL 100u  // milliseconds
-#define MOST_GARBAGE 4096u  // messages that one take leaves out
 #define REMEMBERED 4096u  // messages of a topic that would be recognised if they came again
 
 struct key
@@ -45,7 +44,8 @@ struct key
 struct sender
 {
   uint64_t id;
-  int64_t newest;  // sent
+  int64_t newest;     // sent
+  uint64_t sequence;  // the highest
 };
 
 struct topic
@@ -498,12 +498,19 @@ static struct sender * find_sender(struct topic * topic, uint64_t id)
   return NULL;
 }
 
+// By the number, where there is one: a sender's clock may be set back.
+static bool is_older(const struct fm_origin * origin, const struct sender * sender)
+{
+  const bool has_number = origin->sequence != 0 && origin->sequence != UINT64_MAX;
+  return has_number ? origin->sequence < sender->sequence : origin->sent < sender->newest;
+}
+
 static bool is_repeated(struct topic * topic, const struct fm_origin * origin)
 {
   const struct key key = key_of(origin);
   const struct sender * sender = find_sender(topic, key.sender);
   const bool is_history = topic->has_history && !origin->is_retired && sender != NULL &&
-    origin->sent < sender->newest;
+    is_older(origin, sender);
   return is_history || is_known(topic, key);
 }
 
@@ -526,7 +533,9 @@ static void remember_sender(struct topic * topic, struct key key)
     topic->n_senders += 1;
     sender->id = key.sender;
     sender->newest = key.sent;
+    sender->sequence = key.sequence;
   }
+  sender->sequence = key.sequence > sender->sequence ? key.sequence : sender->sequence;
   sender->newest = key.sent > sender->newest ? key.sent : sender->newest;
 }
 
@@ -640,12 +649,14 @@ const struct fm_reader * fm_watch_reader(const struct fm_watch * watch, uint32_t
   return &watch->options.readers->topics[topic];
 }
 
-// The middleware threw away messages in front of this one, and told of it once: what was left out
-// were these.
-static void count_garbage_locked(struct fm_watch * watch, uint32_t topic, uint64_t gap)
+// The middleware threw away messages in front of this one, and told of some: what was left out were
+// these. While two subscriptions bring messages the other one may still bring them.
+static void count_garbage_locked(
+  struct fm_watch * watch, uint32_t topic, uint64_t gap, uint64_t thrown)
 {
-  const uint64_t n = gap > MOST_GARBAGE ? MOST_GARBAGE : gap;
-  watch->topics[topic].losses.lost -= n;
+  struct topic * cell = &watch->topics[topic];
+  const uint64_t n = cell->overlaps ? 0 : gap < thrown ? gap : thrown;
+  cell->losses.lost -= n;
   for (uint64_t k = 0; k < n; ++k) {
     fm_evaluator_undecodable(watch->options.evaluator, topic);
   }
@@ -664,9 +675,7 @@ uint32_t fm_watch_deliver_locked(
     return FM_REPEATED;
   }
   const uint64_t gap = remember(cell, origin);
-  if (reading->is_behind_garbage) {
-    count_garbage_locked(watch, topic, gap);
-  }
+  count_garbage_locked(watch, topic, gap, reading->thrown);
   if (!reading->is_decoded) {
     fm_evaluator_undecodable(evaluator, topic);
     return FM_UNDECODABLE;
@@ -695,7 +704,7 @@ uint32_t fm_watch_message(
     return FM_RECEIVED;
   }
   pthread_mutex_lock(&watch->mutex);
-  struct fm_reading reading = {watch->fields, message, size, false, false};
+  struct fm_reading reading = {watch->fields, message, size, false, 0};
   reading.is_decoded = fm_watch_reader(watch, topic)->read(message, size, watch->fields);
   const uint32_t receipt = fm_watch_deliver_locked(watch, topic, &reading, origin);
   pthread_mutex_unlock(&watch->mutex);

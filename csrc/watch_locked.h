@@ -35,7 +35,7 @@ struct fm_reading
   const uint8_t * message;
   size_t size;
   bool is_decoded;
-  bool is_behind_garbage;  // the middleware has thrown something away since the last one
+  uint64_t thrown;  // so many the middleware may have thrown away since the last one, at most
 };
 
 /// fm_watch_message behind the reading, for whoever holds the lock.

@@ -104,7 +104,12 @@ def _refuse_missing() -> None:
 
 def _files(folder: Path, names: dict[str, str]) -> dict[str, str]:
     """Return the texts of the monitor's files, and of the runtime's headers, in a folder."""
+    known = {*names, *runtime_headers()}
     found = {}
+    for item in sorted(folder.iterdir()) if folder.is_dir() else ():
+        if item.name not in known and (item.suffix == '.h' or item.is_dir()):
+            refuse(f"'{item}' is nothing that `compile` writes: C that includes a header of this "
+                   'name would see it', help='take it away, or prove a folder of its own')
     for name in (*names, 'fret_cells.h', 'fret_monitor.h'):
         try:
             # A carriage return by itself ends a line for Python, and not for a C compiler.

@@ -46,7 +46,8 @@ from fret_monitor.proving.solver import Answer
 _QUICK = 0.3  # seconds that a search has before the cells are opened
 _SEARCH = 10.0  # and afterwards, at most
 _FIELDS = '_fields.c'
-_RUNTIME = ('fret_cells.h', 'fret_monitor.h')
+_CONTRACT = 'fret_monitor.h'
+_RUNTIME = ('fret_cells.h', _CONTRACT)
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,9 @@ def read_subject(generated: GeneratedMonitor, sources: Mapping[str, str],
     require_same_directives({**headers, **chosen}, {
         **{name: runtime_headers()[name] for name in _RUNTIME},
         **dict([module.header, *module.sources])})
+    if headers[_CONTRACT] != runtime_headers()[_CONTRACT]:
+        raise Unreadable(f'{_CONTRACT} is another one than that of this version: '
+                         'drivers read a monitor as that one says')
     code = read_program(chosen, headers)
     symbol = module.symbol
     return Subject(code, generated.program, generated.layouts,

@@ -39,6 +39,7 @@ LEVELS = {Severity.ERROR: DiagnosticStatus.ERROR, Severity.WARN: DiagnosticStatu
 
 Value = bool | int | float | None
 
+_OF_ALL = ('step', 'stamp', 'suppressed', 'silent')  # keys of all details, in this order
 _STEP = re.compile(r'[0-9]{1,20}')
 _STAMP = re.compile(r'-?[0-9]{1,12}\.[0-9]{9}')
 
@@ -60,7 +61,7 @@ class Detail:
 def read_detail(status: DiagnosticStatus) -> Detail | None:
     """Return what `Details` has told; None for what is from somebody else."""
     pairs = [(item.key, item.value) for item in status.values]
-    if [key for key, _ in pairs[:4]] != ['step', 'stamp', 'suppressed', 'silent']:
+    if tuple(key for key, _ in pairs[:4]) != _OF_ALL:
         return None
     step, stamp = pairs[0][1], pairs[1][1]
     if not _STEP.fullmatch(step) or not _STAMP.fullmatch(stamp):
@@ -99,18 +100,22 @@ class Details:
         requirement = self._manifest.requirements[violation.requirement]
         inputs = self._manifest.inputs
         silent = [inputs[index].name for index in requirement.inputs if index in detail.stale]
-        pairs = [  # the first four always; the inputs may have any names
-            ('step', str(violation.step)),
-            ('stamp', f'{violation.stamp / 1e9:.9f}'),
-            ('suppressed', str(detail.suppressed)),
-            ('silent', ', '.join(silent)),
-            *((inputs[index].name, show(inputs[index], detail.values[index]))
+        of_all = (str(violation.step), f'{violation.stamp / 1e9:.9f}', str(detail.suppressed),
+                  ', '.join(silent))
+        pairs = [
+            *zip(_OF_ALL, of_all),
+            *((_key(inputs[index].name), show(inputs[index], detail.values[index]))
               for index in requirement.inputs)]
         return DiagnosticStatus(
             level=LEVELS[requirement.severity], name=requirement.id,
             message=' '.join((requirement.title or requirement.text).split()),
             hardware_id=self._manifest.component,
             values=[KeyValue(key=key, value=text) for key, text in pairs])
+
+
+def _key(name: str) -> str:
+    """Return the key of an input: its name, but for one that is a key already."""
+    return f'input {name}' if name in _OF_ALL else name
 
 
 def as_time(nanoseconds: int) -> Time:

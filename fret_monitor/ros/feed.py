@@ -322,8 +322,10 @@ class _Topic:
         if not is_retired:  # what the new one brings is not lost
             self._gaps.note(key[1])
         if self._seen is not None:
-            # What only the new one brings and is older than what was heard, is history.
-            is_history = self._has_history and not is_retired and key[0] < self._newest
+            # What only the new one brings and is older than what was heard, is history; of several
+            # publishers, whose messages are not told apart here, it may be one's only message.
+            is_history = self._has_history and not is_retired and len(self._known) == 1 \
+                and key[0] < self._newest
             if key in self._seen or is_history:
                 return
             self._seen.add(key)
@@ -399,7 +401,8 @@ class _Topic:
             self.tap.overlap(has_history=self._has_history)
             self._current_tap.retire()
         self._gaps.restart()
-        self._told_before += self._told_losses.total()
+        if before.qos_profile.durability is not DurabilityPolicy.TRANSIENT_LOCAL:
+            self._told_before += self._told_losses.total()
         self._told_losses.close()
         self._retired.append((before, self._current_tap, monotonic() + _OVERLAP))
         self._current = self._subscribe(wanted)
@@ -434,9 +437,17 @@ class _Topic:
             callback_group=_Invisible(), raw=True)
 
     def _lost(self) -> int:
-        """Return how many messages were lost; two that count may have counted the same ones."""
-        counted = self._gaps.lost if self.tap is None else self.tap.lost
-        return max(counted, self._told_before + self._told_losses.total())
+        """
+        Return how many messages were lost.
+
+        Where C takes them it counts. Here the middleware counts too, but what was before a history
+        as well; two that count may have counted the same ones.
+        """
+        if self.tap is not None:
+            return self.tap.lost
+        if self._current.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
+            return max(self._gaps.lost, self._told_before)
+        return max(self._gaps.lost, self._told_before + self._told_losses.total())
 
     def _tell_lost(self) -> None:
         lost = self.hearing.lost - self._lost_told

@@ -14,7 +14,6 @@
 
 """The topics on which violations are announced, one a requirement (DESIGN 8)."""
 
-from collections.abc import Iterable
 
 from fret_monitor.manifest import Manifest, ManifestRequirement
 from fret_monitor.ros.qos import VIOLATION_QOS
@@ -41,10 +40,9 @@ class Handlers:
             node.create_publisher(Empty, handler_topic(requirement), VIOLATION_QOS)
             for requirement in manifest.requirements]
 
-    def announce(self, violations: Iterable[Violation]) -> None:
-        """Publish a message for each violation, in order; never suppressed."""
-        for violation in violations:
-            self.publishers[violation.requirement].publish(self._message)
+    def announce(self, violation: Violation) -> None:
+        """Publish a message for a violation; never suppressed."""
+        self.publishers[violation.requirement].publish(self._message)
 
     def close(self) -> None:
         """Withdraw the topics."""

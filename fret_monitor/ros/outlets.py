@@ -58,10 +58,11 @@ class HandlerOutlet:
             self._announce(violations)
 
     def _announce(self, violations: list[Violation]) -> None:
-        try:
-            self._handlers.announce(violations)
-        except RuntimeError:  # the context was shut down
-            self._watch.tell_untold(len(violations))
+        for violation in violations:
+            try:
+                self._handlers.announce(violation)
+            except RuntimeError:  # the context was shut down
+                self._watch.tell_untold(1)
 
     def _next(self) -> list[Violation]:
         """Return what is to be announced; nothing once the watch is closed and empty."""

@@ -106,6 +106,12 @@ static void what_came_without_a_number_is_not_lost(void)
   check(losses.lost == 2, "of a gap of three one is the second of them");
   note(&losses, 1, 13);
   check(losses.lost == 3, "each is found once");
+  fm_losses_unnumbered(&losses);
+  for (uint64_t number = 14; number < 14 + FM_PATIENCE; ++number) {
+    note(&losses, 2, number);
+  }
+  note(&losses, 1, 15);
+  check(losses.lost == 4, "and looked for no longer than for some messages");
 }
 
 static void note_new(struct fm_losses * losses, uint64_t number)

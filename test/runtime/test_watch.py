@@ -154,6 +154,15 @@ def test_a_message_by_two_subscriptions_is_one_step(watch: Watch) -> None:
     assert watch.topic_counts(0).messages == 6
 
 
+def test_a_sender_whose_clock_is_set_back_sends_no_history(watch: Watch) -> None:
+    watch.overlap(0, has_history=True)
+    assert watch.message(0, a_float(2.0), received=0, sent=10, sequence=1) is Receipt.RECEIVED
+    for number in range(2, 12):
+        assert watch.message(0, a_float(2.0), received=0, sent=number - 5,
+                             sequence=number) is Receipt.RECEIVED
+    assert watch.message(0, a_float(2.0), received=0, sent=11, sequence=3) is Receipt.REPEATED
+
+
 def test_what_cannot_be_used_is_kept_to_be_shown_once(watch: Watch) -> None:
     odd = b'\0\1\0\0' + struct.pack('<I', 5) + b'odd!\0'
     assert watch.message(1, odd, received=0) is Receipt.RECEIVED
