@@ -59,6 +59,7 @@ from fret_monitor.native.folder import open_folder
 from fret_monitor.native.monitor import CompiledMonitor
 from fret_monitor.native.monitor import load
 from fret_monitor.native.stack import call_graph
+from fret_monitor.program.constant import constant_verdicts
 from fret_monitor.program.cost import Cost
 from fret_monitor.program.cost import step_cost
 from fret_monitor.program.layout import check_bounds
@@ -180,8 +181,8 @@ def generate_monitor(reading: Reading, *,
     check_bounds(program, layouts, max_state_bytes)
     module = generate(program, layouts)
     manifest = describe(program, layouts, module, reading.bundle_hash)
-    return GeneratedMonitor(reading.specification, program, layouts, module, manifest,
-                            reading.warnings)
+    warnings = (*reading.warnings, *constant_verdicts(reading.specification, program))
+    return GeneratedMonitor(reading.specification, program, layouts, module, manifest, warnings)
 
 
 def compile_monitor(generated: GeneratedMonitor) -> CompiledMonitor:

@@ -271,7 +271,8 @@ def _list(folder: Path, pattern: str) -> list[Path]:
 def _no_package(package: str, packages: set[str]) -> str:
     if not packages:
         return 'no messages at all are installed: source ROS, such as /opt/ros/jazzy/setup.bash'
-    return f'install it ({_command(package)}), or source the workspace that has it'
+    return ('source the workspace that has it, or, if it is a package of ROS, install it '
+            f'({_command(package)})')
 
 
 def _command(package: str) -> str:

@@ -133,6 +133,32 @@ def test_cells_that_are_wrong_are_told(here: Here) -> None:
     assert 'refuted: fm_once_within_u8' in done.out
 
 
+@pytest.mark.parametrize(('old', 'new'), [
+    ('FM_FLOAT32 = 9', 'FM_FLOAT32 = 10'),
+    ('uint32_t n_groups;', 'uint64_t n_groups;'),
+])
+def test_another_header_of_the_runtime_is_not_read(here: Here, old: str, new: str) -> None:
+    sources = compiled(here)
+    header = sources / 'fret_monitor.h'
+    text = header.read_text(encoding='utf-8')
+    assert old in text
+    header.write_text(text.replace(old, new), encoding='utf-8')
+    done = prove(here, '--sources', sources)
+    assert done.status == 1
+    assert 'fret_monitor.h is another one than that of this version' in done.out
+
+
+@pytest.mark.parametrize('name', ['string.h', 'sys/types.h'])
+def test_a_folder_with_headers_of_somebody_else_is_refused(here: Here, name: str) -> None:
+    sources = compiled(here)
+    planted = sources / name
+    planted.parent.mkdir(exist_ok=True)
+    planted.write_text('#define pump_req_R_1 1\n', encoding='utf-8')
+    done = prove(here, '--sources', sources)
+    assert done.status == 1
+    assert f"{name.partition('/')[0]}' is nothing that `compile` writes" in done.err
+
+
 def test_what_takes_too_long_is_not_proved_and_said_so(here: Here) -> None:
     done = prove(here, '--timeout', '0.001')
     assert done.status == 1

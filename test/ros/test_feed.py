@@ -250,3 +250,22 @@ def test_an_error_in_a_callback_stops_the_feed_and_is_kept(partner: Partner) -> 
     feed.close()
     node.destroy_node()
     assert str(feed.failure) == 'oh'
+
+
+def test_a_latched_message_that_is_older_than_those_of_another_publisher_is_heard(
+    partner: Partner,
+) -> None:
+    depth_of_one = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                              durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    lively = partner.publisher(Int32, 'x', depth_of_one)
+    numbers = iter(range(1000))
+    timer = partner.node.create_timer(0.01, lambda: lively.publish(Int32(data=next(numbers))))
+    with listening(partner, fixed={'durability': 'volatile'}) as before:
+        wait_until(lambda: len(before.numbers(0)) > 10, 'the lively one')
+        quiet = partner.publisher(Int32, 'x', depth_of_one)
+        quiet.publish(Int32(data=1000))
+        with listening(partner) as listener:
+            wait_until(lambda: listener.numbers(1) == [1000] and len(listener.numbers(0)) > 50,
+                       'both')
+            assert len({*listener.got}) == len(listener.got)
+    timer.cancel()

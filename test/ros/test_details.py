@@ -1,0 +1,63 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Details of violations can be read whatever the inputs are called."""
+
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from fret_monitor import build
+from fret_monitor.ros.details import Details
+from fret_monitor.ros.details import DETAILS_TOPIC
+from fret_monitor.ros.details import read_detail
+from fret_monitor.runtime import Evaluator
+from fret_monitor.runtime import Watch
+from rclpy.node import Node
+from ros.harness import Partner
+from ros.harness import wait_until
+
+BUNDLE = """
+format: 1
+inputs:
+  step: {topic: gait, type: std_msgs/msg/Int32}
+  stamp: {topic: imu, type: std_msgs/msg/Int32, initial: 7}
+requirements:
+  - {id: R, ptltl: "step + stamp < 0"}
+"""
+
+
+def test_an_input_may_be_called_like_a_key_of_all_details(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE, encoding='utf-8')
+    watch = Watch(Evaluator(build.build(bundle).monitor))
+    node = Node('fret_monitor', context=partner.context)
+    details = Details(node, watch.monitor.manifest)
+    heard: list[Any] = []
+    partner.node.create_subscription(DiagnosticArray, DETAILS_TOPIC, heard.append, 10)
+    wait_until(lambda: details.listeners() == 1, 'who listens')
+    watch.want_details(True)
+    watch.message(0, b'\0\1\0\0\x2a\0\0\0', received=3)
+    detail = watch.take_detail(1000)
+    assert detail is not None
+    details.publish(detail)
+    wait_until(lambda: bool(heard), 'the details')
+    keys = [item.key for item in heard[0].status[0].values]
+    assert len({*keys}) == len(keys)
+    found = read_detail(heard[0].status[0])
+    assert found is not None
+    assert (found.step, found.values) == (0, (('input step', '42'), ('input stamp', '7')))
+    node.destroy_node()
