@@ -66,7 +66,8 @@ def read_detail(status: DiagnosticStatus) -> Detail | None:
     step, stamp = pairs[0][1], pairs[1][1]
     if not _STEP.fullmatch(step) or not _STAMP.fullmatch(stamp):
         return None
-    return Detail(int(step), float(stamp), tuple(pairs[4:]), pairs[3][1])
+    values = tuple((_name(key), value) for key, value in pairs[4:])
+    return Detail(int(step), float(stamp), values, pairs[3][1])
 
 
 class Details:
@@ -116,6 +117,12 @@ class Details:
 def _key(name: str) -> str:
     """Return the key of an input: its name, but for one that is a key already."""
     return f'input {name}' if name in _OF_ALL else name
+
+
+def _name(key: str) -> str:
+    """Return the input of a key."""
+    name = key.removeprefix('input ')
+    return name if name in _OF_ALL else key
 
 
 def as_time(nanoseconds: int) -> Time:

@@ -271,8 +271,7 @@ def _list(folder: Path, pattern: str) -> list[Path]:
 def _no_package(package: str, packages: set[str]) -> str:
     if not packages:
         return 'no messages at all are installed: source ROS, such as /opt/ros/jazzy/setup.bash'
-    return ('source the workspace that has it, or, if it is a package of ROS, install it '
-            f'({_command(package)})')
+    return f'install it ({_command(package)}), or source the workspace that has it'
 
 
 def _command(package: str) -> str:

@@ -14,6 +14,7 @@
 
 """What is asked of the solver: its limit of time, and that it leaves signals alone."""
 
+from collections.abc import Iterator
 import os
 import signal
 from threading import Timer
@@ -24,6 +25,14 @@ from fret_monitor.proving.solver import Answer
 from fret_monitor.proving.solver import prove
 from fret_monitor.proving.terms import Term
 import pytest
+
+
+@pytest.fixture
+def interrupts() -> Iterator[None]:
+    """Have SIGINT interrupt, as at a start: rclpy, of tests before, may have taken it over."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before or signal.default_int_handler)
 
 
 def hard() -> Term:
@@ -39,6 +48,7 @@ def test_what_is_too_hard_is_not_proved_and_not_refuted() -> None:
     assert result.values == {}
 
 
+@pytest.mark.usefixtures('interrupts')
 def test_an_interrupt_ends_a_proof() -> None:
     timer = Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT))
     timer.start()
@@ -47,6 +57,7 @@ def test_an_interrupt_ends_a_proof() -> None:
         timer.join()
 
 
+@pytest.mark.usefixtures('interrupts')
 def test_an_interrupt_while_an_object_is_freed_is_not_lost() -> None:
     class Freed:
 

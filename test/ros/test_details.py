@@ -59,5 +59,5 @@ def test_an_input_may_be_called_like_a_key_of_all_details(
     assert len({*keys}) == len(keys)
     found = read_detail(heard[0].status[0])
     assert found is not None
-    assert (found.step, found.values) == (0, (('input step', '42'), ('input stamp', '7')))
+    assert (found.step, found.values) == (0, (('step', '42'), ('stamp', '7')))
     node.destroy_node()

@@ -356,7 +356,7 @@ requirements:
         assert values[0] == ('step', '1')
         assert 0 <= float(values[1][1]) - before / 1e9 < 20
         assert values[2:] == [
-            ('suppressed', '0'), ('silent', ''), ('x', '0.3'), ('step', 'IDLE')]
+            ('suppressed', '0'), ('silent', ''), ('x', '0.3'), ('input step', 'IDLE')]
         logger.wait_for(': stand still [step 1: x = 0.3, step = IDLE]')
         logger.wait_for(f'R-2 violated at {float(values[1][1]):.3f}: x < 0.25 [step 1: x = 0.3]')
 
