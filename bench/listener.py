@@ -57,8 +57,9 @@ def main() -> None:
     listener = Listener(options.topics.split(','), options.depth, options.publish)
     try:
         rclpy.spin(listener)
-    except (KeyboardInterrupt, ExternalShutdownException):  # whichever rclpy has of a SIGINT
-        print(listener.taken)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass  # or it just returns: whichever rclpy makes of a SIGINT
+    print(listener.taken)
 
 
 if __name__ == '__main__':
