@@ -21,8 +21,7 @@ ROS 2 installation; the extra `ros` is for machines without one.
 
 from glob import glob
 
-from setuptools import find_packages
-from setuptools import setup
+from setuptools import find_packages, setup
 
 NAME = 'fret_monitor'
 SHARED = ('config', 'config/sros2', 'csrc', 'docs', 'examples', 'launch')

@@ -25,8 +25,7 @@ from argparse import ArgumentParser
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from std_msgs.msg import Empty
-from std_msgs.msg import Float32
+from std_msgs.msg import Empty, Float32
 
 
 class Listener(Node):

@@ -22,12 +22,9 @@ compiled. Run as a program, this has them all proved or refuted and prints a tab
 """
 
 from collections import Counter
-from collections.abc import Callable
-from collections.abc import Iterator
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
 import sys
@@ -35,22 +32,14 @@ import tempfile
 import time
 from typing import Any
 
-from fret_monitor.build import generate_monitor
-from fret_monitor.build import GeneratedMonitor
-from fret_monitor.build import read
+from fret_monitor.build import generate_monitor, GeneratedMonitor, read
 from fret_monitor.native.cache import runtime_headers
-from fret_monitor.proving.c_source import Function
-from fret_monitor.proving.c_source import Program
-from fret_monitor.proving.c_source import shown
+from fret_monitor.proving.c_source import Function, Program, shown
 from fret_monitor.proving.contracts import prove_function
-from fret_monitor.proving.monitor import ALL
-from fret_monitor.proving.monitor import Subject
-from fret_monitor.proving.solver import Answer
-from fret_monitor.proving.verification import read_subject
-from fret_monitor.proving.verification import settle
-from fret_monitor.proving.verification import Settled
-from pycparser import c_ast
-from pycparser import CParser
+from fret_monitor.proving.monitor import ALL, Subject
+from fret_monitor.proving.verification import read_subject, settle, Settled
+from fret_monitor.smt.solver import Answer
+from pycparser import c_ast, CParser
 from pycparser.c_generator import CGenerator
 
 _OPERATORS = {'&': '|', '|': '&', '^': '&', '==': '!=', '!=': '==', '<': '<=', '<=': '<',

@@ -25,8 +25,7 @@ told. reelay (PyPI) is timed through its Python binding, which is the only thing
 """
 
 from argparse import ArgumentParser
-from collections.abc import Callable
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -43,27 +42,14 @@ import tempfile
 import time
 from typing import Any
 
-from bench.run import operator
-from bench.run import ROUNDS
-from bench.run import Work
-from bench.run import WORKS
-from fret_monitor.build import compile_monitor
-from fret_monitor.build import generate_monitor
-from fret_monitor.build import GeneratedMonitor
-from fret_monitor.build import read
+from bench.run import operator, ROUNDS, Work, WORKS
+from fret_monitor.build import compile_monitor, generate_monitor, GeneratedMonitor, read
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.cache import csrc_directory
-from fret_monitor.native.compiler import COMPILE_FLAGS
-from fret_monitor.native.compiler import find_compiler
-from fret_monitor.native.compiler import LIBRARIES
-from fret_monitor.native.compiler import LINK_FLAGS
-from fret_monitor.native.monitor import Library
-from fret_monitor.native.monitor import Monitor
-from fret_monitor.program.levels import levels
-from fret_monitor.runtime.benchmark import Inputs
-from fret_monitor.runtime.benchmark import lasting_inputs
-from fret_monitor.runtime.benchmark import random_inputs
-from fret_monitor.runtime.benchmark import StepTimer
+from fret_monitor.native.compiler import COMPILE_FLAGS, find_compiler, LIBRARIES, LINK_FLAGS
+from fret_monitor.native.monitor import Library, Monitor
+from fret_monitor.runtime.benchmark import Inputs, lasting_inputs, random_inputs, StepTimer
+from fret_monitor.traces.boundary import levels
 
 HASKELL = Path(__file__).resolve().parent / 'copilot'
 COMPARED = 20_000  # steps

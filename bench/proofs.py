@@ -23,11 +23,9 @@ import sys
 import tempfile
 import time
 
-from fret_monitor.build import generate_monitor
-from fret_monitor.build import read
+from fret_monitor.build import generate_monitor, read
 from fret_monitor.native.cache import runtime_headers
-from fret_monitor.proving.verification import cells_proved
-from fret_monitor.proving.verification import verify
+from fret_monitor.proving.verification import cells_proved, verify
 
 ROOT = Path(__file__).resolve().parent.parent
 _SENTENCE = ('if persisted(10, current_{n} > 15.0 & wind_{n} > 8.0) the vehicle shall within '

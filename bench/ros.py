@@ -24,14 +24,10 @@ else in the domain. Ratios are of one round; what is shown is the median of the 
 """
 
 from argparse import ArgumentParser
-from collections.abc import Callable
-from collections.abc import Iterator
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import ctypes
-from dataclasses import asdict
-from dataclasses import dataclass
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from glob import glob
 import json
 from operator import attrgetter
@@ -43,8 +39,7 @@ import signal
 from statistics import median
 import subprocess
 import sys
-from tempfile import TemporaryDirectory
-from tempfile import TemporaryFile
+from tempfile import TemporaryDirectory, TemporaryFile
 import time
 
 from fret_monitor.native.compiler import find_compiler

@@ -24,8 +24,7 @@ the median of the rounds' ratios. The verdicts of both are compared first, row f
 
 from argparse import ArgumentParser
 from collections.abc import Iterator
-from dataclasses import asdict
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 import json
 import os
 from pathlib import Path
@@ -36,18 +35,12 @@ import sys
 import tempfile
 import time
 
-from fret_monitor.build import compile_monitor
-from fret_monitor.build import generate_monitor
-from fret_monitor.build import read
+from fret_monitor.build import compile_monitor, generate_monitor, read
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.cache import build_library
-from fret_monitor.native.monitor import Library
-from fret_monitor.native.monitor import Monitor
-from fret_monitor.program.levels import levels
-from fret_monitor.runtime.benchmark import Inputs
-from fret_monitor.runtime.benchmark import lasting_inputs
-from fret_monitor.runtime.benchmark import random_inputs
-from fret_monitor.runtime.benchmark import StepTimer
+from fret_monitor.native.monitor import Library, Monitor
+from fret_monitor.runtime.benchmark import Inputs, lasting_inputs, random_inputs, StepTimer
+from fret_monitor.traces.boundary import levels
 
 HERE = Path(__file__).resolve().parent
 ROUNDS = 9

@@ -25,8 +25,7 @@ verdict is compared. Memory is looked at throughout: it must not grow in the sec
 """
 
 from argparse import ArgumentParser
-from collections.abc import Callable
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,14 +36,7 @@ from threading import Thread
 import time
 from typing import IO
 
-from bench.ros import Bench
-from bench.ros import both
-from bench.ros import kilobytes
-from bench.ros import Load
-from bench.ros import prepared
-from bench.ros import Running
-from bench.ros import say
-from bench.ros import Subject
+from bench.ros import Bench, both, kilobytes, Load, prepared, Running, say, Subject
 from fret_monitor.build import read
 from fret_monitor.logic.evaluate import verdicts
 

@@ -23,14 +23,11 @@ more, by the reference semantics; the demo succeeds (exit status 0) if the logge
 the violations that this finds, in that order.
 """
 
-from collections.abc import Iterator
-from collections.abc import Mapping
-from collections.abc import Set
+from collections.abc import Iterator, Mapping, Set
 from contextlib import contextmanager
 import os
 from pathlib import Path
-from queue import Empty
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 import re
 import signal
 import struct
@@ -39,16 +36,13 @@ import sys
 from tempfile import TemporaryDirectory
 from textwrap import fill
 from threading import Thread
-from time import monotonic
-from time import sleep
-from time import time
+from time import monotonic, sleep, time
 
 from fret_monitor import build
 from fret_monitor.logic.evaluate import verdicts
 from fret_monitor.logic.formula import variables
-from fret_monitor.logic.specification import Property
-from fret_monitor.logic.specification import Specification
-from fret_monitor.manifest import Report
+from fret_monitor.logic.specification import Property, Specification
+from fret_monitor.model.policies import Report
 
 HERE = Path(__file__).resolve().parent
 BUNDLE = HERE.parent / 'config' / 'quadrotor.yaml'

@@ -30,8 +30,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from std_msgs.msg import Empty
-from std_msgs.msg import Float32
+from std_msgs.msg import Empty, Float32
 
 BUNDLE = Path(__file__).resolve().parent / 'tank.yaml'
 STEP = 0.05  # s

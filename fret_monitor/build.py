@@ -20,9 +20,7 @@ From a bundle to a monitor that runs: the one place that sees all stages.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
-from dataclasses import dataclass
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 import hashlib
 import os
@@ -31,49 +29,31 @@ import shutil
 import tempfile
 import time
 
+from fret_monitor.bundle.bundle import Bundle, survey_bundle
 from fret_monitor.codegen.describe import describe
-from fret_monitor.codegen.module import CModule
-from fret_monitor.codegen.module import generate
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.diagnostics import Diagnostic
-from fret_monitor.diagnostics import Problems
-from fret_monitor.diagnostics import refuse
-from fret_monitor.logic.elaborate import specify
+from fret_monitor.codegen.module import CModule, generate
+from fret_monitor.elaboration.elaborate import specify
+from fret_monitor.lint.constant_verdicts import constant_verdicts
+from fret_monitor.lint.unread import unread_topics
 from fret_monitor.logic.specification import Specification
-from fret_monitor.logic.unread import unread_topics
-from fret_monitor.manifest import FORMAT
-from fret_monitor.manifest import Manifest
-from fret_monitor.manifest import Policy
-from fret_monitor.native.cache import build_library
-from fret_monitor.native.cache import csrc_directory
-from fret_monitor.native.cache import evaluator_library
-from fret_monitor.native.cache import EVALUATOR_SOURCES
-from fret_monitor.native.cache import runtime_headers
-from fret_monitor.native.compiler import compile_library
-from fret_monitor.native.compiler import find_compiler
-from fret_monitor.native.folder import EVALUATOR_FILE
-from fret_monitor.native.folder import is_compiled
-from fret_monitor.native.folder import library_file
-from fret_monitor.native.folder import MANIFEST_FILE
-from fret_monitor.native.folder import open_folder
-from fret_monitor.native.monitor import CompiledMonitor
-from fret_monitor.native.monitor import load
+from fret_monitor.model.diagnostics import CompileError, Diagnostic, Problems, refuse
+from fret_monitor.model.manifest import FORMAT, Manifest
+from fret_monitor.model.policies import Policy
+from fret_monitor.native.cache import (
+    build_library, csrc_directory, evaluator_library, EVALUATOR_SOURCES, runtime_headers,
+)
+from fret_monitor.native.compiler import compile_library, find_compiler
+from fret_monitor.native.folder import (
+    EVALUATOR_FILE, is_compiled, library_file, MANIFEST_FILE, open_folder,
+)
+from fret_monitor.native.monitor import CompiledMonitor, load
 from fret_monitor.native.stack import call_graph
-from fret_monitor.program.constant import constant_verdicts
-from fret_monitor.program.cost import Cost
-from fret_monitor.program.cost import step_cost
-from fret_monitor.program.layout import check_bounds
-from fret_monitor.program.layout import GroupLayout
-from fret_monitor.program.layout import lay_out
-from fret_monitor.program.layout import MAX_STATE_BYTES
-from fret_monitor.program.levels import levels
+from fret_monitor.program.cost import Cost, step_cost
+from fret_monitor.program.layout import check_bounds, GroupLayout, lay_out, MAX_STATE_BYTES
 from fret_monitor.program.lower import lower
 from fret_monitor.program.monitor_program import MonitorProgram
-from fret_monitor.runtime.benchmark import lasting_inputs
-from fret_monitor.runtime.benchmark import random_inputs
-from fret_monitor.runtime.benchmark import step_nanoseconds
-from fret_monitor.syntax.bundle import Bundle
-from fret_monitor.syntax.bundle import survey_bundle
+from fret_monitor.runtime.benchmark import lasting_inputs, random_inputs, step_nanoseconds
+from fret_monitor.traces.boundary import levels
 
 _SOURCES = Path('src')
 

@@ -27,23 +27,18 @@ import json
 import os
 from pathlib import Path
 import tempfile
-from typing import Any
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.manifest import Manifest
-from fret_monitor.manifest import ManifestError
-from fret_monitor.manifest import Policy
-from fret_monitor.native.cache import cache_directory
-from fret_monitor.native.cache import csrc_directory
-from fret_monitor.native.cache import forget
-from fret_monitor.native.cache import is_kept
-from fret_monitor.native.cache import is_ours
-from fret_monitor.native.cache import note_use
+from fret_monitor.messages.definitions import find_message
+from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.manifest import Manifest, ManifestError
+from fret_monitor.model.policies import Policy
+from fret_monitor.native.cache import (
+    cache_directory, csrc_directory, forget, is_kept, is_ours, note_use,
+)
 from fret_monitor.native.compiler import find_compiler
 from fret_monitor.native.errors import NativeError
 from fret_monitor.native.monitor import CompiledMonitor
-from fret_monitor.syntax.message import find_message
 
 if TYPE_CHECKING:
     from fret_monitor.build import Reading
@@ -86,17 +81,14 @@ def manifest_of(path: Path, *, policy: Policy | None = None,
         found = None  # without a compiler no note can be found; it only saves time
     if found:
         return found.manifest
-    from fret_monitor.build import generate_monitor
-    from fret_monitor.build import read
+    from fret_monitor.build import generate_monitor, read
     return generate_monitor(read(path, policy=policy, period=period)).manifest
 
 
 def _build(path: Path, policy: Policy | None, period: Fraction | None,
            note: Path | None) -> CompiledMonitor:
     # Imported here: parsers and generator cost more than all else at a start that needs none.
-    from fret_monitor.build import compile_monitor
-    from fret_monitor.build import generate_monitor
-    from fret_monitor.build import read
+    from fret_monitor.build import compile_monitor, generate_monitor, read
     reading = read(path, policy=policy, period=period)
     compiled = compile_monitor(generate_monitor(reading))
     if note:

@@ -14,8 +14,7 @@
 
 """What all tests share: a home of their own, a copy of the repository, a domain of DDS."""
 
-from collections.abc import Callable
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 import fcntl
 import os
 from pathlib import Path
@@ -25,8 +24,7 @@ import subprocess
 import tempfile
 from typing import Any
 
-from hypothesis import HealthCheck
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 import pytest
 
 # What helps several tests asserts too, and is to say as much when it fails.

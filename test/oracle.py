@@ -23,9 +23,7 @@ up to the end of the interval. What a timing asks beyond the end of an interval 
 read off a formula, so that formulas can be tested against it.
 """
 
-from collections.abc import Callable
-from collections.abc import Iterator
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 

@@ -27,36 +27,14 @@ import math
 from random import Random
 from typing import Any, TypeVar
 
-from fret_monitor.logic.formula import ALWAYS
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Choice
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.formula import Conversion
-from fret_monitor.logic.formula import FALSE
-from fret_monitor.logic.formula import Feedback
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import FTP
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import postorder
-from fret_monitor.logic.formula import Previous
-from fret_monitor.logic.formula import Since
-from fret_monitor.logic.formula import Triggered
-from fret_monitor.logic.formula import TRUE
-from fret_monitor.logic.formula import Unary
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import WeakYesterday
-from fret_monitor.logic.formula import Window
-from fret_monitor.logic.formula import Yesterday
-from fret_monitor.logic.specification import Property
-from fret_monitor.logic.specification import Signal
-from fret_monitor.logic.specification import Specification
-from fret_monitor.manifest import Policy
-from fret_monitor.manifest import Report
-from fret_monitor.manifest import Severity
-from fret_monitor.manifest import ValueType
+from fret_monitor.logic.formula import (
+    ALWAYS, Binary, BinaryOperator, Choice, Constant, Conversion, FALSE, Feedback, Formula, FTP,
+    Historically, Once, postorder, Previous, Since, Triggered, TRUE, Unary, UnaryOperator,
+    Variable, WeakYesterday, Window, Yesterday,
+)
+from fret_monitor.logic.specification import Property, Signal, Specification
+from fret_monitor.model.policies import Policy, Report, Severity
+from fret_monitor.model.values import ValueType
 from hypothesis import strategies as st
 
 Draw = Callable[[int], int]

@@ -25,23 +25,15 @@ import subprocess
 import sys
 
 import fret_monitor
-from fret_monitor.build import build
-from fret_monitor.build import generate_monitor
-from fret_monitor.build import measure
-from fret_monitor.build import read
-from fret_monitor.build import write
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.manifest import Manifest
-from fret_monitor.manifest import Policy
-from fret_monitor.native import cache
-from fret_monitor.native import CompilerError
-from fret_monitor.native import NativeError
+from fret_monitor.build import build, generate_monitor, measure, read, write
+from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.policies import Policy
+from fret_monitor.native import cache, CompilerError, NativeError
 from fret_monitor.native.folder import open_folder
 from fret_monitor.native.monitor import load
 from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.runtime.fields import FieldReading
-from fret_monitor.runtime.fields import Outcome
-from fret_monitor.runtime.fields import read_fields
+from fret_monitor.runtime.fields import FieldReading, Outcome, read_fields
 import pytest
 
 PACKAGE = Path(fret_monitor.__file__).resolve().parent

@@ -25,14 +25,12 @@ import sys
 from typing import Any
 
 from fret_monitor import build
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.manifest import Policy
+from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.policies import Policy
 from fret_monitor.native.cache import cache_directory
 from fret_monitor.native.monitor import CompiledMonitor
 from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.runtime.fields import FieldReading
-from fret_monitor.runtime.fields import Outcome
-from fret_monitor.runtime.fields import read_fields
+from fret_monitor.runtime.fields import FieldReading, Outcome, read_fields
 from fret_monitor.start import start
 
 import pytest

@@ -17,19 +17,10 @@
 from collections.abc import Callable
 from typing import assert_never
 
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Span
-from fret_monitor.diagnostics import Text
-from fret_monitor.syntax.expression import Boolean
-from fret_monitor.syntax.expression import Bound
-from fret_monitor.syntax.expression import Call
-from fret_monitor.syntax.expression import Conditional
-from fret_monitor.syntax.expression import Expression
-from fret_monitor.syntax.expression import Infix
-from fret_monitor.syntax.expression import Name
-from fret_monitor.syntax.expression import Number
-from fret_monitor.syntax.expression import Prefix
+from fret_monitor.language.expression import (
+    Boolean, Bound, Call, Conditional, Expression, Infix, Name, Number, Prefix,
+)
+from fret_monitor.model.diagnostics import CompileError, Source, Span, Text
 import pytest
 
 

@@ -14,14 +14,11 @@
 
 """`bench BUNDLE [--json]`: what a bundle costs."""
 
-from argparse import _SubParsersAction
-from argparse import ArgumentParser
-from argparse import Namespace
+from argparse import _SubParsersAction, ArgumentParser, Namespace
 import json
 from pathlib import Path
 
-from fret_monitor.build import measure
-from fret_monitor.build import Measurement
+from fret_monitor.build import measure, Measurement
 
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:

@@ -14,25 +14,19 @@
 
 """`check BUNDLE...`: all problems of a bundle, or a table of its requirements."""
 
-from argparse import _SubParsersAction
-from argparse import ArgumentParser
-from argparse import Namespace
+from argparse import _SubParsersAction, ArgumentParser, Namespace
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 import sys
 
-from fret_monitor.build import generate_monitor
-from fret_monitor.build import GeneratedMonitor
-from fret_monitor.build import read
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.diagnostics import counted
+from fret_monitor.build import generate_monitor, GeneratedMonitor, read
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Property
-from fret_monitor.manifest import Policy
-from fret_monitor.program.layout import lay_out
-from fret_monitor.program.layout import state_bytes
+from fret_monitor.model.diagnostics import CompileError, counted
+from fret_monitor.model.policies import Policy
+from fret_monitor.program.layout import lay_out, state_bytes
 from fret_monitor.program.lower import lower
 
 _STEPS = {

@@ -14,20 +14,15 @@
 
 """`compile BUNDLE --output DIR`: sources, header, libraries and manifest."""
 
-from argparse import _SubParsersAction
-from argparse import ArgumentParser
-from argparse import Namespace
+from argparse import _SubParsersAction, ArgumentParser, Namespace
 from collections.abc import Iterator
 from pathlib import Path
 import sys
 
-from fret_monitor.build import generate_monitor
-from fret_monitor.build import GeneratedMonitor
-from fret_monitor.build import read
-from fret_monitor.build import worst_cost
-from fret_monitor.build import worst_stack
-from fret_monitor.build import write
-from fret_monitor.diagnostics import counted
+from fret_monitor.build import (
+    generate_monitor, GeneratedMonitor, read, worst_cost, worst_stack, write,
+)
+from fret_monitor.model.diagnostics import counted
 
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:

@@ -14,16 +14,13 @@
 
 """`explain BUNDLE [ID]`: what requirements mean, with examples drawn as timelines."""
 
-from argparse import _SubParsersAction
-from argparse import ArgumentParser
-from argparse import Namespace
+from argparse import _SubParsersAction, ArgumentParser, Namespace
 from pathlib import Path
 import sys
 
-from fret_monitor.diagnostics import refuse
-from fret_monitor.explain.report import explain
-from fret_monitor.explain.report import shown
+from fret_monitor.explain.report import explain, shown
 from fret_monitor.explain.svg import to_svg
+from fret_monitor.model.diagnostics import refuse
 
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:

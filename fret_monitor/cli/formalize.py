@@ -15,14 +15,11 @@
 
 """`formalize TEXT`: the formula of one FRETish sentence, on one line."""
 
-from argparse import _SubParsersAction
-from argparse import ArgumentParser
-from argparse import Namespace
+from argparse import _SubParsersAction, ArgumentParser, Namespace
 import sys
 
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Text
-from fret_monitor.logic.formalize import formalize
+from fret_monitor.elaboration.formalize import formalize
+from fret_monitor.model.diagnostics import Source, Text
 
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:

@@ -14,16 +14,12 @@
 
 """`import FILE... [-o BUNDLE]`: a bundle of what a team has in FRET or Ogma."""
 
-from argparse import _SubParsersAction
-from argparse import ArgumentParser
-from argparse import Namespace
+from argparse import _SubParsersAction, ArgumentParser, Namespace
 from pathlib import Path
 import sys
 
-from fret_monitor.diagnostics import counted
-from fret_monitor.importing import import_bundles
-from fret_monitor.importing import Imported
-from fret_monitor.importing import write_bundles
+from fret_monitor.importing import import_bundles, Imported, write_bundles
+from fret_monitor.model.diagnostics import counted
 
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:

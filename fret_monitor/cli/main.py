@@ -15,28 +15,19 @@
 """`fret-monitor VERB`: parse the arguments, call the verb, tell errors."""
 
 from argparse import ArgumentParser
-from collections.abc import Iterator
-from collections.abc import Sequence
-from contextlib import contextmanager
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from io import TextIOWrapper
 import logging
 import os
 import signal
 import sys
-from threading import current_thread
-from threading import main_thread
+from threading import current_thread, main_thread
 from types import FrameType
 
-from fret_monitor.cli import bench
-from fret_monitor.cli import check
+from fret_monitor.cli import bench, check, explain, formalize, import_, prove, simulate
 from fret_monitor.cli import compile as compile_verb
-from fret_monitor.cli import explain
-from fret_monitor.cli import formalize
-from fret_monitor.cli import import_
-from fret_monitor.cli import prove
-from fret_monitor.cli import simulate
-from fret_monitor.diagnostics import CompileError
+from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.native.errors import NativeError
 
 _VERBS = (check, formalize, simulate, compile_verb, bench, import_, explain, prove)

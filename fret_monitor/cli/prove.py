@@ -14,27 +14,20 @@
 
 """`prove BUNDLE`: that the C computes the requirements' equations, checked by a solver."""
 
-from argparse import _SubParsersAction
-from argparse import ArgumentParser
-from argparse import ArgumentTypeError
-from argparse import Namespace
+from argparse import _SubParsersAction, ArgumentParser, ArgumentTypeError, Namespace
 from importlib.util import find_spec
 import json
 from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
-from fret_monitor.build import generate_monitor
-from fret_monitor.build import read
-from fret_monitor.diagnostics import counted
-from fret_monitor.diagnostics import pip_install
-from fret_monitor.diagnostics import refuse
+from fret_monitor.build import generate_monitor, read
+from fret_monitor.model.diagnostics import counted, pip_install, refuse
 from fret_monitor.native.cache import runtime_headers
 
 if TYPE_CHECKING:
     from fret_monitor.proving.certificate import Certificate
-    from fret_monitor.proving.verification import Settled
-    from fret_monitor.proving.verification import Verification
+    from fret_monitor.proving.verification import Settled, Verification
 
 _NEEDED = {'z3': 'z3-solver', 'pycparser': 'pycparser'}
 
@@ -67,12 +60,8 @@ def run(options: Namespace) -> int:
     """Prove a bundle; 1 if it cannot be."""
     _refuse_missing()
     # A solver takes a while to load, and most verbs have no use for it.
-    from fret_monitor.proving.certificate import as_dict
-    from fret_monitor.proving.certificate import Certificate
-    from fret_monitor.proving.certificate import code_hash
-    from fret_monitor.proving.certificate import lines
-    from fret_monitor.proving.verification import is_reader
-    from fret_monitor.proving.verification import verify
+    from fret_monitor.proving.certificate import as_dict, Certificate, code_hash, lines
+    from fret_monitor.proving.verification import is_reader, verify
     generated = generate_monitor(read(options.bundle))
     for warning in generated.warnings:
         print(warning.render(), file=sys.stderr)

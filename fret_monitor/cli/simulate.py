@@ -14,15 +14,12 @@
 
 """`simulate BUNDLE --trace FILE.csv`: the compiled monitors over a recorded or made-up trace."""
 
-from argparse import _SubParsersAction
-from argparse import ArgumentParser
-from argparse import Namespace
+from argparse import _SubParsersAction, ArgumentParser, Namespace
 from pathlib import Path
 import sys
 
-from fret_monitor.diagnostics import counted
-from fret_monitor.runtime.simulate import simulate
-from fret_monitor.runtime.simulate import Summary
+from fret_monitor.model.diagnostics import counted
+from fret_monitor.runtime.simulate import simulate, Summary
 from fret_monitor.start import start
 
 

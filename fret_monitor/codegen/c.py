@@ -25,7 +25,7 @@ import math
 import struct
 from typing import assert_never, TypeAlias
 
-from fret_monitor.manifest import ValueType
+from fret_monitor.model.values import ValueType
 
 _CHAINS = frozenset({'&', '|'})
 

@@ -16,20 +16,13 @@
 
 from fret_monitor.codegen.module import CModule
 from fret_monitor.codegen.readers import topics_of
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import postorder
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.printing import to_smv
-from fret_monitor.logic.printing import Values
-from fret_monitor.logic.specification import Property
-from fret_monitor.logic.specification import Signal
-from fret_monitor.manifest import Manifest
-from fret_monitor.manifest import ManifestGroup
-from fret_monitor.manifest import ManifestInput
-from fret_monitor.manifest import ManifestRequirement
-from fret_monitor.manifest import ManifestTopic
-from fret_monitor.program.layout import GroupLayout
-from fret_monitor.program.layout import state_bytes
+from fret_monitor.logic.formula import Formula, postorder, Variable
+from fret_monitor.logic.printing import to_smv, Values
+from fret_monitor.logic.specification import Property, Signal
+from fret_monitor.model.manifest import (
+    Manifest, ManifestGroup, ManifestInput, ManifestRequirement, ManifestTopic,
+)
+from fret_monitor.program.layout import GroupLayout, state_bytes
 from fret_monitor.program.monitor_program import MonitorProgram
 
 _LONGEST_FORMULA = 10_000

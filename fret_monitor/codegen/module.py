@@ -19,23 +19,17 @@ Same program, same bytes. Large programs are spread over several files of simila
 compilers can work on them side by side.
 """
 
-from collections.abc import Callable
-from collections.abc import Iterable
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 import hashlib
 
 from fret_monitor.codegen import c
-from fret_monitor.codegen.comments import comment
-from fret_monitor.codegen.comments import safe
-from fret_monitor.codegen.names import C_TYPES
-from fret_monitor.codegen.names import field
-from fret_monitor.codegen.names import Names
+from fret_monitor.codegen.comments import comment, safe
+from fret_monitor.codegen.names import C_TYPES, field, Names
 from fret_monitor.codegen.readers import generate_readers
 from fret_monitor.codegen.step import PartWriter
-from fret_monitor.manifest import ValueType
-from fret_monitor.program.layout import GroupLayout
-from fret_monitor.program.layout import StateField
+from fret_monitor.model.values import ValueType
+from fret_monitor.program.layout import GroupLayout, StateField
 from fret_monitor.program.monitor_program import MonitorProgram
 
 _FILE_EQUATIONS = 3000

@@ -23,7 +23,7 @@ within one scope are distinct. Nothing from a bundle reaches C but through this 
 from collections.abc import Iterable
 import re
 
-from fret_monitor.manifest import ValueType
+from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import StateField
 
 _KEYWORDS = frozenset("""

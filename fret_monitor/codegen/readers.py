@@ -21,24 +21,16 @@ on `csrc/fret_cdr.h`, which tells how messages are serialized. Same bundle, same
 bytes.
 """
 
-from collections.abc import Iterable
-from collections.abc import Iterator
-from collections.abc import Sequence
-from dataclasses import dataclass
-from dataclasses import field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 
 from fret_monitor.codegen.c import string_literal
-from fret_monitor.codegen.comments import comment
-from fret_monitor.codegen.comments import safe
-from fret_monitor.codegen.names import C_TYPES
-from fret_monitor.codegen.names import Names
+from fret_monitor.codegen.comments import comment, safe
+from fret_monitor.codegen.names import C_TYPES, Names
 from fret_monitor.logic.specification import Signal
-from fret_monitor.manifest import SECONDS
-from fret_monitor.manifest import ValueType
-from fret_monitor.syntax.message import ArrayKind
-from fret_monitor.syntax.message import FieldType
-from fret_monitor.syntax.message import MessageField
-from fret_monitor.syntax.message import MessageLayout
+from fret_monitor.messages.definitions import ArrayKind, FieldType, MessageField, MessageLayout
+from fret_monitor.model.manifest import SECONDS
+from fret_monitor.model.values import ValueType
 
 _STRINGS = ('string', 'wstring')
 _SIZES = {'bool': 1, 'byte': 1, 'char': 1, 'int8': 1, 'uint8': 1, 'int16': 2, 'uint16': 2,

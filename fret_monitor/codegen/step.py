@@ -25,46 +25,20 @@ from typing import assert_never
 
 from fret_monitor.codegen import c
 from fret_monitor.codegen.comments import comment
-from fret_monitor.codegen.names import C_TYPES
-from fret_monitor.codegen.names import field
-from fret_monitor.codegen.names import Names
-from fret_monitor.codegen.names import SUFFIXES
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Formula
+from fret_monitor.codegen.names import C_TYPES, field, Names, SUFFIXES
+from fret_monitor.logic.formula import BinaryOperator, Formula, UnaryOperator
 from fret_monitor.logic.formula import operands as operands_of
-from fret_monitor.logic.formula import UnaryOperator
 from fret_monitor.logic.printing import to_smv
-from fret_monitor.manifest import ValueType
-from fret_monitor.program.layout import FieldKind
-from fret_monitor.program.layout import GroupLayout
-from fret_monitor.program.layout import ring_lengths
-from fret_monitor.program.layout import SHIFT_REGISTER_BITS
-from fret_monitor.program.layout import StateField
-from fret_monitor.program.monitor_program import AlwaysSoFar
-from fret_monitor.program.monitor_program import AlwaysWithin
-from fret_monitor.program.monitor_program import ApplyBinary
-from fret_monitor.program.monitor_program import ApplyUnary
-from fret_monitor.program.monitor_program import Choose
-from fret_monitor.program.monitor_program import Convert
-from fret_monitor.program.monitor_program import CounterCell
-from fret_monitor.program.monitor_program import Delay
-from fret_monitor.program.monitor_program import FeedbackRead
-from fret_monitor.program.monitor_program import FirstStep
-from fret_monitor.program.monitor_program import Literal
-from fret_monitor.program.monitor_program import MonitorProgram
-from fret_monitor.program.monitor_program import OnceBefore
-from fret_monitor.program.monitor_program import OnceEver
-from fret_monitor.program.monitor_program import OnceWithin
-from fret_monitor.program.monitor_program import Operand
-from fret_monitor.program.monitor_program import operands
-from fret_monitor.program.monitor_program import Operation
-from fret_monitor.program.monitor_program import Power
-from fret_monitor.program.monitor_program import PreviousNumber
-from fret_monitor.program.monitor_program import Read
-from fret_monitor.program.monitor_program import SinceBefore
-from fret_monitor.program.monitor_program import SinceEver
-from fret_monitor.program.monitor_program import SinceWithin
-from fret_monitor.program.monitor_program import TriggeredEver
+from fret_monitor.model.values import ValueType
+from fret_monitor.program.layout import (
+    FieldKind, GroupLayout, ring_lengths, SHIFT_REGISTER_BITS, StateField,
+)
+from fret_monitor.program.monitor_program import (
+    AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, CounterCell, Delay,
+    FeedbackRead, FirstStep, Literal, MonitorProgram, OnceBefore, OnceEver, OnceWithin, Operand,
+    operands, Operation, Power, PreviousNumber, Read, SinceBefore, SinceEver, SinceWithin,
+    TriggeredEver,
+)
 
 _INLINE_DEPTH = 4
 _INLINE_WIDTH = 60

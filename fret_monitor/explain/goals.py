@@ -20,24 +20,14 @@ said in FRETish too: the trigger comes if it is false that, in the same scope an
 condition, FALSE is satisfied immediately.
 """
 
-from collections.abc import Iterator
-from collections.abc import Mapping
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.diagnostics import Problems
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Span
-from fret_monitor.diagnostics import Text
-from fret_monitor.logic.elaborate import specify
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Unary
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.syntax.bundle import Bundle
-from fret_monitor.syntax.bundle import Requirement
-from fret_monitor.syntax.sentence import Sentence
-from fret_monitor.syntax.sentence import TimingKind
+from fret_monitor.bundle.bundle import Bundle, Requirement
+from fret_monitor.elaboration.elaborate import specify
+from fret_monitor.language.sentence import Sentence, TimingKind
+from fret_monitor.logic.formula import Formula, Unary, UnaryOperator
+from fret_monitor.model.diagnostics import CompileError, Problems, Source, Span, Text
 
 
 def goals(bundle: Bundle, sentences: Mapping[str, Sentence]) -> dict[str, list[Formula]]:

@@ -19,53 +19,32 @@
 of one; `shown` makes text of one, `svg.to_svg` a picture of their timelines.
 """
 
-from collections.abc import Iterator
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 import textwrap
 
 from fret_monitor.build import read
-from fret_monitor.diagnostics import counted
-from fret_monitor.diagnostics import Diagnostic
-from fret_monitor.diagnostics import did_you_mean
-from fret_monitor.diagnostics import Problems
-from fret_monitor.diagnostics import refuse
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Text
+from fret_monitor.bundle.bundle import Language, survey_bundle
 from fret_monitor.explain import sentence as fretish
 from fret_monitor.explain.goals import goals
-from fret_monitor.explain.propositions import roots
-from fret_monitor.explain.search import Budget
-from fret_monitor.explain.search import Examples
-from fret_monitor.explain.search import find_examples
-from fret_monitor.explain.search import Recovery
-from fret_monitor.explain.subject import Subject
-from fret_monitor.explain.subject import subjects
-from fret_monitor.explain.timeline import drawn
-from fret_monitor.explain.timeline import Timeline
-from fret_monitor.explain.timeline import timeline
-from fret_monitor.explain.trials import length
-from fret_monitor.explain.trials import rows_of
-from fret_monitor.explain.trials import Trace
-from fret_monitor.explain.trials import Value
+from fret_monitor.explain.timeline import drawn, Timeline, timeline
 from fret_monitor.explain.words import in_words
+from fret_monitor.language.fretish import parse_fretish
+from fret_monitor.language.sentence import Sentence
 from fret_monitor.logic.evaluate import evaluate_all
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import postorder
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.printing import to_smv
-from fret_monitor.logic.printing import Values
-from fret_monitor.logic.specification import Property
-from fret_monitor.logic.specification import Signal
-from fret_monitor.logic.specification import Specification
-from fret_monitor.manifest import ValueType
-from fret_monitor.syntax.bundle import Language
-from fret_monitor.syntax.bundle import survey_bundle
-from fret_monitor.syntax.fretish import parse_fretish
-from fret_monitor.syntax.sentence import Sentence
+from fret_monitor.logic.formula import Constant, Formula, postorder, Variable
+from fret_monitor.logic.printing import to_smv, Values
+from fret_monitor.logic.propositions import roots
+from fret_monitor.logic.specification import Property, Signal, Specification
+from fret_monitor.model.diagnostics import (
+    counted, Diagnostic, did_you_mean, Problems, refuse, Source, Text,
+)
+from fret_monitor.model.values import ValueType
+from fret_monitor.traces.search import Budget, Examples, find_examples, Recovery
+from fret_monitor.traces.subject import Subject, subjects
+from fret_monitor.traces.trials import length, rows_of, Trace, Value
 
 _WIDTH = 99
 _FORMULA = 2000

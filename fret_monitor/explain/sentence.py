@@ -22,15 +22,11 @@ is (DESIGN 5); an `only` scope turns to the complement and denies there what the
 from collections.abc import Iterator
 from fractions import Fraction
 
-from fret_monitor.diagnostics import Span
-from fret_monitor.syntax.expression import Expression
-from fret_monitor.syntax.sentence import ConditionKind
-from fret_monitor.syntax.sentence import ConditionPhrase
-from fret_monitor.syntax.sentence import Duration
-from fret_monitor.syntax.sentence import ScopeKind
-from fret_monitor.syntax.sentence import Sentence
-from fret_monitor.syntax.sentence import TimingKind
-from fret_monitor.syntax.sentence import Unit
+from fret_monitor.language.expression import Expression
+from fret_monitor.language.sentence import (
+    ConditionKind, ConditionPhrase, Duration, ScopeKind, Sentence, TimingKind, Unit,
+)
+from fret_monitor.model.diagnostics import Span
 
 _SECONDS = {
     Unit.MICROSECOND: Fraction(1, 1_000_000),

@@ -14,15 +14,11 @@
 
 """Timelines as a picture: SVG 1.1, plain shapes and text, no script and nothing from elsewhere."""
 
-from collections.abc import Iterator
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 import re
 from xml.sax.saxutils import escape
 
-from fret_monitor.explain.timeline import Band
-from fret_monitor.explain.timeline import marked_steps
-from fret_monitor.explain.timeline import shown_time
-from fret_monitor.explain.timeline import Timeline
+from fret_monitor.explain.timeline import Band, marked_steps, shown_time, Timeline
 
 _CELL = 14
 _ROW = 22

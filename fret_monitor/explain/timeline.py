@@ -18,8 +18,7 @@ A trace as rows of signs over a scale of steps.
 Long stretches in which nothing changes are left out, and marked with `~`.
 """
 
-from collections.abc import Iterator
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import groupby

@@ -15,32 +15,15 @@
 """A formula in words. What it says in symbols stays the authority; the words are for reading."""
 
 from collections.abc import Mapping
-from typing import assert_never
-from typing import NamedTuple
-from typing import TypeAlias
+from typing import assert_never, NamedTuple, TypeAlias
 
-from fret_monitor.explain.propositions import is_proposition
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Choice
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.formula import Conversion
-from fret_monitor.logic.formula import Feedback
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import FTP
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import Previous
-from fret_monitor.logic.formula import Since
-from fret_monitor.logic.formula import Triggered
-from fret_monitor.logic.formula import Unary
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import WeakYesterday
-from fret_monitor.logic.formula import Window
-from fret_monitor.logic.formula import Yesterday
-from fret_monitor.logic.printing import to_smv
-from fret_monitor.logic.printing import Values
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, FTP, Historically,
+    Once, Previous, Since, Triggered, Unary, UnaryOperator, Variable, WeakYesterday, Window,
+    Yesterday,
+)
+from fret_monitor.logic.printing import to_smv, Values
+from fret_monitor.logic.propositions import is_proposition
 
 _TERM_WIDTH = 200
 _CUT = ' ...'

@@ -14,9 +14,7 @@
 
 """What teams have in FRET and Ogma, as bundles."""
 
-from fret_monitor.importing.bundles import import_bundles
-from fret_monitor.importing.bundles import Imported
-from fret_monitor.importing.bundles import write_bundles
+from fret_monitor.importing.bundles import import_bundles, Imported, write_bundles
 
 __all__ = [
     'Imported',

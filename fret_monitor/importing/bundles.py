@@ -14,39 +14,25 @@
 
 """From files of FRET and Ogma to bundles: nothing is written before all has been read."""
 
-from collections.abc import Iterable
-from collections.abc import Iterator
-from collections.abc import Mapping
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 import csv
-from dataclasses import dataclass
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from io import StringIO
 from pathlib import Path
 
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.diagnostics import counted
-from fret_monitor.diagnostics import Diagnostic
-from fret_monitor.diagnostics import did_you_mean
-from fret_monitor.diagnostics import Level
-from fret_monitor.diagnostics import Problems
-from fret_monitor.diagnostics import refuse
-from fret_monitor.diagnostics import Source
-from fret_monitor.importing.compare import Difference
-from fret_monitor.importing.compare import differences
-from fret_monitor.importing.component import Component
-from fret_monitor.importing.component import key_of
-from fret_monitor.importing.draft import Draft
-from fret_monitor.importing.draft import draft
+from fret_monitor.bundle.bundle import handler_name, parse_bundle
+from fret_monitor.importing.compare import Difference, differences
+from fret_monitor.importing.component import Component, key_of
+from fret_monitor.importing.draft import Draft, draft
 from fret_monitor.importing.emit import emit
-from fret_monitor.importing.files import choose
-from fret_monitor.importing.files import read_files
+from fret_monitor.importing.files import choose, read_files
 from fret_monitor.importing.topics import Connection
 from fret_monitor.logic.evaluate import Value
-from fret_monitor.syntax.bundle import handler_name
-from fret_monitor.syntax.bundle import parse_bundle
-from fret_monitor.syntax.words import shown
+from fret_monitor.model.diagnostics import (
+    CompileError, counted, Diagnostic, did_you_mean, Level, Problems, refuse, Source,
+)
+from fret_monitor.model.names import shown
 
 _LONGEST_NAME = 100
 

@@ -21,26 +21,18 @@ neighbours, so that comparisons fall either way; values last, so that conditions
 on them is no proof; a difference is one, and comes with the trace that shows it.
 """
 
-from collections.abc import Iterator
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 import math
 from random import Random
 
 from fret_monitor.importing.draft import Comparison
-from fret_monitor.logic.evaluate import evaluate_all
-from fret_monitor.logic.evaluate import Value
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.formula import Feedback
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import postorder
-from fret_monitor.logic.formula import Since
-from fret_monitor.logic.formula import Triggered
-from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.evaluate import evaluate_all, Value
+from fret_monitor.logic.formula import (
+    Constant, Feedback, Formula, Historically, Once, postorder, Since, Triggered, Variable,
+)
 from fret_monitor.logic.specification import Property
-from fret_monitor.manifest import ValueType
+from fret_monitor.model.values import ValueType
 
 _SHORT_TRACES = 40
 _SHORT = 24

@@ -22,8 +22,8 @@ the words of the tool that wrote them. `Wording` is one way in which a property 
 from dataclasses import dataclass
 from enum import Enum
 
-from fret_monitor.syntax.bundle import Language
-from fret_monitor.syntax.expression import fret_name
+from fret_monitor.bundle.bundle import Language
+from fret_monitor.model.names import fret_name
 
 
 class Role(Enum):

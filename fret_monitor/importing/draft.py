@@ -21,56 +21,29 @@ same `specify` that reads a bundle, so that what is written is read. Of the word
 requirement the first that has a meaning is taken; the others are there to be compared with it.
 """
 
-from collections.abc import Iterable
-from collections.abc import Iterator
-from collections.abc import Mapping
-from collections.abc import Sequence
-from dataclasses import dataclass
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.diagnostics import Diagnostic
-from fret_monitor.diagnostics import Level
-from fret_monitor.diagnostics import Problems
-from fret_monitor.diagnostics import refuse
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Text
-from fret_monitor.importing.component import bare
-from fret_monitor.importing.component import Component
-from fret_monitor.importing.component import ComponentRequirement
-from fret_monitor.importing.component import ComponentVariable
-from fret_monitor.importing.component import key_of
-from fret_monitor.importing.component import Role
-from fret_monitor.importing.kinds import Kinds
-from fret_monitor.importing.kinds import message_for
-from fret_monitor.importing.kinds import plain_type
-from fret_monitor.importing.readings import look_at
-from fret_monitor.importing.readings import names_in
-from fret_monitor.importing.readings import read_wording
-from fret_monitor.importing.readings import Reading
-from fret_monitor.importing.readings import uses
+from fret_monitor.bundle.bundle import (
+    Bundle, ConstantEntry, Definition, InputEntry, Language, Requirement,
+)
+from fret_monitor.elaboration.elaborate import specify
+from fret_monitor.elaboration.graph import components, is_cyclic
+from fret_monitor.elaboration.signals import input_declaration
+from fret_monitor.importing.component import (
+    bare, Component, ComponentRequirement, ComponentVariable, key_of, Role,
+)
+from fret_monitor.importing.kinds import Kinds, message_for, plain_type
+from fret_monitor.importing.readings import look_at, names_in, read_wording, Reading, uses
 from fret_monitor.importing.topics import Connection
-from fret_monitor.logic.elaborate import specify
-from fret_monitor.logic.graph import components
-from fret_monitor.logic.graph import is_cyclic
-from fret_monitor.logic.signals import input_declaration
-from fret_monitor.logic.specification import Property
-from fret_monitor.logic.specification import Signal
-from fret_monitor.manifest import Policy
-from fret_monitor.manifest import Report
-from fret_monitor.manifest import Severity
-from fret_monitor.manifest import ValueType
-from fret_monitor.syntax.bundle import Bundle
-from fret_monitor.syntax.bundle import ConstantEntry
-from fret_monitor.syntax.bundle import Definition
-from fret_monitor.syntax.bundle import InputEntry
-from fret_monitor.syntax.bundle import Language
-from fret_monitor.syntax.bundle import Requirement
-from fret_monitor.syntax.message import find_message
-from fret_monitor.syntax.words import name_fault
-from fret_monitor.syntax.words import number_fault
-from fret_monitor.syntax.words import quoted_name_fault
-from fret_monitor.syntax.words import shown
+from fret_monitor.logic.specification import Property, Signal
+from fret_monitor.messages.definitions import find_message
+from fret_monitor.model.diagnostics import (
+    CompileError, Diagnostic, Level, Problems, refuse, Source, Text,
+)
+from fret_monitor.model.names import name_fault, number_fault, quoted_name_fault, shown
+from fret_monitor.model.policies import Policy, Report, Severity
+from fret_monitor.model.values import ValueType
 
 
 @dataclass(frozen=True)

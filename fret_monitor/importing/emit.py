@@ -24,11 +24,8 @@ from collections.abc import Iterator
 import re
 from textwrap import wrap
 
-from fret_monitor.importing.draft import Draft
-from fret_monitor.importing.draft import DraftDefinition
-from fret_monitor.importing.draft import DraftInput
-from fret_monitor.importing.draft import DraftRequirement
-from fret_monitor.syntax.bundle import Language
+from fret_monitor.bundle.bundle import Language
+from fret_monitor.importing.draft import Draft, DraftDefinition, DraftInput, DraftRequirement
 
 _WIDTH = 96
 _WORD = re.compile(r'[A-Za-z_/~][A-Za-z0-9_./~%-]*')

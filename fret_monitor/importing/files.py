@@ -21,39 +21,24 @@ wordings of all. Requirements that only share an id, or a handler, get ids of th
 without a component (FRET could not read its sentence) belongs to the only one of its project.
 """
 
-from collections.abc import Iterable
-from collections.abc import Iterator
-from collections.abc import Sequence
-from dataclasses import dataclass
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fret_monitor.diagnostics import did_you_mean
-from fret_monitor.diagnostics import Problems
-from fret_monitor.diagnostics import refuse
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Span
-from fret_monitor.importing.component import Component
-from fret_monitor.importing.component import ComponentRequirement
-from fret_monitor.importing.component import ComponentVariable
-from fret_monitor.importing.component import key_of
-from fret_monitor.importing.fret import is_project
-from fret_monitor.importing.fret import is_specification
-from fret_monitor.importing.fret import read_project
-from fret_monitor.importing.fret import read_specification
+from fret_monitor.bundle.bundle import handler_name, Language, read_source
+from fret_monitor.importing.component import (
+    Component, ComponentRequirement, ComponentVariable, key_of,
+)
+from fret_monitor.importing.fret import (
+    is_project, is_specification, read_project, read_specification,
+)
 from fret_monitor.importing.json_text import read_json
-from fret_monitor.importing.lustre import is_lustre
-from fret_monitor.importing.lustre import read_lustre
-from fret_monitor.importing.topics import Connection
-from fret_monitor.importing.topics import is_database
-from fret_monitor.importing.topics import is_list
-from fret_monitor.importing.topics import read_database
-from fret_monitor.importing.topics import read_list
-from fret_monitor.syntax.bundle import handler_name
-from fret_monitor.syntax.bundle import Language
-from fret_monitor.syntax.bundle import read_source
-from fret_monitor.syntax.words import handler_fault
-from fret_monitor.syntax.words import shown
+from fret_monitor.importing.lustre import is_lustre, read_lustre
+from fret_monitor.importing.topics import (
+    Connection, is_database, is_list, read_database, read_list,
+)
+from fret_monitor.model.diagnostics import did_you_mean, Problems, refuse, Source, Span
+from fret_monitor.model.names import handler_fault, shown
 
 MAX_BYTES = 256 * 2 ** 20  # FRET writes some 10 KiB for a requirement
 _KINDS = ('a project or component specification of FRET (JSON), its Lustre, a variable database '

@@ -24,20 +24,12 @@ files with other keys as well, which its JSON formats describe.
 from collections.abc import Iterator
 import re
 
-from fret_monitor.diagnostics import Problems
-from fret_monitor.diagnostics import refuse
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Span
-from fret_monitor.importing.component import Component
-from fret_monitor.importing.component import ComponentRequirement
-from fret_monitor.importing.component import ComponentVariable
-from fret_monitor.importing.component import Role
-from fret_monitor.importing.component import Wording
-from fret_monitor.importing.json_text import items
-from fret_monitor.importing.json_text import mapping
-from fret_monitor.importing.json_text import names
-from fret_monitor.importing.json_text import text
-from fret_monitor.syntax.bundle import Language
+from fret_monitor.bundle.bundle import Language
+from fret_monitor.importing.component import (
+    Component, ComponentRequirement, ComponentVariable, Role, Wording,
+)
+from fret_monitor.importing.json_text import items, mapping, names, text
+from fret_monitor.model.diagnostics import Problems, refuse, Source, Span
 
 _TAG = re.compile(r'</?(?:b|i|em|strong|br)\s*/?>', re.IGNORECASE)
 _ROLES = {'internal': Role.INTERNAL, 'mode': Role.MODE, 'function': Role.FUNCTION}

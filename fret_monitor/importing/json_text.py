@@ -22,9 +22,7 @@ version to version, and the readers say what they cannot do without.
 import json
 from typing import NoReturn
 
-from fret_monitor.diagnostics import refuse
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Span
+from fret_monitor.model.diagnostics import refuse, Source, Span
 
 Json = dict[str, object] | list[object] | str | int | float | bool | None
 

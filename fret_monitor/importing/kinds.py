@@ -23,17 +23,10 @@ from collections.abc import Iterable
 from typing import assert_never
 
 from fret_monitor.importing.component import key_of
-from fret_monitor.manifest import ValueType
-from fret_monitor.syntax.expression import Boolean
-from fret_monitor.syntax.expression import Call
-from fret_monitor.syntax.expression import children
-from fret_monitor.syntax.expression import Conditional
-from fret_monitor.syntax.expression import Expression
-from fret_monitor.syntax.expression import Infix
-from fret_monitor.syntax.expression import Name
-from fret_monitor.syntax.expression import Number
-from fret_monitor.syntax.expression import postorder
-from fret_monitor.syntax.expression import Prefix
+from fret_monitor.language.expression import (
+    Boolean, Call, children, Conditional, Expression, Infix, Name, Number, postorder, Prefix,
+)
+from fret_monitor.model.values import ValueType
 
 _ALSO_CALLED = {
     ValueType.BOOL: ('boolean', '_bool', 'logical'),

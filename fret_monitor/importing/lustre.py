@@ -22,23 +22,17 @@ The nodes of FRET's library around it (H, O, S ...) are known to `cocospec` and 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import pairwise
 import re
 from typing import NoReturn
 
-from fret_monitor.diagnostics import Problems
-from fret_monitor.diagnostics import refuse
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Span
-from fret_monitor.importing.component import Component
-from fret_monitor.importing.component import ComponentRequirement
-from fret_monitor.importing.component import ComponentVariable
-from fret_monitor.importing.component import Role
-from fret_monitor.importing.component import Wording
+from fret_monitor.bundle.bundle import Language
+from fret_monitor.importing.component import (
+    Component, ComponentRequirement, ComponentVariable, Role, Wording,
+)
 from fret_monitor.importing.fret import component_name
-from fret_monitor.syntax.bundle import Language
+from fret_monitor.model.diagnostics import Problems, refuse, Source, Span
 
 _TOKEN = re.compile(
     r'(?P<BLANK>\s+)|(?P<OPEN>\(\*@contract\b)|(?P<LINE>--[^\n]*)'

@@ -24,20 +24,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.diagnostics import Diagnostic
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Text
-from fret_monitor.importing.component import key_of
-from fret_monitor.importing.component import Wording
+from fret_monitor.bundle.bundle import Language
+from fret_monitor.elaboration.languages import read_formula
+from fret_monitor.importing.component import key_of, Wording
 from fret_monitor.importing.kinds import Kinds
-from fret_monitor.logic.languages import read_formula
-from fret_monitor.syntax.bundle import Language
-from fret_monitor.syntax.expression import Equations
-from fret_monitor.syntax.expression import Expression
-from fret_monitor.syntax.expression import Name
-from fret_monitor.syntax.expression import postorder
-from fret_monitor.syntax.sentence import Sentence
+from fret_monitor.language.expression import Equations, Expression, Name, postorder
+from fret_monitor.language.sentence import Sentence
+from fret_monitor.model.diagnostics import CompileError, Diagnostic, Source, Text
 
 Tree: TypeAlias = Expression | Equations | Sentence
 

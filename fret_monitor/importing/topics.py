@@ -20,21 +20,13 @@ message type, and for some the field; a list has a line an input: name, topic an
 known, message type and field.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import field as attribute
-from dataclasses import replace
 import re
 
-from fret_monitor.diagnostics import Problems
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Span
-from fret_monitor.importing.json_text import items
-from fret_monitor.importing.json_text import mapping
-from fret_monitor.importing.json_text import text
-from fret_monitor.syntax.words import Fault
-from fret_monitor.syntax.words import shown
-from fret_monitor.syntax.words import topic_fault
-from fret_monitor.syntax.words import type_fault
+from fret_monitor.importing.json_text import items, mapping, text
+from fret_monitor.model.diagnostics import Problems, Source, Span
+from fret_monitor.model.names import Fault, shown, topic_fault, type_fault
 
 _ROS = ('ros/message', 'ros', 'ros2', 'ros2/message')
 _LINE = re.compile(r'[^\s,;]+')

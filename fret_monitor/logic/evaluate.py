@@ -28,26 +28,12 @@ import math
 import operator
 from typing import assert_never, cast, TypeAlias
 
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Choice
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.formula import Conversion
-from fret_monitor.logic.formula import Feedback
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import postorder
-from fret_monitor.logic.formula import Previous
-from fret_monitor.logic.formula import Since
-from fret_monitor.logic.formula import Triggered
-from fret_monitor.logic.formula import Unary
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import WeakYesterday
-from fret_monitor.logic.formula import Window
-from fret_monitor.logic.formula import Yesterday
-from fret_monitor.manifest import ValueType
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, Historically, Once,
+    postorder, Previous, Since, Triggered, Unary, UnaryOperator, Variable, WeakYesterday, Window,
+    Yesterday,
+)
+from fret_monitor.model.values import ValueType
 
 Value: TypeAlias = bool | int | float
 Trace: TypeAlias = Mapping[str, Sequence[Value]]

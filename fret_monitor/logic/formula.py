@@ -31,7 +31,7 @@ import struct
 from typing import Any, dataclass_transform, TypeAlias
 from weakref import WeakValueDictionary
 
-from fret_monitor.manifest import ValueType
+from fret_monitor.model.values import ValueType
 
 
 @dataclass(frozen=True)

@@ -23,14 +23,12 @@ ties to even. A literal that is too large for its type, or whose exact value wou
 
 from dataclasses import dataclass
 from fractions import Fraction
-from math import copysign
-from math import ldexp
+from math import copysign, ldexp
 import re
 from typing import NamedTuple
 
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Constant
-from fret_monitor.manifest import ValueType
+from fret_monitor.logic.formula import BinaryOperator, Constant
+from fret_monitor.model.values import ValueType
 
 LIMIT_BITS = 4096
 _LIMIT_DIGITS = 1233  # of LIMIT_BITS bits

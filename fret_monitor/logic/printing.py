@@ -26,42 +26,20 @@ other precedences, read the same: `(H p) & q`, `(p & q) | r`. A shared formula i
 for each use, which can be exponential: give a limit where formulas of any origin are shown.
 """
 
-from collections.abc import Mapping
-from collections.abc import Sequence
-from enum import auto
-from enum import Enum
+from collections.abc import Mapping, Sequence
+from enum import auto, Enum
 from fractions import Fraction
 import re
-from typing import assert_never
-from typing import ClassVar
-from typing import Final
-from typing import NamedTuple
-from typing import TypeAlias
+from typing import assert_never, ClassVar, Final, NamedTuple, TypeAlias
 
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Choice
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.formula import Conversion
-from fret_monitor.logic.formula import Feedback
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import FTP
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import Previous
-from fret_monitor.logic.formula import Since
-from fret_monitor.logic.formula import Triggered
-from fret_monitor.logic.formula import Unary
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import WeakYesterday
-from fret_monitor.logic.formula import Window
-from fret_monitor.logic.formula import Yesterday
-from fret_monitor.logic.numbers import NumberError
-from fret_monitor.logic.numbers import to_float32
-from fret_monitor.manifest import ValueType
-from fret_monitor.syntax import cocospec
-from fret_monitor.syntax import smv
+from fret_monitor.language import cocospec, smv
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, FTP, Historically,
+    Once, Previous, Since, Triggered, Unary, UnaryOperator, Variable, WeakYesterday, Window,
+    Yesterday,
+)
+from fret_monitor.logic.numbers import NumberError, to_float32
+from fret_monitor.model.values import ValueType
 
 Values: TypeAlias = Mapping[str, Sequence[tuple[str, int | str]]]
 """The names of an input's values, as in `Signal.values`, by the input's name."""

@@ -15,18 +15,18 @@
 """
 What a bundle means: typed inputs, and one formula for each requirement.
 
-`specify` (in `logic/elaborate.py`) makes a `Specification` from a `Bundle` and the layouts of its
-messages; it is what all later stages stand on.
+`specify` (in `elaboration/elaborate.py`) makes it from a `Bundle` and the layouts of its messages;
+all later stages stand on it.
 """
 
-from dataclasses import dataclass
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 
-from fret_monitor.diagnostics import Span
 from fret_monitor.logic.formula import Feedback, Formula
-from fret_monitor.manifest import Policy, Report, Severity, Stale, ValueType
-from fret_monitor.syntax.message import MessageLayout
+from fret_monitor.messages.definitions import MessageLayout
+from fret_monitor.model.diagnostics import Span
+from fret_monitor.model.policies import Policy, Report, Severity, Stale
+from fret_monitor.model.values import ValueType
 
 
 @dataclass(frozen=True)

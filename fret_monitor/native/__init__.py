@@ -19,21 +19,12 @@ A library is compiled, kept and found again by `build_library`, and opened by `l
 knows of bundles and formulas, or of ROS.
 """
 
-from fret_monitor.native.cache import build_library
-from fret_monitor.native.cache import cache_directory
-from fret_monitor.native.cache import csrc_directory
-from fret_monitor.native.cache import evaluator_library
-from fret_monitor.native.cache import runtime_headers
-from fret_monitor.native.compiler import Compiler
-from fret_monitor.native.compiler import find_compiler
-from fret_monitor.native.errors import CacheError
-from fret_monitor.native.errors import CompilerError
-from fret_monitor.native.errors import LibraryError
-from fret_monitor.native.errors import NativeError
-from fret_monitor.native.monitor import Library
-from fret_monitor.native.monitor import load
-from fret_monitor.native.monitor import load_evaluator
-from fret_monitor.native.monitor import Monitor
+from fret_monitor.native.cache import (
+    build_library, cache_directory, csrc_directory, evaluator_library, runtime_headers,
+)
+from fret_monitor.native.compiler import Compiler, find_compiler
+from fret_monitor.native.errors import CacheError, CompilerError, LibraryError, NativeError
+from fret_monitor.native.monitor import Library, load, load_evaluator, Monitor
 
 __all__ = [
     'CacheError',

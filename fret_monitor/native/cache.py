@@ -45,16 +45,10 @@ import sys
 import tempfile
 import time
 
-from fret_monitor.native.compiler import COMPILE_FLAGS
-from fret_monitor.native.compiler import compile_library
-from fret_monitor.native.compiler import Compiler
-from fret_monitor.native.compiler import find_compiler
-from fret_monitor.native.compiler import LIBRARIES
-from fret_monitor.native.compiler import LINK_FLAGS
-from fret_monitor.native.compiler import TIMEOUT
-from fret_monitor.native.errors import CacheError
-from fret_monitor.native.errors import CompilerError
-from fret_monitor.native.errors import NativeError
+from fret_monitor.native.compiler import (
+    COMPILE_FLAGS, compile_library, Compiler, find_compiler, LIBRARIES, LINK_FLAGS, TIMEOUT,
+)
+from fret_monitor.native.errors import CacheError, CompilerError, NativeError
 from fret_monitor.native.monitor import is_cut_short
 
 #: The evaluator, and what feeds it from the middleware: one library.

@@ -20,14 +20,11 @@ What comes in are folders with C files of ours; what goes out is a shared librar
 """
 
 from collections import deque
-from collections.abc import Iterable
-from collections.abc import Mapping
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 import os
 from pathlib import Path
-from selectors import DefaultSelector
-from selectors import EVENT_READ
+from selectors import DefaultSelector, EVENT_READ
 import shlex
 import shutil
 import signal

@@ -21,8 +21,7 @@ A robot opens it without parser or compiler; `build.write` makes it.
 from dataclasses import dataclass
 from pathlib import Path
 
-from fret_monitor.manifest import Manifest
-from fret_monitor.manifest import ManifestError
+from fret_monitor.model.manifest import Manifest, ManifestError
 from fret_monitor.native.errors import LibraryError
 
 MANIFEST_FILE = 'manifest.json'

@@ -26,11 +26,10 @@ from functools import cached_property
 import os
 from pathlib import Path
 import struct
-from typing import Any
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
-from fret_monitor.manifest import Manifest
-from fret_monitor.manifest import ValueType
+from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.errors import LibraryError
 

@@ -19,17 +19,14 @@ gcc writes a call graph with the frame of every function beside an object (`-fca
 from gcc 10 on); other compilers have nothing like it. A frame holds the return address.
 """
 
-from collections.abc import Iterable
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 import re
 import subprocess
 import tempfile
 
-from fret_monitor.native.compiler import COMPILE_FLAGS
-from fret_monitor.native.compiler import Compiler
-from fret_monitor.native.compiler import TIMEOUT
+from fret_monitor.native.compiler import COMPILE_FLAGS, Compiler, TIMEOUT
 
 INDIRECT = '__indirect_call'
 

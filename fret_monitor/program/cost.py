@@ -26,28 +26,13 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.manifest import ValueType
-from fret_monitor.program.layout import FieldKind
-from fret_monitor.program.layout import GroupLayout
-from fret_monitor.program.layout import SHIFT_REGISTER_BITS
-from fret_monitor.program.monitor_program import AlwaysWithin
-from fret_monitor.program.monitor_program import ApplyBinary
-from fret_monitor.program.monitor_program import ApplyUnary
-from fret_monitor.program.monitor_program import Choose
-from fret_monitor.program.monitor_program import Convert
-from fret_monitor.program.monitor_program import Delay
-from fret_monitor.program.monitor_program import Equation
-from fret_monitor.program.monitor_program import FeedbackRead
-from fret_monitor.program.monitor_program import Literal
-from fret_monitor.program.monitor_program import OnceBefore
-from fret_monitor.program.monitor_program import OnceWithin
-from fret_monitor.program.monitor_program import Power
-from fret_monitor.program.monitor_program import PreviousNumber
-from fret_monitor.program.monitor_program import Read
-from fret_monitor.program.monitor_program import SinceBefore
-from fret_monitor.program.monitor_program import SinceWithin
+from fret_monitor.logic.formula import BinaryOperator, UnaryOperator
+from fret_monitor.model.values import ValueType
+from fret_monitor.program.layout import FieldKind, GroupLayout, SHIFT_REGISTER_BITS
+from fret_monitor.program.monitor_program import (
+    AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, Delay, Equation, FeedbackRead, Literal,
+    OnceBefore, OnceWithin, Power, PreviousNumber, Read, SinceBefore, SinceWithin,
+)
 
 COSTS = {
     # For the functions: registers saved, arguments moved, calls, returns.

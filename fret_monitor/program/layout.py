@@ -27,28 +27,13 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 
-from fret_monitor.diagnostics import Diagnostic
-from fret_monitor.diagnostics import Problems
-from fret_monitor.manifest import ValueType
-from fret_monitor.program.monitor_program import AlwaysSoFar
-from fret_monitor.program.monitor_program import AlwaysWithin
-from fret_monitor.program.monitor_program import Delay
-from fret_monitor.program.monitor_program import FirstStep
-from fret_monitor.program.monitor_program import Literal
-from fret_monitor.program.monitor_program import MonitorProgram
-from fret_monitor.program.monitor_program import OnceBefore
-from fret_monitor.program.monitor_program import OnceEver
-from fret_monitor.program.monitor_program import OnceWithin
-from fret_monitor.program.monitor_program import Operand
-from fret_monitor.program.monitor_program import operands
-from fret_monitor.program.monitor_program import Operation
-from fret_monitor.program.monitor_program import PreviousNumber
-from fret_monitor.program.monitor_program import Read
-from fret_monitor.program.monitor_program import SinceBefore
-from fret_monitor.program.monitor_program import SinceEver
-from fret_monitor.program.monitor_program import SinceWithin
-from fret_monitor.program.monitor_program import StepGroup
-from fret_monitor.program.monitor_program import TriggeredEver
+from fret_monitor.model.diagnostics import Diagnostic, Problems
+from fret_monitor.model.values import ValueType
+from fret_monitor.program.monitor_program import (
+    AlwaysSoFar, AlwaysWithin, Delay, FirstStep, Literal, MonitorProgram, OnceBefore, OnceEver,
+    OnceWithin, Operand, operands, Operation, PreviousNumber, Read, SinceBefore, SinceEver,
+    SinceWithin, StepGroup, TriggeredEver,
+)
 
 MAX_STATE_BYTES = 16 * 1024 * 1024
 PART_EQUATIONS = 256

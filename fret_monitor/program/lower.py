@@ -41,56 +41,19 @@ and later is no news under H. The first step is never behind k, so FTP in q is l
 from dataclasses import replace
 from typing import assert_never
 
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Choice
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.formula import Conversion
-from fret_monitor.logic.formula import Feedback
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import postorder
-from fret_monitor.logic.formula import Previous
-from fret_monitor.logic.formula import Since
-from fret_monitor.logic.formula import Triggered
-from fret_monitor.logic.formula import Unary
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import WeakYesterday
-from fret_monitor.logic.formula import Window
-from fret_monitor.logic.formula import Yesterday
-from fret_monitor.logic.specification import Property
-from fret_monitor.logic.specification import Specification
-from fret_monitor.manifest import ValueType
-from fret_monitor.program.monitor_program import AlwaysSoFar
-from fret_monitor.program.monitor_program import AlwaysWithin
-from fret_monitor.program.monitor_program import ApplyBinary
-from fret_monitor.program.monitor_program import ApplyUnary
-from fret_monitor.program.monitor_program import Choose
-from fret_monitor.program.monitor_program import Convert
-from fret_monitor.program.monitor_program import Delay
-from fret_monitor.program.monitor_program import Equation
-from fret_monitor.program.monitor_program import FALSE
-from fret_monitor.program.monitor_program import FeedbackEquation
-from fret_monitor.program.monitor_program import FeedbackRead
-from fret_monitor.program.monitor_program import FirstStep
-from fret_monitor.program.monitor_program import Literal
-from fret_monitor.program.monitor_program import MonitorProgram
-from fret_monitor.program.monitor_program import OnceBefore
-from fret_monitor.program.monitor_program import OnceEver
-from fret_monitor.program.monitor_program import OnceWithin
-from fret_monitor.program.monitor_program import Operand
-from fret_monitor.program.monitor_program import Operation
-from fret_monitor.program.monitor_program import Power
-from fret_monitor.program.monitor_program import PreviousNumber
-from fret_monitor.program.monitor_program import Read
-from fret_monitor.program.monitor_program import SinceBefore
-from fret_monitor.program.monitor_program import SinceEver
-from fret_monitor.program.monitor_program import SinceWithin
-from fret_monitor.program.monitor_program import StepGroup
-from fret_monitor.program.monitor_program import TriggeredEver
-from fret_monitor.program.monitor_program import TRUE
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, Historically, Once,
+    postorder, Previous, Since, Triggered, Unary, UnaryOperator, Variable, WeakYesterday, Window,
+    Yesterday,
+)
+from fret_monitor.logic.specification import Property, Specification
+from fret_monitor.model.values import ValueType
+from fret_monitor.program.monitor_program import (
+    AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, Delay, Equation, FALSE,
+    FeedbackEquation, FeedbackRead, FirstStep, Literal, MonitorProgram, OnceBefore, OnceEver,
+    OnceWithin, Operand, Operation, Power, PreviousNumber, Read, SinceBefore, SinceEver,
+    SinceWithin, StepGroup, TriggeredEver, TRUE,
+)
 from fret_monitor.program.prune import prune
 
 _BOOL = ValueType.BOOL

@@ -23,13 +23,10 @@ negation, so that negations cost nothing and equal subterms are found across the
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.logic.specification import Property
-from fret_monitor.logic.specification import Signal
-from fret_monitor.manifest import Policy
-from fret_monitor.manifest import ValueType
+from fret_monitor.logic.formula import BinaryOperator, Formula, UnaryOperator
+from fret_monitor.logic.specification import Property, Signal
+from fret_monitor.model.policies import Policy
+from fret_monitor.model.values import ValueType
 
 
 @dataclass(frozen=True, order=True)

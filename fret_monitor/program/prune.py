@@ -24,11 +24,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from fret_monitor.program.monitor_program import Equation
-from fret_monitor.program.monitor_program import Operand
-from fret_monitor.program.monitor_program import operands
-from fret_monitor.program.monitor_program import Operation
-from fret_monitor.program.monitor_program import StepGroup
+from fret_monitor.program.monitor_program import Equation, Operand, operands, Operation, StepGroup
 
 
 def prune(group: StepGroup) -> StepGroup:

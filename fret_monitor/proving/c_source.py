@@ -19,19 +19,16 @@ The preprocessor is the compiler's, without its own headers and macros: the few 
 that monitors include are declared below, for an int of 32 bits and pointers of 64.
 """
 
-from collections.abc import Iterator
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 import subprocess
 import tempfile
-from typing import Any
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from fret_monitor.native.compiler import find_compiler
 from fret_monitor.native.errors import NativeError
-from pycparser import c_ast
-from pycparser import CParser
+from pycparser import c_ast, CParser
 from pycparser.c_generator import CGenerator
 from pycparser.c_parser import ParseError
 

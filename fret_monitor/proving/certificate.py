@@ -18,22 +18,18 @@ What was proved, of what, on what assumptions: as text and as JSON.
 Nothing is assumed silently: `ASSUMED` is printed with every certificate.
 """
 
-from collections.abc import Iterator
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 import hashlib
 from typing import Any
 
 from fret_monitor.build import GeneratedMonitor
-from fret_monitor.diagnostics import counted
 from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.program.monitor_program import ApplyBinary
-from fret_monitor.program.monitor_program import MonitorProgram
+from fret_monitor.model.diagnostics import counted
+from fret_monitor.program.monitor_program import ApplyBinary, MonitorProgram
 from fret_monitor.proving.contracts import Proof
-from fret_monitor.proving.solver import Answer
-from fret_monitor.proving.solver import solver_version
-from fret_monitor.proving.verification import Settled
-from fret_monitor.proving.verification import Verification
+from fret_monitor.proving.verification import Settled, Verification
+from fret_monitor.smt.solver import Answer, solver_version
 
 ASSUMED = (
     'the C compiler, its flags and the machine do what C99 and IEEE 754 say: an int of 32 bits, '

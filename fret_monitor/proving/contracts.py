@@ -22,47 +22,25 @@ on a counter of its own gives the operator follows from the invariants proved he
 `operators.py`.
 """
 
-from collections.abc import Callable
-from collections.abc import Iterator
-from collections.abc import Sequence
-from dataclasses import dataclass
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 import time
 
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.manifest import ValueType
-from fret_monitor.proving import numbers
-from fret_monitor.proving import terms as t
-from fret_monitor.proving.c_source import BOOL
-from fret_monitor.proving.c_source import Program
-from fret_monitor.proving.c_source import Scalar
-from fret_monitor.proving.c_source import Unreadable
-from fret_monitor.proving.c_source import UNSIGNED
-from fret_monitor.proving.cells import CounterCell
-from fret_monitor.proving.cells import COUNTERS
-from fret_monitor.proving.cells import HISTORY
-from fret_monitor.proving.cells import line_fits
-from fret_monitor.proving.cells import line_related
-from fret_monitor.proving.cells import line_start
-from fret_monitor.proving.cells import line_step
-from fret_monitor.proving.cells import next_position
-from fret_monitor.proving.cells import ring_step
-from fret_monitor.proving.cells import WIDTH
-from fret_monitor.proving.execution import Contract
-from fret_monitor.proving.execution import Machine
-from fret_monitor.proving.execution import Memory
-from fret_monitor.proving.execution import Reference
-from fret_monitor.proving.execution import Result
-from fret_monitor.proving.execution import Value
-from fret_monitor.proving.operators import check
-from fret_monitor.proving.operators import claims
-from fret_monitor.proving.solver import Answer
-from fret_monitor.proving.solver import prove
-from fret_monitor.proving.solver import shown_values
-from fret_monitor.proving.terms import Term
+from fret_monitor.logic.formula import BinaryOperator, UnaryOperator
+from fret_monitor.model.values import ValueType
+from fret_monitor.proving.c_source import BOOL, Program, Scalar, Unreadable, UNSIGNED
+from fret_monitor.proving.execution import Contract, Machine, Memory, Reference, Result, Value
+from fret_monitor.smt import numbers
+from fret_monitor.smt import terms as t
+from fret_monitor.smt.cells import (
+    CounterCell, COUNTERS, HISTORY, line_fits, line_related, line_start, line_step, next_position,
+    ring_step, WIDTH,
+)
+from fret_monitor.smt.operators import check, claims
+from fret_monitor.smt.solver import Answer, prove, shown_values
+from fret_monitor.smt.terms import Term
 
 _Attempt = Callable[[Program, float], 'Proof']
 

@@ -22,20 +22,13 @@ steps it. What they say is read from the C text and compared.
 from collections.abc import Iterator
 from typing import Any
 
-from fret_monitor.program.layout import FieldKind
-from fret_monitor.program.layout import GroupLayout
-from fret_monitor.program.layout import StateField
+from fret_monitor.program.layout import FieldKind, GroupLayout, StateField
 from fret_monitor.program.monitor_program import MonitorProgram
-from fret_monitor.proving import numbers
-from fret_monitor.proving.c_source import Array
-from fret_monitor.proving.c_source import integer
-from fret_monitor.proving.c_source import Program
-from fret_monitor.proving.c_source import Scalar
-from fret_monitor.proving.c_source import shown
-from fret_monitor.proving.c_source import Struct
-from fret_monitor.proving.c_source import Type
-from fret_monitor.proving.c_source import Unreadable
+from fret_monitor.proving.c_source import (
+    Array, integer, Program, Scalar, shown, Struct, Type, Unreadable,
+)
 from fret_monitor.proving.execution import sort_of
+from fret_monitor.smt import numbers
 from pycparser import c_ast
 
 _EXACT = (FieldKind.FLAG, FieldKind.NUMBER, FieldKind.FEEDBACK, FieldKind.WIRE)

@@ -20,10 +20,8 @@ to be those that `compile` writes, in their order; what stands under a condition
 the rest, which may differ, has no word that belongs to a compiler.
 """
 
-from collections.abc import Iterator
-from collections.abc import Mapping
-from dataclasses import dataclass
-from dataclasses import field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from itertools import zip_longest
 import re
 from typing import NoReturn

@@ -21,42 +21,20 @@ hold: signed overflow, shifts, division, conversions, indices, reads of what was
 and calls in one expression that touch the same memory.
 """
 
-from collections.abc import Callable
-from collections.abc import Iterator
-from collections.abc import Mapping
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 import struct
-from typing import Any
-from typing import NamedTuple
-from typing import TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
-from fret_monitor.logic.numbers import NumberError
-from fret_monitor.logic.numbers import to_float32
-from fret_monitor.logic.numbers import to_float64
-from fret_monitor.proving import terms as t
-from fret_monitor.proving.c_source import Array
-from fret_monitor.proving.c_source import DOUBLE
-from fret_monitor.proving.c_source import FLOAT
-from fret_monitor.proving.c_source import Function
-from fret_monitor.proving.c_source import INT
-from fret_monitor.proving.c_source import integer
-from fret_monitor.proving.c_source import LONG
-from fret_monitor.proving.c_source import named_type
-from fret_monitor.proving.c_source import Pointer
-from fret_monitor.proving.c_source import Program
-from fret_monitor.proving.c_source import Scalar
-from fret_monitor.proving.c_source import shown
-from fret_monitor.proving.c_source import SIZE
-from fret_monitor.proving.c_source import Struct
-from fret_monitor.proving.c_source import Type
-from fret_monitor.proving.c_source import Unreadable
-from fret_monitor.proving.c_source import UNSIGNED
-from fret_monitor.proving.terms import Sort
-from fret_monitor.proving.terms import Term
+from fret_monitor.logic.numbers import NumberError, to_float32, to_float64
+from fret_monitor.proving.c_source import (
+    Array, DOUBLE, FLOAT, Function, INT, integer, LONG, named_type, Pointer, Program, Scalar,
+    shown, SIZE, Struct, Type, Unreadable, UNSIGNED,
+)
+from fret_monitor.smt import terms as t
+from fret_monitor.smt.terms import Sort, Term
 from pycparser import c_ast
 
 Path: TypeAlias = tuple[str | int, ...]

@@ -21,23 +21,18 @@ trace is found on which the two differ, or there is none. This decides what no i
 cells can: changes of the C that make no difference for what the cells together can reach.
 """
 
-from collections.abc import Iterator
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 import time
 from typing import Any
 
-from fret_monitor.proving import terms as t
 from fret_monitor.proving.c_source import Unreadable
-from fret_monitor.proving.concrete import function_of
-from fret_monitor.proving.concrete import NoValue
 from fret_monitor.proving.monitor import Subject
-from fret_monitor.proving.refutation import Counterexample
-from fret_monitor.proving.refutation import is_text
-from fret_monitor.proving.refutation import Runner
-from fret_monitor.proving.solver import Answer
-from fret_monitor.proving.solver import prove
-from fret_monitor.proving.terms import Term
+from fret_monitor.proving.refutation import Counterexample, is_text, Runner
+from fret_monitor.smt import terms as t
+from fret_monitor.smt.concrete import function_of, NoValue
+from fret_monitor.smt.solver import Answer, prove
+from fret_monitor.smt.terms import Term
 
 _MOST_STATES = 200_000
 _MOST_ROWS = 64

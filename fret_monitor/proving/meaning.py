@@ -25,58 +25,27 @@ numbers of `cells.py` by the invariants, and the C functions' bodies are looked 
 C: the numbers alone, to be run.
 """
 
-from collections.abc import Callable
-from collections.abc import Mapping
-from dataclasses import dataclass
-from dataclasses import field
-from enum import auto
-from enum import Enum
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import auto, Enum
 from typing import assert_never
 
-from fret_monitor.manifest import ValueType
-from fret_monitor.program.layout import FieldKind
-from fret_monitor.program.layout import GroupLayout
-from fret_monitor.program.layout import ring_lengths
-from fret_monitor.program.layout import SHIFT_REGISTER_BITS
-from fret_monitor.program.monitor_program import AlwaysSoFar
-from fret_monitor.program.monitor_program import AlwaysWithin
-from fret_monitor.program.monitor_program import ApplyBinary
-from fret_monitor.program.monitor_program import ApplyUnary
-from fret_monitor.program.monitor_program import Choose
-from fret_monitor.program.monitor_program import Convert
-from fret_monitor.program.monitor_program import CounterCell
-from fret_monitor.program.monitor_program import Delay
-from fret_monitor.program.monitor_program import FeedbackRead
-from fret_monitor.program.monitor_program import FirstStep
-from fret_monitor.program.monitor_program import Literal
-from fret_monitor.program.monitor_program import OnceBefore
-from fret_monitor.program.monitor_program import OnceEver
-from fret_monitor.program.monitor_program import OnceWithin
-from fret_monitor.program.monitor_program import Operand
-from fret_monitor.program.monitor_program import operands
-from fret_monitor.program.monitor_program import Operation
-from fret_monitor.program.monitor_program import Power
-from fret_monitor.program.monitor_program import PreviousNumber
-from fret_monitor.program.monitor_program import Read
-from fret_monitor.program.monitor_program import SinceBefore
-from fret_monitor.program.monitor_program import SinceEver
-from fret_monitor.program.monitor_program import SinceWithin
-from fret_monitor.program.monitor_program import TriggeredEver
-from fret_monitor.proving import numbers
-from fret_monitor.proving import terms as t
-from fret_monitor.proving.cells import COUNTERS
-from fret_monitor.proving.cells import HISTORY
-from fret_monitor.proving.cells import line_fits
-from fret_monitor.proving.cells import line_related
-from fret_monitor.proving.cells import line_start
-from fret_monitor.proving.cells import line_step
-from fret_monitor.proving.cells import next_position
-from fret_monitor.proving.cells import ring_step
-from fret_monitor.proving.cells import WIDTH
+from fret_monitor.model.values import ValueType
+from fret_monitor.program.layout import FieldKind, GroupLayout, ring_lengths, SHIFT_REGISTER_BITS
+from fret_monitor.program.monitor_program import (
+    AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, CounterCell, Delay,
+    FeedbackRead, FirstStep, Literal, OnceBefore, OnceEver, OnceWithin, Operand, operands,
+    Operation, Power, PreviousNumber, Read, SinceBefore, SinceEver, SinceWithin, TriggeredEver,
+)
 from fret_monitor.proving.contracts import cell_terms
-from fret_monitor.proving.execution import Memory
-from fret_monitor.proving.execution import Path
-from fret_monitor.proving.terms import Term
+from fret_monitor.proving.execution import Memory, Path
+from fret_monitor.smt import numbers
+from fret_monitor.smt import terms as t
+from fret_monitor.smt.cells import (
+    COUNTERS, HISTORY, line_fits, line_related, line_start, line_step, next_position, ring_step,
+    WIDTH,
+)
+from fret_monitor.smt.terms import Term
 
 _COUNTERS: dict[type[Operation], str] = {
     OnceWithin: 'once_within', AlwaysWithin: 'always_within', SinceWithin: 'since_within',

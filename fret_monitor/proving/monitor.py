@@ -21,41 +21,23 @@ opened and the C state need only mean the same as the program's (a counter above
 good as any other). Then the functions that run all groups are compared with the groups in order.
 """
 
-from collections.abc import Callable
-from collections.abc import Iterator
-from collections.abc import Mapping
-from collections.abc import Sequence
-from dataclasses import dataclass
-from dataclasses import field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 import time
 from typing import Any
 
 from fret_monitor.program.layout import GroupLayout
 from fret_monitor.program.monitor_program import MonitorProgram
-from fret_monitor.proving import terms as t
-from fret_monitor.proving.c_source import BOOL
-from fret_monitor.proving.c_source import Program
-from fret_monitor.proving.c_source import Struct
-from fret_monitor.proving.c_source import Unreadable
-from fret_monitor.proving.contracts import ARITHMETIC
-from fret_monitor.proving.contracts import CELLS
-from fret_monitor.proving.contracts import Proof
-from fret_monitor.proving.description import wrong_in_description
-from fret_monitor.proving.description import wrong_types_of_inputs
-from fret_monitor.proving.description import wrong_types_of_state
-from fret_monitor.proving.execution import Machine
-from fret_monitor.proving.execution import Memory
-from fret_monitor.proving.execution import Path
-from fret_monitor.proving.execution import places
-from fret_monitor.proving.execution import Reference
-from fret_monitor.proving.execution import sort_of
-from fret_monitor.proving.meaning import group_meaning
-from fret_monitor.proving.meaning import GroupMeaning
-from fret_monitor.proving.meaning import View
-from fret_monitor.proving.solver import Answer
-from fret_monitor.proving.solver import prove
-from fret_monitor.proving.solver import shown_values
-from fret_monitor.proving.terms import Term
+from fret_monitor.proving.c_source import BOOL, Program, Struct, Unreadable
+from fret_monitor.proving.contracts import ARITHMETIC, CELLS, Proof
+from fret_monitor.proving.description import (
+    wrong_in_description, wrong_types_of_inputs, wrong_types_of_state,
+)
+from fret_monitor.proving.execution import Machine, Memory, Path, places, Reference, sort_of
+from fret_monitor.proving.meaning import group_meaning, GroupMeaning, View
+from fret_monitor.smt import terms as t
+from fret_monitor.smt.solver import Answer, prove, shown_values
+from fret_monitor.smt.terms import Term
 
 ALL = -1  # the functions that run all groups
 ANY = -2  # likewise, with the step as the description hands it out

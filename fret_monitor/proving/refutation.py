@@ -21,10 +21,7 @@ over traces whose values are those of the failed proofs and those around the num
 requirements, and stay for as long as the bounds ask; then what is found is made shorter.
 """
 
-from collections.abc import Callable
-from collections.abc import Iterator
-from collections.abc import Mapping
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 import csv
 from dataclasses import dataclass
 import io
@@ -33,22 +30,18 @@ import time
 from typing import Any
 
 from fret_monitor.logic.specification import Signal
-from fret_monitor.manifest import ValueType
-from fret_monitor.program.levels import levels
+from fret_monitor.model.values import ValueType
 from fret_monitor.program.monitor_program import Delay
-from fret_monitor.proving import numbers
-from fret_monitor.proving import terms as t
 from fret_monitor.proving.c_source import Unreadable
-from fret_monitor.proving.concrete import function_of
 from fret_monitor.proving.contracts import ARITHMETIC
 from fret_monitor.proving.execution import Machine
-from fret_monitor.proving.meaning import group_meaning
-from fret_monitor.proving.meaning import View
-from fret_monitor.proving.monitor import ALL
-from fret_monitor.proving.monitor import ANY
-from fret_monitor.proving.monitor import Subject
-from fret_monitor.proving.terms import Sort
-from fret_monitor.proving.terms import Term
+from fret_monitor.proving.meaning import group_meaning, View
+from fret_monitor.proving.monitor import ALL, ANY, Subject
+from fret_monitor.smt import numbers
+from fret_monitor.smt import terms as t
+from fret_monitor.smt.concrete import function_of
+from fret_monitor.smt.terms import Sort, Term
+from fret_monitor.traces.boundary import levels
 
 _LONGEST = 200_000  # steps of a trace
 _LONGEST_RUN = 70_000

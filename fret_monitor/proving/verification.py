@@ -25,23 +25,16 @@ import time
 
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.native.cache import runtime_headers
-from fret_monitor.proving.c_source import read_program
-from fret_monitor.proving.c_source import Unreadable
-from fret_monitor.proving.contracts import Proof
-from fret_monitor.proving.contracts import prove_cells
+from fret_monitor.proving.c_source import read_program, Unreadable
+from fret_monitor.proving.contracts import Proof, prove_cells
 from fret_monitor.proving.directives import require_same_directives
 from fret_monitor.proving.exploration import explore
 from fret_monitor.proving.meaning import View
-from fret_monitor.proving.monitor import ALL
-from fret_monitor.proving.monitor import Outcome
-from fret_monitor.proving.monitor import prove_group
-from fret_monitor.proving.monitor import prove_whole
-from fret_monitor.proving.monitor import STATIC
-from fret_monitor.proving.monitor import Subject
-from fret_monitor.proving.monitor import wrong_types
-from fret_monitor.proving.refutation import Counterexample
-from fret_monitor.proving.refutation import find_counterexample
-from fret_monitor.proving.solver import Answer
+from fret_monitor.proving.monitor import (
+    ALL, Outcome, prove_group, prove_whole, STATIC, Subject, wrong_types,
+)
+from fret_monitor.proving.refutation import Counterexample, find_counterexample
+from fret_monitor.smt.solver import Answer
 
 _QUICK = 0.3  # seconds that a search has before the cells are opened
 _SEARCH = 10.0  # and afterwards, at most

@@ -20,8 +20,7 @@ handles signals is loaded before rclpy.
 """
 
 from importlib import import_module
-from typing import Any
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from fret_monitor.ros.logger_node import LoggerNode

@@ -24,7 +24,8 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import Any
 
-from fret_monitor.manifest import Manifest, ManifestInput, Policy
+from fret_monitor.model.manifest import Manifest, ManifestInput
+from fret_monitor.model.policies import Policy
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.compiled import Opened
 from fret_monitor.ros.details import Details, DETAILS_TOPIC
@@ -41,8 +42,7 @@ from fret_monitor.ros.silence import SilenceWatch
 from fret_monitor.runtime import Evaluator, Watch
 from fret_monitor.runtime.fields import Outcome, read_fields
 
-from rclpy.clock import Clock
-from rclpy.clock import ClockType
+from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.timer import Timer

@@ -26,8 +26,9 @@ import os
 from pathlib import Path
 from time import monotonic, time
 
-from fret_monitor.diagnostics import CompileError, Problems
-from fret_monitor.manifest import Manifest, ManifestRequirement, Policy
+from fret_monitor.model.diagnostics import CompileError, Problems
+from fret_monitor.model.manifest import Manifest, ManifestRequirement
+from fret_monitor.model.policies import Policy
 from fret_monitor.native import load, Monitor, NativeError
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
 from fret_monitor.ros.parameters import Origin, Refusal, Settings
@@ -126,7 +127,7 @@ def _refuse_shared_handlers(origins: Sequence[Origin], manifests: Sequence[Manif
 def _place(origin: Origin, requirement: ManifestRequirement) -> str:
     """Return where a requirement is written, as exactly as can be said."""
     if origin.spec is not None:
-        from fret_monitor.syntax.bundle import survey_bundle
+        from fret_monitor.bundle.bundle import survey_bundle
         bundle = survey_bundle(origin.spec, Problems())
         for item in bundle.requirements if bundle else ():
             if item.id.value == requirement.id:

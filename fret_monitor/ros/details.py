@@ -27,7 +27,9 @@ from threading import Event
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from fret_monitor.manifest import Manifest, ManifestInput, Severity, ValueType
+from fret_monitor.model.manifest import Manifest, ManifestInput
+from fret_monitor.model.policies import Severity
+from fret_monitor.model.values import ValueType
 from fret_monitor.ros.qos import VIOLATION_QOS
 from fret_monitor.runtime import ViolationDetail
 

@@ -22,7 +22,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-from fret_monitor.manifest import ManifestInput
+from fret_monitor.model.manifest import ManifestInput
 
 from rclpy.serialization import deserialize_message
 

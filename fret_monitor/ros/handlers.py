@@ -15,7 +15,7 @@
 """The topics on which violations are announced, one a requirement (DESIGN 8)."""
 
 
-from fret_monitor.manifest import Manifest, ManifestRequirement
+from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.ros.qos import VIOLATION_QOS
 from fret_monitor.runtime import Violation
 

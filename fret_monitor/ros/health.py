@@ -24,7 +24,8 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from time import monotonic
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from fret_monitor.manifest import ManifestRequirement, ManifestTopic, Stale
+from fret_monitor.model.manifest import ManifestRequirement, ManifestTopic
+from fret_monitor.model.policies import Stale
 from fret_monitor.ros.details import LEVELS
 from fret_monitor.ros.feed import Hearing
 from fret_monitor.ros.periods import Schedule

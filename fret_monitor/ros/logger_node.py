@@ -24,8 +24,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from fret_monitor.diagnostics import counted
-from fret_monitor.manifest import ManifestRequirement, Severity
+from fret_monitor.model.diagnostics import counted
+from fret_monitor.model.manifest import ManifestRequirement
+from fret_monitor.model.policies import Severity
 from fret_monitor.ros.compiled import open_manifests
 from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
 from fret_monitor.ros.feed import Deliver, Feed
@@ -35,8 +36,7 @@ from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import LOGGER_PARAMETERS, Parameters, read_settings
 from fret_monitor.ros.qos import VIOLATION_REQUEST
 
-from rclpy.clock import Clock
-from rclpy.clock import ClockType
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Empty

@@ -23,8 +23,7 @@ tell of losses too: Fast DDS does of what the network dropped, not of a queue th
 from collections.abc import Set
 from typing import Any
 
-from rclpy.event_handler import QoSSubscriptionEventType
-from rclpy.event_handler import UnsupportedEventTypeError
+from rclpy.event_handler import QoSSubscriptionEventType, UnsupportedEventTypeError
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.subscription import Subscription
 

@@ -15,8 +15,7 @@
 """The node that watches: what it is to do comes by parameters, the work is `BundleWatch`'s."""
 
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import AbstractContextManager
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 import traceback
 from typing import Any
 
@@ -28,9 +27,7 @@ from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import MONITOR_PARAMETERS, Parameters, read_settings, Refusal
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
-from rclpy.lifecycle import LifecycleNode
-from rclpy.lifecycle import LifecycleState
-from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from std_srvs.srv import Trigger
 
 

@@ -14,8 +14,7 @@
 
 """Another node of the same name: both work, but who calls or remaps one means both."""
 
-from rclpy.clock import Clock
-from rclpy.clock import ClockType
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 _LOOKS = 10  # one a second; of two, the later one finds the other in this time

@@ -23,7 +23,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from fret_monitor.diagnostics import did_you_mean
+from fret_monitor.model.diagnostics import did_you_mean
 from fret_monitor.ros.parameters import Refusal
 from fret_monitor.ros.qos import DURABILITY, HISTORY, RELIABILITY
 

@@ -26,11 +26,10 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from fret_monitor.diagnostics import did_you_mean
-from fret_monitor.manifest import Policy
+from fret_monitor.model.diagnostics import did_you_mean
+from fret_monitor.model.policies import Policy
 
-from rcl_interfaces.msg import ParameterDescriptor
-from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 from rclpy.parameter import Parameter

@@ -23,8 +23,7 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Any
 
-from rclpy.clock import Clock
-from rclpy.clock import ClockType
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 _TELLING = 10.0  # s between two warnings about the same thing

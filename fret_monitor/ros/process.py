@@ -14,17 +14,14 @@
 
 """A node as a process: from the command line to the exit status, without a traceback."""
 
-from collections.abc import Callable
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 import logging
 from pathlib import Path
 import shlex
 import sys
 from textwrap import fill
 
-from fret_monitor.ros.parameters import LOGGER_PARAMETERS
-from fret_monitor.ros.parameters import MONITOR_PARAMETERS
-from fret_monitor.ros.parameters import Refusal
+from fret_monitor.ros.parameters import LOGGER_PARAMETERS, MONITOR_PARAMETERS, Refusal
 from fret_monitor.ros.signals import StopRequest
 
 import rclpy

@@ -22,12 +22,7 @@ bundle says under `qos` is fixed and not decided here.
 
 from collections.abc import Iterable, Mapping
 
-from rclpy.qos import (
-    DurabilityPolicy,
-    HistoryPolicy,
-    QoSProfile,
-    ReliabilityPolicy,
-)
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 # A message waits here only while the node is busy with others. 100 is 0.1 s of a topic at 1 kHz;
 # of a 1 MB image it would be 100 MB at worst, which `qos: {depth: 1}` brings down.

@@ -22,7 +22,8 @@ come so far; it is that time which counts, so that a simulation that stands stil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from fret_monitor.manifest import Manifest, ManifestInput, Stale
+from fret_monitor.model.manifest import Manifest, ManifestInput
+from fret_monitor.model.policies import Stale
 from fret_monitor.ros.periods import NodeTimer
 
 from rclpy.node import Node

@@ -14,15 +14,10 @@
 
 """The evaluator of `csrc/evaluator.c` for Python: values in, violations out. It knows no ROS."""
 
-from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.runtime.evaluator import InputCounts
-from fret_monitor.runtime.evaluator import RequirementCounts
-from fret_monitor.runtime.evaluator import TopicCounts
-from fret_monitor.runtime.evaluator import TYPECODES
-from fret_monitor.runtime.evaluator import Violation
-from fret_monitor.runtime.watch import Receipt
-from fret_monitor.runtime.watch import ViolationDetail
-from fret_monitor.runtime.watch import Watch
+from fret_monitor.runtime.evaluator import (
+    Evaluator, InputCounts, RequirementCounts, TopicCounts, TYPECODES, Violation,
+)
+from fret_monitor.runtime.watch import Receipt, ViolationDetail, Watch
 
 __all__ = [
     'TYPECODES',

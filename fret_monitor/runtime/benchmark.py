@@ -19,20 +19,16 @@ The timed loop is C (`csrc/benchmark.c`) over buffers that were filled before.
 """
 
 from array import array
-from collections.abc import Callable
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from random import Random
 from statistics import median
 from typing import Any
 
-from fret_monitor.manifest import ManifestInput
+from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.native.binding import ffi
-from fret_monitor.native.cache import build_library
-from fret_monitor.native.cache import csrc_directory
-from fret_monitor.native.monitor import CData
-from fret_monitor.native.monitor import Library
-from fret_monitor.native.monitor import Monitor
+from fret_monitor.native.cache import build_library, csrc_directory
+from fret_monitor.native.monitor import CData, Library, Monitor
 from fret_monitor.runtime.evaluator import TYPECODES
 
 # Enough rows that a processor cannot learn them by heart, and few enough for its cache.

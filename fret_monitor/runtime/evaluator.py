@@ -23,17 +23,12 @@ from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from fret_monitor.manifest import Manifest
-from fret_monitor.manifest import Policy
-from fret_monitor.manifest import Report
-from fret_monitor.manifest import ValueType
-from fret_monitor.native import evaluator_library
-from fret_monitor.native import LibraryError
-from fret_monitor.native import load_evaluator
-from fret_monitor.native import Monitor
+from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.policies import Policy, Report
+from fret_monitor.model.values import ValueType
+from fret_monitor.native import evaluator_library, LibraryError, load_evaluator, Monitor
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import CData
 

@@ -21,10 +21,9 @@ The node reads messages in C; this is the same function, called from Python.
 from dataclasses import dataclass
 from enum import Enum
 
-from fret_monitor.manifest import ValueType
+from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
-from fret_monitor.native.monitor import CData
-from fret_monitor.native.monitor import Monitor
+from fret_monitor.native.monitor import CData, Monitor
 
 
 class Outcome(Enum):

@@ -21,10 +21,8 @@ only when all of it is there.
 """
 
 from array import array
-from collections.abc import Iterable
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 import csv
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -34,20 +32,14 @@ from pathlib import Path
 import re
 import sys
 import tempfile
-from typing import Any
-from typing import TextIO
+from typing import Any, TextIO
 
-from fret_monitor.diagnostics import counted
-from fret_monitor.diagnostics import refuse
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Span
-from fret_monitor.manifest import Manifest
-from fret_monitor.manifest import ManifestInput
-from fret_monitor.manifest import ValueType
+from fret_monitor.model.diagnostics import counted, refuse, Source, Span
+from fret_monitor.model.manifest import Manifest, ManifestInput
+from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.runtime.evaluator import TYPECODES
+from fret_monitor.runtime.evaluator import Evaluator, TYPECODES
 
 _BLOCK = 4096
 _LONGEST = 16 * 1024 * 1024  # characters of a row

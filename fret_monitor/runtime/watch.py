@@ -27,12 +27,9 @@ from typing import Any
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.errors import LibraryError
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime.evaluator import c_types
-from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.runtime.evaluator import InputCounts
-from fret_monitor.runtime.evaluator import RequirementCounts
-from fret_monitor.runtime.evaluator import TopicCounts
-from fret_monitor.runtime.evaluator import Violation
+from fret_monitor.runtime.evaluator import (
+    c_types, Evaluator, InputCounts, RequirementCounts, TopicCounts, Violation,
+)
 
 MOST_DETAILS = 100
 """Details of a requirement in a second; the rest is counted."""

@@ -16,8 +16,7 @@
 
 import json
 
-from cli.command import Here
-from cli.command import PUMP
+from cli.command import Here, PUMP
 
 
 def test_the_figures_have_their_names_and_are_plausible(here: Here) -> None:

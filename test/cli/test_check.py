@@ -17,8 +17,7 @@
 from pathlib import Path
 import shutil
 
-from cli.command import Here
-from cli.command import PUMP
+from cli.command import Here, PUMP
 import golden
 import pytest
 

@@ -19,8 +19,7 @@ import re
 import shutil
 import sys
 
-from cli.command import Here
-from cli.command import PUMP
+from cli.command import Here, PUMP
 from fret_monitor.native.folder import open_folder
 from fret_monitor.native.monitor import load
 import pytest

@@ -17,8 +17,7 @@
 import csv
 from io import StringIO
 
-from cli.command import Here
-from cli.command import PACKAGE
+from cli.command import Here, PACKAGE
 import pytest
 
 CONFIG = PACKAGE.parent / 'config'

@@ -17,11 +17,7 @@
 from pathlib import Path
 
 from fret_monitor.cli.main import main
-from importing.examples import DATABASE
-from importing.examples import PROJECT
-from importing.examples import requirement
-from importing.examples import SPECIFICATION
-from importing.examples import written
+from importing.examples import DATABASE, PROJECT, requirement, SPECIFICATION, written
 import pytest
 
 

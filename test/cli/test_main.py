@@ -20,15 +20,9 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
-from time import monotonic
-from time import sleep
+from time import monotonic, sleep
 
-from cli.command import command
-from cli.command import environment
-from cli.command import HEADING
-from cli.command import Here
-from cli.command import PUMP
-from cli.command import run
+from cli.command import command, environment, HEADING, Here, PUMP, run
 import pytest
 
 BAD = PUMP.replace('n < 5', 'N < 5').replace('x > 0.1', 'x > true')

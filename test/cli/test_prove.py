@@ -20,10 +20,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from cli.command import Done
-from cli.command import environment
-from cli.command import Here
-from cli.command import run
+from cli.command import Done, environment, Here, run
 import pytest
 
 pytest.importorskip('z3')

@@ -25,12 +25,7 @@ import subprocess
 import sys
 import threading
 
-from cli.command import command
-from cli.command import environment
-from cli.command import HEADING
-from cli.command import Here
-from cli.command import PUMP
-from cli.command import run
+from cli.command import command, environment, HEADING, Here, PUMP, run
 import pytest
 
 GOOD = '0,0,0,IDLE,stopped\n'

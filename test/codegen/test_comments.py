@@ -18,21 +18,12 @@ from dataclasses import replace
 from pathlib import Path
 import unicodedata
 
-from codegen.workbench import assert_clean_and_right
-from codegen.workbench import specify
-from differential.compiled import compile_c
-from differential.compiled import gcc
-from differential.compiled import WARNINGS
-from fret_monitor.codegen.comments import comment
-from fret_monitor.codegen.comments import safe
-from fret_monitor.logic.formula import FALSE
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import Window
-from fret_monitor.manifest import ValueType
-from hypothesis import given
-from hypothesis import settings
+from codegen.workbench import assert_clean_and_right, specify
+from differential.compiled import compile_c, gcc, WARNINGS
+from fret_monitor.codegen.comments import comment, safe
+from fret_monitor.logic.formula import FALSE, Formula, Once, Variable, Window
+from fret_monitor.model.values import ValueType
+from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 

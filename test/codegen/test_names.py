@@ -17,26 +17,14 @@
 from dataclasses import replace
 import re
 
-from codegen.workbench import assert_clean_and_right
-from codegen.workbench import specify
-from differential.compiled import c_module
-from differential.compiled import CSRC
-from fret_monitor.codegen.names import distinct
-from fret_monitor.codegen.names import identifier
-from fret_monitor.codegen.names import Names
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.formula import Conversion
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import Unary
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import Window
-from fret_monitor.logic.formula import Yesterday
-from fret_monitor.manifest import ValueType
+from codegen.workbench import assert_clean_and_right, specify
+from differential.compiled import c_module, CSRC
+from fret_monitor.codegen.names import distinct, identifier, Names
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator, Constant, Conversion, Formula, Historically, Once, Unary,
+    UnaryOperator, Variable, Window, Yesterday,
+)
+from fret_monitor.model.values import ValueType
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest

@@ -24,47 +24,27 @@ import shutil
 import subprocess
 import sys
 
-from codegen.workbench import assert_clean_and_right
-from codegen.workbench import compile_with
-from codegen.workbench import inputs_of
-from codegen.workbench import specify
-from differential.compiled import c_module
-from differential.compiled import clang
-from differential.compiled import compile_c
-from differential.compiled import Compiled
-from differential.compiled import CSRC
-from differential.compiled import FLAGS
-from differential.compiled import gcc
-from differential.compiled import WARNINGS
-from differential.compiled import write_module
-from fret_monitor.build import generate_monitor
-from fret_monitor.build import read
+from codegen.workbench import assert_clean_and_right, compile_with, inputs_of, specify
+from differential.compiled import (
+    c_module, clang, compile_c, Compiled, CSRC, FLAGS, gcc, WARNINGS, write_module,
+)
+from fret_monitor.build import generate_monitor, read
 from fret_monitor.codegen import c
 from fret_monitor.codegen.module import CModule
 from fret_monitor.logic.evaluate import verdicts
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Choice
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import Unary
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import Window
-from fret_monitor.manifest import ValueType
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator, Choice, Constant, Formula, Once, Unary, UnaryOperator, Variable,
+    Window,
+)
+from fret_monitor.model.values import ValueType
 import golden
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
-from strategies import all_values
-from strategies import as_term
-from strategies import INPUTS
-from strategies import limits
-from strategies import random_inputs
-from strategies import random_property
-from strategies import random_trace
-from strategies import specification_of
+from strategies import (
+    all_values, as_term, INPUTS, limits, random_inputs, random_property, random_trace,
+    specification_of,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)

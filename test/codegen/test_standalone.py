@@ -19,12 +19,8 @@ import re
 import shutil
 import subprocess
 
-from differential.compiled import gcc
-from differential.compiled import WARNINGS
-from fret_monitor.build import build
-from fret_monitor.build import generate_monitor
-from fret_monitor.build import read
-from fret_monitor.build import write
+from differential.compiled import gcc, WARNINGS
+from fret_monitor.build import build, generate_monitor, read, write
 from fret_monitor.runtime.simulate import simulate
 import pytest
 

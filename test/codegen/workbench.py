@@ -19,24 +19,14 @@ from pathlib import Path
 from random import Random
 import tempfile
 
-from differential.compiled import c_module
-from differential.compiled import clang
-from differential.compiled import compile_c
-from differential.compiled import Compiled
-from differential.compiled import CSRC
-from differential.compiled import FLAGS
-from differential.compiled import gcc
-from differential.compiled import WARNINGS
-from differential.compiled import write_module
+from differential.compiled import (
+    c_module, clang, compile_c, Compiled, CSRC, FLAGS, gcc, WARNINGS, write_module,
+)
 from fret_monitor.codegen.module import CModule
 from fret_monitor.logic.evaluate import evaluate_all
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import postorder
-from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.formula import Formula, postorder, Variable
 from fret_monitor.logic.specification import Specification
-from strategies import property_of
-from strategies import random_trace
-from strategies import specification_of
+from strategies import property_of, random_trace, specification_of
 
 
 def specify(formulas: list[Formula], name: str = 'random') -> Specification:

@@ -23,21 +23,13 @@ from pathlib import Path
 import re
 import shutil
 
-from csrc.test_evaluator import clang
-from csrc.test_evaluator import gcc
-from csrc.test_evaluator import run
-from csrc.test_evaluator import SANITIZERS
-from csrc.test_evaluator import WARNINGS
-from fret_monitor.manifest import ValueType
+from csrc.test_evaluator import clang, gcc, run, SANITIZERS, WARNINGS
+from fret_monitor.model.values import ValueType
 from fret_monitor.native import csrc_directory
-from fret_monitor.program.layout import FieldKind
-from fret_monitor.program.layout import lay_out
-from fret_monitor.program.monitor_program import AlwaysWithin
-from fret_monitor.program.monitor_program import Equation
-from fret_monitor.program.monitor_program import OnceWithin
-from fret_monitor.program.monitor_program import Operand
-from fret_monitor.program.monitor_program import Read
-from fret_monitor.program.monitor_program import StepGroup
+from fret_monitor.program.layout import FieldKind, lay_out
+from fret_monitor.program.monitor_program import (
+    AlwaysWithin, Equation, OnceWithin, Operand, Read, StepGroup,
+)
 import pytest
 
 HERE = Path(__file__).resolve().parent

@@ -29,10 +29,9 @@ import sys
 import tempfile
 from typing import Any
 
-from fret_monitor.codegen.module import CModule
-from fret_monitor.codegen.module import generate
+from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.logic.specification import Specification
-from fret_monitor.manifest import ValueType
+from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import lay_out
 from fret_monitor.program.lower import lower
 from strategies import Trace

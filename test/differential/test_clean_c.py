@@ -21,30 +21,17 @@ import shutil
 import subprocess
 from typing import Any
 
-from differential.compiled import c_module
-from differential.compiled import clang
-from differential.compiled import compile_c
-from differential.compiled import CSRC
-from differential.compiled import gcc
-from differential.compiled import HERE
-from differential.compiled import WARNINGS
-from differential.compiled import write_module
+from differential.compiled import (
+    c_module, clang, compile_c, CSRC, gcc, HERE, WARNINGS, write_module,
+)
 from fret_monitor.build import build_specification
 from fret_monitor.codegen.module import CModule
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import Since
-from fret_monitor.logic.formula import Triggered
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import Window
-from fret_monitor.manifest import ValueType
+from fret_monitor.logic.formula import (
+    Formula, Historically, Once, Since, Triggered, Variable, Window,
+)
+from fret_monitor.model.values import ValueType
 import pytest
-from strategies import INPUTS
-from strategies import property_of
-from strategies import random_inputs
-from strategies import random_property
-from strategies import specification_of
+from strategies import INPUTS, property_of, random_inputs, random_property, specification_of
 
 P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)
 SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-g', '-O1')

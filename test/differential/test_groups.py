@@ -20,29 +20,18 @@ said here once more, for one requirement at a time, in the plainest way.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from dataclasses import field
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from random import Random
 from typing import Any
 
 from fret_monitor.build import build_specification
 from fret_monitor.logic.evaluate import verdicts
-from fret_monitor.logic.formula import postorder
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.specification import Property
-from fret_monitor.logic.specification import Signal
-from fret_monitor.logic.specification import Specification
-from fret_monitor.manifest import Policy
-from fret_monitor.manifest import Report
-from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.runtime.evaluator import Violation
+from fret_monitor.logic.formula import postorder, Variable
+from fret_monitor.logic.specification import Property, Signal, Specification
+from fret_monitor.model.policies import Policy, Report
+from fret_monitor.runtime.evaluator import Evaluator, Violation
 import pytest
-from strategies import INPUTS
-from strategies import random_inputs
-from strategies import random_property
-from strategies import random_trace
-from strategies import specification_of
+from strategies import INPUTS, random_inputs, random_property, random_trace, specification_of
 
 
 @dataclass(frozen=True)

@@ -22,22 +22,14 @@ trace, one pass an operator, that share nothing with it either.
 from collections.abc import Callable
 from itertools import accumulate
 from random import Random
-from typing import assert_never
-from typing import TypeAlias
+from typing import assert_never, TypeAlias
 
 from differential.compiled import Compiled
 from fret_monitor.logic.evaluate import verdicts
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import Since
-from fret_monitor.logic.formula import Triggered
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import Window
-from fret_monitor.manifest import ValueType
+from fret_monitor.logic.formula import Historically, Once, Since, Triggered, Variable, Window
+from fret_monitor.model.values import ValueType
 import pytest
-from strategies import property_of
-from strategies import specification_of
-from strategies import Trace
+from strategies import property_of, specification_of, Trace
 
 P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)
 Bounded: TypeAlias = Once | Historically | Since | Triggered

@@ -14,8 +14,7 @@
 
 """Every operation on numbers, bit for bit: compiled C against the reference, on nasty values."""
 
-from collections.abc import Iterator
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from itertools import product
 import math
@@ -23,32 +22,19 @@ from random import Random
 import struct
 from typing import Any
 
-from differential.compiled import clang
-from differential.compiled import Compiled
-from differential.compiled import FLAGS
-from differential.compiled import gcc
+from differential.compiled import clang, Compiled, FLAGS, gcc
 from fret_monitor.logic.evaluate import evaluate
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Choice
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.formula import Conversion
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Previous
-from fret_monitor.logic.formula import Unary
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator, Choice, Constant, Conversion, Formula, Previous, Unary, UnaryOperator,
+    Variable,
+)
 from fret_monitor.logic.specification import Property
-from fret_monitor.manifest import ValueType
+from fret_monitor.model.values import ValueType
 import pytest
-from strategies import all_values
-from strategies import becomes
-from strategies import finite_values
-from strategies import limits
-from strategies import property_of
-from strategies import specification_of
-from strategies import TERM_TYPES
-from strategies import to_float32
+from strategies import (
+    all_values, becomes, finite_values, limits, property_of, specification_of, TERM_TYPES,
+    to_float32,
+)
 
 INT64, UINT64 = ValueType.INT64, ValueType.UINT64
 FLOAT32, FLOAT64 = ValueType.FLOAT32, ValueType.FLOAT64

@@ -18,35 +18,19 @@ from random import Random
 
 from differential.compiled import Compiled
 from fret_monitor.logic.evaluate import verdicts
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import postorder
-from fret_monitor.logic.formula import Since
-from fret_monitor.logic.formula import Triggered
-from fret_monitor.logic.formula import Unary
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import Window
-from fret_monitor.logic.formula import Yesterday
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator, Formula, Historically, Once, postorder, Since, Triggered, Unary,
+    UnaryOperator, Variable, Window, Yesterday,
+)
 from fret_monitor.logic.specification import Property
-from fret_monitor.manifest import ValueType
-from hypothesis import given
-from hypothesis import settings
+from fret_monitor.model.values import ValueType
+from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
-from strategies import FormulaMaker
-from strategies import formulas
-from strategies import INPUTS
-from strategies import property_of
-from strategies import random_inputs
-from strategies import random_property
-from strategies import random_trace
-from strategies import specification_of
-from strategies import Trace
-from strategies import traces
+from strategies import (
+    FormulaMaker, formulas, INPUTS, property_of, random_inputs, random_property, random_trace,
+    specification_of, Trace, traces,
+)
 
 HUGE = 2 ** 31 - 1
 P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)

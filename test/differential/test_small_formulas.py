@@ -20,42 +20,20 @@ one another; every way to nest two operators is tried, and thousands of ways to 
 """
 
 from collections.abc import Iterator
-from itertools import pairwise
-from itertools import product
+from itertools import pairwise, product
 from random import Random
 
 from differential.compiled import Compiled
-from fret_monitor.logic.evaluate import evaluate_all
-from fret_monitor.logic.evaluate import verdicts
-from fret_monitor.logic.formula import ALWAYS
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Choice
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.formula import FALSE
-from fret_monitor.logic.formula import Feedback
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import FTP
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import Previous
-from fret_monitor.logic.formula import Since
-from fret_monitor.logic.formula import Triggered
-from fret_monitor.logic.formula import TRUE
-from fret_monitor.logic.formula import Unary
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import WeakYesterday
-from fret_monitor.logic.formula import Window
-from fret_monitor.logic.formula import Yesterday
+from fret_monitor.logic.evaluate import evaluate_all, verdicts
+from fret_monitor.logic.formula import (
+    ALWAYS, Binary, BinaryOperator, Choice, Constant, FALSE, Feedback, Formula, FTP, Historically,
+    Once, Previous, Since, Triggered, TRUE, Unary, UnaryOperator, Variable, WeakYesterday, Window,
+    Yesterday,
+)
 from fret_monitor.logic.specification import Property
-from fret_monitor.manifest import ValueType
+from fret_monitor.model.values import ValueType
 import pytest
-from strategies import property_of
-from strategies import random_property
-from strategies import random_trace
-from strategies import specification_of
-from strategies import Trace
+from strategies import property_of, random_property, random_trace, specification_of, Trace
 
 BOOL = ValueType.BOOL
 P, Q = Variable('p', BOOL), Variable('q', BOOL)

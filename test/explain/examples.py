@@ -17,14 +17,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fret_monitor.build import read
-from fret_monitor.explain.search import Budget
-from fret_monitor.explain.search import Examples
-from fret_monitor.explain.search import find_examples
-from fret_monitor.explain.subject import Subject
-from fret_monitor.explain.subject import subjects
-from fret_monitor.explain.trials import rows_of
-from fret_monitor.explain.trials import Trace
 from fret_monitor.logic.evaluate import verdicts
+from fret_monitor.traces.search import Budget, Examples, find_examples
+from fret_monitor.traces.subject import Subject, subjects
+from fret_monitor.traces.trials import rows_of, Trace
 
 INPUTS = """\
 format: 1

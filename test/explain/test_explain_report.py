@@ -19,12 +19,10 @@ from xml.etree import ElementTree
 
 from explain.examples import bundle
 from fret_monitor.cli.main import main
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.explain.report import explain
-from fret_monitor.explain.report import shown
+from fret_monitor.explain.report import explain, shown
 from fret_monitor.explain.svg import to_svg
-from fret_monitor.explain.timeline import drawn
-from fret_monitor.explain.timeline import timeline
+from fret_monitor.explain.timeline import drawn, timeline
+from fret_monitor.model.diagnostics import CompileError
 import golden
 import pytest
 

@@ -15,18 +15,14 @@
 
 """A sentence for each of FRET's template keys, and ways to its formula."""
 
-from fret_monitor.diagnostics import Problems
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Text
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.fretish import sentence_term
-from fret_monitor.logic.scope import Scope
-from fret_monitor.logic.scope import scope_of
-from fret_monitor.logic.terms import formula_of
-from fret_monitor.manifest import ValueType
-from fret_monitor.syntax.fretish import parse_fretish
-from fret_monitor.syntax.sentence import Sentence
+from fret_monitor.elaboration.fretish import sentence_term
+from fret_monitor.elaboration.scope import Scope, scope_of
+from fret_monitor.elaboration.terms import formula_of
+from fret_monitor.language.fretish import parse_fretish
+from fret_monitor.language.sentence import Sentence
+from fret_monitor.logic.formula import Formula, Variable
+from fret_monitor.model.diagnostics import Problems, Source, Text
+from fret_monitor.model.values import ValueType
 
 INPUTS = tuple(Variable(name, ValueType.BOOL) for name in 'mcrs')
 _SCOPES = {

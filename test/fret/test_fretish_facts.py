@@ -20,23 +20,15 @@ from random import Random
 from typing import Any
 
 import facts
-from fret.sentences import formalise
-from fret.sentences import INPUTS
-from fret.sentences import parse
-from fret.sentences import sentence_for
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Text
-from fret_monitor.logic.elaborate import elaborate
+from fret.sentences import formalise, INPUTS, parse, sentence_for
+from fret_monitor.elaboration.elaborate import elaborate
+from fret_monitor.elaboration.formalize import scope_by_use
+from fret_monitor.elaboration.scope import Scope, scope_of
+from fret_monitor.language.smv import parse_smv
 from fret_monitor.logic.evaluate import evaluate_all
-from fret_monitor.logic.formalize import scope_by_use
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import postorder
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.scope import Scope
-from fret_monitor.logic.scope import scope_of
-from fret_monitor.manifest import ValueType
-from fret_monitor.syntax.smv import parse_smv
+from fret_monitor.logic.formula import Formula, postorder, Variable
+from fret_monitor.model.diagnostics import CompileError, Source, Text
+from fret_monitor.model.values import ValueType
 import pytest
 
 # Sentences that FRET accepts and formalises wrongly (DESIGN 5), and what we say of them.

@@ -18,13 +18,10 @@
 from random import Random
 
 import facts
-from fret.sentences import formalise
-from fret.sentences import sentence_for
+from fret.sentences import formalise, sentence_for
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Formula
-from oracle import KEYS
-from oracle import Setting
-from oracle import verdicts
+from oracle import KEYS, Setting, verdicts
 import pytest
 
 

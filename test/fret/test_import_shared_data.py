@@ -18,13 +18,10 @@ from pathlib import Path
 
 from facts import FOLDER
 from facts import path as facts_path
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.importing import import_bundles
-from fret_monitor.importing import Imported
-from fret_monitor.importing import write_bundles
-from fret_monitor.logic.elaborate import specify
-from fret_monitor.syntax.bundle import Language
-from fret_monitor.syntax.bundle import read_bundle
+from fret_monitor.bundle.bundle import Language, read_bundle
+from fret_monitor.elaboration.elaborate import specify
+from fret_monitor.importing import import_bundles, Imported, write_bundles
+from fret_monitor.model.diagnostics import CompileError
 import pytest
 
 FSM = ('fret/exports/fsm_reqts_and_vars.json', 'fret/exports/FSMSpec.json',

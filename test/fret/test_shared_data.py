@@ -29,31 +29,19 @@ import re
 from typing import Any
 
 from differential.compiled import Compiled
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Text
-from fret_monitor.logic.elaborate import elaborate
+from fret_monitor.bundle.bundle import Language
+from fret_monitor.elaboration.elaborate import elaborate
+from fret_monitor.elaboration.languages import read_formula
+from fret_monitor.elaboration.scope import scope_of
+from fret_monitor.language.expression import (
+    Boolean, Call, children, Conditional, Expression, Infix, Name, Number, postorder, Prefix,
+)
 from fret_monitor.logic.evaluate import verdicts
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.languages import read_formula
-from fret_monitor.logic.scope import scope_of
-from fret_monitor.manifest import ValueType
-from fret_monitor.syntax.bundle import Language
-from fret_monitor.syntax.expression import Boolean
-from fret_monitor.syntax.expression import Call
-from fret_monitor.syntax.expression import children
-from fret_monitor.syntax.expression import Conditional
-from fret_monitor.syntax.expression import Expression
-from fret_monitor.syntax.expression import Infix
-from fret_monitor.syntax.expression import Name
-from fret_monitor.syntax.expression import Number
-from fret_monitor.syntax.expression import postorder
-from fret_monitor.syntax.expression import Prefix
+from fret_monitor.logic.formula import Formula, Variable
+from fret_monitor.model.diagnostics import CompileError, Source, Text
+from fret_monitor.model.values import ValueType
 import pytest
-from strategies import property_of
-from strategies import specification_of
-from strategies import Trace
+from strategies import property_of, specification_of, Trace
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 SHARED = Path(os.environ.get('FRET_MONITOR_SHARED', ROOT.parent / 'shared' / 'data')) / 'fret'

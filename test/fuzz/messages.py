@@ -27,28 +27,17 @@ import shutil
 import struct
 import subprocess
 
-from differential.compiled import c_module
-from differential.compiled import CSRC
-from differential.compiled import write_module
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import Window
-from fret_monitor.logic.specification import Signal
-from fret_monitor.logic.specification import Specification
-from fret_monitor.manifest import ValueType
-from fret_monitor.syntax.message import find_message
-from readers.messages import serialize
-from readers.messages import Topic
-from readers.test_readers import examples
-from readers.test_readers import specification_for
-from readers.test_readers import topic_of
-from readers.test_readers import WRITTEN
-from strategies import as_term
-from strategies import property_of
+from differential.compiled import c_module, CSRC, write_module
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator, Formula, Historically, Variable, Window,
+)
+from fret_monitor.logic.specification import Signal, Specification
+from fret_monitor.messages.definitions import find_message
+from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.values import ValueType
+from readers.messages import serialize, Topic
+from readers.test_readers import examples, specification_for, topic_of, WRITTEN
+from strategies import as_term, property_of
 
 HERE = Path(__file__).resolve().parent
 SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-g', '-O1')

@@ -21,8 +21,7 @@ its own. An input that shows a bug is written to `fuzz-crashes` in the folder on
 tells the way it failed; the exit status is 1 if there is one.
 """
 
-from argparse import ArgumentParser
-from argparse import Namespace
+from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from hashlib import sha256
 import importlib.util
@@ -179,8 +178,7 @@ def _escaped(word: str) -> str:
 
 def inputs_of(name: str) -> list[bytes]:
     """Return what a target begins with: its seeds, and the inputs kept in the corpus."""
-    from fuzz.targets import kept
-    from fuzz.targets import TARGETS
+    from fuzz.targets import kept, TARGETS
     return [*kept(name).values(), *TARGETS[name].seeds()]
 
 

@@ -19,8 +19,7 @@ A target takes any bytes. It ends well, or with the errors that are documented f
 exception is a bug of ours, and so is one that takes longer than `PATIENCE`.
 """
 
-from collections.abc import Callable
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
 import json
@@ -31,23 +30,15 @@ import signal
 import tempfile
 from types import FrameType
 
-from fret_monitor.build import build
-from fret_monitor.build import generate_monitor
-from fret_monitor.build import read
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Text
+from fret_monitor.build import build, generate_monitor, read
+from fret_monitor.elaboration.formalize import formalize
 from fret_monitor.importing import import_bundles
-from fret_monitor.logic.formalize import formalize
-from fret_monitor.manifest import Manifest
-from fret_monitor.manifest import ManifestError
+from fret_monitor.messages.definitions import parse_message
+from fret_monitor.model.diagnostics import CompileError, Source, Text
+from fret_monitor.model.manifest import Manifest, ManifestError
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.simulate import simulate
-from fret_monitor.syntax.message import parse_message
-from importing.examples import DATABASE
-from importing.examples import DOCUMENT
-from importing.examples import LUSTRE
-from importing.examples import SPECIFICATION
+from importing.examples import DATABASE, DOCUMENT, LUSTRE, SPECIFICATION
 
 HERE = Path(__file__).resolve().parent
 GOLDEN = HERE.parent / 'golden'

@@ -24,20 +24,10 @@ import time
 
 from cli.command import environment
 from differential.compiled import CSRC
-from fret_monitor.diagnostics import CompileError
-from fuzz import messages
-from fuzz import targets
-from fuzz.run import inputs_of
-from fuzz.run import mutated
-from fuzz.run import Recorder
-from fuzz.targets import attempt
-from fuzz.targets import check_c
-from fuzz.targets import CORPUS
-from fuzz.targets import kept
-from fuzz.targets import Leaked
-from fuzz.targets import Target
-from fuzz.targets import TARGETS
-from fuzz.targets import TookTooLong
+from fret_monitor.model.diagnostics import CompileError
+from fuzz import messages, targets
+from fuzz.run import inputs_of, mutated, Recorder
+from fuzz.targets import attempt, check_c, CORPUS, kept, Leaked, Target, TARGETS, TookTooLong
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]

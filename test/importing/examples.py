@@ -18,9 +18,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.importing import import_bundles
-from fret_monitor.importing import Imported
+from fret_monitor.importing import import_bundles, Imported
+from fret_monitor.model.diagnostics import CompileError
 import pytest
 
 

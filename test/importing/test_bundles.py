@@ -17,25 +17,16 @@
 from pathlib import Path
 from typing import Any
 
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.importing import import_bundles
-from fret_monitor.importing import Imported
-from fret_monitor.importing import write_bundles
-from fret_monitor.logic.elaborate import specify
+from fret_monitor.bundle.bundle import Language, read_bundle
+from fret_monitor.elaboration.elaborate import specify
+from fret_monitor.importing import import_bundles, Imported, write_bundles
 from fret_monitor.logic.specification import Specification
-from fret_monitor.manifest import ValueType
-from fret_monitor.syntax.bundle import Language
-from fret_monitor.syntax.bundle import read_bundle
-from importing.examples import DATABASE
-from importing.examples import DOCUMENT
-from importing.examples import imported
-from importing.examples import LUSTRE
-from importing.examples import PROJECT
-from importing.examples import refused
-from importing.examples import requirement
-from importing.examples import SPECIFICATION
-from importing.examples import variable
-from importing.examples import written
+from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.values import ValueType
+from importing.examples import (
+    DATABASE, DOCUMENT, imported, LUSTRE, PROJECT, refused, requirement, SPECIFICATION, variable,
+    written,
+)
 import pytest
 
 

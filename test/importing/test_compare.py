@@ -16,19 +16,16 @@
 
 from fractions import Fraction
 
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Text
+from fret_monitor.elaboration.elaborate import elaborate, scope_of
 from fret_monitor.importing.compare import differences
 from fret_monitor.importing.draft import Comparison
-from fret_monitor.logic.elaborate import elaborate
-from fret_monitor.logic.elaborate import scope_of
+from fret_monitor.language.smv import parse_smv
 from fret_monitor.logic.evaluate import verdicts
 from fret_monitor.logic.formula import Variable
 from fret_monitor.logic.specification import Property
-from fret_monitor.manifest import Report
-from fret_monitor.manifest import Severity
-from fret_monitor.manifest import ValueType
-from fret_monitor.syntax.smv import parse_smv
+from fret_monitor.model.diagnostics import Source, Text
+from fret_monitor.model.policies import Report, Severity
+from fret_monitor.model.values import ValueType
 import pytest
 
 SCOPE = scope_of([

@@ -16,17 +16,12 @@
 
 from pathlib import Path
 
-from fret_monitor.diagnostics import Source
+from fret_monitor.bundle.bundle import Language, parse_bundle
 from fret_monitor.importing.component import ComponentRequirement
-from fret_monitor.importing.draft import Draft
-from fret_monitor.importing.draft import DraftDefinition
-from fret_monitor.importing.draft import DraftRequirement
+from fret_monitor.importing.draft import Draft, DraftDefinition, DraftRequirement
 from fret_monitor.importing.emit import emit
-from fret_monitor.syntax.bundle import Language
-from fret_monitor.syntax.bundle import parse_bundle
-from hypothesis import example
-from hypothesis import given
-from hypothesis import settings
+from fret_monitor.model.diagnostics import Source
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 ODD = st.text(st.characters(codec='utf-8'), min_size=1).filter(str.strip)

@@ -14,15 +14,12 @@
 
 """Types by the names that other tools give them, and by the use of what has none."""
 
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Text
-from fret_monitor.importing.kinds import Kinds
-from fret_monitor.importing.kinds import message_for
-from fret_monitor.importing.kinds import plain_type
-from fret_monitor.manifest import ValueType
-from fret_monitor.syntax.cocospec import parse_cocospec
-from fret_monitor.syntax.expression import Equations
-from fret_monitor.syntax.message import find_message
+from fret_monitor.importing.kinds import Kinds, message_for, plain_type
+from fret_monitor.language.cocospec import parse_cocospec
+from fret_monitor.language.expression import Equations
+from fret_monitor.messages.definitions import find_message
+from fret_monitor.model.diagnostics import Source, Text
+from fret_monitor.model.values import ValueType
 import pytest
 
 

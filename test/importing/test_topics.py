@@ -14,12 +14,8 @@
 
 """Variable databases and lists: what feeds an input."""
 
-from fret_monitor.diagnostics import Problems
-from fret_monitor.diagnostics import Source
-from fret_monitor.importing.topics import Connection
-from fret_monitor.importing.topics import is_list
-from fret_monitor.importing.topics import read_database
-from fret_monitor.importing.topics import read_list
+from fret_monitor.importing.topics import Connection, is_list, read_database, read_list
+from fret_monitor.model.diagnostics import Problems, Source
 from importing.examples import DATABASE
 import pytest
 

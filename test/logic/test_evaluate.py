@@ -21,44 +21,19 @@ import math
 import struct
 from typing import Any
 
-from fret_monitor.logic.evaluate import Equations
-from fret_monitor.logic.evaluate import evaluate
-from fret_monitor.logic.evaluate import evaluate_all
-from fret_monitor.logic.evaluate import Trace
-from fret_monitor.logic.evaluate import TraceError
-from fret_monitor.logic.evaluate import verdicts
-from fret_monitor.logic.formula import ALWAYS
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Choice
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.formula import Conversion
-from fret_monitor.logic.formula import FALSE
-from fret_monitor.logic.formula import Feedback
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import FTP
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import Previous
-from fret_monitor.logic.formula import Since
-from fret_monitor.logic.formula import Triggered
-from fret_monitor.logic.formula import TRUE
-from fret_monitor.logic.formula import Unary
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import WeakYesterday
-from fret_monitor.logic.formula import Window
-from fret_monitor.logic.formula import Yesterday
-from fret_monitor.manifest import ValueType
-from hypothesis import given
-from hypothesis import settings
+from fret_monitor.logic.evaluate import (
+    Equations, evaluate, evaluate_all, Trace, TraceError, verdicts,
+)
+from fret_monitor.logic.formula import (
+    ALWAYS, Binary, BinaryOperator, Choice, Constant, Conversion, FALSE, Feedback, Formula, FTP,
+    Historically, Once, Previous, Since, Triggered, TRUE, Unary, UnaryOperator, Variable,
+    WeakYesterday, Window, Yesterday,
+)
+from fret_monitor.model.values import ValueType
+from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
-from strategies import all_values
-from strategies import finite_values
-from strategies import formulas
-from strategies import INPUTS
-from strategies import traces
+from strategies import all_values, finite_values, formulas, INPUTS, traces
 
 BOOL, INT64, UINT64 = ValueType.BOOL, ValueType.INT64, ValueType.UINT64
 FLOAT32, FLOAT64 = ValueType.FLOAT32, ValueType.FLOAT64

@@ -20,23 +20,13 @@ import math
 import struct
 import time
 
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.numbers import absolute
-from fret_monitor.logic.numbers import constant
-from fret_monitor.logic.numbers import fold
-from fret_monitor.logic.numbers import LIMIT_BITS
-from fret_monitor.logic.numbers import Literal
-from fret_monitor.logic.numbers import negated
-from fret_monitor.logic.numbers import NumberError
-from fret_monitor.logic.numbers import parse_number
-from fret_monitor.logic.numbers import RANGES
-from fret_monitor.logic.numbers import stored
-from fret_monitor.logic.numbers import to_float32
-from fret_monitor.logic.numbers import to_float64
-from fret_monitor.manifest import ValueType
-from hypothesis import example
-from hypothesis import given
+from fret_monitor.logic.formula import BinaryOperator, Constant
+from fret_monitor.logic.numbers import (
+    absolute, constant, fold, LIMIT_BITS, Literal, negated, NumberError, parse_number, RANGES,
+    stored, to_float32, to_float64,
+)
+from fret_monitor.model.values import ValueType
+from hypothesis import example, given
 from hypothesis import strategies as st
 import pytest
 

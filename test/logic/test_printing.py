@@ -19,39 +19,21 @@ import struct
 import time
 
 import facts
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.logic.elaborate import elaborate
-from fret_monitor.logic.elaborate import scope_of
-from fret_monitor.logic.evaluate import Trace
-from fret_monitor.logic.evaluate import verdicts
-from fret_monitor.logic.formula import ALWAYS
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.formula import Feedback
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import FTP
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import postorder
-from fret_monitor.logic.formula import TRUE
-from fret_monitor.logic.formula import Unary
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import Window
-from fret_monitor.logic.formula import Yesterday
-from fret_monitor.logic.printing import to_cocospec
-from fret_monitor.logic.printing import to_smv
-from fret_monitor.manifest import ValueType
-from fret_monitor.syntax.cocospec import parse_cocospec
-from fret_monitor.syntax.smv import parse_smv
-from hypothesis import assume
-from hypothesis import given
+from fret_monitor.elaboration.elaborate import elaborate, scope_of
+from fret_monitor.language.cocospec import parse_cocospec
+from fret_monitor.language.smv import parse_smv
+from fret_monitor.logic.evaluate import Trace, verdicts
+from fret_monitor.logic.formula import (
+    ALWAYS, Binary, BinaryOperator, Constant, Feedback, Formula, FTP, Historically, Once,
+    postorder, TRUE, Unary, UnaryOperator, Variable, Window, Yesterday,
+)
+from fret_monitor.logic.printing import to_cocospec, to_smv
+from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.values import ValueType
+from hypothesis import assume, given
 from hypothesis import strategies as st
 import pytest
-from strategies import formulas
-from strategies import INPUTS
-from strategies import traces
+from strategies import formulas, INPUTS, traces
 from trees import text
 
 BOOLEANS = tuple(Variable(name, ValueType.BOOL) for name in 'pqr')

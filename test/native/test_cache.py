@@ -24,16 +24,10 @@ import subprocess
 import sys
 import time
 
-from fret_monitor.native import build_library
-from fret_monitor.native import cache
-from fret_monitor.native import cache_directory
-from fret_monitor.native import CacheError
-from fret_monitor.native import Compiler
-from fret_monitor.native import CompilerError
-from fret_monitor.native import csrc_directory
-from fret_monitor.native import find_compiler
-from fret_monitor.native import NativeError
-from fret_monitor.native import runtime_headers
+from fret_monitor.native import (
+    build_library, cache, cache_directory, CacheError, Compiler, CompilerError, csrc_directory,
+    find_compiler, NativeError, runtime_headers,
+)
 import pytest
 
 SOURCE = 'int fm_answer(void);\nint fm_answer(void)\n{\n  return 42;\n}\n'

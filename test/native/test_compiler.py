@@ -19,9 +19,7 @@ import os
 from pathlib import Path
 import time
 
-from fret_monitor.native import Compiler
-from fret_monitor.native import CompilerError
-from fret_monitor.native import find_compiler
+from fret_monitor.native import Compiler, CompilerError, find_compiler
 from fret_monitor.native.compiler import compile_library
 import pytest
 

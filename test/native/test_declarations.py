@@ -19,8 +19,7 @@ from pathlib import Path
 import re
 import subprocess
 
-from fret_monitor.native import csrc_directory
-from fret_monitor.native import declarations
+from fret_monitor.native import csrc_directory, declarations
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.compiler import find_compiler
 import pytest

@@ -29,19 +29,13 @@ import sys
 import tempfile
 import time
 
-from cli.command import command
-from cli.command import environment
-from fret_monitor.native import build_library
-from fret_monitor.native import cache_directory
-from fret_monitor.native import CacheError
-from fret_monitor.native import Compiler
-from fret_monitor.native import CompilerError
-from fret_monitor.native import find_compiler
+from cli.command import command, environment
+from fret_monitor.native import (
+    build_library, cache_directory, CacheError, Compiler, CompilerError, find_compiler,
+)
 from native.test_cache import home as home_of_the_test
-from native.test_cache import small_disk
-from native.test_cache import SOURCE
-from native.test_compiler import processes_of
-from native.test_compiler import script
+from native.test_cache import small_disk, SOURCE
+from native.test_compiler import processes_of, script
 import pytest
 
 BUNDLE = """\

@@ -22,19 +22,12 @@ import shutil
 import subprocess
 import sys
 
-from fret_monitor.manifest import Manifest
-from fret_monitor.manifest import ManifestInput
-from fret_monitor.manifest import ManifestRequirement
-from fret_monitor.manifest import ValueType
-from fret_monitor.native import build_library
-from fret_monitor.native import evaluator_library
-from fret_monitor.native import LibraryError
-from fret_monitor.native import load
-from fret_monitor.native import load_evaluator
-from fret_monitor.native import Monitor
-from fret_monitor.runtime.fields import FieldReading
-from fret_monitor.runtime.fields import Outcome
-from fret_monitor.runtime.fields import read_fields
+from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement
+from fret_monitor.model.values import ValueType
+from fret_monitor.native import (
+    build_library, evaluator_library, LibraryError, load, load_evaluator, Monitor,
+)
+from fret_monitor.runtime.fields import FieldReading, Outcome, read_fields
 from native import toys
 import pytest
 

@@ -21,15 +21,11 @@ COOL: level < limit, where the limit is 10. The state counts the steps of each g
 
 from dataclasses import replace
 
-from fret_monitor.manifest import Manifest
-from fret_monitor.manifest import ManifestGroup
-from fret_monitor.manifest import ManifestInput
-from fret_monitor.manifest import ManifestRequirement
-from fret_monitor.manifest import ManifestTopic
-from fret_monitor.manifest import Policy
-from fret_monitor.manifest import Report
-from fret_monitor.manifest import Severity
-from fret_monitor.manifest import ValueType
+from fret_monitor.model.manifest import (
+    Manifest, ManifestGroup, ManifestInput, ManifestRequirement, ManifestTopic,
+)
+from fret_monitor.model.policies import Policy, Report, Severity
+from fret_monitor.model.values import ValueType
 
 SYMBOL = 'fm_toy_monitor'
 

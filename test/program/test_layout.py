@@ -19,36 +19,18 @@ from pathlib import Path
 from random import Random
 import time
 
-from differential.compiled import c_module
-from differential.compiled import compile_c
-from differential.compiled import CSRC
-from differential.compiled import gcc
-from fret_monitor.diagnostics import CompileError
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import postorder
-from fret_monitor.logic.formula import Since
-from fret_monitor.logic.formula import Unary
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import Window
-from fret_monitor.logic.formula import Yesterday
+from differential.compiled import c_module, compile_c, CSRC, gcc
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator, Formula, Historically, Once, postorder, Since, Unary, UnaryOperator,
+    Variable, Window, Yesterday,
+)
 from fret_monitor.logic.specification import Specification
-from fret_monitor.manifest import ValueType
-from fret_monitor.program.layout import MAX_STATE_BYTES
-from fret_monitor.program.layout import state_bytes
-from program.written import generate
-from program.written import layouts_of
-from program.written import specified
-from program.written import state
+from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.values import ValueType
+from fret_monitor.program.layout import MAX_STATE_BYTES, state_bytes
+from program.written import generate, layouts_of, specified, state
 import pytest
-from strategies import property_of
-from strategies import random_inputs
-from strategies import random_property
-from strategies import specification_of
+from strategies import property_of, random_inputs, random_property, specification_of
 
 P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)
 

@@ -21,11 +21,9 @@ from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Variable
 from fret_monitor.logic.specification import Specification
 from fret_monitor.program.lower import lower
-from program.written import operations
-from program.written import specified
+from program.written import operations, specified
 import pytest
-from strategies import random_trace
-from strategies import Trace
+from strategies import random_trace, Trace
 
 # Terms in one group that are to be one equation.
 SAME = [

@@ -22,50 +22,24 @@ latter lets every kind of cell lie on either side of a cut.
 from array import array
 from random import Random
 
-from differential.compiled import c_module
-from differential.compiled import Compiled
-from differential.compiled import FLAGS
-from differential.compiled import WARNINGS
+from differential.compiled import c_module, Compiled, FLAGS, WARNINGS
 from fret_monitor.build import build_specification
 from fret_monitor.codegen import module
 from fret_monitor.logic.evaluate import verdicts
-from fret_monitor.logic.formula import ALWAYS
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Choice
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.formula import Feedback
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import FTP
-from fret_monitor.logic.formula import Historically
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import Previous
-from fret_monitor.logic.formula import Since
-from fret_monitor.logic.formula import Triggered
-from fret_monitor.logic.formula import Unary
-from fret_monitor.logic.formula import UnaryOperator
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import WeakYesterday
-from fret_monitor.logic.formula import Window
-from fret_monitor.logic.formula import Yesterday
-from fret_monitor.logic.specification import Property
-from fret_monitor.logic.specification import Specification
-from fret_monitor.manifest import ValueType
+from fret_monitor.logic.formula import (
+    ALWAYS, Binary, BinaryOperator, Choice, Constant, Feedback, Formula, FTP, Historically, Once,
+    Previous, Since, Triggered, Unary, UnaryOperator, Variable, WeakYesterday, Window, Yesterday,
+)
+from fret_monitor.logic.specification import Property, Specification
+from fret_monitor.model.values import ValueType
 from fret_monitor.program import layout
-from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.runtime.evaluator import TYPECODES
-from program.written import kinds
-from program.written import layouts_of
+from fret_monitor.runtime.evaluator import Evaluator, TYPECODES
+from program.written import kinds, layouts_of
 import pytest
-from strategies import as_term
-from strategies import FormulaMaker
-from strategies import INPUTS
-from strategies import property_of
-from strategies import random_inputs
-from strategies import random_property
-from strategies import random_trace
-from strategies import specification_of
-from strategies import Trace
+from strategies import (
+    as_term, FormulaMaker, INPUTS, property_of, random_inputs, random_property, random_trace,
+    specification_of, Trace,
+)
 
 CELLS = {'FirstStep', 'Delay', 'OnceEver', 'AlwaysSoFar', 'SinceEver', 'TriggeredEver',
          'OnceWithin', 'AlwaysWithin', 'OnceBefore', 'SinceWithin', 'SinceBefore',

@@ -18,14 +18,9 @@ from collections.abc import Sequence
 from pathlib import Path
 import tempfile
 
-from fret_monitor.build import generate_monitor
-from fret_monitor.build import GeneratedMonitor
-from fret_monitor.build import read
-from fret_monitor.build import Reading
+from fret_monitor.build import generate_monitor, GeneratedMonitor, read, Reading
 from fret_monitor.logic.specification import Specification
-from fret_monitor.program.layout import GroupLayout
-from fret_monitor.program.layout import lay_out
-from fret_monitor.program.layout import MAX_STATE_BYTES
+from fret_monitor.program.layout import GroupLayout, lay_out, MAX_STATE_BYTES
 from fret_monitor.program.lower import lower
 
 INPUTS = """\

@@ -20,24 +20,13 @@ from random import Random
 import struct
 from typing import Any
 
-from differential.compiled import clang
-from differential.compiled import compile_c
-from differential.compiled import gcc
-from fret_monitor.proving import terms as t
-from fret_monitor.proving.c_source import read_program
-from fret_monitor.proving.c_source import Scalar
-from fret_monitor.proving.c_source import Struct
-from fret_monitor.proving.c_source import Unreadable
-from fret_monitor.proving.concrete import function_of
-from fret_monitor.proving.execution import Machine
-from fret_monitor.proving.execution import Memory
-from fret_monitor.proving.execution import Reference
-from fret_monitor.proving.execution import sort_of
-from fret_monitor.proving.execution import Value
-from fret_monitor.proving.solver import Answer
-from fret_monitor.proving.solver import prove
-from fret_monitor.proving.solver import Translation
-from fret_monitor.proving.terms import Sort
+from differential.compiled import clang, compile_c, gcc
+from fret_monitor.proving.c_source import read_program, Scalar, Struct, Unreadable
+from fret_monitor.proving.execution import Machine, Memory, Reference, sort_of, Value
+from fret_monitor.smt import terms as t
+from fret_monitor.smt.concrete import function_of
+from fret_monitor.smt.solver import Answer, prove, Translation
+from fret_monitor.smt.terms import Sort
 import pytest
 import z3
 

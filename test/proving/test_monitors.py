@@ -21,29 +21,21 @@ from typing import Any
 
 from codegen.workbench import specify
 import facts
-from fret_monitor.build import generate_monitor
-from fret_monitor.build import GeneratedMonitor
-from fret_monitor.build import read
-from fret_monitor.build import Reading
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Text
-from fret_monitor.logic.elaborate import elaborate
-from fret_monitor.logic.formula import Formula
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.languages import read_formula
-from fret_monitor.logic.scope import scope_of
-from fret_monitor.manifest import ValueType
+from fret_monitor.build import generate_monitor, GeneratedMonitor, read, Reading
+from fret_monitor.bundle.bundle import Language
+from fret_monitor.elaboration.elaborate import elaborate
+from fret_monitor.elaboration.languages import read_formula
+from fret_monitor.elaboration.scope import scope_of
+from fret_monitor.logic.formula import Formula, Variable
+from fret_monitor.model.diagnostics import Source, Text
+from fret_monitor.model.values import ValueType
 from fret_monitor.native.cache import runtime_headers
 from fret_monitor.program import layout
 from fret_monitor.proving.monitor import ALL
-from fret_monitor.proving.solver import Answer
-from fret_monitor.proving.verification import read_subject
-from fret_monitor.proving.verification import settle
-from fret_monitor.proving.verification import Settled
-from fret_monitor.syntax.bundle import Language
+from fret_monitor.proving.verification import read_subject, settle, Settled
+from fret_monitor.smt.solver import Answer
 import pytest
-from strategies import FormulaMaker
-from strategies import INPUTS
+from strategies import FormulaMaker, INPUTS
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 BUNDLES = [*sorted((ROOT / 'config').glob('*.yaml')),

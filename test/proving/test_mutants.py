@@ -19,27 +19,20 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from bench.mutants import BUNDLES
-from bench.mutants import cell_functions
-from bench.mutants import generated_functions
-from bench.mutants import judged
-from bench.mutants import judged_cell
-from bench.mutants import printed
-from bench.mutants import sample
-from bench.mutants import subject_of
-from differential.compiled import compile_c
-from differential.compiled import gcc
+from bench.mutants import (
+    BUNDLES, cell_functions, generated_functions, judged, judged_cell, printed, sample, subject_of,
+)
+from differential.compiled import compile_c, gcc
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Variable
-from fret_monitor.manifest import ValueType
+from fret_monitor.model.values import ValueType
 from fret_monitor.native.cache import runtime_headers
-from fret_monitor.proving import numbers
-from fret_monitor.proving import terms as t
-from fret_monitor.proving.c_source import preprocess
-from fret_monitor.proving.c_source import Struct
+from fret_monitor.proving.c_source import preprocess, Struct
 from fret_monitor.proving.monitor import Subject
 from fret_monitor.proving.refutation import Counterexample
+from fret_monitor.smt import numbers
+from fret_monitor.smt import terms as t
 import pytest
 from strategies import random_trace
 

@@ -16,16 +16,12 @@
 
 from pathlib import Path
 
-from fret_monitor.build import generate_monitor
-from fret_monitor.build import GeneratedMonitor
-from fret_monitor.build import read
+from fret_monitor.build import generate_monitor, GeneratedMonitor, read
 from fret_monitor.cli.main import main
 from fret_monitor.native.cache import runtime_headers
-from fret_monitor.proving.c_source import read_program
-from fret_monitor.proving.c_source import Unreadable
-from fret_monitor.proving.solver import Answer
-from fret_monitor.proving.verification import read_subject
-from fret_monitor.proving.verification import verify
+from fret_monitor.proving.c_source import read_program, Unreadable
+from fret_monitor.proving.verification import read_subject, verify
+from fret_monitor.smt.solver import Answer
 import pytest
 
 BUNDLE = """

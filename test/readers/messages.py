@@ -20,9 +20,7 @@ A value of a message is a `Tree`, with an attribute a field, as the objects of r
 a message object of rclpy. Both know nothing of the generated C.
 """
 
-from collections.abc import Callable
-from collections.abc import Iterable
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
 import math
@@ -30,17 +28,12 @@ import struct
 from types import SimpleNamespace
 from typing import Any
 
-from fret_monitor.diagnostics import Source
-from fret_monitor.diagnostics import Text
 from fret_monitor.logic.specification import Signal
-from fret_monitor.manifest import ValueType
-from fret_monitor.runtime.fields import FieldReading
-from fret_monitor.runtime.fields import Outcome
-from fret_monitor.syntax.field_path import resolve_field
-from fret_monitor.syntax.field_path import ResolvedField
-from fret_monitor.syntax.message import ArrayKind
-from fret_monitor.syntax.message import FieldType
-from fret_monitor.syntax.message import MessageLayout
+from fret_monitor.messages.definitions import ArrayKind, FieldType, MessageLayout
+from fret_monitor.messages.field_path import resolve_field, ResolvedField
+from fret_monitor.model.diagnostics import Source, Text
+from fret_monitor.model.values import ValueType
+from fret_monitor.runtime.fields import FieldReading, Outcome
 from hypothesis import strategies as st
 
 Tree = SimpleNamespace

@@ -24,42 +24,24 @@ import struct
 import subprocess
 from typing import Any
 
-from differential.compiled import c_module
-from differential.compiled import clang
-from differential.compiled import compile_c
-from differential.compiled import CSRC
-from differential.compiled import gcc
-from differential.compiled import WARNINGS
-from differential.compiled import write_module
+from differential.compiled import c_module, clang, compile_c, CSRC, gcc, WARNINGS, write_module
 from fret_monitor.build import build_specification
-from fret_monitor.diagnostics import CompileError
 from fret_monitor.logic.formula import TRUE
-from fret_monitor.logic.specification import Signal
-from fret_monitor.logic.specification import Specification
-from fret_monitor.manifest import Policy
+from fret_monitor.logic.specification import Signal, Specification
+from fret_monitor.messages.definitions import (
+    find_message, MessageLayout, parse_message, search_path,
+)
+from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.policies import Policy
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime.fields import FieldReading
-from fret_monitor.runtime.fields import Outcome
-from fret_monitor.runtime.fields import read_fields
-from fret_monitor.syntax.message import find_message
-from fret_monitor.syntax.message import MessageLayout
-from fret_monitor.syntax.message import parse_message
-from fret_monitor.syntax.message import search_path
-from hypothesis import given
-from hypothesis import HealthCheck
-from hypothesis import settings
+from fret_monitor.runtime.fields import FieldReading, Outcome, read_fields
+from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
 import pytest
-from readers.messages import message_class
-from readers.messages import message_object
-from readers.messages import same
-from readers.messages import serialize
-from readers.messages import signal_of
-from readers.messages import taken
-from readers.messages import Topic
-from readers.messages import trees
-from readers.messages import weight
-from readers.messages import written_paths
+from readers.messages import (
+    message_class, message_object, same, serialize, signal_of, taken, Topic, trees, weight,
+    written_paths,
+)
 from strategies import property_of
 
 HERE = Path(__file__).resolve().parent
@@ -194,8 +176,7 @@ def test_readers_take_what_was_written_in_either_byte_order(
 @pytest.mark.parametrize('name', installed())
 def test_readers_take_what_python_takes_of_a_message(
         theirs: tuple[list[Topic], Monitor], name: str) -> None:
-    from rclpy.serialization import deserialize_message
-    from rclpy.serialization import serialize_message
+    from rclpy.serialization import deserialize_message, serialize_message
     topics, monitor = theirs
     number = installed().index(name)
     topic = topics[number]

@@ -15,8 +15,7 @@
 """Real nodes in real processes, and somebody in the same domain who talks and listens to them."""
 
 from collections import Counter
-from collections.abc import Callable
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 import os
@@ -26,8 +25,7 @@ import subprocess
 import sys
 from tempfile import TemporaryFile
 from threading import Thread
-from time import monotonic
-from time import sleep
+from time import monotonic, sleep
 from typing import Any
 
 import fret_monitor
@@ -35,9 +33,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 import rclpy.node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import QoSProfile
-from rclpy.qos import ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from std_msgs.msg import Empty

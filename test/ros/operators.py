@@ -18,9 +18,7 @@ from time import monotonic
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from ros.harness import Partner
-from ros.harness import PATIENCE
-from ros.harness import wait_until
+from ros.harness import Partner, PATIENCE, wait_until
 
 
 class Operator:

@@ -19,12 +19,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fret_monitor import build
-from fret_monitor.logic.evaluate import Value
-from fret_monitor.logic.evaluate import verdicts
+from fret_monitor.logic.evaluate import Value, verdicts
 from fret_monitor.logic.formula import variables
 from fret_monitor.logic.specification import Property
-from fret_monitor.manifest import Policy
-from fret_monitor.manifest import Report
+from fret_monitor.model.policies import Policy, Report
 
 Message = tuple[str, dict[str, Value]]
 """The topic of a message, and the inputs that it feeds."""

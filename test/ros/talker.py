@@ -20,8 +20,7 @@ with PAUSE seconds between. `go PAUSE` publishes until the next line, `greet PAU
 -1 each time. After each it writes how many numbers it has said since its start.
 """
 
-from collections.abc import Callable
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import os
 from pathlib import Path
@@ -31,8 +30,7 @@ import sys
 
 import rclpy
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
-from rclpy.qos import ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 import std_msgs.msg
 
 # Fast DDS keeps a process that died for 20 s; one may ask for less for itself. Whoever does not

@@ -24,8 +24,7 @@ import sys
 import fret_monitor
 from fret_monitor import build
 import pytest
-from ros.reference import expected
-from ros.reference import Message
+from ros.reference import expected, Message
 
 ROOT = Path(fret_monitor.__file__).parent.parent
 DEMO = ROOT / 'examples' / 'demo.py'

@@ -19,14 +19,10 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
-from fret_monitor.ros.details import Details
-from fret_monitor.ros.details import DETAILS_TOPIC
-from fret_monitor.ros.details import read_detail
-from fret_monitor.runtime import Evaluator
-from fret_monitor.runtime import Watch
+from fret_monitor.ros.details import Details, DETAILS_TOPIC, read_detail
+from fret_monitor.runtime import Evaluator, Watch
 from rclpy.node import Node
-from ros.harness import Partner
-from ros.harness import wait_until
+from ros.harness import Partner, wait_until
 
 BUNDLE = """
 format: 1

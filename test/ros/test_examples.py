@@ -19,8 +19,7 @@ A requirement of a bundle is kept by what is right, and not by a fault.
 """
 
 from collections.abc import Callable
-from math import inf
-from math import nan
+from math import inf, nan
 import os
 from pathlib import Path
 import re
@@ -31,10 +30,7 @@ from typing import Any
 
 import fret_monitor
 import pytest
-from ros.harness import Partner
-from ros.harness import PATIENCE
-from ros.harness import started
-from ros.harness import wait_until
+from ros.harness import Partner, PATIENCE, started, wait_until
 from std_msgs.msg import Bool
 
 geometry_msgs = pytest.importorskip('geometry_msgs.msg')

@@ -20,38 +20,24 @@ other monitors of the same name in `test_several`, publishers of every quality i
 `test_publishers`.
 """
 
-from collections.abc import Callable
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from math import inf
-from math import nan
+from math import inf, nan
 from pathlib import Path
 import signal
-from time import monotonic
-from time import sleep
+from time import monotonic, sleep
 
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import pytest
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
-from rclpy.qos import ReliabilityPolicy
-from ros.harness import BEST_EFFORT
-from ros.harness import NodeProcess
-from ros.harness import Partner
-from ros.harness import PATIENCE
-from ros.harness import RELIABLE
-from ros.harness import started
-from ros.harness import wait_until
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from ros.harness import BEST_EFFORT, NodeProcess, Partner, PATIENCE, RELIABLE, started, wait_until
 from ros.operators import Operator
-from ros.reference import expected
-from ros.reference import Message
+from ros.reference import expected, Message
 from ros.talker import talking
-from std_msgs.msg import Float32
-from std_msgs.msg import Float64
-from std_msgs.msg import Int32
-from std_msgs.msg import String
+from std_msgs.msg import Float32, Float64, Int32, String
 
 both_ways = pytest.mark.parametrize('hot_path', ['on', 'off'], indirect=True)
 

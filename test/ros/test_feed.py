@@ -14,8 +14,7 @@
 
 """The feed over real DDS: who is heard, in which order, and how often."""
 
-from collections.abc import Callable
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import random
 from time import sleep
@@ -26,17 +25,10 @@ import pytest
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import QoSProfile
-from rclpy.qos import ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from ros.harness import BEST_EFFORT
-from ros.harness import LATCHED
-from ros.harness import Partner
-from ros.harness import RELIABLE
-from ros.harness import wait_until
-from std_msgs.msg import Float32
-from std_msgs.msg import Int32
+from ros.harness import BEST_EFFORT, LATCHED, Partner, RELIABLE, wait_until
+from std_msgs.msg import Float32, Int32
 
 LATCHED_BEST_EFFORT = QoSProfile(
     depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT,

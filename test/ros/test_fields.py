@@ -16,11 +16,9 @@
 
 from typing import Any
 
-from fret_monitor.manifest import ManifestInput
-from fret_monitor.manifest import ValueType
-from fret_monitor.ros.fields import message_class
-from fret_monitor.ros.fields import MessageTypeError
-from fret_monitor.ros.fields import why_unusable
+from fret_monitor.model.manifest import ManifestInput
+from fret_monitor.model.values import ValueType
+from fret_monitor.ros.fields import message_class, MessageTypeError, why_unusable
 import pytest
 from rclpy.serialization import serialize_message
 

@@ -19,13 +19,10 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
-from time import monotonic
-from time import sleep
+from time import monotonic, sleep
 
 import pytest
-from ros.harness import NodeProcess
-from ros.harness import PATIENCE
-from ros.harness import started
+from ros.harness import NodeProcess, PATIENCE, started
 
 BUNDLE = """
 format: 1

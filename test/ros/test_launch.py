@@ -23,8 +23,7 @@ import sys
 
 import fret_monitor
 import pytest
-from ros.harness import Partner
-from ros.harness import wait_until
+from ros.harness import Partner, wait_until
 
 pytest.importorskip('launch')
 pytest.importorskip('launch_ros')

@@ -14,32 +14,20 @@
 
 """The monitor as a managed node: what each state means, over real DDS, with a real process."""
 
-from collections.abc import Callable
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from time import monotonic
-from time import sleep
+from time import monotonic, sleep
 from typing import Any
 
 from fret_monitor.ros import MonitorNode
-from lifecycle_msgs.msg import State
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
-from lifecycle_msgs.srv import GetState
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
 import pytest
-from rclpy.executors import Executor
-from rclpy.executors import MultiThreadedExecutor
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from ros.harness import NodeProcess
-from ros.harness import Partner
-from ros.harness import PATIENCE
-from ros.harness import RELIABLE
-from ros.harness import started
-from ros.harness import wait_until
-from std_msgs.msg import Empty
-from std_msgs.msg import Float32
+from ros.harness import NodeProcess, Partner, PATIENCE, RELIABLE, started, wait_until
+from std_msgs.msg import Empty, Float32
 from std_srvs.srv import Trigger
 
 BUNDLE = """

@@ -25,11 +25,7 @@ from fret_monitor.ros.logger_node import Heard
 from fret_monitor.start import manifest_of
 import pytest
 from rclpy.publisher import Publisher
-from ros.harness import BEST_EFFORT
-from ros.harness import NodeProcess
-from ros.harness import Partner
-from ros.harness import started
-from ros.harness import wait_until
+from ros.harness import BEST_EFFORT, NodeProcess, Partner, started, wait_until
 from std_msgs.msg import Empty
 
 diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')

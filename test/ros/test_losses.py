@@ -22,12 +22,8 @@ from fret_monitor.ros.feed import Feed
 from fret_monitor.ros.losses import Gaps
 import pytest
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
-from rclpy.qos import ReliabilityPolicy
-from ros.harness import BEST_EFFORT
-from ros.harness import Partner
-from ros.harness import started
-from ros.harness import wait_until
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from ros.harness import BEST_EFFORT, Partner, started, wait_until
 from ros.operators import Operator
 from std_msgs.msg import Int32
 

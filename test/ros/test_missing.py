@@ -19,20 +19,12 @@ from time import sleep
 from types import SimpleNamespace
 from typing import Any
 
-from fret_monitor.manifest import Manifest
-from fret_monitor.manifest import ManifestInput
-from fret_monitor.manifest import ManifestRequirement
-from fret_monitor.manifest import ManifestTopic
-from fret_monitor.manifest import Policy
-from fret_monitor.manifest import Report
-from fret_monitor.manifest import Severity
-from fret_monitor.manifest import ValueType
+from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement, ManifestTopic
+from fret_monitor.model.policies import Policy, Report, Severity
+from fret_monitor.model.values import ValueType
 import pytest
-from ros.harness import Partner
-from ros.harness import started
-from ros.harness import wait_until
-from std_msgs.msg import Bool
-from std_msgs.msg import String
+from ros.harness import Partner, started, wait_until
+from std_msgs.msg import Bool, String
 
 diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
 sensor_msgs = pytest.importorskip('sensor_msgs.msg')

@@ -14,8 +14,7 @@
 
 """The monitor as a process over real DDS: every violation that is due is announced, none else."""
 
-from collections.abc import Callable
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import cycle
 from pathlib import Path
@@ -26,23 +25,12 @@ from typing import Any
 
 from fret_monitor import build
 from fret_monitor.logic.evaluate import Value
-from fret_monitor.manifest import Policy
+from fret_monitor.model.policies import Policy
 import pytest
 from rclpy.publisher import Publisher
-from ros.harness import BEST_EFFORT
-from ros.harness import LATCHED
-from ros.harness import NodeProcess
-from ros.harness import Partner
-from ros.harness import RELIABLE
-from ros.harness import started
-from ros.harness import wait_until
-from ros.reference import expected
-from ros.reference import Message
-from std_msgs.msg import Bool
-from std_msgs.msg import Empty
-from std_msgs.msg import Float32
-from std_msgs.msg import Int32
-from std_msgs.msg import String
+from ros.harness import BEST_EFFORT, LATCHED, NodeProcess, Partner, RELIABLE, started, wait_until
+from ros.reference import expected, Message
+from std_msgs.msg import Bool, Empty, Float32, Int32, String
 
 diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
 sensor_msgs = pytest.importorskip('sensor_msgs.msg')

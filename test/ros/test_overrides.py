@@ -21,17 +21,10 @@ from fret_monitor.ros.parameters import Refusal
 import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSPolicyKind
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from ros.harness import BEST_EFFORT
-from ros.harness import NodeProcess
-from ros.harness import Partner
-from ros.harness import RELIABLE
-from ros.harness import started
-from ros.harness import wait_until
-from std_msgs.msg import Empty
-from std_msgs.msg import Float32
+from ros.harness import BEST_EFFORT, NodeProcess, Partner, RELIABLE, started, wait_until
+from std_msgs.msg import Empty, Float32
 
 
 def test_what_rclpy_would_do_with_the_same_parameters_is_done(partner: Partner) -> None:

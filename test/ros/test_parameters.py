@@ -18,20 +18,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from fret_monitor.ros import LoggerNode
-from fret_monitor.ros import MonitorNode
-from fret_monitor.ros import Refusal
+from fret_monitor.ros import LoggerNode, MonitorNode, Refusal
 import pytest
-from rcl_interfaces.srv import DescribeParameters
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
-from ros.harness import Partner
-from ros.harness import started
-from ros.harness import wait_until
-from ros.test_lifecycle import ACTIVATE
-from ros.test_lifecycle import CONFIGURE
-from ros.test_lifecycle import Manager
-from ros.test_lifecycle import waiting
+from ros.harness import Partner, started, wait_until
+from ros.test_lifecycle import ACTIVATE, CONFIGURE, Manager, waiting
 
 BUNDLE = """
 format: 1

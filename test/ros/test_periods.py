@@ -14,8 +14,7 @@
 
 """Periods: what came late or not at all is counted and told, whatever time does."""
 
-from fret_monitor.ros.periods import Schedule
-from fret_monitor.ros.periods import Throttle
+from fret_monitor.ros.periods import Schedule, Throttle
 import pytest
 
 TENTH = 10**8

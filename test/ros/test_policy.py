@@ -18,9 +18,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from ros.harness import Partner
-from ros.harness import started
-from ros.harness import wait_until
+from ros.harness import Partner, started, wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
 BUNDLE = ROOT / 'config' / 'quadrotor.yaml'

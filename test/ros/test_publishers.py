@@ -18,15 +18,8 @@ from pathlib import Path
 from time import sleep
 
 import pytest
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import QoSProfile
-from rclpy.qos import ReliabilityPolicy
-from ros.harness import BEST_EFFORT
-from ros.harness import LATCHED
-from ros.harness import Partner
-from ros.harness import RELIABLE
-from ros.harness import started
-from ros.harness import wait_until
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from ros.harness import BEST_EFFORT, LATCHED, Partner, RELIABLE, started, wait_until
 from std_msgs.msg import Int32
 
 BUNDLE = """

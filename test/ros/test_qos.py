@@ -14,16 +14,12 @@
 
 from itertools import product
 
-from fret_monitor.ros.qos import DEFAULT_DEPTH
-from fret_monitor.ros.qos import hears
-from fret_monitor.ros.qos import wanted_profile
+from fret_monitor.ros.qos import DEFAULT_DEPTH, hears, wanted_profile
 import pytest
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import HistoryPolicy
-from rclpy.qos import qos_check_compatible
-from rclpy.qos import QoSCompatibility
-from rclpy.qos import QoSProfile
-from rclpy.qos import ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy, HistoryPolicy, qos_check_compatible, QoSCompatibility, QoSProfile,
+    ReliabilityPolicy,
+)
 
 RELIABILITY = (ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT)
 DURABILITY = (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL)

@@ -24,9 +24,7 @@ from fret_monitor.ros.parameters import Refusal
 import pytest
 from rclpy.context import Context
 from rclpy.parameter import Parameter
-from ros.harness import NodeProcess
-from ros.harness import Partner
-from ros.harness import started
+from ros.harness import NodeProcess, Partner, started
 
 BUNDLE = """
 format: 1

@@ -19,13 +19,10 @@ from time import sleep
 from typing import Any
 
 import pytest
-from rclpy.action import ActionClient
-from rclpy.action import ActionServer
+from rclpy.action import ActionClient, ActionServer
 from rclpy.qos import qos_profile_services_default
 from rclpy.service_introspection import ServiceIntrospectionState
-from ros.harness import Partner
-from ros.harness import started
-from ros.harness import wait_until
+from ros.harness import Partner, started, wait_until
 from std_srvs.srv import SetBool
 
 test_msgs = pytest.importorskip('test_msgs.action')

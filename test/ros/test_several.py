@@ -19,13 +19,10 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
-from fret_monitor.ros import MonitorNode
-from fret_monitor.ros import Refusal
+from fret_monitor.ros import MonitorNode, Refusal
 import pytest
 from rclpy.parameter import Parameter
-from ros.harness import Partner
-from ros.harness import started
-from ros.harness import wait_until
+from ros.harness import Partner, started, wait_until
 from std_msgs.msg import Float32
 
 FIRST = """

@@ -18,19 +18,13 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 import signal
-from threading import Event
-from threading import Thread
-from time import monotonic
-from time import sleep
+from threading import Event, Thread
+from time import monotonic, sleep
 
 from fret_monitor import build
 import pytest
-from ros.harness import NodeProcess
-from ros.harness import Partner
-from ros.harness import READY
-from ros.harness import wait_until
-from std_msgs.msg import Empty
-from std_msgs.msg import Float32
+from ros.harness import NodeProcess, Partner, READY, wait_until
+from std_msgs.msg import Empty, Float32
 
 # The monitor takes messages in C, and in Python; the logger in Python only.
 nodes = pytest.mark.parametrize(

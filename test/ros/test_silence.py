@@ -16,10 +16,9 @@
 
 import random
 
-from fret_monitor.manifest import ManifestInput
-from fret_monitor.manifest import ValueType
-from fret_monitor.ros.silence import Silence
-from fret_monitor.ros.silence import Silences
+from fret_monitor.model.manifest import ManifestInput
+from fret_monitor.model.values import ValueType
+from fret_monitor.ros.silence import Silence, Silences
 import pytest
 
 SECOND = 10**9

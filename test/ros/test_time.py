@@ -20,15 +20,10 @@ import signal
 from time import sleep
 
 import pytest
-from ros.harness import NodeProcess
-from ros.harness import Partner
-from ros.harness import started
-from ros.harness import wait_until
+from ros.harness import NodeProcess, Partner, started, wait_until
 from ros.operators import Operator
-from ros.simulator import simulating
-from ros.simulator import Simulator
-from std_msgs.msg import Bool
-from std_msgs.msg import Float32
+from ros.simulator import simulating, Simulator
+from std_msgs.msg import Bool, Float32
 
 PERIODIC = """
 format: 1
@@ -143,8 +138,7 @@ def test_periods_that_a_stopped_process_missed_are_counted(
 def test_the_time_that_counts_may_change_while_the_monitor_runs(
     partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path,
 ) -> None:
-    from rcl_interfaces.msg import Parameter
-    from rcl_interfaces.msg import ParameterValue
+    from rcl_interfaces.msg import Parameter, ParameterValue
     from rcl_interfaces.srv import SetParameters
     with started('monitor', '-p', write(tmp_path, PERIODIC)):
         client = partner.node.create_client(SetParameters, '/fret_monitor/set_parameters')

@@ -21,13 +21,11 @@ from fret_monitor import build
 from fret_monitor.ros.handlers import Handlers
 from fret_monitor.ros.health import Health
 from fret_monitor.ros.outlets import HandlerOutlet
-from fret_monitor.runtime import Evaluator
-from fret_monitor.runtime import Watch
+from fret_monitor.runtime import Evaluator, Watch
 import pytest
 from rclpy.context import Context
 from rclpy.node import Node
-from ros.harness import Partner
-from ros.harness import wait_until
+from ros.harness import Partner, wait_until
 from ros.operators import Operator
 
 BUNDLE = """

@@ -20,8 +20,7 @@ import subprocess
 import sys
 
 import fret_monitor
-from fret_monitor.ros.parameters import LOGGER_PARAMETERS
-from fret_monitor.ros.parameters import MONITOR_PARAMETERS
+from fret_monitor.ros.parameters import LOGGER_PARAMETERS, MONITOR_PARAMETERS
 import pytest
 
 SCRIPT = 'import sys; from fret_monitor.ros.{name} import main; sys.exit(main())'

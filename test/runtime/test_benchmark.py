@@ -19,21 +19,17 @@ from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 
-from fret_monitor.build import build
-from fret_monitor.build import generate_monitor
-from fret_monitor.build import read
-from fret_monitor.manifest import ManifestInput
-from fret_monitor.manifest import ValueType
+from fret_monitor.build import build, generate_monitor, read
+from fret_monitor.model.manifest import ManifestInput
+from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.program.levels import levels
 from fret_monitor.runtime import benchmark
-from fret_monitor.runtime.benchmark import Inputs
-from fret_monitor.runtime.benchmark import lasting_inputs
-from fret_monitor.runtime.benchmark import random_inputs
-from fret_monitor.runtime.benchmark import step_nanoseconds
-from fret_monitor.runtime.benchmark import StepTimer
+from fret_monitor.runtime.benchmark import (
+    Inputs, lasting_inputs, random_inputs, step_nanoseconds, StepTimer,
+)
 from fret_monitor.runtime.evaluator import TYPECODES
+from fret_monitor.traces.boundary import levels
 import pytest
 
 BUNDLE = """\

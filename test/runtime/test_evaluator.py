@@ -22,21 +22,13 @@ import math
 from pathlib import Path
 from typing import Any
 
-from fret_monitor.manifest import Manifest
-from fret_monitor.manifest import ManifestInput
-from fret_monitor.manifest import ManifestTopic
-from fret_monitor.manifest import Policy
-from fret_monitor.manifest import ValueType
-from fret_monitor.native import build_library
-from fret_monitor.native import evaluator_library
-from fret_monitor.native import LibraryError
-from fret_monitor.native import load
-from fret_monitor.runtime import Evaluator
-from fret_monitor.runtime import InputCounts
-from fret_monitor.runtime import RequirementCounts
-from fret_monitor.runtime import TopicCounts
-from fret_monitor.runtime import TYPECODES
-from fret_monitor.runtime import Violation
+from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestTopic
+from fret_monitor.model.policies import Policy
+from fret_monitor.model.values import ValueType
+from fret_monitor.native import build_library, evaluator_library, LibraryError, load
+from fret_monitor.runtime import (
+    Evaluator, InputCounts, RequirementCounts, TopicCounts, TYPECODES, Violation,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 from native import toys

@@ -27,28 +27,22 @@ import tempfile
 from typing import Any
 
 from fret_monitor.build import build_specification
-from fret_monitor.diagnostics import CompileError
 from fret_monitor.logic.evaluate import verdicts
-from fret_monitor.logic.formula import FTP
-from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.formula import FTP, Variable
 from fret_monitor.logic.specification import Specification
-from fret_monitor.manifest import Policy
-from fret_monitor.manifest import ValueType
+from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.policies import Policy
+from fret_monitor.model.values import ValueType
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime import simulate as module
 from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.runtime.simulate import simulate
-from hypothesis import given
-from hypothesis import settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
-from strategies import INPUTS
-from strategies import property_of
-from strategies import random_inputs
-from strategies import random_property
-from strategies import random_trace
-from strategies import specification_of
-from strategies import Trace
+from strategies import (
+    INPUTS, property_of, random_inputs, random_property, random_trace, specification_of, Trace,
+)
 
 
 def random_specification(rng: Random, policy: Policy) -> Specification:

@@ -21,9 +21,7 @@ from threading import Thread
 from time import monotonic
 
 from fret_monitor import build
-from fret_monitor.runtime import Evaluator
-from fret_monitor.runtime import Receipt
-from fret_monitor.runtime import Watch
+from fret_monitor.runtime import Evaluator, Receipt, Watch
 import pytest
 
 BUNDLE = """

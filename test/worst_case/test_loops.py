@@ -22,11 +22,9 @@ from fret_monitor.codegen.module import generate
 from fret_monitor.logic.specification import Specification
 from fret_monitor.program.lower import lower
 import pytest
-from worst_case.test_worst_case import layouts_of
-from worst_case.test_worst_case import many_of_a_group
-from worst_case.test_worst_case import random_specification
-from worst_case.test_worst_case import remainders
-from worst_case.test_worst_case import windows_apart
+from worst_case.test_worst_case import (
+    layouts_of, many_of_a_group, random_specification, remainders, windows_apart,
+)
 
 c_ast = pytest.importorskip('pycparser.c_ast')
 c_source = pytest.importorskip('fret_monitor.proving.c_source')

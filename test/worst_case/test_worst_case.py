@@ -26,42 +26,22 @@ import shutil
 import subprocess
 from typing import Any
 
-from differential.compiled import compile_c
-from differential.compiled import CSRC
-from differential.compiled import gcc
-from differential.compiled import write_module
+from differential.compiled import compile_c, CSRC, gcc, write_module
 from differential.test_clean_c import every_window
 from fret_monitor.build import read
-from fret_monitor.codegen.module import CModule
-from fret_monitor.codegen.module import generate
-from fret_monitor.logic.formula import Binary
-from fret_monitor.logic.formula import BinaryOperator
-from fret_monitor.logic.formula import Constant
-from fret_monitor.logic.formula import Once
-from fret_monitor.logic.formula import postorder
-from fret_monitor.logic.formula import Since
-from fret_monitor.logic.formula import Variable
-from fret_monitor.logic.formula import Window
-from fret_monitor.logic.specification import Property
-from fret_monitor.logic.specification import Specification
-from fret_monitor.manifest import ValueType
-from fret_monitor.native.compiler import COMPILE_FLAGS
-from fret_monitor.native.compiler import Compiler
+from fret_monitor.codegen.module import CModule, generate
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator, Constant, Once, postorder, Since, Variable, Window,
+)
+from fret_monitor.logic.specification import Property, Specification
+from fret_monitor.model.values import ValueType
+from fret_monitor.native.compiler import COMPILE_FLAGS, Compiler
 from fret_monitor.native.stack import call_graph
-from fret_monitor.program.cost import Cost
-from fret_monitor.program.cost import COSTS
-from fret_monitor.program.cost import kinds
-from fret_monitor.program.cost import LIBRARY_COSTS
-from fret_monitor.program.cost import step_cost
-from fret_monitor.program.layout import GroupLayout
-from fret_monitor.program.layout import lay_out
+from fret_monitor.program.cost import Cost, COSTS, kinds, LIBRARY_COSTS, step_cost
+from fret_monitor.program.layout import GroupLayout, lay_out
 from fret_monitor.program.lower import lower
 import pytest
-from strategies import INPUTS
-from strategies import property_of
-from strategies import random_inputs
-from strategies import random_property
-from strategies import specification_of
+from strategies import INPUTS, property_of, random_inputs, random_property, specification_of
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]

@@ -1,0 +1,197 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The shape of a YAML mapping: which keys it may have and what stands under them.
+
+A `Shape` tells each key that is not known once, and hands out the values of the others as texts,
+choices and numbers. What has been told is None to the caller, who says no more of it.
+"""
+
+from collections.abc import Iterable
+from collections.abc import Mapping as Table
+from enum import Enum
+from fractions import Fraction
+from typing import TypeVar
+
+from fret_monitor.bundle.yaml_repair import (
+    LACKS_SPACE, quoted_line, tell_lacking_space, value_as_written,
+)
+from fret_monitor.bundle.yaml_tree import Mapping, Node, Scalar, Sequence, Unread
+from fret_monitor.model.diagnostics import did_you_mean, Problems, Span, Text
+from fret_monitor.model.names import exact, number_fault, shown
+
+_Choice = TypeVar('_Choice', bound=Enum)
+
+
+class Shape:
+    """A mapping with the keys it may have; `what` names it in the user's words."""
+
+    def __init__(self, mapping: Mapping, what: str, known: Iterable[str], problems: Problems,
+                 slips: Table[str, str] | None = None,
+                 elsewhere: Table[str, str] | None = None) -> None:
+        """
+        Tell all keys that are not known.
+
+        `slips` are words that are often written instead, `elsewhere` says where keys belong that
+        are known in another place.
+        """
+        self.what = what
+        self.span = mapping.span
+        self._known = tuple(known)
+        self._problems = problems
+        self._entries = {key.value: (key, node) for key, node in mapping.entries}
+        self._meant: set[str] = set()
+        self._elsewhere = elsewhere or {}
+        self._has_swallowed = any(isinstance(node, Unread) and node.has_swallowed
+                                  for _, node in mapping.entries)
+        self.is_cut = _tell_comma(mapping, self._known, problems)
+        if not self.is_cut:
+            for key, _ in mapping.entries:
+                self._look_at(key, slips or {})
+
+    def _look_at(self, key: Scalar, slips: Table[str, str]) -> None:
+        if key.value in self._known:
+            return
+        spaceless = LACKS_SPACE.fullmatch(key.value) if not key.style else None
+        if spaceless and spaceless[1] in self._known:
+            self._meant.add(spaceless[1])
+            tell_lacking_space(spaceless, key.span, self._problems)
+            return
+        slip = slips.get(key.value)
+        hint = self._elsewhere.get(key.value) or (
+            f"did you mean '{slip}'?" if slip else did_you_mean(key.value, self._known)
+            or 'known are ' + ', '.join(self._known))
+        self._meant.update(name for name in self._known if f"'{name}'" in hint)
+        self._problems.error(f'{self.what} has no key {shown(key.value)}', key.span,
+                             'not known', hint)
+
+    def lacks(self, *keys: str) -> bool:
+        """Return whether none of the keys is there, nor anything that was meant to be one."""
+        return not self._has_swallowed and not any(
+            key in self._entries or key in self._meant for key in keys)
+
+    def key(self, key: str) -> Scalar | None:
+        """Return a key that is there, with its place."""
+        return self._entries[key][0] if key in self._entries else None
+
+    def node(self, key: str) -> Node | None:
+        """Return what stands under a key, None where there is none."""
+        return self._entries[key][1] if key in self._entries else None
+
+    def text(self, key: str) -> Text | None:
+        """Return the text under a key; it may not be left empty."""
+        node = self.node(key)
+        return None if node is None else text_of(node, f"'{key}'", self._problems)
+
+    def free_text(self, key: str) -> str:
+        """Return a text for people, which may be left empty."""
+        node = self.node(key)
+        if node is None or (isinstance(node, Scalar) and not node.value):
+            return ''
+        text = text_of(node, f"'{key}'", self._problems)
+        return text.value if text else ''
+
+    def choice(self, key: str, kind: type[_Choice], default: _Choice) -> _Choice:
+        """Return one of the values of an enumeration."""
+        text = self.text(key)
+        if text is None:
+            return default
+        words = [item.value for item in kind]
+        if text.value in words:
+            return kind(text.value)
+        tell_choice(text, key, words, self._problems)
+        return default
+
+    def positive(self, key: str, unit: str, least: Fraction, most: Fraction) -> Fraction | None:
+        """Return an exact positive number, between `least` and `most`."""
+        text = self.text(key)
+        if text is None:
+            return None
+        fault = number_fault(text.value)
+        value = exact(text.value)
+        if fault is not None:
+            self._problems.error(f"'{key}' is a number of {unit}: {fault.reason}", text.span,
+                                 help=fault.help or f'{key}: 0.1')
+        elif value is not None and value <= 0:
+            self._problems.error(f"'{key}' must be greater than 0", text.span)
+        elif value is None or not least <= value <= most:
+            self._problems.error(
+                f"'{key}' is out of range", text.span, f'a number of {unit} from '
+                f'{float(least):g} to {float(most):g}')
+        else:
+            return value
+        return None
+
+
+def _tell_comma(mapping: Mapping, known: tuple[str, ...], problems: Problems) -> bool:
+    """Tell a value in braces that was cut at its comma: the rest became a key without value."""
+    if not mapping.is_flow:
+        return False
+    for (before, cut), (key, node) in zip(mapping.entries, mapping.entries[1:], strict=False):
+        if (isinstance(node, Scalar) and node.is_missing and key.value not in known
+                and isinstance(cut, Scalar) and not cut.style):
+            source, start = cut.span.source, cut.span.start
+            problems.error(
+                'a comma ends a value in braces', Span(source, start, key.span.end),
+                f'put the value of {shown(before.value)} in quotes',
+                quoted_line(source, start, value_as_written(source, start)))
+            return True
+    return False
+
+
+def kind_of(node: Node) -> str:
+    """Say what a node is, in the user's words."""
+    match node:
+        case Mapping():
+            return 'keys with values'
+        case Sequence():
+            return 'a list'
+        case Scalar():
+            return f'the text {shown(node.value)}' if node.value else 'empty'
+        case Unread():
+            return 'not readable'
+
+
+def text_of(node: Node, what: str, problems: Problems) -> Text | None:
+    """Return a text that is not empty."""
+    if isinstance(node, Scalar) and node.value.strip():
+        return node.text
+    if isinstance(node, Scalar):
+        problems.error(f'{what} has no value', node.span, 'write one, or remove the key')
+    elif not isinstance(node, Unread):
+        problems.error(f'{what} is a text', node.span, f'this is {kind_of(node)}')
+    return None
+
+
+def mapping_of(node: Node | None, what: str, problems: Problems, help: str = '') -> Mapping | None:
+    """Return keys with values; a key with nothing under it has none of them."""
+    if isinstance(node, Mapping):
+        return node
+    if isinstance(node, Scalar) and node.is_missing:
+        return Mapping((), False, node.span)
+    plain = node.value if isinstance(node, Scalar) and not node.style else ''
+    if node is not None and (match := LACKS_SPACE.fullmatch(plain)):
+        tell_lacking_space(match, node.span, problems)
+    elif node is not None and not isinstance(node, Unread):
+        problems.error(f'{what} holds keys with values', node.span,
+                       f'this is {kind_of(node)}', help)
+    return None
+
+
+def tell_choice(text: Text, key: str, words: Iterable[str], problems: Problems) -> None:
+    """Tell a word that is none of those that can be chosen."""
+    words = list(words)
+    problems.error(f"{shown(text.value)} is no choice for '{key}'", text.span,
+                   'one of ' + ', '.join(words), did_you_mean(text.value, words))

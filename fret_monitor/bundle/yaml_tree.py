@@ -1,0 +1,294 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A YAML text as a tree of nodes with places: no types, no anchors, no tags, no merges.
+
+`read_tree` reads one document and tells what is wrong with it as YAML. Where a value is cut or
+misread by YAML because it is not in quotes, it says so with the line to paste, puts an `Unread`
+node in its place and goes on, so that the rest of the file is looked at in the same run.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+import re
+from typing import Protocol, TypeAlias
+
+from fret_monitor.bundle.yaml_repair import Repair, tell_misread
+from fret_monitor.bundle.yaml_text import scalar_text
+from fret_monitor.model.diagnostics import Problems, Source, Span, Text
+from fret_monitor.model.names import shown
+import yaml
+
+MAX_DEPTH = 20
+MAX_NODES = 500_000
+
+# The C scanner reads 1,000 requirements in 20 ms; the one in Python needs a second.
+_Loader: type = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+
+_UNPRINTABLE = re.compile(
+    '[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]')
+_MARK = re.compile(r'(\S+)[ \t]*(\S?)')
+
+
+@dataclass(frozen=True, eq=False)
+class Scalar:
+    """A text; `style` is '' (plain), "'", '"', '|' or '>', `span` includes the quotes."""
+
+    text: Text
+    style: str
+    span: Span
+
+    @property
+    def value(self) -> str:
+        """The text as a string."""
+        return self.text.value
+
+    @property
+    def is_missing(self) -> bool:
+        """Whether nothing at all was written."""
+        return not self.style and not self.text.value
+
+
+@dataclass(frozen=True, eq=False)
+class Sequence:
+    """A list of nodes; `span` is where it begins."""
+
+    items: tuple['Node', ...]
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Mapping:
+    """Keys, each once, with their nodes; `is_flow` says that it is written with braces."""
+
+    entries: tuple[tuple[Scalar, 'Node'], ...]
+    is_flow: bool
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Unread:
+    """
+    A place whose problem has been told already: nothing more is to be said of it.
+
+    `has_swallowed` says that keys which stand below it may have been meant for the mapping it is
+    in.
+    """
+
+    span: Span
+    has_swallowed: bool = False
+
+
+Node: TypeAlias = Scalar | Sequence | Mapping | Unread
+
+
+def read_tree(source: Source, problems: Problems) -> Node | None:
+    """
+    Read the one document of a source.
+
+    Returns None, with problems told, where there is nothing to look at: not YAML, several
+    documents, nested too deeply, empty.
+    """
+    if _refuse_unprintable(source, problems):
+        return None
+    repair = Repair(source, problems)
+    while True:
+        builder = _Builder(source, repair.unread, repair.swallowing)
+        try:
+            builder.build(_events(repair.text))
+        except yaml.YAMLError as error:
+            if repair.mend(error, builder.last_scalar):
+                continue
+            builder.root = None
+        problems.extend(builder.problems.errors)
+        return builder.root
+
+
+def _refuse_unprintable(source: Source, problems: Problems) -> bool:
+    match = _UNPRINTABLE.search(source.text, 1 if source.text.startswith('\ufeff') else 0)
+    if match is None:
+        return False
+    problems.error(f'the character U+{ord(match[0]):04X} is not text',
+                   Span(source, match.start(), match.end()), 'remove it')
+    return True
+
+
+def _events(text: str) -> Iterator[yaml.Event]:
+    """Yield the events of a text; their marks count from behind a byte order mark."""
+    yield from yaml.parse(text, Loader=_Loader)
+
+
+@dataclass
+class _Open:
+    """A collection that is being read."""
+
+    event: yaml.CollectionStartEvent
+    items: list[Node] = field(default_factory=list)
+
+
+class _TooMuch(Exception):
+    """The tree is too deep or too large to go on; the problem has been told."""
+
+
+class _Builder:
+    """Makes the tree of the events of one document, without recursion."""
+
+    def __init__(self, source: Source, unread: frozenset[int],
+                 swallowing: frozenset[int]) -> None:
+        self.source = source
+        self.problems = Problems()
+        self.root: Node | None = None
+        self.last_scalar = 0
+        self._unread = unread
+        self._swallowing = swallowing
+        self._shift = 1 if source.text.startswith('\ufeff') else 0
+        self._open: list[_Open] = []
+        self._documents = 0
+        self._nodes = 0
+        self._anchors: set[str] = set()
+
+    def build(self, events: Iterator[yaml.Event]) -> None:
+        """
+        Take all events.
+
+        Raises
+        ------
+        yaml.YAMLError
+            if the text is not YAML; nothing that was built then is of use.
+        """
+        try:
+            for event in events:
+                self._take(event)
+        except _TooMuch:
+            self.root = None
+
+    def _take(self, event: yaml.Event) -> None:
+        match event:
+            case yaml.ScalarEvent():
+                self._add(self._scalar(event))
+            case yaml.SequenceStartEvent() | yaml.MappingStartEvent():
+                self._start(event)
+            case yaml.SequenceEndEvent() | yaml.MappingEndEvent():
+                self._add(self._collection(self._open.pop()))
+            case yaml.AliasEvent():
+                self._add(self._alias(event))
+            case yaml.DocumentStartEvent():
+                self._document(event)
+            case _:
+                pass
+
+    def _document(self, event: yaml.Event) -> None:
+        self._documents += 1
+        if self._documents > 1:
+            self.problems.error(
+                'a bundle is one YAML document', self._span(event),
+                'a second one begins here', 'remove this line, or make it a file of its own')
+            raise _TooMuch
+
+    def _span(self, event: yaml.Event) -> Span:
+        start, end = _index(event.start_mark), _index(event.end_mark)
+        return Span(self.source, start + self._shift, max(start, end) + self._shift)
+
+    def _add(self, node: Node) -> None:
+        self._nodes += 1
+        if self._nodes > MAX_NODES:
+            self.problems.error(f'the file has more than {MAX_NODES:,} values', node.span)
+            raise _TooMuch
+        if self._open:
+            self._open[-1].items.append(node)
+        elif self._documents == 1:
+            self.root = node
+
+    def _start(self, event: yaml.CollectionStartEvent) -> None:
+        self._open.append(_Open(event))
+        if len(self._open) > MAX_DEPTH:
+            self.problems.error(f'nested more than {MAX_DEPTH} levels deep', self._span(event))
+            raise _TooMuch
+
+    def _scalar(self, event: yaml.ScalarEvent) -> Node:
+        span = self._span(event)
+        self.last_scalar = span.start
+        if span.start in self._unread:
+            return Unread(span, span.start in self._swallowing)
+        if event.anchor or event.tag:
+            return self._marked(event)
+        style = event.style if event.style and event.style in '\'"|>' else ''
+        text = scalar_text(self.source, span.start, event.value, style)
+        if style in ('', '|', '>'):
+            span = Span(self.source, span.start, text.offsets[-1])
+        return Scalar(text, style, span)
+
+    def _collection(self, item: _Open) -> Node:
+        start = self._span(item.event).start
+        span = Span(self.source, start, start + 1)
+        if item.event.anchor or item.event.tag:
+            return self._marked(item.event)
+        if isinstance(item.event, yaml.SequenceStartEvent):
+            return Sequence(tuple(item.items), span)
+        return Mapping(self._entries(item.items), bool(item.event.flow_style), span)
+
+    def _entries(self, items: list[Node]) -> tuple[tuple[Scalar, Node], ...]:
+        found: dict[str, tuple[Scalar, Node]] = {}
+        for key, value in zip(items[::2], items[1::2], strict=True):
+            if isinstance(key, Scalar) and self._is_new(key, found):
+                found[key.value] = (key, value)
+            elif isinstance(key, Sequence | Mapping):
+                self.problems.error('a key is a word', key.span, 'this is a list or mapping')
+        return tuple(found.values())
+
+    def _is_new(self, key: Scalar, found: dict[str, tuple[Scalar, Node]]) -> bool:
+        if key.value == '<<' and not key.style:
+            self.problems.error('a bundle has no merges', key.span,
+                                "YAML merges what '<<' names", 'write the keys out')
+            return False
+        first = found.get(key.value)
+        if first is not None:
+            self.problems.error(f'{shown(key.value)} is given twice', key.span,
+                                f'first in line {first[0].span.line}')
+        return first is None
+
+    def _alias(self, event: yaml.AliasEvent) -> Node:
+        span = self._span(event)
+        if event.anchor in self._anchors:
+            self.problems.error('a bundle has no aliases', span,
+                                f"stands for what '&{event.anchor}' marks", 'write it out')
+        else:
+            tell_misread(self.source, span.start, self.problems)
+        return Unread(span)
+
+    def _marked(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> Node:
+        """Refuse a node with a tag or an anchor."""
+        span = self._span(event)
+        if event.anchor:
+            self._anchors.add(event.anchor)
+        match = _MARK.match(self.source.text, span.start)
+        mark, rest = match.groups() if match else ('', '')
+        is_text = isinstance(event, yaml.ScalarEvent)
+        if mark.startswith('!!') or not is_text and (event.anchor or not rest):
+            kind = 'tags' if mark.startswith('!') else 'anchors'
+            self.problems.error(f'a bundle has no {kind}',
+                                Span(self.source, span.start, span.start + len(mark)),
+                                'remove it')
+        else:
+            tell_misread(self.source, span.start, self.problems)
+        return Unread(span)
+
+
+class _Mark(Protocol):
+    index: int
+
+
+def _index(mark: _Mark | None) -> int:
+    return mark.index if mark else 0

@@ -1,0 +1,212 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Arithmetic and comparisons of terms: which formula `x + 1` or `x > 300` is, types worked out.
+
+The rules are those of docs/numbers.md. A comparison is by value, so that a literal beyond the
+range of an integer operand is legal there (and always true or always false, which is warned of);
+in arithmetic it is an error.
+"""
+
+from fret_monitor.elaboration.terms import (
+    alike, cast, convert, describe, join, Number, number, promoted, settled, Term,
+)
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator, Constant, FALSE, Formula, TRUE, Unary, UnaryOperator,
+)
+from fret_monitor.logic.numbers import absolute, fold, Literal, negated, NumberError, RANGES
+from fret_monitor.model.diagnostics import Problems, refuse, Span
+from fret_monitor.model.values import ValueType
+
+MAX_EXPONENT = 2 ** 31 - 1
+
+_MIRRORED = {
+    BinaryOperator.LT: BinaryOperator.GT,
+    BinaryOperator.LE: BinaryOperator.GE,
+    BinaryOperator.GT: BinaryOperator.LT,
+    BinaryOperator.GE: BinaryOperator.LE,
+    BinaryOperator.EQ: BinaryOperator.EQ,
+    BinaryOperator.NE: BinaryOperator.NE,
+}
+_TRUE_BELOW = (BinaryOperator.LT, BinaryOperator.LE, BinaryOperator.NE)
+_TRUE_ABOVE = (BinaryOperator.GT, BinaryOperator.GE, BinaryOperator.NE)
+
+
+def minus(term: Term) -> Number:
+    """Return `-x`."""
+    value = number(term, "'-'")
+    if isinstance(value, Literal):
+        return negated(value)
+    return Unary(UnaryOperator.NEG, promoted(value))
+
+
+def magnitude(term: Term, operator: str) -> Number:
+    """Return `abs(x)`; `operator` is the function's name as written."""
+    value = number(term, operator)
+    if isinstance(value, Literal):
+        return absolute(value)
+    return Unary(UnaryOperator.ABS, promoted(value))
+
+
+def arithmetic(operator: BinaryOperator, left: Term, right: Term, name: str, place: Span,
+               problems: Problems) -> Number:
+    """Return `left operator right`, which the user wrote as `name` at `place`."""
+    a, b = number(left, name), number(right, name)
+    if isinstance(a, Literal) and isinstance(b, Literal):
+        return _folded(operator, a, b, place, problems)
+    kind = settled([a, b])
+    return Binary(operator, cast(left, a, kind), cast(right, b, kind))
+
+
+def _folded(operator: BinaryOperator, a: Literal, b: Literal, place: Span,
+            problems: Problems) -> Literal:
+    try:
+        result = fold(operator, a, b)
+    except NumberError as error:
+        refuse('this number cannot be computed', place, str(error))
+    if operator is BinaryOperator.DIV and (b.value == 0 or a.value / b.value != result.value):
+        problems.warning(f'{a} / {b} of whole numbers is {result}', place, 'rounded toward zero',
+                         f'write {a}.0 / {b} for the exact quotient')
+    return result
+
+
+def power(base: Term, exponent: Term, place: Span) -> Number:
+    """
+    Return `base ^ exponent`.
+
+    A whole literal exponent >= 0 keeps the base's type (repeated multiplication); otherwise both
+    become FLOAT64, and one of them must be a real number.
+    """
+    a, b = number(base, "'^'"), number(exponent, "'^'")
+    if isinstance(b, Literal) and not b.is_real:
+        if b.value >= 0 and not isinstance(a, Literal):
+            return _repeated(promoted(a), b, exponent)
+        if isinstance(a, Literal) and (b.value >= 0 or a.is_real):
+            return _folded_power(a, b, place)
+    if join([a, b]) not in (ValueType.FLOAT32, ValueType.FLOAT64, None):
+        refuse("'^' on whole numbers takes a whole exponent >= 0, written as a number",
+               exponent.span, f'this is {describe(exponent)}',
+               'make the base or the exponent a real number, as in 2.0 ^ n')
+    if join([a, b]) is None and not (_is_real(a) or _is_real(b)):
+        refuse("'^' on whole numbers takes an exponent >= 0", exponent.span,
+               f'this is {describe(exponent)}', 'write the base as a real number, as in 2.0 ^ -1')
+    return Binary(BinaryOperator.POW, cast(base, a, ValueType.FLOAT64),
+                  cast(exponent, b, ValueType.FLOAT64))
+
+
+def _is_real(value: Number) -> bool:
+    return isinstance(value, Literal) and value.is_real
+
+
+def _repeated(base: Formula, exponent: Literal, term: Term) -> Formula:
+    if exponent.value > MAX_EXPONENT:
+        refuse(f'an exponent is at most {MAX_EXPONENT}', term.span, f'this is {exponent}')
+    return Binary(BinaryOperator.POW, base,
+                  Constant(exponent.value.numerator, ValueType.INT64))
+
+
+def _folded_power(base: Literal, exponent: Literal, place: Span) -> Literal:
+    try:
+        return fold(BinaryOperator.POW, base, exponent)
+    except NumberError as error:
+        refuse('this number cannot be computed', place, str(error))
+
+
+def relation(operator: BinaryOperator, left: Term, right: Term, name: str, place: Span,
+             problems: Problems) -> Formula:
+    """Return the comparison `left operator right`, which the user wrote as `name` at `place`."""
+    if left.is_text or right.is_text or left.is_boolean or right.is_boolean:
+        return _equality(operator, left, right, name)
+    a, b = number(left, name), number(right, name)
+    if isinstance(a, Literal):
+        if isinstance(b, Literal):
+            return TRUE if _holds(operator, a, b) else FALSE
+        mirrored = _against(_MIRRORED[operator], b, a, left, place, problems)
+        return Binary(_MIRRORED[mirrored.operator], mirrored.right, mirrored.left)
+    if isinstance(b, Literal):
+        return _against(operator, a, b, right, place, problems)
+    return _typed(operator, a, b)
+
+
+def _equality(operator: BinaryOperator, left: Term, right: Term, name: str) -> Formula:
+    if operator not in (BinaryOperator.EQ, BinaryOperator.NE):
+        term = left if left.is_boolean or left.is_text else right
+        number(term, name)
+    first, second = alike([left, right], name)
+    return Binary(operator, first, second)
+
+
+def _typed(operator: BinaryOperator, a: Formula, b: Formula) -> Formula:
+    kind = settled([a, b])
+    if kind.is_float:
+        return Binary(operator, convert(a, kind), convert(b, kind))
+    # INT64 and UINT64 stay as they are: the relation compares them by value.
+    return Binary(operator, promoted(a), promoted(b))
+
+
+def _holds(operator: BinaryOperator, a: Literal, b: Literal) -> bool:
+    less, equal = a.value < b.value, a.value == b.value
+    return {
+        BinaryOperator.LT: less,
+        BinaryOperator.LE: less or equal,
+        BinaryOperator.GT: not less and not equal,
+        BinaryOperator.GE: not less,
+        BinaryOperator.EQ: equal,
+        BinaryOperator.NE: not equal,
+    }[operator]
+
+
+def _against(operator: BinaryOperator, formula: Formula, literal: Literal, term: Term,
+             place: Span, problems: Problems) -> Binary:
+    """Return `formula operator literal`; `term` is the literal's."""
+    if formula.type.is_integer:
+        _warn_of_constant(operator, formula.type, literal, place, problems)
+    kind = settled([formula, literal])
+    if kind.is_float:
+        return Binary(operator, convert(formula, kind), cast(term, literal, kind))
+    node = promoted(formula)
+    operator, other = _whole(operator, node.type, literal)
+    return Binary(operator, node, other)
+
+
+def _whole(operator: BinaryOperator, kind: ValueType,
+           literal: Literal) -> tuple[BinaryOperator, Formula]:
+    """
+    Return a comparison with a constant that holds where that with the literal does.
+
+    A literal beyond the operand's type is compared as the other 64-bit type (by value); beyond
+    both, as the end of the range with an operator that is always true or always false there.
+    """
+    other = ValueType.INT64 if kind is ValueType.UINT64 else ValueType.UINT64
+    (low, high), (least, greatest) = RANGES[kind], RANGES[other]
+    value = literal.value.numerator
+    if low <= value <= high:
+        return operator, Constant(value, kind)
+    if value > high if kind is ValueType.INT64 else value < low:
+        return operator, Constant(max(least, min(value, greatest)), other)
+    if value > high:
+        always = operator in _TRUE_BELOW
+        return BinaryOperator.LE if always else BinaryOperator.GT, Constant(high, kind)
+    always = operator in _TRUE_ABOVE
+    return BinaryOperator.GE if always else BinaryOperator.LT, Constant(low, kind)
+
+
+def _warn_of_constant(operator: BinaryOperator, kind: ValueType, literal: Literal,
+                      place: Span, problems: Problems) -> None:
+    low, high = RANGES[kind]
+    if low <= literal.value <= high:
+        return
+    holds = operator in (_TRUE_BELOW if literal.value > high else _TRUE_ABOVE)
+    problems.warning(f'this comparison is always {str(holds).lower()}', place,
+                     f'a number of type {kind.value} is between {low} and {high}')

@@ -1,0 +1,305 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+A bundle as written becomes a specification: names, types, numbers and bounds get their meaning.
+
+`specify` tells all mistakes of a bundle in one `CompileError`, each once and at its place; a name
+that has a mistake is not told again where it is used. `elaborate` gives one expression its
+formula. The rules of types and numbers are in docs/numbers.md:
+
+* An input of an integer type counts as INT64 in arithmetic and comparisons, UINT64 as itself.
+* Where numbers meet: FLOAT32 with FLOAT32 stays; another float, or a float and an integer, makes
+  FLOAT64; UINT64 with its like and whole literals >= 0 stays, other integers make INT64 (a UINT64
+  modulo 2^64 in arithmetic; in comparisons both stay, and compare by value).
+* A literal is exact until it meets a typed operand: then it takes that type, rounded once. A real
+  literal (`1.0`, `1e3`) makes an integer operand FLOAT64. Literals among themselves are exact.
+* `a = b` and `a != b` take two numbers, two that are true or false, or text and its names.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import TypeAlias
+
+from fret_monitor.bundle.bundle import Bundle, Definition, Language, Requirement
+from fret_monitor.elaboration.durations import SECONDS, steps_help
+from fret_monitor.elaboration.elaborator import Elaborator, references
+from fret_monitor.elaboration.equations import equations_term
+from fret_monitor.elaboration.fretish import sentence_term
+from fret_monitor.elaboration.graph import components, cycle, is_cyclic
+from fret_monitor.elaboration.languages import read_expression, read_formula
+from fret_monitor.elaboration.scope import Declaration, Role, Scope, scope_of
+from fret_monitor.elaboration.signals import constant_declaration, FindMessage, input_declaration
+from fret_monitor.elaboration.terms import Broken, describe, formula_of, Term, Vocabulary
+from fret_monitor.language.bounds import TimedBound
+from fret_monitor.language.expression import Equations, Expression, Name
+from fret_monitor.language.quoted_text import QuotedText
+from fret_monitor.language.sentence import Component, Sentence, Unit
+from fret_monitor.lint.sentences import advise
+from fret_monitor.logic.formula import Feedback, Formula, postorder
+from fret_monitor.logic.specification import Property, Signal, Specification
+from fret_monitor.messages.definitions import find_message as find_installed
+from fret_monitor.model.diagnostics import CompileError, Diagnostic, Problems, Source, Span, Text
+from fret_monitor.model.policies import Policy
+
+_MANY = 8
+_MEANT = 3
+_Trees: TypeAlias = Mapping[str, Expression | Equations | None]
+
+__all__ = ['Scope', 'elaborate', 'scope_of', 'specify']
+
+
+def specify(bundle: Bundle, find_message: FindMessage | None = None,
+            problems: Problems | None = None) -> tuple[Specification, tuple[Diagnostic, ...]]:
+    """
+    Return what a bundle means, and the warnings about it.
+
+    `find_message` gives the layout of a message type by its name; the default looks where ROS
+    packages install them. `problems` are those that `survey_bundle` found, to be told together
+    with the ones found here.
+
+    Raises
+    ------
+    CompileError
+        with all mistakes of the bundle.
+    """
+    reading = _Reading(problems or Problems(), bundle)
+    reading.skip(bundle.unreadable)
+    signals = reading.read_inputs(bundle, find_message or find_installed)
+    reading.read_definitions(bundle.definitions)
+    properties = [reading.read_requirement(item) for item in bundle.requirements]
+    reading.problems.raise_errors()
+    specification = Specification(
+        name=bundle.name,
+        component=bundle.component.value if bundle.component else '',
+        signals=tuple(signal for signal in signals if signal),
+        properties=tuple(item for item in properties if item),
+        policy=bundle.policy,
+        period=bundle.period,
+        definitions=reading.shown(bundle.definitions),
+    )
+    return specification, reading.problems.warnings
+
+
+def elaborate(tree: Expression | Equations, scope: Scope, problems: Problems | None = None,
+              feedback: dict[Feedback, Formula] | None = None) -> Formula:
+    """
+    Return the formula that an expression, or the result of some equations, means; of any type.
+
+    Warnings are added to `problems`, and the equations behind its `Feedback` nodes to `feedback`,
+    if given. A literal alone becomes INT64 or FLOAT64.
+
+    Raises
+    ------
+    CompileError
+        with all mistakes.
+    """
+    found = Problems()
+    equations = {} if feedback is None else feedback
+    term = (equations_term(tree, scope, found, '', equations) if isinstance(tree, Equations)
+            else Elaborator(scope, found).term(tree))
+    found.raise_errors()
+    if problems is not None:
+        problems.extend(found.warnings)
+    return formula_of(term)
+
+
+def _references(tree: Expression | Equations | None,
+                vocabularies: Mapping[str, Vocabulary]) -> dict[str, Span]:
+    if tree is None:
+        return {}
+    if not isinstance(tree, Equations):
+        return references(tree, vocabularies)
+    found: dict[str, Span] = {}
+    for equation in tree.equations:
+        found = {**references(equation.expression, vocabularies), **found}
+    for equation in tree.equations:
+        found.pop(equation.name, None)
+    return found
+
+
+def _untimed(sentence: Sentence) -> Sentence:
+    """Return a sentence with one step in the place of a time."""
+    timing = sentence.timing
+    if timing is None or timing.duration is None or timing.duration.unit not in SECONDS:
+        return sentence
+    duration = replace(timing.duration, number='1', unit=Unit.TICK)
+    return replace(sentence, timing=replace(timing, duration=duration))
+
+
+class _Reading:
+    """One run over a bundle: what its names mean so far, and the problems found."""
+
+    def __init__(self, problems: Problems, bundle: Bundle) -> None:
+        self.problems = problems
+        self._bundle = bundle
+        self._names: dict[str, Declaration] = {}
+        self._scope = Scope(self._names)
+        self._feedback: dict[Feedback, Formula] = {}
+
+    def skip(self, names: Iterable[str]) -> None:
+        """Leave out names whose declarations were refused: nothing more is told of them."""
+        nowhere = Span(Source('', ''), 0, 0)
+        self._names.update((name, Declaration(Role.INPUT, Term(Broken(), nowhere)))
+                           for name in names)
+
+    def read_inputs(self, bundle: Bundle, find_message: FindMessage) -> list[Signal | None]:
+        """Declare constants and inputs; return the inputs in order, None for a broken one."""
+        for constant in bundle.constants:
+            self._names[constant.name.value] = constant_declaration(constant, self.problems)
+        signals = []
+        for entry in bundle.inputs:
+            signal, declaration = input_declaration(entry, find_message, self.problems)
+            if 'name' not in entry.damaged:
+                self._names[entry.name.value] = declaration
+            signals.append(signal)
+        return signals
+
+    def read_definitions(self, definitions: Iterable[Definition]) -> None:
+        """Declare all definitions, each after those that it uses; cycles are told."""
+        known = {item.name.value: item for item in definitions}
+        trees = {name: self._tree(item.language, item.text) for name, item in known.items()}
+        uses = self._uses(trees)
+        graph = {name: [other for other in used if other in known] for name, used in uses.items()}
+        for component in components(graph):
+            if is_cyclic(component, graph):
+                self._tell_cycle(cycle(component, graph), uses)
+                trees.update(dict.fromkeys(component))
+            for name in component:
+                self._define(known[name], trees[name])
+
+    def _define(self, item: Definition, tree: Expression | Equations | None) -> None:
+        term = self._term(item.language, item.text, tree, item.name.value)
+        self._names[item.name.value] = Declaration(Role.DEFINITION, term)
+
+    def _uses(self, trees: '_Trees') -> dict[str, dict[str, Span]]:
+        vocabularies = self._vocabularies(trees)
+        return {name: _references(tree, vocabularies) for name, tree in trees.items()}
+
+    def _vocabularies(self, trees: '_Trees') -> dict[str, Vocabulary]:
+        """Return the names of values of inputs, and of definitions that only rename one."""
+        found = {name: item.term.vocabulary for name, item in self._names.items()
+                 if item.term.vocabulary}
+        renamed = {name: tree.text for name, tree in trees.items() if isinstance(tree, Name)}
+        for name in renamed:
+            chain = [name]
+            while chain[-1] in renamed and renamed[chain[-1]] not in chain:
+                chain.append(renamed[chain[-1]])
+            if chain[-1] in found:
+                found.update(dict.fromkeys(chain, found[chain[-1]]))
+        return found
+
+    def _tell_cycle(self, way: list[str], uses: Mapping[str, Mapping[str, Span]]) -> None:
+        shown = way if len(way) <= _MANY else [*way[:_MANY - 1], '...', way[-1]]
+        self.problems.error(f"the definition '{way[0]}' uses itself", uses[way[0]][way[1]],
+                            ' -> '.join(shown))
+
+    def read_requirement(self, item: Requirement) -> Property | None:
+        """Return a requirement with its formula, None where it has a mistake."""
+        term = self._property(item)
+        if term.is_broken:
+            return None
+        if not term.is_boolean:
+            self.problems.error('a requirement is true or false', term.span,
+                                f'this is {describe(term)}')
+            return None
+        if term.undefined:
+            self.problems.warning(
+                "this 'pre' has no value at the first step", term.origin,
+                'false or 0 is taken there', 'write what it is at first, as in 0 -> pre x')
+        formula = formula_of(term)
+        return Property(
+            id=item.id.value,
+            handler=item.handler,
+            text=' '.join(item.text.value.split()),
+            title=item.title,
+            formula=formula,
+            report=item.report,
+            severity=item.severity,
+            feedback=self._reached(formula),
+            place=item.text.span,
+            bounds=tuple(sorted(term.bounds)),
+        )
+
+    def _property(self, item: Requirement) -> Term:
+        try:
+            tree = read_formula(item.language, item.text)
+        except CompileError as error:
+            self.problems.extend(map(self._with_help, error.diagnostics))
+            return Term(Broken(), item.text.span)
+        if not isinstance(tree, Sentence):
+            return self._term(item.language, item.text, tree, item.id.value)
+        self._check_component(tree.component)
+        self.problems.extend(advise(tree, self._bundle, item.report))
+        if self._bundle.policy is not Policy.PERIODIC:
+            return sentence_term(tree, self._scope, self.problems)
+        if self._bundle.period is None:  # told already: a time may be any number of steps
+            tree = _untimed(tree)
+        return sentence_term(tree, self._scope, self.problems, self._bundle.period)
+
+    def _check_component(self, found: Component) -> None:
+        expected = self._bundle.component
+        if expected is not None and found.name != expected.value:
+            self.problems.error(f"the component of this bundle is '{expected.value}'", found.span,
+                                'another component', f'write {expected.value}, or leave out '
+                                'component: in the bundle, for any')
+
+    def _tree(self, language: Language, text: Text) -> Expression | Equations | None:
+        try:
+            return read_expression(language, text)
+        except CompileError as error:
+            self.problems.extend(map(self._with_help, error.diagnostics))
+            return None
+
+    def _with_help(self, found: Diagnostic) -> Diagnostic:
+        """Say how many steps a bound with a unit of time is, and what a text in quotes is."""
+        if isinstance(found, TimedBound) and found.unit in SECONDS:
+            return replace(found, help=steps_help(found.number, found.unit, self._bundle.policy,
+                                                  self._bundle.period))
+        if isinstance(found, QuotedText):
+            meant = [f'{name} = {value}' for name, vocabulary in self._scope.vocabularies.items()
+                     for value, of in vocabulary.values if found.text in (value, str(of))]
+            return replace(found, help=f"write {' or '.join(meant[:_MEANT])}") if meant else found
+        return found
+
+    def _term(self, language: Language, text: Text, tree: Expression | Equations | None,
+              owner: str) -> Term:
+        if tree is None:
+            return Term(Broken(), text.span)
+        if isinstance(tree, Equations):
+            scope = Scope(self._names)
+            return equations_term(tree, scope, self.problems, owner, self._feedback)
+        is_lustre = language is Language.COCOSPEC
+        return Elaborator(self._scope, self.problems, is_lustre=is_lustre).term(tree)
+
+    def _reached(self, formula: Formula) -> tuple[tuple[Feedback, Formula], ...]:
+        """Return the equations behind the feedback that a formula reaches, all the way."""
+        found: dict[Feedback, Formula] = {}
+        todo = [formula] if self._feedback else []
+        while todo:
+            for node in postorder([todo.pop()]):
+                if isinstance(node, Feedback) and node not in found:
+                    found[node] = self._feedback[node]
+                    todo.append(found[node])
+        return tuple(found.items())
+
+    def shown(self, definitions: Iterable[Definition]) -> tuple[tuple[str, Formula], ...]:
+        """Return the formulas of definitions, but for numbers that no type holds."""
+        terms = {item.name.value: self._names[item.name.value].term for item in definitions}
+        found = []
+        for name, term in terms.items():
+            try:
+                found.append((name, formula_of(term)))
+            except CompileError:
+                continue
+        return tuple(found)

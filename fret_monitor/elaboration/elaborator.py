@@ -1,0 +1,488 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+One expression to one term: names resolved, types worked out, bounds read.
+
+The tree is walked with an explicit stack, each node once, operands first; a mistake is told at
+the operand it lies in, and what contains it is broken silently, so that one run tells all
+mistakes and none twice.
+
+`cells` are the operators of a Lustre node that delay an equation through itself: they become the
+`Feedback` given (or a literal that stands for one while its type is not known), and their operand
+is not walked.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import assert_never, NoReturn, TypeAlias
+
+from fret_monitor.elaboration import arithmetic
+from fret_monitor.elaboration.functions import Application, choice, FUNCTIONS, previous
+from fret_monitor.elaboration.scope import Role, Scope
+from fret_monitor.elaboration.terms import (
+    alike, Broken, describe, joined_bounds, Term, truth, Undeclared, Value, Vocabulary,
+)
+from fret_monitor.elaboration.windows import window
+from fret_monitor.language.expression import (
+    Boolean, Call, children, Conditional, Expression, Infix, Name, Number, postorder, Prefix,
+)
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator, Choice, Constant, FALSE, Formula, FTP, Historically, Once, Previous,
+    Since, Triggered, TRUE, Unary, UnaryOperator, WeakYesterday, Window, Yesterday,
+)
+from fret_monitor.logic.numbers import Literal, NumberError, parse_number
+from fret_monitor.model.diagnostics import (
+    CompileError, Diagnostic, did_you_mean, Problems, refuse, Span,
+)
+
+_CONNECTIVES = {item.value: item for item in BinaryOperator if item.is_boolean}
+_RELATIONS = {item.value: item for item in BinaryOperator if item.is_relation}
+_ARITHMETIC = {item.value: item for item in (
+    BinaryOperator.ADD, BinaryOperator.SUB, BinaryOperator.MUL, BinaryOperator.DIV,
+    BinaryOperator.MOD)}
+_PRE_FUNCTIONS = frozenset({'preBool', 'preInt', 'preReal'})
+_COUNTING = frozenset({'persisted', 'occurred'})
+_TRUE_FUNCTIONS = frozenset({'preBool', 'persisted', 'occurred', 'prevOcc'})
+# FRET's functions of future-time logic, and those of the past that come closest.
+_FUTURE = {'persists': 'persisted(n, p)', 'occurs': 'occurred(n, p)', 'nextOcc': 'prevOcc(p, q)'}
+_TYPED_PAIR = _RELATIONS.keys() | {'arrow'}
+_NOT_FIRST = (Unary(UnaryOperator.NOT, FTP), Yesterday(TRUE))
+
+
+def delayed(node: Expression) -> Expression | None:
+    """Return the operand whose value at the step before is all that a node looks at, or None."""
+    match node:
+        case Prefix('pre' | 'Y' | 'Z', None, argument, _, _):
+            return argument
+        case Call(function, (_, argument), _, _) if function in _PRE_FUNCTIONS:
+            return argument
+        case _:
+            return None
+
+
+def gives_truth(node: Expression) -> bool:
+    """Whether a node's operator gives true or false; no for those that take any type."""
+    match node:
+        case Boolean():
+            return True
+        case Prefix():
+            return node.operator not in ('-', 'pre')
+        case Infix():
+            return node.operator not in _ARITHMETIC and node.operator not in ('^', 'arrow')
+        case Call():
+            return node.function in _TRUE_FUNCTIONS
+        case Name() | Number() | Conditional():
+            return False
+        case _:
+            assert_never(node)
+
+
+def references(root: Expression, vocabularies: Mapping[str, Vocabulary],
+               through_delays: bool = True) -> dict[str, Span]:
+    """
+    Return the names that an expression uses, and the first place of each.
+
+    `vocabularies` are those of the names that have one: in `state = LANDING` the second is then
+    a value of the first, and no reference. Without `through_delays`, names count only if their
+    value at the same step is used.
+    """
+    found: dict[str, Span] = {}
+    seen: set[Expression] = set()
+    stack = [root]
+    while stack:
+        node = stack.pop()
+        if node in seen:
+            continue
+        seen.add(node)
+        if isinstance(node, Name):
+            found.setdefault(node.text, node.span)
+        parts = _without_values(node, vocabularies)
+        if not through_delays and delayed(node) is not None:
+            parts = parts[:-1]
+        stack.extend(reversed(parts))
+    return found
+
+
+def _without_values(node: Expression,
+                    vocabularies: Mapping[str, Vocabulary]) -> tuple[Expression, ...]:
+    match node:
+        case Infix(operator, _, Name(left), Name(right)) if operator in _RELATIONS:
+            if left in vocabularies and right in vocabularies[left].numbers:
+                return (node.left,)
+            if right in vocabularies and left in vocabularies[right].numbers:
+                return (node.right,)
+    return children(node)
+
+
+Cell: TypeAlias = Formula | Literal
+
+
+class Elaborator:
+    """Gives expressions of one text their meaning; see the module."""
+
+    def __init__(self, scope: Scope, problems: Problems, *, is_lustre: bool = False,
+                 cells: Mapping[Expression, Cell] | None = None,
+                 left: Formula | None = FTP) -> None:
+        """
+        Take what names mean and where to tell.
+
+        `is_lustre` adds Lustre's own warnings. `left` is the left end of the interval in which
+        `persisted`, `occurred` and `prevOcc` look back, None for none.
+        """
+        self._scope = scope
+        self._problems = problems
+        self._is_lustre = is_lustre
+        self._cells = cells or {}
+        self._left = left
+        self._done: dict[Expression, Term] = {}
+        self._told: set[str] = set()
+
+    def term(self, root: Expression) -> Term:
+        """Return what an expression means; mistakes are added to the problems."""
+        stack = [(root, False)]
+        while stack:
+            node, ready = stack.pop()
+            if node in self._done:
+                continue
+            parts = self._operands(node)
+            if ready:
+                self._done[node] = self._build(node, [self._done[part] for part in parts])
+            else:
+                stack.append((node, True))
+                stack.extend((part, False) for part in reversed(parts))
+        term = self._done[root]
+        if isinstance(term.value, Undeclared):
+            return self._settle(term.value, term.span, None)
+        return term
+
+    def _operands(self, node: Expression) -> tuple[Expression, ...]:
+        parts = children(node)
+        return parts[:-1] if node in self._cells else parts
+
+    def _build(self, node: Expression, operands: list[Term]) -> Term:
+        if isinstance(node, Name):
+            return replace(self._declared(node), span=node.span)
+        operands = self._named(node, operands)
+        if any(term.is_broken for term in operands) or any(map(self._is_told, _bound_names(node))):
+            return Term(Broken(), node.span)
+        try:
+            value, vocabulary = self._meaning(node, operands)
+        except CompileError as error:
+            self._problems.extend(error.diagnostics)
+            return Term(Broken(), node.span)
+        bounds = joined_bounds(self._own_bounds(node, operands),
+                               *(term.bounds for term in operands))
+        return _with_first_steps(Term(value, node.span, vocabulary, bounds=bounds), node, operands)
+
+    def _own_bounds(self, node: Expression, operands: list[Term]) -> Iterator[int]:
+        """Yield the numbers of steps that are written at a node itself."""
+        match node:
+            case Prefix() | Infix() if node.bound is not None:
+                past = window(node.bound, self._constant)
+                yield from (end for end in (past.low, past.high) if end is not None)
+            case Call(function) if function in _COUNTING:
+                yield from (term.value.value.numerator for term in operands[:-1]
+                            if isinstance(term.value, Literal))
+
+    # Names
+
+    def _declared(self, node: Name) -> Term:
+        declaration = self._scope.find(node.text)
+        return declaration.term if declaration else Term(Undeclared(node.text), node.span)
+
+    def _named(self, node: Expression, operands: list[Term]) -> list[Term]:
+        """Give names of values their meaning, and tell of names that have none."""
+        group = () if node in self._cells else _sharing(node)
+        shared = [operands[i] for i in group]
+        vocabulary = next((term.vocabulary for term in shared if term.vocabulary), None)
+        parts = self._operands(node)
+        named = list(operands)
+        for i in group:
+            named[i] = self._value(parts[i], operands[i], vocabulary)
+        # Beside a name that was told of, an unknown one may well be a value of it.
+        is_cascade = any(operands[i].is_broken and isinstance(parts[i], Name) for i in group)
+        return [term if not isinstance(term.value, Undeclared)
+                else Term(Broken(), term.span) if is_cascade and i in group
+                else self._settle(term.value, term.span, vocabulary if i in group else None)
+                for i, term in enumerate(named)]
+
+    def _value(self, node: Expression, term: Term, vocabulary: Vocabulary | None) -> Term:
+        if not isinstance(node, Name) or vocabulary is None:
+            return term
+        if node.text not in vocabulary.numbers or term.vocabulary == vocabulary:
+            return term
+        declaration = self._scope.find(node.text)
+        if declaration is not None:
+            self._problems.warning(
+                f"'{node.text}' is {declaration.role.value} and the name of a value", node.span,
+                'the value is meant here')
+        number = Literal(Fraction(vocabulary.numbers[node.text]), False)
+        return Term(number, node.span, vocabulary)
+
+    def _settle(self, value: Undeclared, span: Span, vocabulary: Vocabulary | None) -> Term:
+        """Tell of an undeclared name, once, and return it broken."""
+        if value.name not in self._told:
+            self._told.add(value.name)
+            self._tell_unknown(value.name, span, vocabulary)
+        return Term(Broken(), span)
+
+    def _tell_unknown(self, name: str, span: Span, vocabulary: Vocabulary | None) -> None:
+        if vocabulary is None:
+            self._problems.error(f"'{name}' is not declared", span, 'unknown name',
+                                 self._scope.help_for(name))
+            return
+        owners = self._scope.owners.get(name)
+        known = dict.fromkeys([*vocabulary.numbers, *self._scope.known()])
+        help_ = f"it is a value of '{owners[0]}'" if owners else did_you_mean(name, known)
+        self._problems.error(
+            f"'{name}' is neither declared nor a value of what it is compared with", span,
+            'unknown name', help_ or f'the values are {vocabulary}')
+
+    def _constant(self, node: Name) -> int:
+        """Return the number of steps that a name in a bound stands for."""
+        declaration = self._scope.find(node.text)
+        if declaration is None:
+            refuse(f"'{node.text}' is not declared", node.span,
+                   'a bound takes numbers and constants',
+                   did_you_mean(node.text, self._scope.constants)
+                   or f'declare it, as in constants: {{{node.text}: 10}}')
+        if declaration.role is not Role.CONSTANT:
+            refuse('a bound takes numbers and constants', node.span,
+                   f'this is {declaration.role.value}')
+        value = declaration.term.value
+        if not isinstance(value, Literal) or value.is_real or value.value < 0:
+            is_real = isinstance(value, Literal) and value.value.denominator == 1 and value.is_real
+            refuse('a bound counts steps, so it takes whole numbers from 0', node.span,
+                   f'this is {describe(declaration.term)}' + ', as a real number' * is_real)
+        return value.value.numerator
+
+    def _is_told(self, name: Name) -> bool:
+        declaration = self._scope.find(name.text)
+        return declaration is not None and declaration.term.is_broken
+
+    # Meaning
+
+    def _meaning(self, node: Number | Boolean | Prefix | Infix | Call | Conditional,
+                 operands: list[Term]) -> tuple[Value, Vocabulary | None]:
+        match node:
+            case Number():
+                return _number(node), None
+            case Boolean():
+                return TRUE if node.value else FALSE, None
+            case Prefix():
+                return self._prefix(node, operands)
+            case Infix():
+                return self._infix(node, operands[0], operands[1])
+            case Call():
+                return self._call(node, operands)
+            case Conditional():
+                return choice(operands[0], operands[1], operands[2], "'if'"), _common(operands[1:])
+            case _:
+                assert_never(node)
+
+    def _prefix(self, node: Prefix, operands: list[Term]) -> tuple[Value, Vocabulary | None]:
+        if node in self._cells:
+            return _delay(node.operator, self._cells[node]), None
+        (operand,) = operands
+        if node.operator == 'pre':
+            return _bare_pre(operand), operand.vocabulary
+        if node.operator == '-':
+            return arithmetic.minus(operand), None
+        argument = truth(operand, f"'{node.operator}'")
+        past = window(node.bound, self._constant)
+        return _past(node, past, argument), None
+
+    def _infix(self, node: Infix, left: Term, right: Term) -> tuple[Value, Vocabulary | None]:
+        operator = node.operator
+        name = f"'{operator}'"
+        if operator == 'arrow':
+            return self._arrow(node, left, right), _common([left, right])
+        if operator in _RELATIONS:
+            return arithmetic.relation(_RELATIONS[operator], left, right, name, node.span,
+                                       self._problems), None
+        if operator in _ARITHMETIC:
+            return arithmetic.arithmetic(_ARITHMETIC[operator], left, right, name, node.span,
+                                         self._problems), None
+        if operator == '^':
+            return arithmetic.power(left, right, node.span), None
+        return self._logical(node, left, right, name), None
+
+    def _arrow(self, node: Infix, left: Term, right: Term) -> Formula:
+        if isinstance(node.right, Prefix) and node.right.operator == 'pre' and (
+                node.right not in self._cells):
+            return previous(left, self._done[node.right.argument], "'->'")
+        first, later = alike([left, right], "'->'")
+        return Choice(FTP, first, later)
+
+    def _logical(self, node: Infix, left: Term, right: Term, name: str) -> Formula:
+        p, q = _both_true(left, right, name)
+        if node.operator in _CONNECTIVES:
+            return Binary(_CONNECTIVES[node.operator], p, q)
+        past = window(node.bound, self._constant)
+        if self._is_lustre and past.low > 0:
+            self._problems.warning(
+                "with a lower bound above 0 FRET's own Lustre library means something else",
+                node.operator_span, 'the metric meaning is taken',
+                "FRET's library takes the operator without a bound, and the bounded O")
+        match node.operator:
+            case 'S':
+                return Since(past, p, q)
+            case 'SI':
+                return Since(past, p, Binary(BinaryOperator.AND, p, q))
+            case 'T':
+                return Triggered(past, p, q)
+            case _:
+                raise AssertionError(f'no operator {node.operator}')
+
+    def _call(self, node: Call, operands: list[Term]) -> tuple[Value, Vocabulary | None]:
+        name = node.function
+        function = FUNCTIONS.get(name)
+        if function is None:
+            self._refuse_function(node)
+        if not function.takes(len(node.arguments)):
+            forms = ' or '.join(f'{name}({form})' for form in function.forms)
+            refuse(f"'{name}' takes other arguments", node.span,
+                   f'these are {len(node.arguments)}', f'write {forms}')
+        if node in self._cells:
+            first, later = alike([operands[0], Term(self._cells[node], node.span)], f"'{name}'")
+            return Choice(FTP, first, later), None
+        call = Application(name, tuple(operands), node.span, self._problems, self._left)
+        return function.meaning(call), self._shared_vocabulary(node, operands)
+
+    def _shared_vocabulary(self, node: Call, operands: list[Term]) -> Vocabulary | None:
+        group = _sharing(node)
+        return _common([operands[i] for i in group]) if group else None
+
+    def _refuse_function(self, node: Call) -> NoReturn:
+        declaration = self._scope.find(node.function)
+        if declaration is not None:
+            refuse(f"'{node.function}' is no function", node.function_span,
+                   f'this is {declaration.role.value}', f'write {node.function}')
+        if node.function in _FUTURE:
+            refuse('a monitor sees only the past', node.function_span,
+                   f"'{node.function}' looks into the future", f'write {_FUTURE[node.function]}')
+        refuse(f"there is no function '{node.function}'", node.function_span, '',
+               did_you_mean(node.function, FUNCTIONS)
+               or 'there are ' + ', '.join(sorted(FUNCTIONS)))
+
+
+def _bound_names(node: Expression) -> Iterator[Name]:
+    """Yield the names in the bound of a node, if it has one."""
+    if isinstance(node, Prefix | Infix) and node.bound is not None:
+        for end in (node.bound.low, node.bound.high):
+            if end is not None and not isinstance(end, str):
+                yield from (part for part in postorder(end) if isinstance(part, Name))
+
+
+def _number(node: Number) -> Literal:
+    try:
+        return parse_number(node.text)
+    except NumberError as error:
+        refuse('this number cannot be used', node.span, str(error))
+
+
+def _bare_pre(operand: Term) -> Formula:
+    """Return Lustre's `pre x` alone: at the first step, where it has no value, false or 0."""
+    if operand.is_boolean:
+        return previous(Term(FALSE, operand.span), operand, "'pre'")
+    argument = alike([operand], "'pre'")[0]
+    zero = 0.0 if argument.type.is_float else 0
+    return Previous(Constant(zero, argument.type), argument)
+
+
+def _delay(operator: str, cell: Cell) -> Cell:
+    # Feedback is false at the first step: Y's own value there, and not Z's.
+    if operator != 'Z' or isinstance(cell, Literal):
+        return cell
+    return Binary(BinaryOperator.OR, FTP, cell)
+
+
+def _past(node: Prefix, past: Window, argument: Formula) -> Formula:
+    if node.bound is not None and node.operator not in ('O', 'H'):
+        refuse(f"'{node.operator}' takes no bound", node.bound.span, 'only O, H, S, T, SI do')
+    match node.operator:
+        case '!':
+            return Unary(UnaryOperator.NOT, argument)
+        case 'Y':
+            return Yesterday(argument)
+        case 'Z':
+            return WeakYesterday(argument)
+        case 'O':
+            return Once(past, argument)
+        case 'H':
+            return Historically(past, argument)
+        case _:
+            raise AssertionError(f'no operator {node.operator}')
+
+
+def _both_true(left: Term, right: Term, name: str) -> list[Formula]:
+    """Return two BOOL operands; where neither is one, both mistakes are told."""
+    found: list[Formula] = []
+    wrong: list[Diagnostic] = []
+    for term in (left, right):
+        try:
+            found.append(truth(term, name))
+        except CompileError as error:
+            wrong.extend(error.diagnostics)
+    if wrong:
+        raise CompileError(wrong)
+    return found
+
+
+def _sharing(node: Expression) -> tuple[int, ...]:
+    """Return which operands may be names of each other's values."""
+    match node:
+        case Infix(operator) if operator in _TYPED_PAIR:
+            return (0, 1)
+        case Call(function) if function in _PRE_FUNCTIONS and len(node.arguments) == 2:
+            return (0, 1)
+        case Call('ite') if len(node.arguments) == 3:
+            return (1, 2)
+        case Conditional():
+            return (1, 2)
+        case _:
+            return ()
+
+
+def _common(terms: Sequence[Term]) -> Vocabulary | None:
+    """Return the names of values that all terms share, but for plain numbers."""
+    found = {term.vocabulary for term in terms
+             if not isinstance(term.value, Literal) or term.vocabulary}
+    return found.pop() if len(found) == 1 else None
+
+
+def _with_first_steps(term: Term, node: Expression, operands: list[Term]) -> Term:
+    """Add at how many first steps a bare `pre` leaves the term without a value."""
+    worst = max(operands, key=lambda operand: operand.undefined, default=term)
+    undefined, origin = worst.undefined, worst.origin
+    match node:
+        case Prefix('pre'):
+            undefined, origin = undefined + 1, origin or node.operator_span
+        case Infix('arrow'):
+            first, later = operands
+            undefined = later.undefined if later.undefined > 1 else min(first.undefined, 1)
+        case Infix('|' | '&' | '->') if undefined == 1 and _is_guarded(node, operands):
+            undefined = 0
+    return replace(term, undefined=undefined, origin=origin) if undefined else term
+
+
+def _is_guarded(node: Infix, operands: list[Term]) -> bool:
+    """Whether the other side decides at the first step: `pre p | FTP`, `pre p & !FTP`."""
+    left, right = (operand.value for operand in operands)
+    if node.operator == '->':
+        return left in _NOT_FIRST
+    if node.operator == '|':
+        return FTP in (left, right)
+    return left in _NOT_FIRST or right in _NOT_FIRST

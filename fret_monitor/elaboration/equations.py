@@ -1,0 +1,352 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+The equations of a Lustre node to the term of its result.
+
+An equation is put in wherever its name is used, as a definition is. One that stands on itself
+does so through an operator that looks at the step before (`pre`, `YtoPre`, `ZtoPre`): there it
+becomes a `Feedback`, whose equation is handed out beside the term. Its type is the declared one
+(`int` is INT64, `real` FLOAT64), or else the one that its initial value and its equation agree on.
+"""
+
+from collections import ChainMap
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import chain, count
+
+from fret_monitor.elaboration.elaborator import Cell, delayed, Elaborator, gives_truth, references
+from fret_monitor.elaboration.graph import components, cycle, is_cyclic
+from fret_monitor.elaboration.scope import Declaration, Role, Scope
+from fret_monitor.elaboration.terms import (
+    Broken, cast, convert, describe, joined_bounds, number, settled, Term, truth, Undeclared,
+)
+from fret_monitor.language.expression import (
+    Call, children, Conditional, Equation, Equations, Expression, Infix, Name, postorder, Prefix,
+)
+from fret_monitor.language.expression import Declaration as TypeDeclaration
+from fret_monitor.logic.formula import FALSE, Feedback, Formula
+from fret_monitor.logic.numbers import Literal
+from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse, Span
+from fret_monitor.model.values import ValueType
+
+_ROUNDS = 4  # as many steps as a type can rise: uint64, int64, float64, and one to see it stay
+_TYPES = {'bool': ValueType.BOOL, 'int': ValueType.INT64, 'real': ValueType.FLOAT64}
+
+
+def equations_term(tree: Equations, scope: Scope, problems: Problems, owner: str,
+                   feedback: dict[Feedback, Formula]) -> Term:
+    """
+    Return what the result of some equations means; mistakes are added to the problems.
+
+    `owner` is the id or name that the equations belong to; the `Feedback` nodes are called after
+    it. Their equations are added to `feedback`.
+    """
+    return _Node(tree, scope, problems, owner, feedback).result()
+
+
+class _Node:
+    """One reading of the equations of one text."""
+
+    def __init__(self, tree: Equations, scope: Scope, problems: Problems, owner: str,
+                 feedback: dict[Feedback, Formula]) -> None:
+        self._tree = tree
+        self._problems = problems
+        self._owner = owner
+        self._feedback = feedback
+        self._equations = {item.name: item for item in tree.equations}
+        self._declared = {item.name: item for item in tree.declarations}
+        self._outer = scope
+        self._names: dict[str, Declaration] = {}
+        self._scope = Scope(ChainMap(self._names, dict(scope.names)))
+        self._taken: set[str] = set()
+        self._full = {name: self._uses(item.expression, True)
+                      for name, item in self._equations.items()}
+        self._at_once = {name: self._uses(item.expression, False)
+                         for name, item in self._equations.items()}
+
+    def result(self) -> Term:
+        """Give every equation its meaning, each after those it stands on; return the result."""
+        self._check_declarations()
+        for members in components(self._full):
+            if is_cyclic(members, self._full):
+                self._read_recursive(members)
+            else:
+                self._read(members[0], self._elaborator({}, self._problems), self._problems)
+        term = self._names[self._tree.result.name].term
+        return replace(term, span=self._tree.result.expression.span)
+
+    def _uses(self, expression: Expression, through_delays: bool) -> list[str]:
+        found = references(expression, self._outer.vocabularies, through_delays)
+        return [name for name in found if name in self._equations]
+
+    def _elaborator(self, cells: Mapping[Expression, Cell], problems: Problems) -> Elaborator:
+        return Elaborator(self._scope, problems, is_lustre=True, cells=cells)
+
+    # What is declared
+
+    def _check_declarations(self) -> None:
+        for item in self._tree.inputs:
+            self._names[item.name] = Declaration(Role.INPUT, self._input(item))
+        for equation in self._tree.equations:
+            outer = self._outer.find(equation.name)
+            if outer is not None:
+                self._problems.warning(
+                    f"'{equation.name}' is {outer.role.value} and an equation", equation.name_span,
+                    'the equation is meant in these equations')
+
+    def _input(self, item: TypeDeclaration) -> Term:
+        outer = self._outer.find(item.name)
+        try:
+            if outer is None:
+                refuse(f"the bundle has no '{item.name}'", item.span, 'an input of this node',
+                       self._outer.help_for(item.name))
+            if outer.term.is_broken:
+                return outer.term
+            return _declared(replace(outer.term, span=item.span), item)
+        except CompileError as error:
+            self._problems.extend(error.diagnostics)
+            return Term(Broken(), item.span)
+
+    def _read(self, name: str, elaborator: Elaborator, problems: Problems) -> None:
+        """Declare the name of an equation, once those that it stands on are declared."""
+        term = elaborator.term(self._equations[name].expression)
+        if name in self._declared and not term.is_broken:
+            try:
+                term = _declared(term, self._declared[name])
+            except CompileError as error:
+                problems.extend(error.diagnostics)
+                term = Term(Broken(), term.span)
+        self._names[name] = Declaration(Role.EQUATION, term)
+
+    # What stands on itself
+
+    def _read_recursive(self, members: list[str]) -> None:
+        inside = {name: [other for other in self._at_once[name] if other in members]
+                  for name in members}
+        order = components(inside)
+        for component in order:
+            if is_cyclic(component, inside):
+                self._tell_cycle(cycle(component, inside))
+                self._names.update((name, _broken(self._equations[name])) for name in members)
+                return
+        self._read_loop(_Loop(self._tree, members, self._uses), [item[0] for item in order])
+
+    def _read_loop(self, loop: '_Loop', order: list[str]) -> None:
+        """Work out the types of a loop's delays, then read its equations with them."""
+        guesses = {delay: self._first_guess(delay) for delay in loop.delays}
+        for _ in range(_ROUNDS):
+            found = self._pass(loop, guesses, order, Problems())
+            risen = {delay: _risen(guesses[delay], found[delay]) for delay in loop.delays}
+            if risen == guesses:
+                break
+            guesses = risen
+        cells = {delay: Feedback(self._feedback_name(delay), _kind(guess))
+                 for delay, guess in guesses.items()}
+        delayed = self._pass(loop, cells, order, self._problems)
+        for delay, term in delayed.items():
+            self._close(delay, cells[delay], term)
+        # What stands on itself stands on the bounds of all of it.
+        bounds = joined_bounds(*(term.bounds for term in delayed.values()),
+                               *(self._names[name].term.bounds for name in order))
+        for name in order:
+            term = replace(self._names[name].term, bounds=bounds)
+            self._names[name] = replace(self._names[name], term=term)
+
+    def _pass(self, loop: '_Loop', cells: Mapping['_Delay', Cell], order: list[str],
+              problems: Problems) -> dict['_Delay', Term]:
+        """Read the equations of a loop once, in order; return what each delay looks at."""
+        by_node = {node: cells[delay] for node, delay in loop.nodes.items()}
+        elaborator = self._elaborator(by_node, problems)
+        for name in order:
+            self._read(name, elaborator, problems)
+        return {delay: elaborator.term(delay.argument) for delay in loop.delays}
+
+    def _first_guess(self, delay: '_Delay') -> Cell:
+        """Return the declared type, or the initial value, or any value of the likely kind."""
+        declared = self._declared.get(delay.name)
+        if delay.kind is not None:
+            return Feedback('', delay.kind)
+        if declared is not None and isinstance(delay.argument, Name) and declared.type in _TYPES:
+            return Feedback('', _TYPES[declared.type])
+        initial = self._initial(delay.argument)
+        if initial is not None:
+            return initial
+        return FALSE if self._is_boolean(delay.argument) else Literal(Fraction(1), False)
+
+    def _initial(self, argument: Expression) -> Cell | None:
+        """Return the `i` of an equation `x = i -> ...`, if nothing of the loop is in it."""
+        if isinstance(argument, Name) and argument.text in self._equations:
+            argument = self._equations[argument.text].expression
+        if not isinstance(argument, Infix) or argument.operator != 'arrow':
+            return None
+        if self._uses(argument.left, True):
+            return None
+        term = self._elaborator({}, Problems()).term(argument.left)
+        match term.value:
+            case Undeclared() | Broken():
+                return None
+            case value:
+                return value
+
+    def _is_boolean(self, expression: Expression) -> bool:
+        """Whether an expression of a loop, not typed yet, looks like true or false."""
+        seen: set[Expression] = set()
+        stack = [expression]
+        while stack:
+            node = stack.pop()
+            if node in seen:
+                continue
+            seen.add(node)
+            match node:
+                case Name(text) if text in self._equations:
+                    stack.append(self._equations[text].expression)
+                case Name(text):
+                    outer = self._outer.find(text)
+                    return outer is not None and outer.term.is_boolean
+                case Prefix('pre') | Infix('arrow') | Conditional() | Call('ite'):
+                    stack.extend(reversed(children(node)[-2:]))
+                case _:
+                    return gives_truth(node)
+        return True
+
+    def _feedback_name(self, delay: '_Delay') -> str:
+        """Return a name that no other feedback of the bundle has."""
+        base = f'{self._owner}.{delay.name}'
+        used = {item.name for item in self._feedback} | self._taken
+        names = chain([base], (f'{base}.{number}' for number in count(2)))
+        name = next(name for name in names if name not in used)
+        self._taken.add(name)
+        return name
+
+    def _close(self, delay: '_Delay', cell: Feedback, term: Term) -> None:
+        """Hand out the equation of a feedback, in the feedback's type."""
+        match term.value:
+            case Undeclared() | Broken():
+                return
+            case value:
+                pass
+        if term.is_boolean != (cell.type is ValueType.BOOL) or (
+                not term.is_boolean and settled([cell, value]) is not cell.type):
+            self._problems.error(
+                f"the type of '{delay.name}' does not stay the same", delay.span,
+                f'{_named(cell.type)} was expected, and this is {describe(term)}',
+                f'declare it: var {delay.name}: real;')
+            return
+        try:
+            self._feedback[cell] = value if term.is_boolean and not isinstance(
+                value, Literal) else cast(term, value, cell.type)
+        except CompileError as error:
+            self._problems.extend(error.diagnostics)
+
+    def _tell_cycle(self, way: list[str]) -> None:
+        equation = self._equations[way[0]]
+        self._problems.error(
+            f"the equation of '{way[0]}' uses its own value at the same step",
+            references(equation.expression, {}, False)[way[1]], ' -> '.join(way),
+            'look at the step before: initial -> pre x')
+
+
+@dataclass(frozen=True)
+class _Delay:
+    """What some operators of a loop look at a step later: the same expression, one feedback."""
+
+    name: str
+    argument: Expression
+    kind: ValueType | None
+    span: Span
+
+
+class _Loop:
+    """The delays by which some equations stand on themselves."""
+
+    def __init__(self, tree: Equations, members: list[str],
+                 uses: Callable[[Expression, bool], list[str]]) -> None:
+        self.nodes: dict[Expression, _Delay] = {}
+        same: dict[object, _Delay] = {}
+        for equation in tree.equations:
+            if equation.name not in members:
+                continue
+            for node in postorder(equation.expression):
+                argument = delayed(node)
+                if argument is not None and set(uses(argument, True)) & set(members):
+                    # The second `pre x` is the first; anything else is a delay of its own.
+                    kind = _kind_of(node)
+                    key = (argument.text if isinstance(argument, Name) else argument, kind)
+                    name = argument.text if isinstance(argument, Name) else equation.name
+                    delay = _Delay(name, argument, kind, node.span)
+                    self.nodes[node] = same.setdefault(key, delay)
+        self.delays = list(same.values())
+
+
+def _kind_of(node: Expression) -> ValueType | None:
+    """Return the type that an operator wants what it delays to be, None for `pre`."""
+    match node:
+        case Call('preInt'):
+            return ValueType.INT64
+        case Call('preReal'):
+            return ValueType.FLOAT64
+        case Call() | Prefix('Y' | 'Z'):
+            return ValueType.BOOL
+        case _:
+            return None
+
+
+def _kind(guess: Cell) -> ValueType:
+    return settled([guess]) if isinstance(guess, Literal) else guess.type
+
+
+def _risen(guess: Cell, term: Term) -> Cell:
+    """Return a guess that takes in what was found under the last one."""
+    match term.value:
+        case Undeclared() | Broken():
+            return guess
+        case Literal() as literal:
+            found = settled([literal])
+        case formula:
+            found = formula.type
+    if isinstance(guess, Literal) or guess.type is found:
+        return Feedback('', found)
+    if ValueType.BOOL in (guess.type, found):
+        return guess
+    return Feedback('', settled([guess, Feedback('', found)]))
+
+
+def _named(kind: ValueType) -> str:
+    return 'true or false' if kind is ValueType.BOOL else f'a number ({kind.value})'
+
+
+def _broken(equation: Equation) -> Declaration:
+    return Declaration(Role.EQUATION, Term(Broken(), equation.span))
+
+
+def _declared(term: Term, declaration: TypeDeclaration) -> Term:
+    """Return a term as its declared type wants it."""
+    if declaration.type not in _TYPES:
+        refuse(f"Lustre's type '{declaration.type}' is not known", declaration.span, '',
+               did_you_mean(declaration.type, _TYPES) or 'there are bool, int and real')
+    what = f"'{declaration.name}: {declaration.type}'"
+    if declaration.type == 'bool':
+        truth(term, what)
+        return term
+    value = number(term, what)
+    is_real = value.is_real if isinstance(value, Literal) else value.type.is_float
+    if declaration.type == 'int' and is_real:
+        refuse(f'{what} takes whole numbers', term.span, f'this is {describe(term)}',
+               f'{declaration.name}: real')
+    if declaration.type == 'int' or is_real:
+        return term
+    if isinstance(value, Literal):
+        return replace(term, value=replace(value, is_real=True))
+    return replace(term, value=convert(value, ValueType.FLOAT64), vocabulary=None)

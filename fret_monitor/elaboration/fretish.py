@@ -1,0 +1,369 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+A FRETish sentence to its formula: what FRET means by it, put together from its parts.
+
+The scope gives an `_Interval`, the stretches of steps that the sentence speaks of; the condition
+gives the trigger, the steps from which its timing counts; the timing gives a `_Base`, what must
+hold at a step of an interval. A base that must hold at every step of all intervals is `H (inside
+-> base)`; one that is asked for at the end (`eventually`, `finally`) must hold at the last step
+of every past interval, and now, if an interval is open: false then means "not yet".
+
+The `only` scopes speak of what lies outside, and ask there for the negation: the response must
+not be given at that timing. So `only in m shall the sw eventually satisfy r` is `r` never outside
+of m, and `always` is `!r` at some time.
+
+Sources: D. Giannakopoulou et al., 'Formal Requirements Elicitation with FRET' (REFSQ 2020) and
+'Automated Formalization of Structured Natural Language Requirements' (IST 137, 2021). Intervals
+are [left, right) there; formulas are equivalent to FRET's, and mostly shorter.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+
+from fret_monitor.elaboration.durations import steps_of
+from fret_monitor.elaboration.elaborator import Elaborator
+from fret_monitor.elaboration.scope import Scope
+from fret_monitor.elaboration.terms import Broken, joined_bounds, Term, truth
+from fret_monitor.language.expression import Expression, Name
+from fret_monitor.language.sentence import (
+    ConditionKind, ScopeKind, ScopePhrase, Sentence, TimingKind,
+)
+from fret_monitor.logic.formula import (
+    ALWAYS, Binary, BinaryOperator, Formula, FTP, Historically, Once, Since, TRUE, Unary,
+    UnaryOperator, WeakYesterday, Window, Yesterday,
+)
+from fret_monitor.model.diagnostics import CompileError, Problems
+
+
+def sentence_term(sentence: Sentence, scope: Scope, problems: Problems,
+                  period: Fraction | None = None) -> Term:
+    """
+    Return what a sentence means; mistakes are added to the problems.
+
+    With a `period` (seconds), a step is one period, and durations with a unit of time become
+    steps of it; without, they count steps, as in FRET.
+    """
+    return _Formalisation(sentence, scope, problems, period).term()
+
+
+def is_not_yet(sentence: Sentence) -> bool:
+    """
+    Whether a false verdict only says "not yet": it turns true when what is asked for comes.
+
+    So for eventually and finally, and for a sentence without timing; of the `only` scopes, for
+    always, never and finally. For all others, false stays false.
+    """
+    timing, _ = _meant(sentence)
+    return timing in (TimingKind.EVENTUALLY, TimingKind.FINALLY)
+
+
+# What the timing of an `only` scope asks for outside: the negation, of the negated response.
+_NEGATED = {
+    TimingKind.EVENTUALLY: TimingKind.ALWAYS,
+    TimingKind.ALWAYS: TimingKind.EVENTUALLY,
+    TimingKind.UNTIL: TimingKind.BEFORE,
+    TimingKind.BEFORE: TimingKind.UNTIL,
+    TimingKind.WITHIN: TimingKind.FOR,
+    TimingKind.FOR: TimingKind.WITHIN,
+}
+
+
+def _meant(sentence: Sentence) -> tuple[TimingKind, bool]:
+    """Return the timing that must be met in the intervals, and whether by the negation of r."""
+    timing = sentence.timing_kind
+    is_negated = False
+    if timing is TimingKind.NONE:
+        timing = TimingKind.EVENTUALLY
+    if timing is TimingKind.NEVER:
+        timing, is_negated = TimingKind.ALWAYS, True
+    if sentence.scope_kind.is_only:
+        timing, is_negated = _NEGATED.get(timing, timing), not is_negated
+    return timing, is_negated
+
+
+_SCOPE_WORDS = {
+    ScopeKind.IN: 'while', ScopeKind.NOT_IN: 'except while', ScopeKind.ONLY_IN: 'only while',
+    ScopeKind.BEFORE: 'before', ScopeKind.AFTER: 'after',
+    ScopeKind.ONLY_BEFORE: 'only before', ScopeKind.ONLY_AFTER: 'only after',
+}
+
+
+class _Formalisation:
+    """One sentence on its way to a formula."""
+
+    def __init__(self, sentence: Sentence, scope: Scope, problems: Problems,
+                 period: Fraction | None) -> None:
+        self._sentence = sentence
+        self._problems = problems
+        self._period = period
+        self._bounds: frozenset[int] = frozenset()
+        # A scope's own expression looks back without an end.
+        mode: Formula | None = TRUE
+        if sentence.scope is not None:
+            outside = Elaborator(scope, problems, left=None)
+            mode = None if self._is_value(sentence.scope, scope) else self._truth(
+                outside, sentence.scope.mode, 'a scope')
+        self._mode = mode
+        self._interval = _interval(sentence.scope_kind, mode or TRUE)
+        self._elaborator = Elaborator(scope, problems, left=self._interval.left)
+
+    def term(self) -> Term:
+        """Return the formula; each part is read, so that all mistakes are told."""
+        sentence = self._sentence
+        condition, stop, steps = self._condition(), self._stop(), self._steps()
+        response = self._truth(self._elaborator, sentence.response, "'satisfy'")
+        if self._mode is None or condition is None or stop is None or steps is None or (
+                response is None):
+            return Term(Broken(), sentence.span)
+        base = _Timed(self._interval, condition, sentence.condition_kind, stop, steps)
+        timing, is_negated = _meant(sentence)
+        formula = base.formula(timing, _not(response) if is_negated else response,
+                               sentence.scope_kind.is_only)
+        return Term(formula, sentence.span, bounds=joined_bounds(self._bounds, (steps,)))
+
+    def _is_value(self, phrase: ScopePhrase, scope: Scope) -> bool:
+        """Tell a mode that is only the name of a value, with the scope to write."""
+        mode = phrase.mode
+        if not isinstance(mode, Name) or scope.find(mode.text) or mode.text not in scope.owners:
+            return False
+        owner = scope.owners[mode.text][0]
+        compared = f'{_SCOPE_WORDS[phrase.kind]} {owner} = {mode.text}'
+        self._problems.error(
+            f"'{mode.text}' is a value of '{owner}', and no mode", mode.span,
+            'true or false is wanted here',
+            f'write {compared}; or give the mode a name: definitions: '
+            f'{{{mode.text.lower()}_mode: {owner} = {mode.text}}}')
+        return True
+
+    def _truth(self, elaborator: Elaborator, expression: Expression, operator: str,
+               ) -> Formula | None:
+        """Return the formula of a part that is true or false, None where it has a mistake."""
+        term = elaborator.term(expression)
+        if term.is_broken:
+            return None
+        self._bounds = joined_bounds(self._bounds, term.bounds)
+        try:
+            return truth(term, operator)
+        except CompileError as error:
+            self._problems.extend(error.diagnostics)
+            return None
+
+    def _condition(self) -> Formula | None:
+        phrase = self._sentence.condition
+        if phrase is None:
+            return TRUE
+        word = phrase.qualifiers[0].word
+        return self._truth(self._elaborator, phrase.expression, f"'{word}'")
+
+    def _stop(self) -> Formula | None:
+        timing = self._sentence.timing
+        if timing is None or timing.stop is None:
+            return TRUE
+        return self._truth(self._elaborator, timing.stop, f"'{timing.kind.value}'")
+
+    def _steps(self) -> int | None:
+        timing = self._sentence.timing
+        if timing is None or timing.duration is None:
+            return 0
+        try:
+            return steps_of(timing.duration, self._period)
+        except CompileError as error:
+            self._problems.extend(error.diagnostics)
+            return None
+
+
+# Scopes
+
+@dataclass(frozen=True, eq=False)
+class _Interval:
+    """
+    Stretches of steps [left, right): from each step where `left` holds up to the next `right`.
+
+    `inside` holds at the steps of an interval. `right` is None where the end of the trace ends it.
+    """
+
+    left: Formula
+    right: Formula | None
+    inside: Formula
+
+
+def _interval(kind: ScopeKind, mode: Formula) -> _Interval:
+    out = _not(mode)
+    enters, leaves = _and(mode, WeakYesterday(out)), _and(out, Yesterday(mode))
+    first_entry = _and(mode, WeakYesterday(Historically(ALWAYS, out)))
+    first_leave = _and(leaves, Yesterday(Historically(ALWAYS, _not(leaves))))
+    match kind:
+        case ScopeKind.GLOBAL:
+            return _Interval(FTP, None, TRUE)
+        case ScopeKind.IN:
+            return _Interval(enters, leaves, mode)
+        case ScopeKind.NOT_IN | ScopeKind.ONLY_IN:
+            return _Interval(_and(out, WeakYesterday(mode)), _and(mode, Yesterday(out)), out)
+        case ScopeKind.BEFORE:
+            return _Interval(FTP, first_entry, Historically(ALWAYS, out))
+        case ScopeKind.AFTER:
+            return _Interval(first_leave, None, Once(ALWAYS, leaves))
+        case ScopeKind.ONLY_BEFORE:
+            return _Interval(first_entry, None, Once(ALWAYS, mode))
+        case ScopeKind.ONLY_AFTER:
+            return _Interval(FTP, first_leave, Historically(ALWAYS, _not(leaves)))
+
+
+# Timings
+
+@dataclass(frozen=True, eq=False)
+class _Timed:
+    """What the timings are made of: interval, condition, stop (TRUE for none) and steps."""
+
+    interval: _Interval
+    condition: Formula
+    condition_kind: ConditionKind
+    stop: Formula
+    steps: int
+
+    def formula(self, timing: TimingKind, response: Formula, is_only: bool) -> Formula:
+        """Return the formula of the sentence; `response` is negated already where it must be."""
+        if timing in (TimingKind.EVENTUALLY, TimingKind.FINALLY):
+            return self._at_the_end(self._unless_idle(
+                response if timing is TimingKind.FINALLY else self._once(response)))
+        invariant: Callable[[Formula], Formula] = {
+            TimingKind.IMMEDIATELY: self._immediately,
+            TimingKind.NEXT: self._next,
+            TimingKind.ALWAYS: self._unless_idle,
+            TimingKind.UNTIL: self._until,
+            TimingKind.BEFORE: self._before,
+            TimingKind.WITHIN: self._within,
+            TimingKind.FOR: self._for,
+            TimingKind.AFTER: self._not_after if is_only else self._after,
+        }[timing]
+        base = invariant(response)
+        inside = self.interval.inside
+        return Historically(ALWAYS, base if inside is TRUE else _implies(inside, base))
+
+    def _at_the_end(self, base: Formula) -> Formula:
+        """Ask for a base at the last step of every past interval, and now if one is open."""
+        interval = self.interval
+        now = base if interval.inside is TRUE else _implies(interval.inside, base)
+        if interval.right is None:
+            return now
+        # Z, not Y: what ends at the first step has not begun.
+        past = Historically(ALWAYS, _implies(interval.right, WeakYesterday(base)))
+        return _and(past, now)
+
+    # What happened since the interval began
+
+    @property
+    def _has_condition(self) -> bool:
+        return self.condition_kind is not ConditionKind.NONE
+
+    @property
+    def _trigger(self) -> Formula:
+        """Where the timing starts: at the condition's rising, or wherever it holds, or left."""
+        match self.condition_kind:
+            case ConditionKind.NONE:
+                return self.interval.left
+            case ConditionKind.HOLDING:
+                return self.condition
+            case ConditionKind.REGULAR:
+                was_off = _not(self.condition)
+                if self.interval.left is FTP:
+                    return _and(self.condition, WeakYesterday(was_off))
+                return _and(self.condition, _or(Yesterday(was_off), self.interval.left))
+
+    def _unless_idle(self, demand: Formula) -> Formula:
+        """Ask for something only once the condition has held in this interval."""
+        if not self._has_condition:
+            return demand
+        return _or(_since(_not(self.condition), self.interval.left), demand)
+
+    def _once(self, event: Formula) -> Formula:
+        """Whether an event has come since the (last) trigger."""
+        if self._trigger is FTP:
+            return Once(ALWAYS, event)
+        return _not(_since(_not(event), self._trigger))
+
+    # Bases that must hold at every step
+
+    def _immediately(self, response: Formula) -> Formula:
+        return _implies(self._trigger, response)
+
+    def _next(self, response: Formula) -> Formula:
+        due = _or(response, self.interval.left) if self._has_condition else response
+        return _implies(Yesterday(self._trigger), due)
+
+    def _until(self, response: Formula) -> Formula:
+        return self._unless_idle(_implies(_since(_not(self.stop), self._trigger), response))
+
+    def _before(self, response: Formula) -> Formula:
+        earlier: Formula = Yesterday(self._once(response))
+        if self._has_condition:
+            earlier = _and(_not(self._trigger), earlier)
+        if self.interval.left is not FTP:
+            earlier = _and(_not(self.interval.left), earlier)
+        return _implies(self.stop, self._unless_idle(earlier))
+
+    def _within(self, response: Formula) -> Formula:
+        return self._within_steps(response, self.steps)
+
+    def _within_steps(self, response: Formula, steps: int) -> Formula:
+        recent, left = Window(0, steps - 1), self.interval.left
+        if not self._has_condition:
+            return _implies(_since(_not(response), left), Once(recent, left))
+        missed = Once(Window(steps, steps), _and(self._trigger, _not(response)))
+        return _implies(missed, Once(recent, _or(left, response)))
+
+    def _for(self, response: Formula) -> Formula:
+        lasting = Once(Window(0, self.steps), self._trigger)
+        return _implies(lasting, self._unless_idle(response))
+
+    def _after(self, response: Formula) -> Formula:
+        return _and(self._for(_not(response)), self._within_steps(response, self.steps + 1))
+
+    def _not_after(self, denial: Formula) -> Formula:
+        """Ask for `denial` at n + 1 steps after the trigger, or for the response before."""
+        recent = Window(0, self.steps)
+        due = Once(Window(self.steps + 1, self.steps + 1), self._trigger)
+        came_before = Yesterday(Once(recent, _not(denial)))
+        return _implies(due, _or(_or(Once(recent, self.interval.left), denial), came_before))
+
+
+# Connectives
+
+def _since(held: Formula, start: Formula) -> Formula:
+    """Whether something holds at every step from a start on; `held SI start` in FRET's words."""
+    if start is FTP:
+        return Historically(ALWAYS, held)
+    return Since(ALWAYS, held, _and(held, start))
+
+
+def _not(formula: Formula) -> Formula:
+    if isinstance(formula, Unary) and formula.operator is UnaryOperator.NOT:
+        return formula.argument
+    return Unary(UnaryOperator.NOT, formula)
+
+
+def _and(left: Formula, right: Formula) -> Formula:
+    return Binary(BinaryOperator.AND, left, right)
+
+
+def _or(left: Formula, right: Formula) -> Formula:
+    return Binary(BinaryOperator.OR, left, right)
+
+
+def _implies(left: Formula, right: Formula) -> Formula:
+    return Binary(BinaryOperator.IMPLIES, left, right)

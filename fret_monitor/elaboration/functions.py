@@ -1,0 +1,211 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+The predefined functions of FRET: their names, arguments and formulas.
+
+`abs`, `min`, `max`, `ite`, `pre` take what the rules of docs/numbers.md allow; FRET's typed
+spellings (`absInt`, `preReal` ...) also say what they take. `persisted`, `occurred` and `prevOcc`
+look back to the left end of the interval they stand in: `FTP`, or the left end of the scope of a
+FRETish sentence; in the expression of a scope itself they have none. The formulas are FRET's.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from fret_monitor.elaboration.arithmetic import arithmetic, magnitude
+from fret_monitor.elaboration.terms import alike, convert, describe, Number, number, Term, truth
+from fret_monitor.elaboration.windows import MAX_BOUND
+from fret_monitor.logic.formula import (
+    ALWAYS, Binary, BinaryOperator, Choice, Formula, FTP, Historically, Once, Previous, Since,
+    Unary, UnaryOperator, Window, Yesterday,
+)
+from fret_monitor.logic.numbers import Literal
+from fret_monitor.model.diagnostics import Problems, refuse, Span
+from fret_monitor.model.values import ValueType
+
+
+@dataclass(frozen=True)
+class Application:
+    """
+    A call, ready to be given its meaning; the number of arguments fits.
+
+    `left` is true at the left end of the interval that the call looks back in, None for no end.
+    """
+
+    name: str
+    arguments: tuple[Term, ...]
+    place: Span
+    problems: Problems
+    left: Formula | None = FTP
+
+    @property
+    def quoted(self) -> str:
+        """The name as messages show it."""
+        return f"'{self.name}'"
+
+
+@dataclass(frozen=True)
+class Function:
+    """A predefined function: what its arguments are called, in each form, and its meaning."""
+
+    forms: tuple[str, ...]
+    meaning: Callable[[Application], Formula | Literal]
+
+    def takes(self, count: int) -> bool:
+        """Whether a form has `count` arguments."""
+        return any(len(form.split(', ')) == count for form in self.forms)
+
+
+def choice(condition: Term, yes: Term, no: Term, name: str) -> Formula:
+    """Return `if condition then yes else no`; the branches meet in one type."""
+    first, second = alike([yes, no], name)
+    return Choice(truth(condition, name), first, second)
+
+
+def previous(initial: Term, argument: Term, name: str) -> Formula:
+    """Return `initial -> pre argument`; both meet in one type."""
+    first, second = alike([initial, argument], name)
+    return Previous(first, second)
+
+
+def _abs(call: Application) -> Formula | Literal:
+    _check_kind(call, call.arguments)
+    return magnitude(_real(call, call.arguments[0]), call.quoted)
+
+
+def _extreme(operator: BinaryOperator) -> Callable[[Application], Formula | Literal]:
+    def meaning(call: Application) -> Formula | Literal:
+        _check_kind(call, call.arguments)
+        left, right = (_real(call, term) for term in call.arguments)
+        return arithmetic(operator, left, right, call.quoted, call.place, call.problems)
+
+    return meaning
+
+
+def _ite(call: Application) -> Formula:
+    condition, yes, no = call.arguments
+    return choice(condition, yes, no, call.quoted)
+
+
+def _pre(call: Application) -> Formula:
+    _check_kind(call, call.arguments)
+    initial, argument = (_real(call, term) for term in call.arguments)
+    return previous(initial, argument, call.quoted)
+
+
+def _check_kind(call: Application, terms: Sequence[Term]) -> None:
+    """Refuse what FRET's typed spelling does not take: Bool, Int or Real at the name's end."""
+    for term in terms:
+        if call.name.endswith('Bool'):
+            truth(term, call.quoted)
+        elif call.name.endswith('Int') and not term.is_text:
+            _check_whole(call, term, number(term, call.quoted))
+        elif call.name.endswith('Real'):
+            number(term, call.quoted)
+
+
+def _check_whole(call: Application, term: Term, value: Number) -> None:
+    is_real = value.is_real if isinstance(value, Literal) else value.type.is_float
+    if is_real:
+        refuse(f'{call.quoted} takes whole numbers', term.span, f'this is {describe(term)}',
+               f"write {call.name.removesuffix('Int')}Real")
+
+
+def _real(call: Application, term: Term) -> Term:
+    """Return an argument as the typed spelling wants it: `...Real` makes an integer a real."""
+    if not call.name.endswith('Real'):
+        return term
+    value = number(term, call.quoted)
+    if isinstance(value, Literal):
+        value = Literal(value.value, True, value.is_negative_zero)
+    elif value.type.is_integer:
+        value = convert(value, ValueType.FLOAT64)
+    return Term(value, term.span)
+
+
+def _count(term: Term, name: str) -> int:
+    value = term.value
+    if not isinstance(value, Literal) or value.is_real or not 0 <= value.value <= MAX_BOUND:
+        refuse(f'{name} takes a number of steps, from 0 to {MAX_BOUND}, as digits or '
+               'as a constant', term.span, f'this is {describe(term)}')
+    return value.value.numerator
+
+
+def _window(call: Application) -> Window:
+    *counts, _ = (call.arguments)
+    low, high = ([0] if len(counts) == 1 else []) + [_count(it, call.quoted) for it in counts]
+    if high < low:
+        refuse(f'{call.quoted} takes the smaller number of steps first', counts[0].span,
+               f'{low} is more than {high}', f'write {call.name}({high}, {low}, ...)')
+    return Window(low, high)
+
+
+def _persisted(call: Application) -> Formula:
+    window, held = _window(call), truth(call.arguments[-1], call.quoted)
+    lasting = Historically(window, held)
+    if call.left is None:
+        return lasting
+    assert window.high is not None
+    since_left = Historically(Window(0, window.high - 1), _not(call.left))
+    return Binary(BinaryOperator.AND, lasting, since_left)
+
+
+def _occurred(call: Application) -> Formula:
+    window, event = _window(call), truth(call.arguments[-1], call.quoted)
+    if call.left is None:
+        return Once(window, event)
+    if len(call.arguments) == 3:
+        return Since(window, _not(call.left), event)
+    since_left = Since(ALWAYS, _not(call.left), event)
+    return Binary(BinaryOperator.AND, since_left, Once(window, event))
+
+
+def _prev_occ(call: Application) -> Formula:
+    event, then = (truth(term, call.quoted) for term in call.arguments)
+    both = Binary(BinaryOperator.AND, event, then)
+    if call.left is None:
+        return Yesterday(Since(ALWAYS, _not(event), both))
+    quiet = Binary(BinaryOperator.AND, _not(call.left), _not(event))
+    at_last = Binary(BinaryOperator.IMPLIES, Since(ALWAYS, quiet, event),
+                     Since(ALWAYS, quiet, both))
+    return Binary(BinaryOperator.OR, call.left, Yesterday(at_last))
+
+
+def _not(formula: Formula) -> Formula:
+    return Unary(UnaryOperator.NOT, formula)
+
+
+_MIN = Function(('x, y',), _extreme(BinaryOperator.MIN))
+_MAX = Function(('x, y',), _extreme(BinaryOperator.MAX))
+_ABS = Function(('x',), _abs)
+_PRE = Function(('initial, x',), _pre)
+
+FUNCTIONS = {
+    'abs': _ABS,
+    'absInt': _ABS,
+    'absReal': _ABS,
+    'ite': Function(('condition, yes, no',), _ite),
+    'max': _MAX,
+    'maxInt': _MAX,
+    'maxReal': _MAX,
+    'min': _MIN,
+    'minInt': _MIN,
+    'minReal': _MIN,
+    'occurred': Function(('n, p', 'm, n, p'), _occurred),
+    'persisted': Function(('n, p', 'm, n, p'), _persisted),
+    'preBool': _PRE,
+    'preInt': _PRE,
+    'preReal': _PRE,
+    'prevOcc': Function(('p, q',), _prev_occ),
+}

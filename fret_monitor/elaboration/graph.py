@@ -1,0 +1,79 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Names that stand on other names: an order to read them in, and their cycles."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+
+def components(graph: Mapping[str, Sequence[str]]) -> list[list[str]]:
+    """
+    Return the strongly connected components, each after all those that it leads to.
+
+    `graph` gives for each name the names it leads to, all of them keys. The algorithm is
+    Tarjan's (1972), with an explicit stack: chains of definitions get long.
+    """
+    found: list[list[str]] = []
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    open_names: dict[str, None] = {}
+    for root in graph:
+        if root in index:
+            continue
+        walk: list[tuple[str, Iterator[str]]] = [(root, iter(graph[root]))]
+        index[root] = low[root] = len(index)
+        open_names[root] = None
+        while walk:
+            name, rest = walk[-1]
+            after = next(rest, None)
+            if after is None:
+                walk.pop()
+                if walk:
+                    low[walk[-1][0]] = min(low[walk[-1][0]], low[name])
+                if low[name] == index[name]:
+                    found.append(_closed(name, open_names))
+            elif after not in index:
+                index[after] = low[after] = len(index)
+                open_names[after] = None
+                walk.append((after, iter(graph[after])))
+            elif after in open_names:
+                low[name] = min(low[name], index[after])
+    return found
+
+
+def _closed(name: str, open_names: dict[str, None]) -> list[str]:
+    component: list[str] = []
+    while not component or component[-1] != name:
+        component.append(open_names.popitem()[0])
+    return component[::-1]
+
+
+def is_cyclic(component: Sequence[str], graph: Mapping[str, Sequence[str]]) -> bool:
+    """Whether a component's names lead back to themselves."""
+    return len(component) > 1 or component[0] in graph[component[0]]
+
+
+def cycle(component: Sequence[str], graph: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return a shortest way from a cyclic component's first name to itself, both ends included."""
+    start = component[0]
+    inside = set(component)
+    ways = [[start]]
+    seen: set[str] = set()
+    for way in ways:
+        for after in graph[way[-1]]:
+            if after == start:
+                return [*way, start]
+            if after in inside and after not in seen:
+                seen.add(after)
+                ways.append([*way, after])
+    raise AssertionError(f'{start} is on no cycle')

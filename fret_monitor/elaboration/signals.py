@@ -1,0 +1,242 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+The inputs and constants of a bundle, with their types and values checked.
+
+An input's type is that of the message field that feeds it, or the plain type that is given. What
+cannot be used is told in the problems, and what stands on it is broken silently.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+
+from fret_monitor.bundle.bundle import ConstantEntry, InputEntry, ValueEntry
+from fret_monitor.elaboration.scope import Declaration, Role
+from fret_monitor.elaboration.terms import Broken, Term, Vocabulary
+from fret_monitor.logic.formula import FALSE, TRUE, Variable
+from fret_monitor.logic.numbers import Literal, NumberError, parse_number, stored
+from fret_monitor.logic.specification import Signal
+from fret_monitor.messages.definitions import MessageLayout
+from fret_monitor.messages.field_path import check_reachable, resolve_field, ResolvedField
+from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse, Text
+from fret_monitor.model.names import looks_like_number
+from fret_monitor.model.policies import Stale
+from fret_monitor.model.values import ValueType
+
+FindMessage = Callable[[str], MessageLayout]
+
+_PLAIN = {kind.value: kind for kind in ValueType}
+_TEXT = 'string'
+_TRUTHS = {'true': TRUE, 'false': FALSE}
+
+
+def constant_declaration(entry: ConstantEntry, problems: Problems) -> Declaration:
+    """Return what a constant means: true, false, or an exact number."""
+    value = _TRUTHS.get(entry.value.value.strip().lower())
+    if value is not None:
+        return Declaration(Role.CONSTANT, Term(value, entry.value.span))
+    try:
+        literal = parse_number(entry.value.value)
+    except NumberError as error:
+        problems.error(f"the constant '{entry.name}' cannot be read", entry.value.span, str(error),
+                       'a constant is a number, true or false')
+        return Declaration(Role.CONSTANT, Term(Broken(), entry.value.span))
+    return Declaration(Role.CONSTANT, Term(literal, entry.value.span))
+
+
+def input_declaration(entry: InputEntry, find_message: FindMessage,
+                      problems: Problems) -> tuple[Signal | None, Declaration]:
+    """
+    Return an input's signal, None where it cannot be used, and what its name means.
+
+    Of an input that the reader has found damaged, the rest is checked.
+    """
+    try:
+        signal = _signal(entry, find_message, problems)
+    except CompileError as error:
+        problems.extend(error.diagnostics)
+        signal = None
+    if signal is None:
+        return None, Declaration(Role.INPUT, Term(Broken(), entry.name.span))
+    vocabulary = Vocabulary(signal.values) if signal.values else None
+    variable = Variable(signal.name, signal.type)
+    return signal, Declaration(Role.INPUT, Term(variable, entry.name.span, vocabulary))
+
+
+def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) -> Signal | None:
+    if _is_type_damaged(entry, find_message):
+        return None
+    kind, layout, field = _type(entry, find_message)
+    values = None if 'values' in entry.damaged else _values(entry, kind, problems)
+    stored_as = ValueType.INT32 if kind is None else kind
+    if values is None:
+        # A number can be checked; anything else may be the name of a value.
+        if kind and entry.initial and looks_like_number(entry.initial.value.strip()):
+            _initial(entry, kind, ())
+        return None
+    initial = None
+    try:
+        initial = _initial(entry, stored_as, values)
+    except CompileError as error:
+        # The input has a type all the same, and what reads it can be checked.
+        problems.extend(error.diagnostics)
+    return Signal(
+        name=entry.name.value,
+        type=stored_as,
+        topic=entry.topic.value if entry.topic else None,
+        message_type=layout.name if layout else None,
+        path=field.path if field else (),
+        values=values,
+        initial=initial,
+        qos=tuple((key.value, _qos_value(value.value)) for key, value in entry.qos),
+        timeout=None if entry.timeout is None else float(entry.timeout),
+        stale=entry.stale or Stale.WARN,
+        reduction=field.reduction if field else '',
+        layout=layout,
+    )
+
+
+def _is_type_damaged(entry: InputEntry, find_message: FindMessage) -> bool:
+    """Return whether the reader refused what decides the type; look for the message anyway."""
+    if entry.type is None:
+        return 'type' in entry.damaged
+    if 'field' not in entry.damaged or '/' not in entry.type.value:
+        return False
+    _layout(entry.type.value, entry.type, find_message)
+    return True
+
+
+def _qos_value(text: str) -> str | int:
+    return int(text) if text.isascii() and text.isdigit() else text
+
+
+def _type(entry: InputEntry, find_message: FindMessage) -> tuple[
+        ValueType | None, MessageLayout | None, ResolvedField | None]:
+    """Return the type of an input, None for a string; its message, and the field of that."""
+    if entry.type is None:
+        refuse(f"the input '{entry.name}' has no type", entry.name.span, '',
+               'type: std_msgs/msg/Float32')
+    name = entry.type.value
+    if '/' not in name:
+        return _scalar(name, entry.type, _PLAIN), None, None
+    layout = _layout(name, entry.type, find_message)
+    field = resolve_field(layout, entry.field, entry.type)
+    check_reachable(layout, field, entry.type.span)
+    return _scalar(field.type_name, entry.field or entry.type, _PLAIN), layout, field
+
+
+def _layout(name: str, text: Text, find_message: FindMessage) -> MessageLayout:
+    try:
+        return find_message(name)
+    except CompileError as error:
+        raise CompileError([item if item.span else replace(item, span=text.span)
+                            for item in error.diagnostics]) from None
+
+
+def _scalar(name: str, text: Text, plain: dict[str, ValueType]) -> ValueType | None:
+    if name in (_TEXT, 'wstring'):
+        return None
+    if name not in plain:
+        refuse(f"'{name}' is no type that a monitor reads", text.span, '',
+               did_you_mean(name, plain) or 'there are ' + ', '.join([*plain, _TEXT]))
+    return plain[name]
+
+
+def _values(entry: InputEntry, kind: ValueType | None,
+            problems: Problems) -> tuple[tuple[str, int | str], ...] | None:
+    """Return what the names of an input's values stand for, None where one of them is wrong."""
+    if kind is None and not entry.values:
+        refuse(f"the input '{entry.name}' is text, and monitors read numbers",
+               (entry.type or entry.name).span, 'a string needs names for its values',
+               'values: {IDLE: "idle", LANDING: "landing"}')
+    if kind is ValueType.BOOL and entry.values:
+        refuse(f"'{entry.values[0].name}' cannot be a value of type bool",
+               entry.values[0].value.span, 'true and false have their names',
+               'leave out values, and write the input alone or with ! before it')
+    found: list[tuple[str, int | str]] = []
+    for item in entry.values:
+        try:
+            value = _string(item) if kind is None else _value(item, kind)
+        except CompileError as error:
+            problems.extend(error.diagnostics)
+        else:
+            found.append((item.name.value, value))
+    return tuple(found) if len(found) == len(entry.values) else None
+
+
+def _string(item: ValueEntry) -> str:
+    """Return the string that a name of a text input stands for."""
+    if not item.is_string:
+        refuse(f"'{item.name}' cannot be a value of text", item.value.span, 'this is a number',
+               f'{item.name}: "{item.value}"')
+    return item.value.value
+
+
+def _value(item: ValueEntry, kind: ValueType) -> int:
+    """Return the number that a name of a number input stands for."""
+    title = f"'{item.name}' cannot be a value of type {kind.value}"
+    if item.is_string:
+        refuse(title, item.value.span, 'this is text', 'write the number without quotes')
+    try:
+        literal = parse_number(item.value.value)
+        stored(literal, kind)
+    except NumberError as error:
+        refuse(title, item.value.span, str(error))
+    if literal.is_real:
+        refuse(title, item.value.span, 'names are for whole numbers')
+    return literal.value.numerator
+
+
+def _initial(entry: InputEntry, kind: ValueType,
+             values: tuple[tuple[str, int | str], ...]) -> bool | int | float | None:
+    """Return the value an input has before the first message, as it is stored."""
+    if entry.initial is None:
+        return None
+    text = entry.initial.value.strip()
+    vocabulary = Vocabulary(values)
+    if text in vocabulary.numbers:
+        return _stored(Literal(Fraction(vocabulary.numbers[text]), False), kind, entry.initial)
+    if vocabulary.is_text:
+        return _initial_text(text, values, entry.initial)
+    if kind is ValueType.BOOL:
+        return _initial_truth(text, entry.initial)
+    try:
+        literal = parse_number(text)
+    except NumberError as error:
+        refuse('this initial value cannot be read', entry.initial.span, str(error),
+               f'a number of type {kind.value}' + (f', or {vocabulary}' if values else ''))
+    return _stored(literal, kind, entry.initial)
+
+
+def _stored(literal: Literal, kind: ValueType, text: Text) -> int | float:
+    try:
+        return stored(literal, kind)
+    except NumberError as error:
+        refuse(f'this initial value cannot be of type {kind.value}', text.span, str(error))
+
+
+def _initial_text(text: str, values: tuple[tuple[str, int | str], ...], place: Text) -> int:
+    strings = [value for _, value in values]
+    if text not in strings:
+        refuse(f"'{text}' is none of the input's values", place.span, '',
+               did_you_mean(text, [name for name, _ in values])
+               or f'the values are {Vocabulary(values)}')
+    return strings.index(text)
+
+
+def _initial_truth(text: str, place: Text) -> bool:
+    if text.lower() not in _TRUTHS:
+        refuse('this initial value cannot be of type bool', place.span, '', 'write true or false')
+    return text.lower() == 'true'

@@ -1,0 +1,474 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the readers of formulas share: text to lexemes, lexemes to a tree, and what errors say.
+
+A `Language` names a grammar file (for lark's LALR tables) and its spellings. `scan` cuts a `Text`
+into `Lexeme`s, each with its place; `parse` feeds them to the tables, which build the tree bottom
+up: no recursion, linear time. Whatever cannot be read is a `CompileError` with its place.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+import re
+from typing import Any, NamedTuple, NoReturn, TypeAlias
+import warnings
+
+from fret_monitor.language.expression import (
+    Boolean, Call, Conditional, Expression, Infix, Name, Number, Prefix,
+)
+from fret_monitor.language.precedence import Chain, Operator, Pending, Precedence
+from fret_monitor.language.quoted_text import QuotedText
+from fret_monitor.model.diagnostics import CompileError, Diagnostic, refuse, Span, Text
+
+END = '$END'
+OPERAND_ENDS = frozenset({'NAME', 'NUMBER', 'NEGATIVE', 'TRUE', 'FALSE', 'RPAR'})
+OPERAND_STARTS = frozenset({'NAME', 'NUMBER', 'NEGATIVE', 'TRUE', 'FALSE', 'LPAR', 'NOT', 'PAST',
+                            'DELAY', 'PRE', 'IF'})
+_CLOSES = {'RPAR': 'LPAR', 'RBRACK': 'LBRACK'}
+_OPENS = frozenset(_CLOSES.values())
+
+# A number is refused as a whole where a letter, a point or a second zero makes it none.
+NUMBER = (r'(?P<NUMBER>(?:(?:0|[1-9][0-9]*)(?:\.[0-9]+)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)'
+          r'(?![\w.$])|(?P<NOTNUMBER>\.?[0-9][\w.$]*)')
+# FRET's identifiers have points and percent signs inside; it writes them as _DOT_ and _PRC_.
+NAME = r'(?P<NAME>[A-Za-z_$][\w$]*(?:[.%][\w$]+)*)'
+QUOTED = r'(?P<QUOTED>"(?:[^"\\\x00-\x1f\x7f]|\\[^\x00-\x1f\x7f])*")'
+
+_LOOKALIKES = {
+    '\u2227': 'and', '\u2228': 'or', '\u00ac': 'not', '\u2192': 'implies', '\u21d2': 'implies',
+    '\u2194': 'iff', '\u21d4': 'iff', '\u2264': '<=', '\u2265': '>=', '\u2260': 'unequal',
+    '\u2295': 'xor', '\u00d7': '*', '\u00b7': '*', '\u00f7': '/', '\u2212': '-', '\u2013': '-',
+    '\u2014': '-', '\u201c': '"', '\u201d': '"', '\uff08': '(', '\uff09': ')',
+}
+
+
+class Lexeme(NamedTuple):
+    """A piece of text with its kind; `text` is its one spelling (`&` for `&&`)."""
+
+    type: str
+    text: str
+    start: int
+    end: int
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Language:
+    """
+    A formula language.
+
+    `pattern` cuts the text, by the groups NUMBER, NAME, QUOTED, OPERATOR, TIME, COMMENT and BAD;
+    what it matches in no group is left out. `words` and `operators` give kind and one spelling;
+    `refused` are words and characters with what to write instead; `foreign` are words of other
+    languages, with the same, that are names here and are spoken of only where they do not fit.
+    `write` says how this language spells the logical operators. `explain` may say more about a
+    lexeme that does not fit.
+    """
+
+    grammar: str
+    builder: Any
+    starts: tuple[str, ...]
+    pattern: re.Pattern[str]
+    words: Mapping[str, tuple[str, str]]
+    operators: Mapping[str, tuple[str, str]]
+    refused: Mapping[str, str]
+    foreign: Mapping[str, str]
+    write: Mapping[str, str]
+    explain: Callable[[Text, Sequence[Lexeme], int], Diagnostic | None]
+
+
+def scan(language: Language, text: Text,
+         pattern: re.Pattern[str] | None = None) -> list[Lexeme]:
+    """Cut a text into lexemes, by another pattern if given; raises `CompileError`."""
+    lexemes = []
+    for match in (pattern or language.pattern).finditer(text.value):
+        kind = match.lastgroup
+        if kind is not None and kind != 'COMMENT':
+            lexemes.append(_lexeme(language, text, kind, match.start(kind), match.end(kind)))
+        elif kind == 'COMMENT':
+            _check_comment(text, match.start(), match.end())
+    return lexemes
+
+
+def _lexeme(language: Language, text: Text, kind: str, start: int, end: int) -> Lexeme:
+    word = text.value[start:end]
+    span = text.at(start, end)
+    match kind:
+        case 'NUMBER' | 'TIME':
+            return Lexeme(kind, word, start, end, span)
+        case 'NAME':
+            if word in language.refused:
+                refuse(f"'{word}' is no operator here", span, 'not in this language',
+                       language.refused[word])
+            kind, word = language.words.get(word, ('NAME', word))
+            return Lexeme(kind, word, start, end, span)
+        case 'OPERATOR':
+            kind, word = language.operators[_unescape(word)]
+            return Lexeme(kind, word, start, end, span)
+        case 'QUOTED' if len(word) > 2:
+            word = re.sub(r'\\(.)', r'\1', word[1:-1])
+        case _:
+            if word == "'":
+                _refuse_apostrophe(text, start)
+            _refuse_text(language, word, span)
+    return Lexeme('NAME', word, start, end, span)
+
+
+def _unescape(operator: str) -> str:
+    """Read `&lt;`, `&gt;` and `&amp;` of HTML."""
+    if ';' not in operator or operator == ';':
+        return operator
+    return operator.replace('&lt;', '<').replace('&gt;', '>').replace('&amp;', '&')
+
+
+def _refuse_text(language: Language, word: str, span: Span) -> NoReturn:
+    if word[0].isdigit() or (word[0] == '.' and len(word) > 1):
+        refuse_number(word, span)
+    if word == '""':
+        refuse('a name is missing between the quotes', span, 'empty')
+    if word == '"':
+        refuse('the quoted name does not end', span, "no '\"' follows on this line")
+    if word in ('/*', '(*'):
+        refuse('the comment does not end', span, 'opened here')
+    if word in _LOOKALIKES:
+        meant = _LOOKALIKES[word]
+        refuse(f"'{word}' cannot be used here", span, 'not an operator',
+               f'write {language.write.get(meant, meant)}')
+    if word.isspace():
+        refuse(f'a special space (U+{ord(word):04X}) cannot be used here', span,
+               'looks like a space, and is none', 'delete it and type a space')
+    shown = f"'{word}'" if word.isprintable() else f'the character U+{ord(word):04X}'
+    refuse(f'{shown} cannot be used in a formula', span, 'not expected',
+           language.refused.get(word, ''))
+
+
+def _refuse_apostrophe(text: Text, start: int) -> NoReturn:
+    match = re.compile(r"'([^'\n]*)'").match(text.value, start)
+    raise CompileError([QuotedText(
+        'an apostrophe cannot be used in a formula',
+        text.at(start, match.end() if match else start + 1), 'not expected',
+        'a name of a value is written without quotes: mode = LANDED',
+        text=match[1] if match else '')])
+
+
+def refuse_number(word: str, span: Span) -> NoReturn:
+    """Refuse what begins as a number and is none."""
+    refuse(f"'{short(word)}' is not a number", span, 'not a number', _number_help(word))
+
+
+def _number_help(word: str) -> str:
+    if match := re.fullmatch(r'0+([0-9]+)', word):
+        return f'write {short(match[1])}'
+    if match := re.fullmatch(r'([0-9]+)\.', word):
+        return f'write {short(match[1])}.0'
+    if re.fullmatch(r'0[xX][0-9a-fA-F]{1,16}', word):
+        return f'write {int(word, 16)}'
+    if match := re.fullmatch(r'([0-9]+)(_?[A-Za-z]\w*)', word):
+        number, unit = map(short, match.groups())
+        return f'a number has no unit; write {number}, or put an operator before {unit}'
+    return ''
+
+
+def _check_comment(text: Text, start: int, end: int) -> None:
+    # YAML's '>' makes one line of many: what followed a line's comment would be lost unseen.
+    span = text.at(start, end)
+    if text.value.startswith('--', start) and '\n' in text.source.text[span.start:span.end]:
+        refuse('the comment would swallow the lines after it', text.at(start, start + 2),
+               'YAML has joined this line with the next ones',
+               "write '|' instead of '>' after the key, so that lines stay lines")
+
+
+@cache
+def _tables(language: Language) -> Any:
+    """Make the LALR tables, once and only when a formula is read."""
+    with warnings.catch_warnings():
+        # lark 0.12 imports two modules that Python 3.11 and later call deprecated.
+        warnings.filterwarnings('ignore', r"module 'sre_", DeprecationWarning)
+        from lark import Lark
+    grammar = files(__package__).joinpath(language.grammar).read_text(encoding='utf-8')
+    return Lark(grammar, parser='lalr', lexer='contextual', start=list(language.starts),
+                transformer=language.builder, maybe_placeholders=False)
+
+
+def parse(language: Language, text: Text, lexemes: Sequence[Lexeme], start: str,
+          tell: 'Tell | None' = None) -> Any:
+    """
+    Return what the language's builder makes of the lexemes; raises `CompileError`.
+
+    `tell` says in the language's own words what is wrong at a lexeme that does not fit.
+    """
+    parser = _tables(language).parse_interactive('', start)
+    from lark.exceptions import UnexpectedToken
+    tree = None
+    for index, lexeme in enumerate(ended := [*lexemes, _end(text, lexemes)]):
+        try:
+            tree = parser.feed_token(lexeme)
+        except UnexpectedToken as unexpected:
+            if tell is not None:
+                tell(text, ended, index)
+            expected = frozenset(unexpected.expected)
+            _refuse_lexeme(language, text, ended, index, expected)
+    return tree
+
+
+Tell: TypeAlias = Callable[[Text, Sequence[Lexeme], int], NoReturn]
+
+
+def fitting(language: Language, start: str, lexemes: Sequence[Lexeme]) -> frozenset[str]:
+    """
+    Return the kinds of lexemes, `END` among them, that can follow some that could be read.
+
+    Tables merge states, and name more than fits; here each kind is tried on the stack of states.
+    """
+    parser = _tables(language).parse_interactive('', start)
+    for lexeme in lexemes:
+        parser.feed_token(lexeme)
+    stack = parser.parser_state.state_stack
+    table = parser.parser_state.parse_conf.parse_table
+    last = table.end_states[start]
+    return frozenset(kind for kind in table.states[stack[-1]] if kind.lstrip('$').isupper()
+                     and _is_shifted(table.states, list(stack), kind, last))
+
+
+def _is_shifted(states: Any, stack: list[Any], kind: str, last: Any) -> bool:
+    from lark.parsers.lalr_analysis import Reduce
+    while kind in states[stack[-1]]:
+        action, target = states[stack[-1]][kind]
+        if action is not Reduce:
+            return True
+        if target.expansion:
+            del stack[-len(target.expansion):]
+        stack.append(states[stack[-1]][target.origin.name][1])
+    return bool(kind == END and stack[-1] == last)
+
+
+def join_signs(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Make one lexeme of a sign and the number it touches before `^`: FRET reads it so."""
+    joined: list[Lexeme] = []
+    for index, lexeme in enumerate(lexemes):
+        if lexeme.text == '^' and _is_signed(lexemes[max(0, index - 3):index]):
+            sign, number = joined[-2:]
+            joined[-2:] = [Lexeme('NEGATIVE', '-' + number.text, sign.start, number.end,
+                                  join(sign.span, number.span))]
+        joined.append(lexeme)
+    return joined
+
+
+def _is_signed(lexemes: Sequence[Lexeme]) -> bool:
+    if len(lexemes) < 2 or lexemes[-1].type != 'NUMBER' or lexemes[-2].type != 'MINUS':
+        return False
+    subtracts = len(lexemes) == 3 and lexemes[0].type in OPERAND_ENDS
+    return not subtracts and lexemes[-2].end == lexemes[-1].start
+
+
+def _end(text: Text, lexemes: Sequence[Lexeme]) -> Lexeme:
+    """Return the end, just behind the last lexeme."""
+    end = lexemes[-1].end if lexemes else 0
+    place = lexemes[-1].span.end if lexemes else text.span.start
+    return Lexeme(END, '', end, end, Span(text.source, place, place))
+
+
+def _refuse_lexeme(language: Language, text: Text, lexemes: Sequence[Lexeme], index: int,
+                   expected: frozenset[str]) -> NoReturn:
+    """Say why the lexeme at `index` does not fit, where `expected` would."""
+    found = lexemes[index]
+    if len(lexemes) == 1:
+        refuse('the formula is empty', text.span, 'nothing to read here')
+    if told := language.explain(text, lexemes, index):
+        raise CompileError([told])
+    opened = open_brackets(lexemes[:index])
+    if found.type in _CLOSES:
+        _check_closing(text, found, opened)
+    if 'NAME' in expected and 'LPAR' in expected:
+        _refuse_missing_operand(text, lexemes, index)
+    if found.type == END and opened:
+        refuse(f"'{as_written(text, opened[-1])}' is not closed", opened[-1].span, 'opened here')
+    if found.type in OPERAND_STARTS and lexemes[index - 1].type in OPERAND_ENDS:
+        _refuse_missing_operator(language, text, lexemes[index - 1], found)
+    title = 'the formula ends too early' if found.type == END else (
+        f"'{as_written(text, found)}' does not fit here")
+    refuse(title, found.span, _expectation(expected, lexemes[:index], opened))
+
+
+def open_brackets(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Return the brackets that are open at the end, outermost first."""
+    opened = []
+    for lexeme in lexemes:
+        if lexeme.type in _OPENS:
+            opened.append(lexeme)
+        elif lexeme.type in _CLOSES:
+            opened.pop()
+    return opened
+
+
+def _check_closing(text: Text, found: Lexeme, opened: Sequence[Lexeme]) -> None:
+    written = as_written(text, found)
+    if not opened:
+        refuse(f"'{written}' closes nothing", found.span, 'no bracket is open here')
+    if opened[-1].type != _CLOSES[found.type]:
+        refuse(f"'{as_written(text, opened[-1])}' is not closed", opened[-1].span,
+               f"'{written}' follows, which does not close it")
+
+
+def _refuse_missing_operand(text: Text, lexemes: Sequence[Lexeme], index: int) -> NoReturn:
+    found = lexemes[index]
+    wanted = "expected a name, a number or '('"
+    if found.type == END:
+        refuse('the formula ends too early', found.span,
+               f"{wanted} after '{as_written(text, lexemes[index - 1])}'")
+    refuse('an operand is missing', found.span, f"{wanted} before '{as_written(text, found)}'")
+
+
+def _refuse_missing_operator(language: Language, text: Text, before: Lexeme,
+                             found: Lexeme) -> NoReturn:
+    for lexeme in (before, found):
+        if lexeme.type == 'NAME' and lexeme.text in language.foreign:
+            refuse(f"'{lexeme.text}' is no operator here", lexeme.span, 'not in this language',
+                   language.foreign[lexeme.text])
+    refuse('an operator is missing', found.span,
+           f"expected an operator before '{as_written(text, found)}'")
+
+
+def as_written(text: Text, lexeme: Lexeme) -> str:
+    return short(text.value[lexeme.start:lexeme.end])
+
+
+def short(word: str) -> str:
+    return word if len(word) <= 40 else word[:37] + '...'
+
+
+_SHOWN = {
+    'NAME': 'a name', 'NUMBER': 'a number', 'LPAR': "'('", 'RPAR': "')'", 'LBRACK': "'['",
+    'RBRACK': "']'", 'COMMA': "','", 'SEMI': "';'", 'COLON': "':'", 'EQUAL': "'='",
+    'THEN': "'then'", 'ELSE': "'else'", 'LET': "'let'", 'TEL': "'tel'", 'RETURNS': "'returns'",
+    'VAR': "'var'", 'NODE': "'node'", 'FUNCTION': "'function'",
+}
+
+
+def _expectation(expected: frozenset[str], before: Sequence[Lexeme],
+                 opened: Sequence[Lexeme]) -> str:
+    # LALR tables merge states: a closing bracket may be named where none is open.
+    out_of_place = frozenset() if opened else frozenset({'RPAR', 'COMMA'})
+    if all(lexeme.type != 'IF' for lexeme in before):
+        out_of_place |= {'THEN', 'ELSE'}
+    after_operand = 'INFIX' in expected
+    if after_operand:
+        out_of_place |= {'LPAR', 'EQUAL'}
+    shown = ['an operator'] * after_operand
+    shown += [word for kind, word in _SHOWN.items() if kind in expected - out_of_place]
+    if not shown:
+        return 'expected the end' if END in expected else 'not expected'
+    return 'expected ' + ' or '.join([', '.join(shown[:-1]), shown[-1]] if shown[1:] else shown)
+
+
+class Builder:
+    """
+    Makes the tree, each rule of the grammar by the method of its name.
+
+    lark calls them with what it has read, lexemes and trees, in the order of the rule: hence Any.
+    """
+
+    def __init__(self, precedence: Precedence) -> None:
+        """Take how tight the language's operators bind."""
+        self._precedence = precedence
+
+    def finish(self, part: Any) -> Expression:
+        """Return the tree of an expression of which nothing more comes."""
+        if isinstance(part, Pending):
+            part = self._chain(part)
+        tree: Expression = part.close() if isinstance(part, Chain) else part
+        return tree
+
+    def _chain(self, operand: Expression | Pending) -> Chain:
+        chain = Chain(self._precedence)
+        chain.add_operand(operand)
+        return chain
+
+    def start(self, parts: list[Any]) -> Expression:
+        """Return the whole tree."""
+        return self.finish(parts[0])
+
+    def more(self, parts: list[Any]) -> Chain:
+        """Go on with an infix operator, its bound if any, and an operand."""
+        chain = parts[0] if isinstance(parts[0], Chain) else self._chain(parts[0])
+        chain.add_infix(_operator(parts[1:-1]))
+        chain.add_operand(parts[-1])
+        return chain
+
+    def prefixed(self, parts: list[Any]) -> Pending:
+        """Put a prefix operator, with its bound if any, before an operand."""
+        return Pending(_operator(parts[:-1]), parts[-1])
+
+    def name(self, parts: list[Any]) -> Name:
+        """Build a name."""
+        return Name(parts[0].text, parts[0].span)
+
+    def number(self, parts: list[Any]) -> Number:
+        """Build a number."""
+        return Number(parts[0].text, parts[0].span)
+
+    def negative(self, parts: list[Any]) -> Prefix:
+        """Build a number with its sign."""
+        span = parts[0].span
+        sign = Span(span.source, span.start, span.start + 1)
+        number = Number(parts[0].text[1:], Span(span.source, span.start + 1, span.end))
+        return Prefix('-', None, number, sign, span)
+
+    def boolean(self, parts: list[Any]) -> Boolean:
+        """Build a truth value."""
+        return Boolean(parts[0].type == 'TRUE', parts[0].span)
+
+    def arguments(self, parts: list[Any]) -> tuple[Expression, ...]:
+        """Return the arguments of a call."""
+        return tuple(self.finish(part) for part in parts if not isinstance(part, Lexeme))
+
+    def call(self, parts: list[Any]) -> Expression:
+        """Build `function(arguments)`."""
+        arguments = parts[2] if len(parts) == 4 else ()
+        return Call(parts[0].text, arguments, parts[0].span, join(parts[0].span, parts[-1].span))
+
+    def group(self, parts: list[Any]) -> Expression:
+        """Return what stands in parentheses, which belong to its place."""
+        return placed(self.finish(parts[1]), join(parts[0].span, parts[2].span))
+
+
+def _operator(parts: list[Any]) -> Operator:
+    lexeme, bound = parts if len(parts) == 2 else (parts[0], None)
+    span = lexeme.span if bound is None else join(lexeme.span, bound.span)
+    return Operator(lexeme.text, bound, span)
+
+
+def placed(node: Expression, span: Span) -> Expression:
+    """Return a node of several parts with another place."""
+    match node:
+        case Infix():
+            return Infix(node.operator, node.bound, node.left, node.right, node.operator_span,
+                         span)
+        case Prefix():
+            return Prefix(node.operator, node.bound, node.argument, node.operator_span, span)
+        case Call():
+            return Call(node.function, node.arguments, node.function_span, span)
+        case Conditional():
+            return Conditional(node.condition, node.yes, node.no, span)
+        case _:
+            return node
+
+
+def join(first: Span, last: Span) -> Span:
+    """Return the place from the start of one span to the end of another."""
+    return Span(first.source, first.start, last.end)

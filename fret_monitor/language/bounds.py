@@ -1,0 +1,103 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The ends of bounds as they are written: a number, a sum of numbers, or one with constants in it.
+
+FRET writes `10-1` there. A parser asks `bound_end` what an end says; where that has names, what
+they stand for is not known yet, and whoever knows works it out with `work_out`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NoReturn
+
+from fret_monitor.language.expression import Expression, Infix, Name, Number, postorder, Prefix
+from fret_monitor.language.sentence import Unit
+from fret_monitor.model.diagnostics import Diagnostic, refuse, Span
+
+_MAX_DIGITS = 30
+
+
+@dataclass(frozen=True)
+class TimedBound(Diagnostic):
+    """A bound with a unit of time, `number` as written; its steps are for the bundle to say."""
+
+    number: str = ''
+    unit: Unit = Unit.TICK
+
+
+def timed_bound(number: str, unit: Unit, place: Span) -> TimedBound:
+    """Return what is told of `H[0,2s] p`, before it is known what a step is."""
+    help_ = f'write {number}' if unit is Unit.TICK else 'write how many'
+    return TimedBound('a bound counts steps', place, 'this has a unit', help_, number=number,
+                      unit=unit)
+
+
+_ENDLESS = frozenset({'inf', 'infinity', 'oo'})
+
+
+def bound_end(node: Expression) -> str | Expression:
+    """
+    Return an end of a bound: its number as text with an optional sign, or `node` if it has names.
+
+    Sums of numbers are worked out. Raises `CompileError` for what is neither.
+    """
+    match node:
+        case Number():
+            return node.text
+        case Prefix(operator='-', argument=Number(text=text)):
+            return f'-{text}'
+    names = [name for name in postorder(node) if isinstance(name, Name)]
+    for name in names:
+        if name.text.lower() in _ENDLESS:
+            refuse('a bound is a whole number', name.span, 'a name',
+                   'for no upper bound write [>=n]')
+    number = work_out(node, lambda name: 0)
+    return node if names else str(number)
+
+
+def work_out(root: Expression, constant: Callable[[Name], int]) -> int:
+    """Return the number that an end of a bound is; `constant` gives that of a name."""
+    values: list[int] = []
+    for node in postorder(root):
+        match node:
+            case Number(text=text) if text.isdecimal() and len(text) <= _MAX_DIGITS:
+                values.append(int(text))
+            case Name():
+                values.append(constant(node))
+            case Prefix(operator='-'):
+                values.append(-values.pop())
+            case Infix(operator='+' | '-' | '*'):
+                right, left = values.pop(), values.pop()
+                values.append(_calculate(node.operator, left, right))
+            case _:
+                _refuse(node)
+        if abs(values[-1]) >= 10 ** _MAX_DIGITS:
+            refuse('the bound is too large', root.span, 'a bound is at most 2147483647')
+    return values[0]
+
+
+def _calculate(operator: str, left: int, right: int) -> int:
+    match operator:
+        case '+':
+            return left + right
+        case '-':
+            return left - right
+        case _:
+            return left * right
+
+
+def _refuse(node: Expression) -> NoReturn:
+    refuse('a bound is a whole number', node.span, 'not a number')

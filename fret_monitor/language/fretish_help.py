@@ -1,0 +1,410 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What is said of a text that is no FRETish sentence: where, what would fit, what was meant."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import NoReturn
+
+from fret_monitor.language._lalr import (
+    as_written, END, Lexeme, open_brackets, OPERAND_ENDS, OPERAND_STARTS, short,
+)
+from fret_monitor.language.fretish_words import ABBREVIATIONS, WORDS
+from fret_monitor.model.diagnostics import refuse, Span, Text
+
+WRITE = {'and': '&', 'or': '|', 'not': '!', 'implies': '=>', 'iff': '<=>', 'xor': 'xor',
+         'unequal': '!='}
+_EXAMPLE = 'a sentence is like: when p the COMPONENT shall within 3 ticks satisfy q'
+_UNITS = 'ticks, microseconds, milliseconds, seconds, minutes, hours'
+_FOREIGN = {
+    '&&': 'write &', '||': 'write |', '==': 'write =', '<>': 'write !=',
+    '%': 'the remainder is mod: x mod 3',
+    '.': 'a full stop ends the sentence; each sentence is a requirement of its own',
+    ';': 'a sentence ends without a semicolon, or with a full stop',
+    ':': 'put a name with special characters in quotes',
+    '[': 'an element of an array is an input of its own: field: NAME[INDEX]',
+    '{': 'write an enumeration as (x = A | x = B)',
+}
+# What people write for the words of FRETish.
+_MEANT = {
+    **ABBREVIATIONS,
+    **dict.fromkeys(('should', 'must', 'will', 'can', 'may', 'has', 'does'), 'shall'),
+    **dict.fromkeys(('ensure', 'guarantee', 'be', 'meet', 'fulfil', 'fulfill', 'hold',
+                     'maintain', 'satisfies'), 'satisfy'),
+    **dict.fromkeys(('step', 'steps', 'cycle', 'cycles', 'message', 'messages', 'samples',
+                     'timepoints', 'timestep', 'timesteps'), 'ticks'),
+    **dict.fromkeys(('provided', 'given', 'assuming'), 'if'),
+    **dict.fromkeys(('soon', 'once'), 'upon'),
+    **dict.fromkeys(('globally', 'continuously', 'constantly', 'permanently'), 'always'),
+    **dict.fromkeys(('sometime', 'someday', 'later'), 'eventually'),
+    **dict.fromkeys(('instantly', 'directly', 'now', 'simultaneously'), 'immediately'),
+    **dict.fromkeys(('following', 'subsequent'), 'next'),
+    **dict.fromkeys(('state', 'phase'), 'mode'),
+}
+_POINTS = frozenset({'time', 'timestep', 'point', 'instant', 'step', 'moment'})
+_SYMBOLS = {'AND': '&', 'OR': '|', 'NEGATION': '!'}
+_NAMED_SYMBOLS = {'implies': '=>', 'iff': '<=>', 'equals': '=', 'plus': '+', 'minus': '-',
+                  'times': '*', 'div': '/'}
+_TEMPORAL = frozenset({'H', 'O', 'Y', 'Z', 'S', 'T', 'SI', 'G', 'F', 'X', 'U'})
+_EXPECTATIONS = (
+    ({'NAME', 'LPAR'}, 'an expression'),
+    ({'DURING'}, 'a scope (in m mode, while p, before p, after p)'),
+    ({'QUALIFIER'}, 'a condition (when p, if p, upon p, whenever p)'),
+    ({'THE', 'SHALL'}, "the component and 'shall'"),
+    ({'THE', 'NAME'}, 'the component'),
+    ({'THE'}, "'the'"),
+    ({'SHALL'}, "'shall'"),
+    ({'PLAIN'}, 'a timing (always, within 3 ticks, until p, at the next timepoint)'),
+    ({'UNIT', 'SATISFY'}, f'a unit ({_UNITS})'),
+    ({'UNIT'}, f'a unit ({_UNITS})'),
+    ({'SATISFY'}, "'satisfy'"),
+    ({'TIMEPOINT'}, "'timepoint'"),
+    ({'WHICH', 'NEXT', 'PREVIOUS'}, "'first', 'same', 'next', 'last', or 'previous occurrence'"),
+    ({'WHICH', 'NEXT'}, "'first', 'same', 'next' or 'last'"),
+    ({'PREVIOUS'}, "'previous'"),
+    ({'OCCURRENCE'}, "'occurrence'"),
+    ({'OF'}, "'of'"),
+    ({'PROBABILITY'}, "'probability'"),
+    ({'IN'}, "'in'"),
+    ({'MODE', 'NAME'}, 'a mode'),
+    ({'NAME'}, 'a name'),
+    ({'NUMBER'}, 'a number'),
+    ({'RELATION', 'INFIX'}, 'an operator'),
+    ({'RELATION'}, 'a comparison'),
+    ({'THEN'}, "'then'"),
+    ({'RPAR'}, "')'"),
+    ({END}, 'the end'),
+)
+# Kinds that need no phrase of their own beside another.
+_IMPLIED = {
+    'LPAR': ('NUMBER',), 'DURING': ('IN',), 'SHALL': ('NAME',), 'THE': ('NAME',),
+}
+_PLACES = frozenset({'IN', 'DURING', 'WHILE', 'AFTER', 'BEFORE', 'ONLY', 'EXCEPT'})
+_QUALIFIERS = frozenset({'QUALIFIER', 'WHEN', 'IF', 'UNLESS'})
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """The lexeme at `index` does not fit; `fitting` would, and `earlier` would have before it."""
+
+    text: Text
+    lexemes: Sequence[Lexeme]
+    index: int
+    fitting: frozenset[str]
+    earlier: frozenset[str]
+
+    @property
+    def found(self) -> Lexeme:
+        """The lexeme that does not fit."""
+        return self.lexemes[self.index]
+
+    @property
+    def before(self) -> Lexeme | None:
+        """The lexeme before it."""
+        return self.lexemes[self.index - 1] if self.index else None
+
+    def written(self, lexeme: Lexeme) -> str:
+        """Return a lexeme as the user wrote it."""
+        return as_written(self.text, lexeme)
+
+
+def check_sentence(text: Text, lexemes: Sequence[Lexeme]) -> None:
+    """Refuse what is no sentence at all: nothing, or free text in quotes."""
+    if not lexemes:
+        refuse('the sentence is empty', text.span, 'nothing to read here', _EXAMPLE)
+    if len(lexemes) == 1 and text.value[lexemes[0].start] == '"':
+        refuse('free text has no meaning that could be monitored', text.span, 'in quotes',
+               _EXAMPLE)
+
+
+def check_expression(lexemes: Sequence[Lexeme]) -> None:
+    """Refuse a sentence where an expression is wanted."""
+    for lexeme in lexemes:
+        if lexeme.type in ('SHALL', 'SATISFY'):
+            refuse('a definition is an expression, and no sentence', lexeme.span, 'not expected',
+                   'write what is true or false, as in x > 3 & p')
+
+
+def refuse_future(phrase: Span) -> NoReturn:
+    """Refuse `at the next occurrence of`."""
+    refuse('a monitor sees only the past', phrase, 'looks into the future',
+           'write at the previous occurrence of p, q; or make p the condition: upon p ... satisfy')
+
+
+def refuse_probability(phrase: Span) -> NoReturn:
+    """Refuse `with probability > 0.9`."""
+    refuse('a probability cannot be monitored', phrase,
+           'one run either satisfies the sentence or violates it',
+           'leave the probability out, and count violations over many runs')
+
+
+def refuse_negative(phrase: Span) -> NoReturn:
+    """Refuse `within -3 ticks`."""
+    refuse('a duration cannot be negative', phrase, 'less than nothing')
+
+
+def refuse_bare(number: str, phrase: Span) -> NoReturn:
+    """Refuse `within 10 satisfy`."""
+    refuse('a duration needs a unit', phrase, 'a number without one',
+           f'write {short(number)} ticks for steps, or one of {_UNITS}')
+
+
+def refuse_lexeme(misfit: Misfit) -> NoReturn:
+    """Say why a lexeme does not fit, and what was probably meant."""
+    _check_english(misfit)
+    _check_order(misfit)
+    _check_known_slips(misfit)
+    _check_brackets(misfit)
+    meant = _meant(misfit)
+    if meant is not None:
+        lexeme, word = meant
+        if lexeme is misfit.found and misfit.before and misfit.before.type == 'NUMBER':
+            word = f'{misfit.written(misfit.before)} {word}'
+        refuse(f"'{misfit.written(lexeme)}' is no word of FRETish that fits here", lexeme.span,
+               _expectation(misfit.fitting if lexeme is misfit.found else misfit.earlier),
+               f"did you mean '{word}'?")
+    found = misfit.found
+    if found.type == END:
+        refuse('the sentence ends too early', found.span, _expectation(misfit.fitting),
+               _help(misfit))
+    refuse(_title(misfit), found.span, _expectation(misfit.fitting), _help(misfit))
+
+
+def _title(misfit: Misfit) -> str:
+    found = misfit.found
+    shown = misfit.written(found)
+    if _is_word(found) and _wants_operand(misfit):
+        return f"'{shown}' is a word of FRETish, and no name"
+    return f"'{shown}' does not fit here"
+
+
+def _wants_operand(misfit: Misfit) -> bool:
+    return {'NAME', 'LPAR'} <= misfit.fitting and 'INFIX' not in misfit.fitting
+
+
+def _is_word(lexeme: Lexeme) -> bool:
+    return lexeme.text in WORDS and lexeme.type == WORDS[lexeme.text]
+
+
+# English that is no FRETish: `v is less than 1`
+
+_RELATIONS = {
+    '<': ('is less than', 'is smaller than', 'is lower than', 'is below', 'is under'),
+    '>': ('is greater than', 'is more than', 'is larger than', 'is higher than', 'is above',
+          'is over', 'exceeds'),
+    '<=': ('is less than or equal to', 'is at most', 'is no more than', 'is not more than',
+           'is not greater than', 'is not above'),
+    '>=': ('is greater than or equal to', 'is at least', 'is no less than', 'is not less than',
+           'is not below'),
+    '=': ('is equal to', 'equals', 'is'),
+    '!=': ('is not equal to', 'is unequal to', 'is not', 'differs from'),
+}
+_PHRASES = sorted(((tuple(phrase.split()), sign) for sign, phrases in _RELATIONS.items()
+                   for phrase in phrases), key=lambda item: -len(item[0]))
+_LONGEST_PHRASE = len(_PHRASES[0][0])
+
+
+def _check_english(misfit: Misfit) -> None:
+    """Tell a comparison in words where one of its words does not fit."""
+    lexemes = misfit.lexemes
+    for start in range(max(1, misfit.index - _LONGEST_PHRASE), misfit.index + 1):
+        words = tuple(misfit.written(lexeme).lower()
+                      for lexeme in lexemes[start:start + _LONGEST_PHRASE])
+        found = next(((phrase, sign) for phrase, sign in _PHRASES
+                      if words[:len(phrase)] == phrase), None)
+        if found is not None and lexemes[start - 1].type in OPERAND_ENDS:
+            _refuse_english(misfit, start, *found)
+
+
+def _refuse_english(misfit: Misfit, start: int, phrase: tuple[str, ...], sign: str) -> None:
+    lexemes, end = misfit.lexemes, start + len(phrase)
+    left, right = lexemes[start - 1], lexemes[min(end, len(lexemes) - 1)]
+    if not start <= misfit.index <= end or right.type not in OPERAND_STARTS | {'MINUS'}:
+        return
+    shown = misfit.written(left), misfit.written(right)
+    first = lexemes[start].span
+    help_ = f'write {sign}'
+    if right.type in ('TRUE', 'FALSE') and sign in ('=', '!='):
+        help_ = f"write {'' if (right.type == 'TRUE') == (sign == '=') else '!'}{shown[0]}"
+    elif left.type in ('NAME', 'NUMBER') and right.type in ('NAME', 'NUMBER'):
+        help_ = f'write {shown[0]} {sign} {shown[1]}'
+    refuse(f"'{' '.join(phrase)}' is not written in FRETish",
+           Span(first.source, first.start, lexemes[end - 1].span.end), 'not an operator', help_)
+
+
+# What stands in the wrong place: `shall satisfy p within 2 seconds`
+
+_LONGEST = 400
+_TIMINGS = frozenset({'SPAN', 'UNTIL', 'BEFORE', 'AFTER', 'AT', 'PLAIN'})
+
+
+def _check_order(misfit: Misfit) -> None:
+    """Tell a timing or a condition behind the response, with the sentence to write."""
+    found = misfit.found
+    kinds = [lexeme.type for lexeme in misfit.lexemes[:misfit.index]]
+    if 'SHALL' not in kinds or 'SATISFY' not in kinds or 'INFIX' not in misfit.fitting:
+        return
+    if found.type in _TIMINGS:
+        _refuse_late_timing(misfit, kinds)
+    if found.type in ('WHEN', 'IF', 'UNLESS', 'QUALIFIER') and not _QUALIFIERS & set(kinds):
+        whole = misfit.text.value
+        sentence = f'{whole[found.start:].strip()} {whole[:found.start].strip()}'
+        refuse('the condition comes before the component', found.span, 'behind the response',
+               _to_write(misfit, sentence))
+
+
+def _refuse_late_timing(misfit: Misfit, kinds: Sequence[str]) -> NoReturn:
+    found, whole = misfit.found, misfit.text.value
+    shall, satisfy = kinds.index('SHALL'), kinds.index('SATISFY')
+    earlier = next((lexeme for lexeme in misfit.lexemes[shall:satisfy]
+                    if lexeme.type in _TIMINGS), None)
+    if earlier is not None:
+        refuse('a sentence has one timing', found.span,
+               f"there is '{misfit.written(earlier)}' already",
+               'make a requirement of its own of the second one')
+    before = misfit.lexemes[satisfy].start
+    sentence = (f'{whole[:before]}{whole[found.start:].strip()} '
+                f'{whole[before:found.start].strip()}')
+    refuse("the timing comes before 'satisfy'", found.span, 'behind the response',
+           _to_write(misfit, sentence))
+
+
+def _to_write(misfit: Misfit, sentence: str) -> str:
+    """Return the sentence put right, if no more than one part of it was out of place."""
+    rest = {lexeme.type for lexeme in misfit.lexemes[misfit.index + 1:]}
+    if rest & (_TIMINGS | _QUALIFIERS | _PLACES) or len(sentence) > _LONGEST:
+        return _EXAMPLE
+    return f"write {' '.join(sentence.split())}"
+
+
+# What people often write
+
+def _check_known_slips(misfit: Misfit) -> None:
+    found = misfit.found
+    if found.type == 'FOREIGN':
+        title = 'does not fit here' if found.text in '.;' else 'is not written in FRETish'
+        refuse(f"'{found.text}' {title}", found.span, _expectation(misfit.fitting),
+               _FOREIGN.get(found.text, ''))
+    if found.type in _SYMBOLS and _in_expression(misfit):
+        refuse(f"'{misfit.written(found)}' joins no expressions in FRETish", found.span,
+               _expectation(misfit.fitting), f'write {_SYMBOLS[found.type]}')
+    if found.type == 'THEN':
+        refuse("'then' does not fit here", found.span, _expectation(misfit.fitting),
+               'leave it out: if p the COMPONENT shall ... satisfy q')
+    if found.type == 'NEGATION':
+        refuse("'not' does not fit here", found.span, _expectation(misfit.fitting),
+               'write when not in m mode, or except in m mode')
+    _check_operators(misfit)
+
+
+def _in_expression(misfit: Misfit) -> bool:
+    return bool({'INFIX', 'NUMBER'} & misfit.fitting) and 'UNIT' not in misfit.fitting
+
+
+def _check_operators(misfit: Misfit) -> None:
+    found, before = misfit.found, misfit.before
+    if found.type == 'RELATION' and before is not None and before.type == 'RELATION':
+        refuse('two comparisons without an operand between', found.span,
+               f"after '{before.text}'", 'the comparisons are < <= = != >= >')
+    for lexeme in (found, before):
+        if lexeme is None or lexeme.type != 'NAME' or 'INFIX' not in misfit.fitting:
+            continue
+        if lexeme.text.lower() in _NAMED_SYMBOLS:
+            refuse(f"'{misfit.written(lexeme)}' is not written in FRETish", lexeme.span,
+                   'not an operator', f'write {_NAMED_SYMBOLS[lexeme.text.lower()]}')
+        if lexeme.text in _TEMPORAL:
+            refuse(f"'{lexeme.text}' is no operator of FRETish", lexeme.span,
+                   'not in this language',
+                   'say it by a timing (always, eventually, within ...) or by persisted and '
+                   'occurred, or use the key ptltl:')
+
+
+def _check_brackets(misfit: Misfit) -> None:
+    found, opened = misfit.found, open_brackets(misfit.lexemes[:misfit.index])
+    if found.type == 'RPAR' and not opened:
+        refuse("')' closes nothing", found.span, 'no bracket is open here')
+    if opened and 'RPAR' in misfit.fitting and (found.type == END or _is_word(found)):
+        refuse("'(' is not closed", opened[-1].span, 'opened here',
+               f"a ')' is missing before '{misfit.written(found)}'"
+               if found.type != END else '')
+
+
+# What was meant
+
+def _meant(misfit: Misfit) -> tuple[Lexeme, str] | None:
+    """Return a lexeme that is a word misspelt, and that word."""
+    found, before = misfit.found, misfit.before
+    if found.type == 'NAME' and (word := _closest(found.text, misfit.fitting)):
+        return found, word
+    if before is not None and before.type == 'NAME' and (
+            word := _closest(before.text, misfit.earlier)):
+        return before, word
+    return None
+
+
+def _closest(name: str, fitting: frozenset[str]) -> str | None:
+    words = [word for word, kind in WORDS.items() if kind in fitting]
+    if 'TIMEPOINT' in fitting and name.lower() in _POINTS:
+        return 'timepoint'
+    meant = _MEANT.get(name.lower())
+    if meant in words:
+        return meant
+    if len(name) > 40:
+        return None
+    close = get_close_matches(name.lower(), words, n=1, cutoff=0.7 if len(name) > 3 else 0.8)
+    return close[0] if close else None
+
+
+def _help(misfit: Misfit) -> str:
+    found = misfit.found
+    at = [lexeme for lexeme in misfit.lexemes[max(0, misfit.index - 3):misfit.index]
+          if lexeme.type == 'AT']
+    if at and {'THE', 'TIMEPOINT', 'WHICH'} & misfit.fitting:
+        return f"did you mean 'at the {_point(misfit)} timepoint'?"
+    if found.type in _PLACES and any(lexeme.type in _QUALIFIERS for lexeme in
+                                     misfit.lexemes[:misfit.index]):
+        return 'the scope comes first: in m mode when p the COMPONENT shall ...'
+    if _is_word(found) and _wants_operand(misfit):
+        return f'write "{misfit.written(found)}", in quotes, where it is a name'
+    if 'SHALL' in misfit.fitting or {'THE', 'NAME'} <= misfit.fitting:
+        return _EXAMPLE
+    if misfit.fitting <= {'SATISFY', 'COMMA'} and found.type in OPERAND_STARTS:
+        return f'write satisfy before {misfit.written(found)}'
+    if 'NUMBER' in misfit.fitting and 'LPAR' not in misfit.fitting:
+        return 'write the number in digits, as FRET wants it: 3 ticks'
+    return ''
+
+
+def _point(misfit: Misfit) -> str:
+    near = misfit.lexemes[max(0, misfit.index - 3):misfit.index + 2]
+    return next((item.text for item in near if item.type in ('WHICH', 'NEXT')), 'next')
+
+
+def _expectation(fitting: frozenset[str]) -> str:
+    shown = list(_phrases(fitting))
+    if not shown:
+        return 'not expected'
+    return 'expected ' + ' or '.join([', '.join(shown[:-1]), shown[-1]] if shown[1:] else shown)
+
+
+def _phrases(fitting: frozenset[str]) -> Iterator[str]:
+    # What follows an operand may begin with a name or a bracket, and is no expression yet.
+    left = fitting - {'LPAR'} if 'INFIX' in fitting else fitting
+    for kinds, phrase in _EXPECTATIONS:
+        if kinds <= left:
+            left -= kinds.union(*(_IMPLIED.get(kind, ()) for kind in kinds))
+            yield phrase

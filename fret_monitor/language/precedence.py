@@ -1,0 +1,124 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How tight operators bind, and how a run of operands and operators becomes a tree by that.
+
+A reader of formulas hands a `Chain` operands and operators from left to right; it puts them
+together by a `Precedence`, with two stacks, in linear time. The printers read the same tables.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from fret_monitor.language.expression import Bound, Expression, Infix, Prefix
+from fret_monitor.model.diagnostics import refuse, Span
+
+
+@dataclass(frozen=True, eq=False)
+class Precedence:
+    """
+    The levels of operators on one scale: the higher, the tighter; no prefix shares an infix's.
+
+    Operators of one level go from left to right, those in `right` from right to left, and those
+    in `single` (comparisons) do not follow one another; `conjunction` helps out there.
+    """
+
+    infix: Mapping[str, int]
+    prefix: Mapping[str, int]
+    right: frozenset[str]
+    single: frozenset[str]
+    conjunction: str
+
+
+class Operator(NamedTuple):
+    """An operator with its bound; `span` is where both stand."""
+
+    text: str
+    bound: Bound | None
+    span: Span
+
+
+class Pending(NamedTuple):
+    """A prefix operator whose reach is not known yet."""
+
+    operator: Operator
+    operand: 'Expression | Pending'
+
+
+class _Waiting(NamedTuple):
+    level: int
+    is_prefix: bool
+    operator: Operator
+
+
+class Chain:
+    """What has been read of one run of operands and operators, put together as far as it can."""
+
+    def __init__(self, precedence: Precedence) -> None:
+        """Start with nothing; an operand comes first."""
+        self._precedence = precedence
+        self._operands: list[Expression] = []
+        self._waiting: list[_Waiting] = []
+
+    def add_operand(self, operand: Expression | Pending) -> None:
+        """Add an operand with its prefix operators."""
+        while isinstance(operand, Pending):
+            level = self._precedence.prefix[operand.operator.text]
+            self._waiting.append(_Waiting(level, True, operand.operator))
+            operand = operand.operand
+        self._operands.append(operand)
+
+    def add_infix(self, operator: Operator) -> None:
+        """Add an infix operator; raises `CompileError` for a second comparison."""
+        level = self._precedence.infix[operator.text]
+        while self._waiting and self._waiting[-1].level > level:
+            self._join_last()
+        if self._waiting and self._waiting[-1].level == level:
+            if operator.text in self._precedence.single:
+                self._refuse_second(operator)
+            if operator.text not in self._precedence.right:
+                self._join_last()
+        self._waiting.append(_Waiting(level, False, operator))
+
+    def close(self) -> Expression:
+        """Return the tree of all."""
+        while self._waiting:
+            self._join_last()
+        return self._operands.pop()
+
+    def _join_last(self) -> None:
+        _, is_prefix, (text, bound, span) = self._waiting.pop()
+        right = self._operands.pop()
+        if is_prefix:
+            whole = Span(span.source, span.start, right.span.end)
+            self._operands.append(Prefix(text, bound, right, span, whole))
+            return
+        left = self._operands.pop()
+        whole = Span(span.source, left.span.start, right.span.end)
+        self._operands.append(Infix(text, bound, left, right, span, whole))
+
+    def _refuse_second(self, operator: Operator) -> None:
+        first = self._waiting[-1].operator.text
+        left, middle = map(_source, self._operands[-2:])
+        instead = (f'write {left} {first} {middle} {self._precedence.conjunction} '
+                   f'{middle} {operator.text} ...')
+        refuse('comparisons cannot be chained', operator.span, 'a second comparison',
+               instead if len(instead) <= 100 else 'put parentheses around one comparison')
+
+
+def _source(node: Expression) -> str:
+    span = node.span
+    return ' '.join(span.source.text[span.start:span.end].split())

@@ -1,0 +1,227 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Reads past-time MTL as FRET writes it for SMV (the key `ptltl`).
+
+A `Text` goes in, an `Expression` comes out; the grammar is in `smv.lark`. Beside FRET's spelling
+it takes what SMV and C users write: `=>`, `<=>`, `&&`, `||`, `==` and `~`; `xor`, `mod`, `TRUE`
+and `FALSE` in any case; `.5`. FRET's old exports, with HTML in them, read as their content.
+FRET's sign is part of a number: `-3 ^ 2` is `(-3) ^ 2`, while `-x ^ 2` is `-(x ^ 2)`.
+"""
+
+from collections.abc import Sequence
+from itertools import product
+import re
+from typing import Any, NoReturn
+
+from fret_monitor.language import _lalr
+from fret_monitor.language._lalr import join, Lexeme
+from fret_monitor.language.bounds import bound_end, timed_bound
+from fret_monitor.language.expression import Bound, Expression
+from fret_monitor.language.fretish_words import ABBREVIATIONS, UNITS
+from fret_monitor.language.precedence import Precedence
+from fret_monitor.model.diagnostics import Diagnostic, refuse, Text
+
+
+def _any_case(word: str) -> list[str]:
+    return [''.join(letters) for letters in product(*zip(word.lower(), word.upper()))]
+
+
+_WORDS = {
+    'H': ('PAST', 'H'), 'O': ('PAST', 'O'), 'Y': ('DELAY', 'Y'), 'Z': ('DELAY', 'Z'),
+    'S': ('SINCE', 'S'), 'T': ('SINCE', 'T'), 'SI': ('SINCE', 'SI'),
+    **dict.fromkeys(_any_case('xor'), ('INFIX', 'xor')),
+    **dict.fromkeys(_any_case('mod'), ('INFIX', 'mod')),
+    **dict.fromkeys(_any_case('true'), ('TRUE', 'TRUE')),
+    **dict.fromkeys(_any_case('false'), ('FALSE', 'FALSE')),
+}
+_OPERATORS = {
+    '<->': ('INFIX', '<->'), '<=>': ('INFIX', '<->'), '->': ('INFIX', '->'),
+    '=>': ('INFIX', '->'), '|': ('INFIX', '|'), '||': ('INFIX', '|'), '&': ('INFIX', '&'),
+    '&&': ('INFIX', '&'), '!': ('NOT', '!'), '~': ('NOT', '!'), '<=': ('RELATION', '<='),
+    '>=': ('RELATION', '>='), '!=': ('RELATION', '!='), '==': ('RELATION', '='),
+    '<': ('RELATION', '<'), '>': ('RELATION', '>'), '=': ('RELATION', '='), '+': ('INFIX', '+'),
+    '-': ('MINUS', '-'), '*': ('INFIX', '*'), '/': ('INFIX', '/'), '^': ('INFIX', '^'),
+    '(': ('LPAR', '('), ')': ('RPAR', ')'), '[': ('LBRACK', '['), ']': ('RBRACK', ']'),
+    ',': ('COMMA', ','),
+}
+PRECEDENCE = Precedence(
+    infix={'<->': 1, '->': 2, 'xor': 3, '|': 4, '&': 5, 'S': 6, 'T': 6, 'SI': 6,
+           **dict.fromkeys(('<', '<=', '=', '!=', '>', '>='), 8), '+': 9, '-': 9, '*': 10,
+           '/': 10, 'mod': 10, '^': 12},
+    prefix={**dict.fromkeys(('!', 'H', 'O', 'Y', 'Z'), 7), '-': 11},
+    right=frozenset({'->', '^'}),
+    single=frozenset({'<', '<=', '=', '!=', '>', '>='}),
+    conjunction='&')
+"""How tight SMV's operators bind (DESIGN 5)."""
+
+_WRITE = {'and': '&', 'or': '|', 'not': '!', 'implies': '->', 'iff': '<->', 'xor': 'xor',
+          'unequal': '!='}
+_REFUSED = {
+    **{word: f'write {_WRITE[word]}' for word in ('and', 'or', 'not')},
+    **dict.fromkeys(('if', 'then', 'else'), 'write ite(condition, yes, no), or if -> then'),
+    'pre': 'write Y for a Boolean, preInt(init, x) or preReal(init, x) for a number',
+    '%': 'the remainder is mod: x mod 3',
+    ';': 'a formula of this language ends without a semicolon',
+    '{': 'write an enumeration as (x = A | x = B)',
+}
+_FOREIGN = {
+    **{word: f'write {_WRITE[word.lower()]}'
+       for word in ('AND', 'And', 'OR', 'Or', 'NOT', 'Not', 'implies', 'IMPLIES', 'iff', 'IFF')},
+    # The future, which FRET's grammar has too: each with what comes closest.
+    **dict.fromkeys(('G', 'globally', 'always'), 'a monitor sees only the past: '
+                    'write H p, true while p has held at every step so far'),
+    **dict.fromkeys(('F', 'finally', 'eventually'), 'a monitor sees only the past: '
+                    'write O p, true once p has held at some step so far'),
+    **dict.fromkeys(('X', 'next'), 'a monitor sees only the past: write Y p, p one step ago'),
+    **dict.fromkeys(('U', 'UI', 'until'), 'a monitor sees only the past: '
+                    'write p S q, p at every step since q held'),
+    **dict.fromkeys(('V', 'R', 'release'), 'a monitor sees only the past: write p T q'),
+    **dict.fromkeys(('historically', 'Historically', 'HISTORICALLY'),
+                    'write H p, or H[a,b] p for the steps from b to a steps ago'),
+    **dict.fromkeys(('once', 'Once', 'ONCE'),
+                    'write O p, or O[a,b] p for the steps from b to a steps ago'),
+    **dict.fromkeys(('since', 'Since', 'SINCE'), 'write p S q'),
+    **dict.fromkeys(('triggered', 'Triggered', 'TRIGGERED', 'trigger'), 'write p T q'),
+    **dict.fromkeys(('yesterday', 'Yesterday', 'previous', 'previously', 'prev', 'Previous'),
+                    'write Y p, p one step ago'),
+}
+_COCOSPEC = frozenset({'YtoPre', 'ZtoPre', 'OT', 'HT', 'ST', 'SIT', 'TT'})
+
+RESERVED = frozenset({*_WORDS, *(word for word in _REFUSED if word.isalpha()), *_COCOSPEC, 'FTP'})
+"""Words that are no names in this language, unless in quotes."""
+
+_UNITS = {**UNITS, **{short: UNITS[word] for short, word in ABBREVIATIONS.items()}}
+_HTML = {'<': '(?:<|&lt;)', '>': '(?:>|&gt;)', '&': '(?:&amp;|&(?!(?:lt|gt|amp);))'}
+
+
+_TIME = re.compile('([0-9.]+)([A-Za-z]+)')
+_SHORT = re.compile('[0-9.]{1,9}')
+
+
+def _pattern(blank: str) -> re.Pattern[str]:
+    spelled = sorted(_OPERATORS, key=len, reverse=True)
+    operators = '|'.join(''.join(_HTML.get(char, re.escape(char)) for char in operator)
+                         for operator in spelled)
+    time = rf'(?P<TIME>(?:[0-9]{{1,9}}\.)?[0-9]{{1,9}}(?i:{"|".join(_UNITS)}))(?![\w.$])'
+    return re.compile(f'(?:{blank})+|{time}|{_lalr.NUMBER}|{_lalr.NAME}|{_lalr.QUOTED}'
+                      f'|(?P<OPERATOR>{operators})|(?P<BAD>.)', re.ASCII | re.DOTALL)
+
+
+class _Builder(_lalr.Builder):
+
+    def window(self, parts: list[Any]) -> Bound:
+        low, high = self._end(parts[1]), self._end(parts[3])
+        return Bound('[]', low, high, join(parts[0].span, parts[4].span))
+
+    def one_sided(self, parts: list[Any]) -> Bound:
+        relation = parts[1]
+        if relation.text == '!=':
+            refuse("a bound has no '!='", relation.span, 'not a range of steps')
+        return Bound(relation.text, self._end(parts[2]), None,
+                     join(parts[0].span, parts[3].span))
+
+    def one_number(self, parts: list[Any]) -> NoReturn:
+        end = self._end(parts[1])
+        number = end if isinstance(end, str) else 'n'
+        refuse('a bound has two numbers, or a relation', join(parts[0].span, parts[2].span),
+               'one number', f'write [0,{number}] for the last {number} steps, '
+                             f'[={number}] for exactly {number} steps ago')
+
+    def _end(self, part: Any) -> str | Expression:
+        return bound_end(self.finish(part))
+
+    def call(self, parts: list[Any]) -> Expression:
+        if parts[0].text in _COCOSPEC:
+            refuse(f"'{parts[0].text}' is an operator of CoCoSpec", parts[0].span,
+                   'not in this language', 'use the key cocospec: instead of ptltl:')
+        if parts[0].text in _FOREIGN:
+            refuse(f"'{parts[0].text}' is no operator here", parts[0].span,
+                   'not in this language', _FOREIGN[parts[0].text])
+        return super().call(parts)
+
+
+def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
+    found = lexemes[index]
+    before = lexemes[index - 1] if index else found
+    if found.type == 'SINCE':
+        return Diagnostic(f"'{found.text}' stands between two operands", found.span,
+                          'an operand is missing before it', f'write p {found.text} q; '
+                          f"CoCoSpec's {found.text}(p, q) is q {found.text} p here")
+    if found.type == 'RELATION' and before.type == 'RELATION':
+        return Diagnostic('two comparisons without an operand between', found.span,
+                          f"after '{before.text}'", 'the comparisons are < <= = != >= >')
+    return (_explain_time(text, lexemes, index) or _explain_open_bound(text, lexemes, index)
+            or _explain_bracket(before, found))
+
+
+def _explain_time(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
+    """Tell a time, of one lexeme (2s) or of two (2 s); outside of bounds it is just no number."""
+    found = lexemes[index]
+    if found.type == 'TIME':
+        number, unit = _TIME.findall(found.text)[0]
+        place = found.span
+    elif found.text.lower() in _UNITS and _SHORT.fullmatch(lexemes[index - 1].text):
+        number, unit = lexemes[index - 1].text, found.text
+        place = join(lexemes[index - 1].span, found.span)
+    else:
+        return None
+    if all(lexeme.type != 'LBRACK' for lexeme in _lalr.open_brackets(lexemes[:index])):
+        if found.type == 'TIME':
+            _lalr.refuse_number(found.text, found.span)
+        return None
+    return timed_bound(number, _UNITS[unit.lower()], place)
+
+
+def _explain_open_bound(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
+    """Tell a bound that is not closed where an operand begins: H[0,10 p."""
+    found, opened = lexemes[index], _lalr.open_brackets(lexemes[:index])
+    is_operand = found.type in _lalr.OPERAND_STARTS
+    if not opened or opened[-1].type != 'LBRACK' or not is_operand or (
+            lexemes[index - 1].type not in _lalr.OPERAND_ENDS
+            or lexemes[index + 1].type in ('COMMA', 'RBRACK')):
+        return None
+    return Diagnostic("'[' is not closed", opened[-1].span, 'opened here',
+                      f"a ']' is missing before '{_lalr.as_written(text, found)}'")
+
+
+def _explain_bracket(before: Lexeme, found: Lexeme) -> Diagnostic | None:
+    if found.type == 'LBRACK' and before.type == 'DELAY':
+        instead = 'O' if before.text == 'Y' else 'H'
+        return Diagnostic(f"'{before.text}' takes no bound", found.span,
+                          'it looks exactly one step back',
+                          f'write {instead}[=n] p for n steps back')
+    if found.type == 'LBRACK' and before.text in _FOREIGN:
+        return Diagnostic(f"'{before.text}' is no operator here", before.span,
+                          'not in this language', _FOREIGN[before.text])
+    if found.type == 'LBRACK' and before.type == 'NAME':
+        return Diagnostic('a name takes no index', found.span, 'not expected',
+                          'an element of an array is an input of its own: field: NAME[INDEX]')
+    if found.type == 'COMMA' and before.type in _lalr.OPERAND_ENDS:
+        return Diagnostic("',' does not fit here", found.span, 'not among the arguments of a '
+                          'function', 'H O Y Z take one operand; S T SI stand between two')
+    return None
+
+
+_LANGUAGE = _lalr.Language('smv.lark', _Builder(PRECEDENCE), ('start',), _pattern(r'\s'), _WORDS,
+                           _OPERATORS, _REFUSED, _FOREIGN, _WRITE, _explain)
+_TAGGED = _pattern(r'\s|</?[bi]>')
+
+
+def parse_smv(text: Text) -> Expression:
+    """Return the tree of a formula; raises `CompileError` with the place of the first error."""
+    lexemes = _lalr.scan(_LANGUAGE, text, _TAGGED if '</' in text.value else None)
+    tree: Expression = _lalr.parse(_LANGUAGE, text, _lalr.join_signs(lexemes), 'start')
+    return tree

@@ -1,0 +1,95 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Warnings about FRETish sentences that mean what they say, and maybe not what was meant.
+
+A time that counts messages, plain counts beside times, and a requirement that is announced at
+every step until it is fulfilled.
+"""
+
+from collections.abc import Iterator
+
+from fret_monitor.bundle.bundle import Bundle
+from fret_monitor.elaboration.durations import approximate, SECONDS
+from fret_monitor.elaboration.fretish import is_not_yet
+from fret_monitor.language.expression import Call, postorder
+from fret_monitor.language.sentence import Duration, Sentence
+from fret_monitor.model.diagnostics import Diagnostic, Level, Span
+from fret_monitor.model.policies import Policy, Report
+
+_COUNTED = {
+    Policy.EVERY_MESSAGE: 'messages on any mapped topic',
+    Policy.RELEVANT_MESSAGE: 'messages on topics that it reads',
+    Policy.ALL_INPUTS: 'rounds of all inputs',
+}
+_COUNTING = frozenset({'persisted', 'occurred'})
+
+
+def advise(sentence: Sentence, bundle: Bundle, report: Report) -> Iterator[Diagnostic]:
+    """Yield the warnings about a sentence of a bundle, which is announced as `report` says."""
+    yield from sentence.remarks
+    duration = sentence.timing.duration if sentence.timing else None
+    if duration is not None and duration.unit in SECONDS:
+        yield from _about_time(sentence, duration, bundle)
+    if report is Report.EVERY_STEP and is_not_yet(sentence):
+        yield _warning(
+            'this is announced at every step until it is fulfilled', _demand(sentence),
+            'false means "not yet" here',
+            'write report: onset to hear of it once, or say by when: within 10 ticks')
+
+
+def advise_alone(sentence: Sentence) -> Iterator[Diagnostic]:
+    """Yield the warnings about a sentence that no bundle says the period for."""
+    yield from sentence.remarks
+    duration = sentence.timing.duration if sentence.timing else None
+    if duration is not None and duration.unit in SECONDS:
+        yield _warning(
+            f"'{duration.number} {duration.unit.value}' counts {duration.number} steps",
+            duration.span, 'a sentence alone has no period',
+            f'write {duration.number} ticks; or, for time, put it into a bundle with '
+            'policy: periodic and a period')
+
+
+def _about_time(sentence: Sentence, duration: Duration, bundle: Bundle) -> Iterator[Diagnostic]:
+    written = f'{duration.number} {duration.unit.value}'
+    count = next(_counts(sentence), None)
+    if bundle.policy in _COUNTED:
+        beside = ', and plain counts stand beside it' if count else ''
+        yield _warning(
+            f"'{written}' counts {duration.number} {_COUNTED[bundle.policy]}", duration.span,
+            f'the policy is {bundle.policy.value}{beside}', f'write {duration.number} ticks; or, '
+            'for time, policy: periodic and a period under evaluation')
+    elif count is not None:
+        length = f' of {approximate(bundle.period)} s' if bundle.period else ''
+        yield _warning(
+            f"a plain count stands beside '{written}'", count, f'counts steps{length}',
+            'say both in ticks, or look at the bounds that check prints')
+
+
+def _warning(title: str, span: Span, label: str, help_: str) -> Diagnostic:
+    return Diagnostic(title, span, label, help_, Level.WARNING)
+
+
+def _demand(sentence: Sentence) -> Span:
+    return sentence.timing.span if sentence.timing else sentence.response.span
+
+
+def _counts(sentence: Sentence) -> Iterator[Span]:
+    """Yield the places of the numbers of steps in `persisted(10, p)` and its like."""
+    for root in sentence.expressions:
+        for node in postorder(root):
+            if isinstance(node, Call) and node.function in _COUNTING and node.arguments:
+                yield node.arguments[0].span

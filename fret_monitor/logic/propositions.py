@@ -1,0 +1,131 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a formula is about: its propositions, and what has to happen for it to ask for anything.
+
+A proposition is a Boolean input or a comparison. A trigger is the left side of an implication:
+where it is never true, the formula is satisfied and says nothing.
+"""
+
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator, Choice, Feedback, Formula, Historically, Once, operands, postorder,
+    Previous, Since, Triggered, Unary, UnaryOperator, Variable, variables, WeakYesterday,
+    Yesterday,
+)
+from fret_monitor.logic.specification import Property
+from fret_monitor.model.values import ValueType
+
+_BOOL = ValueType.BOOL
+_TEMPORAL = (Yesterday, WeakYesterday, Once, Historically, Since, Triggered, Previous, Feedback)
+
+
+def roots(item: Property) -> list[Formula]:
+    """Return a requirement's formula, and the equations of its feedback."""
+    return [item.formula, *(equation for _, equation in item.feedback)]
+
+
+def is_proposition(node: Formula) -> bool:
+    """Whether a node is a Boolean input, or a comparison of numbers."""
+    match node:
+        case Variable(_, kind):
+            return kind is _BOOL
+        case Binary(operator, left, _):
+            return operator.is_relation and left.type is not _BOOL
+        case _:
+            return False
+
+
+def propositions(item: Property) -> list[Formula]:
+    """Return the outermost propositions of a requirement, in the order they first occur."""
+    found: dict[Formula, None] = {}
+    seen: set[Formula] = set()
+    stack = list(reversed(roots(item)))
+    while stack:
+        node = stack.pop()
+        if node in seen:
+            continue
+        seen.add(node)
+        if is_proposition(node):
+            found[node] = None
+        else:
+            stack.extend(reversed(operands(node)))
+    return [node for node in found if variables(node)]
+
+
+def is_pointwise(node: Formula) -> bool:
+    """Whether a node's value depends on the present step alone."""
+    return not any(isinstance(each, _TEMPORAL) for each in postorder([node]))
+
+
+def triggers(formula: Formula, limit: int) -> list[Formula]:
+    """Return the left sides of implications that the formula asks to be true, outermost first."""
+    found: dict[Formula, None] = {}
+    seen: set[Formula] = set()
+    stack = [formula]
+    while stack and len(found) < limit:
+        node = stack.pop()
+        if node in seen:
+            continue
+        seen.add(node)
+        trigger, rest = _taken_apart(node)
+        if trigger is not None and variables(trigger):
+            found[trigger] = None
+        stack.extend(reversed(rest))
+    return list(found)
+
+
+def _taken_apart(node: Formula) -> tuple[Formula | None, tuple[Formula, ...]]:
+    """Return a node's trigger if it is an implication, and the parts it asks to be true."""
+    match node:
+        case Binary(BinaryOperator.IMPLIES, left, right):
+            return left, (right,)
+        case Binary(BinaryOperator.OR, Unary(UnaryOperator.NOT, left), right):
+            return left, (right,)
+        case Binary(BinaryOperator.AND | BinaryOperator.OR) | Since() | Triggered():
+            return None, (node.left, node.right)
+        case Once() | Historically() | Yesterday() | WeakYesterday():
+            return None, (node.argument,)
+        case Choice():
+            return None, (node.yes, node.no)
+        case _:
+            return None, ()
+
+
+def horizon(item: Property) -> int:
+    """Return how many steps back the formula's bounds reach, nested ones added up."""
+    depth: dict[Formula, int] = {}
+    for node in postorder(roots(item)):
+        below = max((depth[part] for part in operands(node)), default=0)
+        depth[node] = below + _reach(node)
+    return max(depth.values())
+
+
+def _reach(node: Formula) -> int:
+    match node:
+        case Once() | Historically() | Since() | Triggered():
+            return max(node.window.low, node.window.high or 0)
+        case Yesterday() | WeakYesterday() | Previous() | Feedback():
+            return 1
+        case _:
+            return 0
+
+
+def bounds(item: Property) -> list[int]:
+    """Return the ends of all windows that reach back, smallest first."""
+    found = set()
+    for node in postorder(roots(item)):
+        if isinstance(node, Once | Historically | Since | Triggered):
+            found |= {end for end in (node.window.low, node.window.high) if end}
+    return sorted(end for end in found if end > 0)

@@ -1,0 +1,416 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Field paths: what part of a message an input takes.
+
+A path such as `pose.position.z` or `ranges[3]` leads to a scalar; one that leads to a time, such
+as `header.stamp`, is read in seconds. A reduction such as `max(ranges)` or `norm(velocity)` makes
+one value of an array or of a message. `resolve_field` says what is read, and of what type it is.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+import re
+from typing import NoReturn
+
+from fret_monitor.messages.definitions import (
+    ArrayKind, check_complete, FieldType, find_message, listed, MessageField, MessageLayout,
+)
+from fret_monitor.model.diagnostics import CompileError, did_you_mean, refuse, Span, Text
+from fret_monitor.model.manifest import REDUCTIONS, SECONDS
+from fret_monitor.model.names import shown
+
+_READ_AS = {'byte': 'uint8', 'char': 'uint8'}
+_STRINGS = ('string', 'wstring')
+_TIMES = ('builtin_interfaces/msg/Time', 'builtin_interfaces/msg/Duration')
+_MAX_LISTED = 12
+_MAX_DEPTH = 8
+_MAX_INDEX = 2 ** 31 - 1
+
+_STEP = re.compile(r'(?P<name>[A-Za-z][A-Za-z0-9_]*)(?:\[(?P<index>[0-9]+)\])?')
+_CALL = re.compile(r'\s*(?P<function>[A-Za-z_][A-Za-z0-9_]*)\s*\(\s*(?P<path>.*?)\s*\)\s*')
+
+_OF_NUMBERS = ('len', 'min', 'max', 'sum', 'mean', 'norm')
+_OF_TRUTHS = ('len', 'any', 'all')
+_OF_OTHERS = ('len',)
+
+
+@dataclass(frozen=True)
+class ResolvedField:
+    """
+    Where a field path leads, and what is taken there.
+
+    `path` holds names and indices; `type_name` is the type of the value, with `byte` and `char` as
+    `uint8`; `types` are the types of the fields on the way, one for each name in the path.
+    `reduction` is as in `ManifestInput`.
+    """
+
+    path: tuple[str | int, ...]
+    type_name: str
+    types: tuple[FieldType, ...]
+    reduction: str = ''
+
+
+@dataclass(frozen=True)
+class _End:
+    """Where a path ends: in which message, and whether at one element of its array."""
+
+    path: tuple[str | int, ...]
+    types: tuple[FieldType, ...]
+    inside: MessageLayout
+
+    @property
+    def type(self) -> FieldType:
+        return self.types[-1]
+
+    @property
+    def is_array(self) -> bool:
+        return self.type.array is not ArrayKind.NONE and isinstance(self.path[-1], str)
+
+    @property
+    def is_time(self) -> bool:
+        return self.type.base in _TIMES and not self.is_array
+
+
+def resolve_field(layout: MessageLayout, path_text: Text | None,
+                  type_text: Text) -> ResolvedField:
+    """
+    Follow a field path into a message, to the value at its end.
+
+    `path_text` may be None where the message has one field; `type_text` is where the type is
+    named, for the error.
+
+    Raises
+    ------
+    CompileError
+        if there is no such field, or it is no value; it says what there is.
+    """
+    if path_text is None:
+        return _only_field(layout, type_text)
+    call = _CALL.fullmatch(path_text.value) if '(' in path_text.value else None
+    if call is not None:
+        return _reduced(layout, path_text, call)
+    end = _follow(layout, path_text)
+    if end.is_array:
+        _refuse_array(end, path_text)
+    if end.type.is_message and not end.is_time:
+        _refuse_message(end, path_text)
+    return _resolved(end)
+
+
+def _follow(layout: MessageLayout, path_text: Text) -> _End:
+    path: list[str | int] = []
+    types: list[FieldType] = []
+    inside = layout
+    steps = list(_steps(path_text, layout))
+    for match in steps:
+        if types:
+            inside = _inside(inside, types[-1], path_text, match)
+        types.append(_step(inside, match, path_text, match is steps[-1]))
+        path.extend([match['name'], *([int(match['index'])] if match['index'] else [])])
+    return _End(tuple(path), tuple(types), inside)
+
+
+def _resolved(end: _End) -> ResolvedField:
+    if end.is_time:
+        return ResolvedField(end.path, 'float64', end.types, SECONDS)
+    base = end.type.base
+    return ResolvedField(end.path, _READ_AS.get(base, base), end.types)
+
+
+def _reduced(layout: MessageLayout, text: Text, call: re.Match[str]) -> ResolvedField:
+    """Resolve a reduction: a function of what its path leads to."""
+    start, stop = call.span('path')
+    path_text = Text(text.value[start:stop], text.source, text.offsets[start:stop + 1])
+    function, place = call['function'], text.at(*call.span('function'))
+    if function not in REDUCTIONS:
+        refuse(f'{shown(function)} is no function of a field', place, 'unknown function',
+               did_you_mean(function, REDUCTIONS) or 'there are ' + ', '.join(REDUCTIONS))
+    if not path_text.value:
+        refuse(f"'{function}' is a function of a field", text.span, 'of which field?',
+               _help([f'{function}({path})' for path in _paths_for(layout, function)]))
+    end = _follow(layout, path_text)
+    if function not in _functions(end):
+        _refuse_function(layout, end, path_text, function, place)
+    return ResolvedField(end.path, _type_of(function, end.type.base), end.types, function)
+
+
+def _type_of(function: str, base: str) -> str:
+    """Return the type of a reduction of elements of a type."""
+    match function:
+        case 'len':
+            return 'uint32'
+        case 'min' | 'max':
+            return _READ_AS.get(base, base)
+        case 'any' | 'all':
+            return 'bool'
+        case 'sum' if base.startswith('int'):
+            return 'int64'
+        case 'sum' if not base.startswith('float'):
+            return 'uint64'
+        case _:
+            return 'float64'
+
+
+def _functions(end: _End) -> tuple[str, ...]:
+    """Return the reductions of what stands at the end of a path."""
+    kind = end.type
+    if end.is_array:
+        return _functions_of_array(kind)
+    if kind.is_message and not end.is_time:
+        inner = _nested(end.inside, kind, None)
+        return ('norm',) if inner.fields and all(map(_is_number, inner.fields)) else ()
+    return _OF_OTHERS if kind.base in _STRINGS else ()
+
+
+def _functions_of_array(kind: FieldType) -> tuple[str, ...]:
+    if kind.base == 'bool':
+        return _OF_TRUTHS
+    return _OF_OTHERS if kind.is_message or kind.base in _STRINGS else _OF_NUMBERS
+
+
+def _is_number(item: MessageField) -> bool:
+    kind = item.type
+    return kind.array is ArrayKind.NONE and not kind.is_message \
+        and kind.base not in ('bool', *_STRINGS)
+
+
+def _refuse_function(layout: MessageLayout, end: _End, path_text: Text, function: str,
+                     place: Span) -> NoReturn:
+    there = _functions(end)
+    written = path_text.value
+    use = [f'{name}({written})' for name in there]
+    if not end.is_array and (end.is_time or not end.type.is_message):
+        use.insert(0, written)
+    what = _kind(end.type) if end.is_array else _element(end.type)
+    refuse(f"{shown(written)} is {what}, of which there is no '{function}'", place,
+           'cannot be taken of it',
+           _help(use or [f'{function}({path})' for path in _paths_for(layout, function)]
+                 or [f'{written}.{path}' for path in
+                     _leaf_paths(_nested(end.inside, end.type, None))]))
+
+
+def _paths_for(layout: MessageLayout, function: str) -> list[str]:
+    """Return the first paths of which there is a reduction."""
+    found = []
+    for prefix, inside in _levels(layout):
+        for item in inside.fields:
+            end = _End((item.name,), (item.type,), inside)
+            try:
+                if function in _functions(end):
+                    found.append(prefix + item.name)
+            except CompileError:
+                continue  # not installed: this is only a hint
+    return found
+
+
+def _only_field(layout: MessageLayout, type_text: Text) -> ResolvedField:
+    paths = _leaf_paths(layout)
+    if len(layout.fields) != 1:
+        refuse(f'{layout.name} has {len(layout.fields) or "no"} fields', type_text.span,
+               'which one?' if layout.fields else 'there is nothing to read', _help(paths))
+    only = layout.fields[0]
+    end = _End((only.name,), (only.type,), layout)
+    if end.is_array or only.type.is_message and not end.is_time:
+        functions = [f'{name}({only.name})' for name in _functions(end)]
+        refuse(f"the one field of {layout.name}, '{only.name}', is {_kind(only.type)}",
+               type_text.span, 'which part of it?', _help([*paths, *functions]))
+    return _resolved(end)
+
+
+def _steps(path_text: Text, layout: MessageLayout) -> Iterator[re.Match[str]]:
+    """Yield name and index of each step of a path."""
+    place = 0
+    while True:
+        match = _STEP.match(path_text.value, place)
+        end = match.end() if match else place
+        if match is None or path_text.value[end:end + 1] not in ('', '.'):
+            rest = path_text.at(min(end, max(len(path_text.value) - 1, 0)), len(path_text.value))
+            refuse(f'{shown(path_text.value)} is not a field path', rest,
+                   'names with dots between them, and indices from 0',
+                   _help(_leaf_paths(layout)))
+        yield match
+        if end == len(path_text.value):
+            return
+        place = end + 1
+
+
+def _inside(layout: MessageLayout, kind: FieldType, path_text: Text,
+            match: re.Match[str]) -> MessageLayout:
+    if not kind.is_message:
+        refuse(f'{shown(path_text.value[:match.start() - 1])} is {_kind(kind)}, and has no fields',
+               path_text.at(match.start() - 1, len(path_text.value)), 'remove this')
+    return _nested(layout, kind, path_text.at(0, match.start() - 1))
+
+
+def _nested(layout: MessageLayout, kind: FieldType, place: Span | None) -> MessageLayout:
+    return find_message(kind.base, layout.search_path or None, place)
+
+
+def _step(layout: MessageLayout, match: re.Match[str], path_text: Text,
+          is_last: bool) -> FieldType:
+    """Look up one step of a path, and hold its index against the array."""
+    found = layout.find_field(match['name'])
+    place = path_text.at(match.start('name'), match.end('name'))
+    if found is None:
+        _refuse_field(layout, match, path_text, place)
+    kind = found.type
+    if match['index'] is None and kind.array is not ArrayKind.NONE and not is_last:
+        refuse(f"'{found.name}' is {_kind(kind)}", place, 'which element?',
+               f'field: {path_text.value[:match.end()]}[0]{path_text.value[match.end():]}')
+    if match['index'] is not None:
+        _check_index(kind, match, path_text)
+    return kind
+
+
+def _check_index(kind: FieldType, match: re.Match[str], path_text: Text) -> None:
+    place = path_text.at(match.start('index') - 1, match.end('index') + 1)
+    if kind.array is ArrayKind.NONE:
+        refuse(f"'{match['name']}' is {_kind(kind)}, not an array", place, 'remove this')
+    limit = _MAX_INDEX if kind.size is None else kind.size - 1
+    digits = match['index'].lstrip('0') or '0'
+    if len(digits) > 10 or int(digits) > limit:
+        refuse(f"'{match['name']}' is {_kind(kind)}: it has no element {shown(digits)[1:-1]}",
+               place, f'the last is {limit}')
+
+
+def _refuse_field(layout: MessageLayout, match: re.Match[str], path_text: Text,
+                  place: Span) -> NoReturn:
+    name = match['name']
+    names = [item.name for item in layout.fields]
+    before, wanted = path_text.value[:match.start()], path_text.value[match.start():]
+    deeper = [path for path in _leaf_paths(layout) if path.endswith(f'.{wanted}')]
+    if deeper:
+        refuse(f"{layout.name} has no field '{name}'", place, 'it stands deeper',
+               f'field: {before}{deeper[0]}')
+    constant = any(item.name == name for item in layout.constants)
+    refuse(f"{layout.name} has no field '{name}'", place,
+           'a constant is not sent' if constant else 'no such field',
+           did_you_mean(name, names) or (listed(names) if names else 'it has no fields'))
+
+
+def _refuse_array(end: _End, path_text: Text) -> NoReturn:
+    path = path_text.value
+    name = str(end.path[-1])
+    others = [f'{function}({path})' for function in _functions(end)]
+    refuse(f"'{name}' is {_kind(end.type)}",
+           path_text.at(len(path) - len(name), len(path)), 'which element?',
+           _help([f'{path}[0]', *others]))
+
+
+def _refuse_message(end: _End, path_text: Text) -> NoReturn:
+    inner = _leaf_paths(_nested(end.inside, end.type, path_text.span))
+    functions = [f'{name}({path_text.value})' for name in _functions(end)]
+    refuse(f'{shown(path_text.value)} is {_element(end.type)}', path_text.span,
+           'which part of it?',
+           _help([*(f'{path_text.value}.{path}' for path in inner), *functions]))
+
+
+def _element(kind: FieldType) -> str:
+    """Say what one element of a type is."""
+    return _kind(FieldType(kind.base, text_limit=kind.text_limit))
+
+
+def _kind(kind: FieldType) -> str:
+    """Say what a type is, in the user's words."""
+    match kind.array:
+        case ArrayKind.NONE:
+            return f'a message ({kind})' if kind.is_message else _with_article(str(kind))
+        case ArrayKind.FIXED | ArrayKind.BOUNDED | ArrayKind.UNBOUNDED:
+            return f'an array ({kind})'
+
+
+def _with_article(name: str) -> str:
+    return f'an {name}' if name.startswith('int') else f'a {name}'
+
+
+def _help(paths: Sequence[str]) -> str:
+    """Return a line to paste, and what else could be in it."""
+    if not paths:
+        return ''
+    others = '   # or ' + ', '.join(paths[1:_MAX_LISTED]) if len(paths) > 1 else ''
+    return f'field: {paths[0]}{others}{" ..." if len(paths) > _MAX_LISTED else ""}'
+
+
+def _leaf_paths(layout: MessageLayout) -> list[str]:
+    """Return the paths to the first values of a message: near ones first, strings last."""
+    found: list[str] = []
+    strings: list[str] = []
+    for prefix, inside in _levels(layout):
+        for item in inside.fields:
+            path = prefix + _first(item)
+            if item.type.base in _STRINGS:
+                strings.append(path)
+            elif not item.type.is_message or item.type.base in _TIMES:
+                found.append(path)
+    return found + strings
+
+
+def _levels(layout: MessageLayout) -> Iterator[tuple[str, MessageLayout]]:
+    """Yield messages within a message, near ones first, and what stands before their fields."""
+    level = [('', layout)]
+    count = 0
+    for _ in range(_MAX_DEPTH):
+        deeper: list[tuple[str, MessageLayout]] = []
+        for prefix, inside in level:
+            yield prefix, inside
+            count += len(inside.fields)
+            for item in inside.fields:
+                if item.type.is_message and item.type.base not in _TIMES \
+                        and count < 10 * _MAX_LISTED:
+                    deeper.extend(_reachable(inside, item, f'{prefix}{_first(item)}.'))
+        level = deeper
+
+
+def _first(item: MessageField) -> str:
+    """Return the path to a field, or to the first element of its array."""
+    return item.name if item.type.array is ArrayKind.NONE else f'{item.name}[0]'
+
+
+def _reachable(layout: MessageLayout, item: MessageField,
+               prefix: str) -> list[tuple[str, MessageLayout]]:
+    """Return a field's message, if it is installed: this is only a hint."""
+    try:
+        return [(prefix, layout.nested(item.type))]
+    except CompileError:
+        return []
+
+
+def check_reachable(layout: MessageLayout, field: ResolvedField, place: Span | None) -> None:
+    """
+    See to it that all that is serialized before the end of a field can be walked over.
+
+    Raises
+    ------
+    CompileError
+        if a message there is not installed, or contains itself.
+    """
+    around: list[str] = []
+    types = iter(field.types)
+    for step in field.path:
+        if isinstance(step, int):
+            continue
+        around.append(layout.name)
+        names = [item.name for item in layout.fields]
+        for item in layout.fields[:names.index(step)]:
+            if item.type.is_message:
+                inside = find_message(item.type.base, layout.search_path or None, place)
+                check_complete(inside, place, tuple(around))
+        kind = next(types)
+        if not kind.is_message:
+            return
+        layout = find_message(kind.base, layout.search_path or None, place)
+        if kind.array is not ArrayKind.NONE:
+            check_complete(layout, place, tuple(around))

@@ -1,0 +1,358 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the run-time must know of a compiled bundle; frozen, and JSON on disk.
+
+The manifest is all a node needs beside the shared library: it names topics, types, fields, step
+groups, ids, texts and policy, so that a robot runs a monitor with neither parser nor compiler.
+Its JSON carries a format number; a manifest of another format is refused.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from enum import Enum
+import json
+import math
+import re
+from typing import NoReturn, TypeVar
+
+from fret_monitor.model.policies import Policy, Report, Severity, Stale
+from fret_monitor.model.values import ValueType
+
+FORMAT = 2
+
+SECONDS = 'seconds'  # of a builtin_interfaces/msg/Time or Duration
+REDUCTIONS = ('len', 'min', 'max', 'sum', 'mean', 'any', 'all', 'norm')
+
+_SYMBOL = re.compile('[A-Za-z_][A-Za-z0-9_]*')
+_Choice = TypeVar('_Choice', bound=Enum)
+
+
+class ManifestError(Exception):
+    """A manifest that cannot be read: not JSON, of another format, incomplete or damaged."""
+
+
+@dataclass(frozen=True)
+class ManifestInput:
+    """
+    One input, in the order of the C struct.
+
+    `value_type` is how it is stored. `values` are its names: (name, number or string); a string
+    input is stored as int32, the index of its string in `values`. `initial` is None or the value
+    it starts with, as stored. `path` is the field path within the message, one step each:
+    a field name or an index; `reduction` what is taken of the array, string or message at its end:
+    one of `REDUCTIONS`, or `SECONDS`; '' for the field's own value. `timeout` is how long it may
+    be silent, in seconds; None for ever.
+    """
+
+    name: str
+    value_type: ValueType
+    topic: str | None
+    message_type: str | None
+    path: tuple[str | int, ...]
+    values: tuple[tuple[str, int | str], ...]
+    initial: bool | int | float | None
+    reduction: str = ''
+    timeout: float | None = None
+    stale: Stale = Stale.WARN
+
+    @property
+    def is_string(self) -> bool:
+        """Whether the message field is a string, mapped through `values`."""
+        return any(isinstance(value, str) for _, value in self.values)
+
+
+@dataclass(frozen=True)
+class ManifestTopic:
+    """A mapped topic: its type, the inputs it feeds (indices), and the bundle's `qos` for it."""
+
+    name: str
+    message_type: str
+    inputs: tuple[int, ...]
+    qos: tuple[tuple[str, str | int], ...]
+
+
+@dataclass(frozen=True)
+class ManifestGroup:
+    """A step group: the inputs it reads and the requirements it holds, as indices."""
+
+    inputs: tuple[int, ...]
+    requirements: tuple[int, ...]
+    state_bytes: int
+    operations: int
+
+
+@dataclass(frozen=True)
+class ManifestRequirement:
+    """A requirement as the run-time shows it. `inputs` are indices; `group` is one too."""
+
+    id: str
+    handler: str
+    text: str
+    title: str
+    formula: str
+    report: Report
+    severity: Severity
+    group: int
+    inputs: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """
+    All that the run-time must know.
+
+    `symbol` is the one name the library exports that leads to all others. `bundle_hash` is the
+    SHA-256 of what was compiled (bundle, signals files, message definitions), `source_hash` of
+    the C text; `sources` are the file names of the generated C. `period` is in seconds. `readers`
+    is the exported name that leads to the readers of the topics, '' where there are no readers.
+    """
+
+    name: str
+    symbol: str
+    component: str
+    policy: Policy
+    period: float | None
+    inputs: tuple[ManifestInput, ...]
+    topics: tuple[ManifestTopic, ...]
+    groups: tuple[ManifestGroup, ...]
+    requirements: tuple[ManifestRequirement, ...]
+    state_bytes: int
+    bundle_hash: str
+    source_hash: str
+    sources: tuple[str, ...]
+    readers: str = ''
+
+    def to_json(self) -> str:
+        """Return the JSON text, the same for the same manifest."""
+        content = {'format': FORMAT, **asdict(self)}
+        return json.dumps(content, indent=1, default=_plain, ensure_ascii=False) + '\n'
+
+    @classmethod
+    def from_json(cls, text: str) -> 'Manifest':
+        """
+        Read what `to_json` wrote.
+
+        Raises
+        ------
+        ManifestError
+            if the text is not such JSON, or of another format, or a value in it cannot be; with
+            the key of that value.
+        """
+        try:
+            content = _Value('', json.loads(text))
+        except (ValueError, RecursionError) as error:
+            raise ManifestError(f'not a manifest of fret_monitor ({error})') from None
+        number = content['format'].natural()
+        if number != FORMAT:
+            raise ManifestError(f'manifest has format {str(number)[:20]}, this version reads '
+                                f'{FORMAT}: compile the bundle again')
+        return _manifest(content)
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Enum):
+        return value.value
+    raise TypeError(f'{value!r} is not part of a manifest')
+
+
+@dataclass(frozen=True)
+class _Value:
+    """A value of the JSON text and the key that leads to it; each method checks what it is."""
+
+    key: str
+    found: object
+
+    def refuse(self, wanted: str) -> NoReturn:
+        shown = ascii(self.found) if isinstance(self.found, str | int | float | None) \
+            else type(self.found).__name__
+        raise ManifestError(f"not a manifest of fret_monitor ({self.key or 'the whole'} is to be "
+                            f'{wanted}, not {shown[:40]})')
+
+    def __getitem__(self, name: str) -> '_Value':
+        key = f'{self.key}.{name}' if self.key else name
+        if not isinstance(self.found, dict):
+            self.refuse('an object')
+        if name not in self.found:
+            raise ManifestError(f'not a manifest of fret_monitor ({key} is missing)')
+        return _Value(key, self.found[name])
+
+    def items(self) -> list['_Value']:
+        if not isinstance(self.found, list):
+            self.refuse('a list')
+        return [_Value(f'{self.key}[{place}]', item) for place, item in enumerate(self.found)]
+
+    def pairs(self) -> list[tuple['_Value', '_Value']]:
+        found = []
+        for item in self.items():
+            pair = item.items()
+            if len(pair) != 2:
+                item.refuse('a list of two')
+            found.append((pair[0], pair[1]))
+        return found
+
+    def text(self) -> str:
+        if not isinstance(self.found, str):
+            self.refuse('a text')
+        try:
+            self.found.encode()
+        except UnicodeEncodeError:
+            self.refuse('a text in Unicode')  # half of a surrogate pair
+        return self.found
+
+    def symbol(self) -> str:
+        text = self.text()
+        if not _SYMBOL.fullmatch(text):
+            self.refuse('a name in C')
+        return text
+
+    def symbol_or_empty(self) -> str:
+        return '' if self.found == '' else self.symbol()
+
+    def text_or_none(self) -> str | None:
+        return None if self.found is None else self.text()
+
+    def whole(self, wanted: str = 'a whole number') -> int:
+        if not isinstance(self.found, int) or isinstance(self.found, bool):
+            self.refuse(wanted)
+        return self.found
+
+    def natural(self) -> int:
+        number = self.whole('a whole number from 0')
+        return number if number >= 0 else self.refuse('a whole number from 0')
+
+    def text_or_whole(self) -> str | int:
+        return self.text() if isinstance(self.found, str) else self.whole('a text or whole number')
+
+    def step(self) -> str | int:
+        return self.text() if isinstance(self.found, str) else self.natural()
+
+    def index(self, count: int) -> int:
+        number = self.natural()
+        return number if number < count else self.refuse(f'an index below {count}')
+
+    def indices(self, count: int) -> tuple[int, ...]:
+        return tuple(item.index(count) for item in self.items())
+
+    def choice(self, kind: type[_Choice]) -> _Choice:
+        return kind(self.one_of([str(member.value) for member in kind]))
+
+    def one_of(self, words: Sequence[str]) -> str:
+        if not isinstance(self.found, str) or self.found not in words:
+            self.refuse('one of ' + ', '.join(filter(None, words)))
+        return self.found
+
+    def number(self, wanted: str) -> int | float:
+        if not isinstance(self.found, int | float) or isinstance(self.found, bool):
+            self.refuse(wanted)
+        try:
+            float(self.found)
+        except OverflowError:
+            self.refuse(wanted)
+        return self.found
+
+    def period(self, policy: Policy) -> float | None:
+        return self.seconds(is_optional=policy is not Policy.PERIODIC)
+
+    def seconds(self, is_optional: bool = True) -> float | None:
+        if self.found is None and is_optional:
+            return None
+        wanted = 'a number of seconds above 0'
+        seconds = self.number(wanted)
+        return seconds if 0 < seconds < math.inf else self.refuse(wanted)
+
+    def initial(self, kind: ValueType) -> bool | int | float | None:
+        if self.found is None:
+            return None
+        if kind is ValueType.BOOL:
+            return self.found if isinstance(self.found, bool) else self.refuse('true or false')
+        if kind.is_float:
+            return self.number('a number')
+        signed = kind.value.startswith('int')
+        bits = int(kind.value.removeprefix('u').removeprefix('int'))
+        low, high = (-2 ** (bits - 1), 2 ** (bits - 1) - 1) if signed else (0, 2 ** bits - 1)
+        number = self.whole()
+        return number if low <= number <= high else self.refuse(f'a number of {kind.value}')
+
+
+def _manifest(content: _Value) -> Manifest:
+    inputs = tuple(_input(item) for item in content['inputs'].items())
+    groups, requirements = content['groups'].items(), content['requirements'].items()
+    policy = content['policy'].choice(Policy)
+    return Manifest(
+        name=content['name'].text(),
+        symbol=content['symbol'].symbol(),
+        component=content['component'].text(),
+        policy=policy,
+        period=content['period'].period(policy),
+        inputs=inputs,
+        topics=tuple(_topic(item, len(inputs)) for item in content['topics'].items()),
+        groups=tuple(_group(item, len(inputs), len(requirements)) for item in groups),
+        requirements=tuple(_requirement(item, len(inputs), len(groups)) for item in requirements),
+        state_bytes=content['state_bytes'].natural(),
+        bundle_hash=content['bundle_hash'].text(),
+        source_hash=content['source_hash'].text(),
+        sources=tuple(item.text() for item in content['sources'].items()),
+        readers=content['readers'].symbol_or_empty(),
+    )
+
+
+def _input(item: _Value) -> ManifestInput:
+    value_type = item['value_type'].choice(ValueType)
+    return ManifestInput(
+        name=item['name'].text(),
+        value_type=value_type,
+        topic=item['topic'].text_or_none(),
+        message_type=item['message_type'].text_or_none(),
+        path=tuple(step.step() for step in item['path'].items()),
+        values=tuple((name.text(), value.text_or_whole())
+                     for name, value in item['values'].pairs()),
+        initial=item['initial'].initial(value_type),
+        reduction=item['reduction'].one_of(('', SECONDS, *REDUCTIONS)),
+        timeout=item['timeout'].seconds(),
+        stale=item['stale'].choice(Stale),
+    )
+
+
+def _topic(item: _Value, inputs: int) -> ManifestTopic:
+    return ManifestTopic(
+        name=item['name'].text(),
+        message_type=item['message_type'].text(),
+        inputs=item['inputs'].indices(inputs),
+        qos=tuple((key.text(), value.text_or_whole()) for key, value in item['qos'].pairs()),
+    )
+
+
+def _group(item: _Value, inputs: int, requirements: int) -> ManifestGroup:
+    return ManifestGroup(
+        inputs=item['inputs'].indices(inputs),
+        requirements=item['requirements'].indices(requirements),
+        state_bytes=item['state_bytes'].natural(),
+        operations=item['operations'].natural(),
+    )
+
+
+def _requirement(item: _Value, inputs: int, groups: int) -> ManifestRequirement:
+    return ManifestRequirement(
+        id=item['id'].text(),
+        handler=item['handler'].text(),
+        text=item['text'].text(),
+        title=item['title'].text(),
+        formula=item['formula'].text(),
+        report=item['report'].choice(Report),
+        severity=item['severity'].choice(Severity),
+        group=item['group'].index(groups),
+        inputs=item['inputs'].indices(inputs),
+    )

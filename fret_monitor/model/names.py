@@ -1,0 +1,262 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The words of a bundle: which names, topics, types and numbers can be used, and what to do if not.
+
+Each `*_fault` function takes a string and returns None, or why it cannot be used and what to write
+instead. The rules for topics are those of `rcl` and `rmw`, for types those of `rosidl`.
+"""
+
+from fractions import Fraction
+import re
+from typing import NamedTuple
+from unicodedata import normalize
+
+from fret_monitor.model.diagnostics import did_you_mean
+from fret_monitor.model.values import ValueType
+
+MAX_TOPIC = 247  # rmw: 255 less 8 that are kept for the prefixes of DDS
+HANDLER_TOPIC = 'copilot/'
+
+# Names and numbers are those of formulas: FRET's names may have points and percent signs inside.
+_IDENTIFIER = re.compile(r'[A-Za-z_$][A-Za-z0-9_$]*(?:[.%][A-Za-z0-9_$]+)*')
+_NUMBER = re.compile(r'[+-]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]+)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?')
+_INTEGER = re.compile(r'[+-]?(?:0|[1-9][0-9]*)')
+_LIKE_NUMBER = re.compile(r'[+-]?\.?[0-9]')
+_PACKAGE = re.compile(r'(?!.*__)[a-z][a-z0-9_]*(?<!_)')
+_MESSAGE = re.compile(r'[A-Z][A-Za-z0-9]*')
+_DERIVED = {
+    'srv': ('a service', ('_Event',)),
+    'action': ('an action', ('_FeedbackMessage', '_SendGoal_Event', '_GetResult_Event')),
+}
+_TOPIC_TOKEN = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
+_SUBSTITUTION = re.compile(r'\{(?:node|ns|namespace)\}')
+_MAX_SHOWN = 60
+LONGEST_PATH = 4096  # shown whole: its end says most
+_MAX_EXPONENT = 30
+
+_MEANINGS = {
+    'H': 'historically', 'O': 'once', 'S': 'since', 'T': 'triggered', 'SI': 'since inclusive',
+    'Y': 'yesterday', 'Z': 'weak yesterday', 'FTP': 'first time point', 'mod': 'the remainder',
+    'div': 'the quotient', 'xor': 'exclusive or', 'and': '&', 'or': '|', 'not': '!',
+    'pre': 'the value before', 'if': 'a conditional', 'then': 'a conditional',
+    'else': 'a conditional', 'OT': "CoCoSpec's bounded once",
+    'HT': "CoCoSpec's bounded historically", 'ST': "CoCoSpec's bounded since",
+    'SIT': "CoCoSpec's bounded since inclusive", 'TT': "CoCoSpec's bounded triggered",
+    'YtoPre': "CoCoSpec's yesterday", 'ZtoPre': "CoCoSpec's weak yesterday",
+}
+
+PLAIN_TYPES = (*(kind.value for kind in ValueType), 'string')
+_ALSO_KNOWN = {
+    'boolean': 'bool', 'float': 'float32', 'single': 'float32', 'double': 'float64',
+    'real': 'float64', 'int': 'int32', 'integer': 'int64', 'unsigned': 'uint32',
+    'uint': 'uint32', 'long': 'int64', 'short': 'int16', 'byte': 'uint8', 'char': 'uint8',
+    'float64_t': 'float64', 'int64_t': 'int64', 'int32_t': 'int32', 'uint8_t': 'uint8',
+    'str': 'string',
+}
+
+
+class Fault(NamedTuple):
+    """Why a word cannot be used, and what to do (may be empty)."""
+
+    reason: str
+    help: str = ''
+
+
+def shown(text: str, longest: int = _MAX_SHOWN) -> str:
+    """Return a user's word in quotes, on one line, without what would move the terminal."""
+    short = text if len(text) <= longest else text[:longest] + '...'
+    safe = ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in short)
+    return f"'{safe}'"
+
+
+def name_fault(name: str) -> Fault | None:
+    """Look at the name of an input, constant, definition or value; without its quotes."""
+    if not name:
+        return Fault('a name is missing')
+    if _IDENTIFIER.fullmatch(name) is None:
+        return Fault(f'{shown(name)} cannot be a name in a formula',
+                     f"use letters, digits and '_', such as {_identifier(name)}")
+    if name.lower() in ('true', 'false'):
+        return Fault(f'{shown(name)} is a truth value', _other_name(name))
+    if name in _MEANINGS:
+        return Fault(f'{shown(name)} is an operator ({_MEANINGS[name]})', _other_name(name))
+    return None
+
+
+def quoted_name_fault(name: str) -> Fault | None:
+    """Look at a name that stands in double quotes in formulas too, as FRET allows."""
+    if name.isprintable() and name == name.strip() and name and not set(name) & {'"', '\\'}:
+        return None
+    return Fault(f'{shown(name)} cannot be a name in quotes',
+                 'one line, without quotes and backslashes, and no blanks at its ends')
+
+
+def _identifier(name: str) -> str:
+    plain = normalize('NFKD', name[:_MAX_SHOWN]).encode('ascii', 'ignore').decode()
+    word = re.sub(r'[^A-Za-z0-9_]+', '_', plain).strip('_') or 'signal'
+    word = f'x{word}' if word[0].isdigit() else word
+    return word if name_fault(word) is None else f'{word}_value'
+
+
+def _other_name(name: str) -> str:
+    return f'choose another name, such as {name}_value'
+
+
+def topic_fault(topic: str) -> Fault | None:
+    """Look at a topic name: absolute, relative or private, as `rcl_validate_topic_name`."""
+    if not topic:
+        return Fault('the topic has no name')
+    plain = _SUBSTITUTION.sub('x', topic[1:] if topic.startswith('~') else topic)
+    if topic.startswith('~') and topic != '~' and not topic.startswith('~/'):
+        return Fault("'~' is followed by '/'", f'topic: ~/{topic[1:]}')
+    if topic.endswith('/'):
+        right = topic.rstrip('/')
+        return Fault("a topic does not end with '/'", f'topic: {right}' if right else '')
+    if '//' in topic:
+        return Fault("a topic has no '//'", f'topic: {re.sub("/+", "/", topic)}')
+    for token in plain.removeprefix('/').split('/'):
+        if token and _TOPIC_TOKEN.fullmatch(token) is None:
+            return _token_fault(token)
+    return _length_fault(topic, f'the topic name {shown(topic)}')
+
+
+def _token_fault(token: str) -> Fault:
+    if token[0].isdigit():
+        return Fault(f'a part of a topic does not begin with a digit: {shown(token)}')
+    return Fault(f"a topic has letters, digits, '_' and '/' only: {shown(token)}")
+
+
+def _length_fault(topic: str, what: str) -> Fault | None:
+    length = len(topic.removeprefix('/')) + 1
+    if length <= MAX_TOPIC:
+        return None
+    return Fault(f'{what} is longer than ROS allows ({length} characters, at most {MAX_TOPIC})')
+
+
+def handler_fault(handler: str) -> Fault | None:
+    """Look at the topic on which a requirement's violations are announced."""
+    return _length_fault(HANDLER_TOPIC + handler, 'the topic of its handler')
+
+
+def type_fault(name: str) -> Fault | None:
+    """Look at an input's type: `pkg/msg/Name`, one of `pkg/srv`, `pkg/action`, or a plain type."""
+    parts = re.split(r'/|::|\.', name)
+    if name in PLAIN_TYPES:
+        return None
+    if len(parts) == 1:
+        return _plain_type_fault(name)
+    if len(parts) == 3 and parts[1] in _DERIVED and _PACKAGE.fullmatch(parts[0]):
+        return _derived_fault(name, parts)
+    if not (_PACKAGE.fullmatch(parts[0]) and _MESSAGE.fullmatch(parts[-1])):
+        return Fault(f'{shown(name)} is not the name of a message type',
+                     'a message type is written pkg/msg/Name, such as std_msgs/msg/Float32')
+    if parts[1:-1] not in ([], ['msg']):
+        return Fault(f'{shown(name)} is not the name of a message type',
+                     f'type: {parts[0]}/msg/{parts[-1]}')
+    right = f'{parts[0]}/msg/{parts[-1]}'
+    return None if name == right else Fault(f'{shown(name)} is not written as a type of ROS 2',
+                                            f'type: {right}')
+
+
+def _derived_fault(name: str, parts: list[str]) -> Fault | None:
+    """Look at the type of a message of a service or an action."""
+    package, folder, word = parts
+    kind, suffixes = _DERIVED[folder]
+    own, mark, part = word.partition('_')
+    right = f'{package}/{folder}/{own}'
+    if _MESSAGE.fullmatch(own) is None:
+        return Fault(f'{shown(name)} is not the name of a message type',
+                     f'a message of {kind} is written pkg/{folder}/Name{suffixes[0]}')
+    if mark + part not in suffixes:
+        return Fault(f'{shown(name)} is not a message that is sent on a topic',
+                     f'type: {right}{suffixes[0]}')
+    return None if name == right + mark + part else Fault(
+        f'{shown(name)} is not written as a type of ROS 2', f'type: {right}{mark}{part}')
+
+
+def _plain_type_fault(name: str) -> Fault:
+    reason = f'{shown(name)} is not a type'
+    if _MESSAGE.fullmatch(name) and name.lower() in PLAIN_TYPES:
+        return Fault(reason, f'type: std_msgs/msg/{name}')
+    if name.lower() in PLAIN_TYPES or name.lower() in _ALSO_KNOWN:
+        return Fault(reason, f'type: {_ALSO_KNOWN.get(name.lower(), name.lower())}')
+    if _MESSAGE.fullmatch(name):
+        return Fault(reason, f'type: std_msgs/msg/{name}')
+    return Fault(reason, did_you_mean(name, PLAIN_TYPES)
+                 or 'write pkg/msg/Name, or a plain type: ' + ', '.join(PLAIN_TYPES))
+
+
+def number_fault(text: str) -> Fault | None:
+    """Look at a number of a bundle: `15`, `-1.5`, `1e3`."""
+    if _NUMBER.fullmatch(text):
+        return None
+    reason = f'{shown(text)} is not a number'
+    mended = re.sub(r'^([+-]?)0+(?=[0-9])', r'\1', text.replace('_', '').replace(',', '.'))
+    mended = re.sub(r'\.(?=[eE]|$)', '.0', mended)
+    if text.lower().lstrip('+-.') in ('nan', 'inf', 'infinity'):
+        return Fault(reason, 'a number has a value: not-a-number and infinity cannot be written')
+    if re.fullmatch(r'[+-]?0[xX][0-9A-Fa-f]{1,16}', text):
+        return Fault(reason, f'write it in decimal: {int(text, 16)}')
+    if len(mended) <= _MAX_SHOWN and _NUMBER.fullmatch(mended):
+        return Fault(reason, f'did you mean {mended}?')
+    return Fault(reason)
+
+
+def looks_like_number(text: str) -> bool:
+    """Return whether a text begins as a number does: it is one, or a slip."""
+    return _LIKE_NUMBER.match(text) is not None
+
+
+def is_integer(text: str) -> bool:
+    """Return whether a text is a whole number, by the grammar of formulas."""
+    return _INTEGER.fullmatch(text) is not None
+
+
+def exact(text: str) -> Fraction | None:
+    """
+    Return a number exactly, None where it is not one or too long to be one of a bundle.
+
+    No power of ten above 30 is looked at, so that `1e999999999` costs nothing.
+    """
+    if len(text) > 100 or _NUMBER.fullmatch(text) is None:
+        return None
+    exponent = re.split('[eE]', text)[1:]
+    if exponent and abs(int(exponent[0])) > _MAX_EXPONENT:
+        return None
+    return Fraction(text)
+
+
+_SPELLED = {
+    '.': '_DOT_', '%': '_PRC_', '#': '_HSH_', '$': '_DOL_', '&': '_AMP_', '@': '_ATS_',
+    '!': '_BNG_', '?': '_QUS_', '-': '_HYP_', '*': '_AST_', '=': '_EQU_', '^': '_CRT_',
+    ' ': '_SPC_', '+': '_PLS_', ';': '_SEM_', ':': '_CLN_', ',': '_CMA_', '/': '_FSL_',
+    '\\': '_BSL_', '|': '_VBR_', '~': '_TLD_', '<': '_LAN_', '>': '_RAN_', '(': '_LPR_',
+    ')': '_RPR_', '{': '_LCB_', '}': '_RCB_', '[': '_LSQ_', ']': '_RSQ_', "'": '_SQT_',
+    '"': '_DQT_', '`': '_BQT_',
+}
+
+
+def fret_name(name: str) -> str:
+    """
+    Return a name as FRET writes it in formulas: `a.b` is `a_DOT_b` there.
+
+    Two names that give the same one are the same for FRET. A name with other special characters
+    than `.` and `%` stands in quotes in FRET, which writes those too: `_DQT_a_SPC_b_DQT_`.
+    """
+    name = name.strip('"')
+    spelled = ''.join(_SPELLED.get(char, char) for char in name)
+    is_quoted = any(char in _SPELLED for char in name if char not in '.%$')
+    return f'_DQT_{spelled}_DQT_' if is_quoted else spelled

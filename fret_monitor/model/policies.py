@@ -1,0 +1,47 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""When a step happens, which violations are announced, and how they are logged."""
+
+from enum import Enum
+
+
+class Policy(Enum):
+    """When a step happens (DESIGN 6)."""
+
+    EVERY_MESSAGE = 'every_message'
+    RELEVANT_MESSAGE = 'relevant_message'
+    ALL_INPUTS = 'all_inputs'
+    PERIODIC = 'periodic'
+
+
+class Report(Enum):
+    """Which violating steps of a requirement are announced."""
+
+    EVERY_STEP = 'every_step'
+    ONSET = 'onset'
+
+
+class Stale(Enum):
+    """What an input that is silent for longer than its `timeout` does beside being told."""
+
+    WARN = 'warn'
+    VIOLATE = 'violate'
+
+
+class Severity(Enum):
+    """How a violation of a requirement is logged."""
+
+    ERROR = 'error'
+    WARN = 'warn'

@@ -1,0 +1,121 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+All states a requirement can be in, breadth first: shortest examples, and proofs.
+
+The monitor's state after a step says all that matters for the steps to come, so that a search
+that meets no new state any more has seen every trace there is of the rows it was given.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from fret_monitor.traces.trials import Row, Run, Trace, Trials
+
+
+@dataclass(frozen=True)
+class Exploration:
+    """
+    What was found; None where there is no such trace among those looked at.
+
+    `satisfying` ends with a true verdict and most triggers met, `violating` with a false one, and
+    `recovering` turns from false to true at its last step. All are as short as can be. With
+    `is_complete`, these are all traces of the rows.
+    """
+
+    satisfying: Trace | None
+    violating: Trace | None
+    recovering: Trace | None
+    is_complete: bool
+    states: int
+    steps: int
+
+
+class Wanted(NamedTuple):
+    """What is enough: so many true bits in a satisfying trace, and whether a recovery too."""
+
+    met: int
+    is_recovery: bool
+
+
+def explore(trials: Trials, rows: Sequence[Row], limit: int, wanted: Wanted) -> Exploration:
+    """
+    Look at all states that can be reached with some rows, until `limit` steps have been taken.
+
+    It ends early when all that is wanted is found. O(limit) time and memory.
+    """
+    return _Search(trials, rows).run(limit, wanted)
+
+
+class _Search:
+    """Nodes are a state and the verdict there; each knows by which row it was first reached."""
+
+    def __init__(self, trials: Trials, rows: Sequence[Row]) -> None:
+        self._rows = rows
+        self._follow = trials.follower(rows)
+        self._nodes: list[tuple[bytes, bool]] = [(trials.start(), True)]
+        self._known: dict[tuple[bytes, bool], int] = {self._nodes[0]: 0}
+        self._reached: list[tuple[int, int]] = [(-1, -1)]
+        self._satisfying: tuple[int, int, int] | None = None  # triggers met, node, row
+        self._violating: tuple[int, int] | None = None
+        self._recovering: tuple[int, int] | None = None
+
+    def run(self, limit: int, wanted: Wanted) -> Exploration:
+        number = 0
+        while (number < len(self._nodes) and number * len(self._rows) < limit
+               and not self._has(wanted)):
+            self._visit(number)
+            number += 1
+        return Exploration(
+            self._path(self._satisfying[1:]) if self._satisfying else None,
+            self._path(self._violating), self._path(self._recovering),
+            number == len(self._nodes), len(self._nodes), number * len(self._rows))
+
+    def _has(self, wanted: Wanted) -> bool:
+        return (self._violating is not None and self._satisfying is not None
+                and self._satisfying[0] == wanted.met
+                and not (wanted.is_recovery and self._recovering is None))
+
+    def _visit(self, number: int) -> None:
+        state, verdict = self._nodes[number]
+        for row, (after, bits) in enumerate(self._follow(state)):
+            is_true = bool(bits & 1)
+            self._note(number, row, verdict, bits)
+            node = (after, is_true)
+            if node not in self._known:
+                self._known[node] = len(self._nodes)
+                self._nodes.append(node)
+                self._reached.append((number, row))
+
+    def _note(self, number: int, row: int, before: bool, bits: int) -> None:
+        if not bits & 1:
+            self._violating = self._violating or (number, row)
+            return
+        met = bits.bit_count()
+        if self._satisfying is None or met > self._satisfying[0]:
+            self._satisfying = (met, number, row)
+        if not before and self._recovering is None:
+            self._recovering = (number, row)
+
+    def _path(self, end: tuple[int, ...] | None) -> Trace | None:
+        if end is None:
+            return None
+        number, row = end
+        rows = [self._rows[row]]
+        while number > 0:
+            number, row = self._reached[number]
+            rows.append(self._rows[row])
+        return tuple(Run(row, 1) for row in reversed(rows))

@@ -1,0 +1,160 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A requirement made ready to be tried: compiled alone, with its triggers beside it.
+
+In its own monitor a requirement shares its state with those that read the same inputs. Here each
+reads inputs of its own, so that it is a group of its own and its states can be told from others'.
+All requirements of a bundle are one library all the same.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from fret_monitor.build import build_specification
+from fret_monitor.logic.formula import (
+    ALWAYS, Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, Historically,
+    Once, postorder, Previous, Since, Triggered, TRUE, Unary, Variable, variables, WeakYesterday,
+    Yesterday,
+)
+from fret_monitor.logic.propositions import propositions, roots, triggers
+from fret_monitor.logic.specification import Property, Signal, Specification
+from fret_monitor.model.policies import Policy
+from fret_monitor.traces.trials import TrialLibrary, Trials
+
+_MAX_TRIGGERS = 4
+
+
+@dataclass(frozen=True)
+class Subject:
+    """
+    A requirement, what it is about, and its compiled form.
+
+    Bit 0 of `trials` is its verdict; bit i + 1 is whether `triggers[i]` has been true yet.
+    `signals` are the inputs it reads, in the order of a row.
+    """
+
+    item: Property
+    signals: tuple[Signal, ...]
+    propositions: tuple[Formula, ...]
+    triggers: tuple[Formula, ...]
+    trials: Trials
+
+
+def subjects(specification: Specification, chosen: Sequence[Property],
+             goals: Mapping[str, Sequence[Formula]] | None = None) -> list[Subject]:
+    """
+    Compile some requirements of a bundle, each by itself.
+
+    `goals` are, by id, what is to come true in an example; where there are none, the triggers of
+    the formula are.
+
+    Raises
+    ------
+    NativeError
+        if there is no C compiler, or it fails.
+    """
+    signals: list[Signal] = []
+    properties: list[Property] = []
+    prepared = []
+    for number, item in enumerate(chosen):
+        read = _read(item, specification.signals)
+        mapping = {signal.name: f'{signal.name}.{number}' for signal in read}
+        found = _telling(item, goals or {}, read)
+        prepared.append((item, read, found, len(properties)))
+        signals += [_alone(signal, mapping) for signal in read]
+        properties += _properties(item, found, mapping, number)
+    monitor = build_specification(replace(
+        specification, signals=tuple(signals), properties=tuple(properties), definitions=(),
+        policy=Policy.EVERY_MESSAGE, period=None)).monitor
+    library = TrialLibrary()
+    return [
+        Subject(item, read, tuple(propositions(item)), found,
+                Trials(library, monitor, range(first, first + 1 + len(found))))
+        for item, read, found, first in prepared
+    ]
+
+
+def _telling(item: Property, goals: Mapping[str, Sequence[Formula]],
+             read: Sequence[Signal]) -> tuple[Formula, ...]:
+    names = {signal.name for signal in read}
+    wanted = goals.get(item.id) or triggers(item.formula, _MAX_TRIGGERS)
+    return tuple(node for node in wanted[:_MAX_TRIGGERS]
+                 if {each.name for each in variables(node)} <= names)
+
+
+def _read(item: Property, signals: Sequence[Signal]) -> tuple[Signal, ...]:
+    names = {node.name for node in postorder(roots(item)) if isinstance(node, Variable)}
+    return tuple(signal for signal in signals if signal.name in names)
+
+
+def _alone(signal: Signal, mapping: Mapping[str, str]) -> Signal:
+    return replace(signal, name=mapping[signal.name], topic=None, message_type=None, path=(),
+                   initial=None, qos=())
+
+
+def _properties(item: Property, found: Sequence[Formula], mapping: Mapping[str, str],
+                number: int) -> list[Property]:
+    """Return the requirement and its triggers, all of which read the same inputs."""
+    names = {**mapping, **{node.name: f'{node.name}.{number}' for node, _ in item.feedback}}
+    renamed = _renamed([*roots(item), *found], names)
+    feedback = tuple((Feedback(names[node.name], node.type), renamed[equation])
+                     for node, equation in item.feedback)
+    main = renamed[item.formula]
+    formulas = [main, *(_reading_as(main, Once(ALWAYS, renamed[node])) for node in found)]
+    return [
+        replace(item, id=f'{number}.{part}', handler=f'handlerprop{number}_{part}',
+                formula=formula, feedback=feedback, text='', title='', place=None)
+        for part, formula in enumerate(formulas)
+    ]
+
+
+def _reading_as(other: Formula, formula: Formula) -> Formula:
+    """Return a formula that means the same and reads what another reads too."""
+    is_other = Binary(BinaryOperator.OR, TRUE, other)
+    return Binary(BinaryOperator.AND, formula, is_other)
+
+
+def _renamed(formulas: Sequence[Formula], names: Mapping[str, str]) -> dict[Formula, Formula]:
+    """Return all nodes under some formulas, with other names of inputs and feedback."""
+    new: dict[Formula, Formula] = {}
+    for node in postorder(formulas):
+        new[node] = _rebuilt(node, new, names)
+    return new
+
+
+def _rebuilt(node: Formula, new: Mapping[Formula, Formula],
+             names: Mapping[str, str]) -> Formula:
+    match node:
+        case Constant():
+            return node
+        case Variable() | Feedback():
+            return type(node)(names[node.name], node.type)
+        case Conversion():
+            return Conversion(new[node.argument], node.type)
+        case Unary():
+            return Unary(node.operator, new[node.argument])
+        case Binary():
+            return Binary(node.operator, new[node.left], new[node.right])
+        case Choice():
+            return Choice(new[node.condition], new[node.yes], new[node.no])
+        case Previous():
+            return Previous(new[node.initial], new[node.argument])
+        case Yesterday() | WeakYesterday():
+            return type(node)(new[node.argument])
+        case Once() | Historically():
+            return type(node)(node.window, new[node.argument])
+        case Since() | Triggered():
+            return type(node)(node.window, new[node.left], new[node.right])

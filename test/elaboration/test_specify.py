@@ -1,0 +1,338 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Whole bundles become specifications, or are told what is wrong with them, all at once."""
+
+from fractions import Fraction
+from pathlib import Path
+import time
+
+from fret_monitor.bundle.bundle import parse_bundle, survey_bundle
+from fret_monitor.elaboration.elaborate import specify
+from fret_monitor.logic.formula import (
+    ALWAYS, Binary, BinaryOperator, Constant, Formula, Historically, Once, postorder, Variable,
+    Window,
+)
+from fret_monitor.logic.specification import Specification
+from fret_monitor.messages.definitions import MessageLayout, parse_message
+from fret_monitor.model.diagnostics import CompileError, Problems, Source
+from fret_monitor.model.policies import Policy, Report, Severity
+from fret_monitor.model.values import ValueType
+import golden
+import pytest
+
+DEFINITIONS = {
+    'std_msgs/msg/Bool': 'bool data',
+    'std_msgs/msg/Float32': 'float32 data',
+    'std_msgs/msg/Int8': 'int8 data',
+    'std_msgs/msg/Int32': 'int32 data',
+    'std_msgs/msg/Int64': 'int64 data',
+    'std_msgs/msg/String': 'string data',
+    'std_msgs/msg/UInt8': 'uint8 data',
+    'geometry_msgs/msg/Pose': 'Point position\nQuaternion orientation',
+    'geometry_msgs/msg/Point': 'float64 x\nfloat64 y\nfloat64 z',
+    'geometry_msgs/msg/Quaternion': 'float64 x\nfloat64 y\nfloat64 z\nfloat64 w',
+    'demo_msgs/msg/Scan': 'byte[4] bits\nfloat32[] ranges\nstring name',
+    'demo_msgs/msg/Laser': 'Header header\nfloat32 least\nfloat32[] ranges\nfloat32[] strengths',
+    'demo_msgs/msg/Path': 'Header header\ngeometry_msgs/Pose[] poses',
+    'demo_msgs/msg/Placed': 'Header header\ngeometry_msgs/Pose pose',
+    'demo_msgs/msg/Area': 'geometry_msgs/Point[] points',
+    'demo_msgs/msg/Joints': 'Header header\nstring[] name\nfloat64[] position',
+    'demo_msgs/msg/Lost': 'gone_msgs/Gone gone\nint8 x',
+    'demo_msgs/msg/Loop': 'Loop[] again\nint8 x',
+    'demo_msgs/srv/Switch': 'bool on\n---\nbool success',
+    'demo_msgs/action/Count': 'int32 order\n---\nint32 total\n---\nint32[] so_far',
+    'builtin_interfaces/msg/Time': 'int32 sec\nuint32 nanosec',
+    'service_msgs/msg/ServiceEventInfo': 'uint8 event_type\nbuiltin_interfaces/Time stamp',
+    'std_msgs/msg/Header': 'builtin_interfaces/Time stamp\nstring frame_id',
+    'unique_identifier_msgs/msg/UUID': 'uint8[16] uuid',
+}
+
+
+@pytest.fixture(autouse=True)
+def messages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Install message definitions, and no others."""
+    for name, text in DEFINITIONS.items():
+        package, kind, message = name.split('/')
+        folder = tmp_path / 'share' / package / kind
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / f'{message}.{kind}').write_text(text, encoding='utf-8')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
+    monkeypatch.setattr('sys.prefix', str(tmp_path))
+
+
+def specified(text: str) -> Specification:
+    """Return the specification of a bundle, given without its first line."""
+    return specify(parse_bundle(Source('bundle.yaml', 'format: 1\n' + text), Path()))[0]
+
+
+@pytest.mark.parametrize('path', golden.cases('types'), ids=lambda path: path.stem)
+def test_what_is_told_of_a_bundle_is_what_was_agreed(
+        path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(path.parent)
+    problems = Problems()
+    bundle = survey_bundle(Path(path.name), problems)
+    assert bundle is not None
+    try:
+        _, told = specify(bundle, None, problems)
+    except CompileError as error:
+        told = error.diagnostics
+    golden.check(path, ''.join(item.render() + '\n' for item in told))
+
+
+def test_the_running_example_is_the_formula_that_it_means() -> None:
+    result = specified("""
+component: ROS_component
+constants: {cc_t: 15.0, ws_t: 8.0}
+inputs:
+  current_consumption: {topic: motor/current, type: std_msgs/msg/Float32, field: data}
+  wind_speed: {topic: windspeed, type: std_msgs/msg/Float32}
+definitions:
+  overload: current_consumption > cc_t & wind_speed > ws_t
+evaluation: {policy: periodic, rate: 10}
+report: onset
+requirements:
+  - id: ROS-002
+    title: no overload
+    severity: warn
+    ptltl: >-
+      H (overload ->
+      (O[0,20] (current_consumption <= cc_t)))
+""")
+    current = Variable('current_consumption', ValueType.FLOAT32)
+    wind = Variable('wind_speed', ValueType.FLOAT32)
+
+    def compare(operator: str, left: Formula, value: float) -> Binary:
+        return Binary(BinaryOperator(operator), left, Constant(value, ValueType.FLOAT32))
+
+    overload = Binary(BinaryOperator.AND, compare('>', current, 15.0), compare('>', wind, 8.0))
+    (found,) = result.properties
+    assert found.formula is Historically(ALWAYS, Binary(
+        BinaryOperator.IMPLIES, overload, Once(Window(0, 20), compare('<=', current, 15.0))))
+    assert (found.id, found.handler) == ('ROS-002', 'handlerpropROS_002')
+    assert found.text == 'H (overload -> (O[0,20] (current_consumption <= cc_t)))'
+    assert (found.title, found.report, found.severity) == (
+        'no overload', Report.ONSET, Severity.WARN)
+    assert found.place is not None
+    assert found.place.line == 17
+    assert result.definitions == (('overload', overload),)
+    assert (result.component, result.policy, result.period) == (
+        'ROS_component', Policy.PERIODIC, Fraction(1, 10))
+    assert [(item.name, item.topic, item.message_type, item.path) for item in result.signals] == [
+        ('current_consumption', 'motor/current', 'std_msgs/msg/Float32', ('data',)),
+        ('wind_speed', 'windspeed', 'std_msgs/msg/Float32', ('data',))]
+
+
+def test_an_input_has_the_type_of_its_field() -> None:
+    result = specified("""
+inputs:
+  z: {topic: pose, type: geometry_msgs/msg/Pose, field: position.z}
+  bits: {topic: scan, type: demo_msgs/msg/Scan, field: "bits[3]", initial: 255}
+  near: {topic: scan, type: demo_msgs/msg/Scan, field: "ranges[12]", initial: 0.1}
+  name: {topic: scan, type: demo_msgs/msg/Scan, field: name,
+         values: {A: "a", B: "it's b", C: "0"}, initial: B}
+  text: {type: string, values: {NO: "no"}, initial: "no"}
+  flag: {type: bool, initial: true}
+  mode: {type: int8, values: {OFF: -1, ON: 1}, initial: OFF}
+requirements:
+  - {id: R, ptltl: "TRUE"}
+""")
+    kinds = {item.name: item.type.value for item in result.signals}
+    assert kinds == {'z': 'float64', 'bits': 'uint8', 'near': 'float32', 'name': 'int32',
+                     'text': 'int32', 'flag': 'bool', 'mode': 'int8'}
+    paths = {item.name: item.path for item in result.signals if item.path}
+    assert paths == {'z': ('position', 'z'), 'bits': ('bits', 3), 'near': ('ranges', 12),
+                     'name': ('name',)}
+    initial = {item.name: item.initial for item in result.signals}
+    assert initial == {'z': None, 'bits': 255, 'near': 0.10000000149011612, 'name': 1, 'text': 0,
+                       'flag': True, 'mode': -1}
+    assert result.signals[3].values == (('A', 'a'), ('B', "it's b"), ('C', '0'))
+    assert result.signals[6].values == (('OFF', -1), ('ON', 1))
+
+
+def test_what_is_taken_of_a_field_decides_the_type() -> None:
+    result = specified("""
+inputs:
+  stamp: {topic: laser, type: demo_msgs/msg/Laser, field: header.stamp}
+  near: {topic: laser, type: demo_msgs/msg/Laser, field: min(ranges), initial: 0.1}
+  far: {topic: laser, type: demo_msgs/msg/Laser, field: ' max ( ranges ) '}
+  all: {topic: laser, type: demo_msgs/msg/Laser, field: sum(ranges)}
+  beams: {topic: laser, type: demo_msgs/msg/Laser, field: len(ranges), values: {NONE: 0}}
+  frame: {topic: laser, type: demo_msgs/msg/Laser, field: len(header.frame_id)}
+  lit: {topic: scan, type: demo_msgs/msg/Scan, field: sum(bits)}
+  bit: {topic: scan, type: demo_msgs/msg/Scan, field: min(bits)}
+  away: {topic: path, type: demo_msgs/msg/Path, field: "norm(poses[2].position)"}
+  mean: {topic: count, type: demo_msgs/action/Count_FeedbackMessage, field: mean(feedback.so_far)}
+  total: {topic: count, type: demo_msgs/action/Count_FeedbackMessage, field: sum(feedback.so_far)}
+  called: {topic: call, type: demo_msgs/srv/Switch_Event, field: "request[0].on"}
+requirements:
+  - {id: R, ptltl: "near < far & beams != NONE & called"}
+""")
+    found = {item.name: (item.reduction, item.type.value) for item in result.signals}
+    assert found == {
+        'stamp': ('seconds', 'float64'), 'near': ('min', 'float32'), 'far': ('max', 'float32'),
+        'all': ('sum', 'float64'), 'beams': ('len', 'uint32'), 'frame': ('len', 'uint32'),
+        'lit': ('sum', 'uint64'), 'bit': ('min', 'uint8'), 'away': ('norm', 'float64'),
+        'mean': ('mean', 'float64'), 'total': ('sum', 'int64'), 'called': ('', 'bool')}
+    paths = {item.name: item.path for item in result.signals}
+    assert paths['away'] == ('poses', 2, 'position')
+    assert paths['stamp'] == ('header', 'stamp')
+    assert result.signals[1].initial == 0.10000000149011612
+
+
+def test_the_quality_of_service_is_kept() -> None:
+    result = specified("""
+inputs:
+  p: {topic: p, type: std_msgs/msg/Bool, qos: {reliability: best_effort, depth: 7}}
+requirements:
+  - {id: R, ptltl: p}
+""")
+    assert result.signals[0].qos == (('reliability', 'best_effort'), ('depth', 7))
+
+
+def test_messages_come_from_where_the_caller_says() -> None:
+    asked = []
+
+    def find(name: str) -> MessageLayout:
+        asked.append(name)
+        return parse_message('int16 level', 'my_msgs', 'Level')
+
+    text = """format: 1
+inputs:
+  level: {topic: level, type: my_msgs/msg/Level}
+requirements:
+  - {id: R, ptltl: level > 3}
+"""
+    result, _ = specify(parse_bundle(Source('bundle.yaml', text), Path()), find)
+    assert asked == ['my_msgs/msg/Level']
+    assert result.signals[0].type is ValueType.INT16
+
+
+def test_definitions_stand_in_any_order_and_mean_the_same_everywhere() -> None:
+    result = specified("""
+constants: {limit: 5}
+inputs:
+  p: {type: bool}
+  x: {type: float32}
+  n: {type: int32}
+definitions:
+  late: early & H early
+  early: O[0,3] p
+  twice: 2 * limit + 0.5
+  level: x
+  state: {cocospec: "p and YtoPre(p)"}
+requirements:
+  - {id: A, ptltl: late}
+  - {id: B, ptltl: "(O[0,3] p) & H (O[0,3] p)"}
+  - {id: C, ptltl: level > twice}
+  - {id: D, ptltl: x > 10.5}
+  - {id: E, ptltl: n > twice}
+  - {id: F, ptltl: n > 10.5}
+  - {id: G, ptltl: state}
+  - {id: H1, ptltl: p & Y p}
+""")
+    formulas = [item.formula for item in result.properties]
+    for one, other in zip(formulas[::2], formulas[1::2]):
+        assert one is other
+
+
+def test_a_definition_may_have_the_name_of_a_value() -> None:
+    result = specified("""
+inputs:
+  state: {type: uint8, values: {IDLE: 0, LANDING: 1}}
+definitions:
+  LANDING: alias = LANDING
+  alias: state
+requirements:
+  - {id: A, ptltl: LANDING}
+  - {id: B, ptltl: state = 1}
+""")
+    assert result.properties[0].formula is result.properties[1].formula
+
+
+def test_equations_of_several_requirements_do_not_mix() -> None:
+    result = specified("""
+inputs:
+  p: {type: bool}
+definitions:
+  count: {cocospec: "n = 0 -> pre n + (if p then 1 else 0); result = n;"}
+requirements:
+  - {id: A, cocospec: "n = 0 -> pre n + 1; ok = n < 3;"}
+  - {id: B, cocospec: "n = 0 -> pre n + 2; ok = n < 3 and count < 5;"}
+  - {id: C, ptltl: "count < 3"}
+""")
+    first, second, third = (item.feedback for item in result.properties)
+    assert [cell.name for cell, _ in first] == ['A.n']
+    assert [cell.name for cell, _ in second] == ['B.n', 'count.n']
+    assert third == second[1:]
+    for item in result.properties:
+        known = dict(item.feedback)
+        for formula in (item.formula, *known.values()):
+            cells = [node for node in postorder([formula]) if type(node).__name__ == 'Feedback']
+            assert all(cell in known for cell in cells)
+
+
+def test_feedback_behind_feedback_is_handed_out() -> None:
+    result = specified("""
+inputs:
+  p: {type: bool}
+requirements:
+  - {id: A, cocospec: "a = p -> pre b; b = not p -> pre c; c = p -> pre a; ok = a;"}
+""")
+    assert {cell.name for cell, _ in result.properties[0].feedback} == {'A.a', 'A.b', 'A.c'}
+
+
+def test_feedback_of_like_names_is_told_apart() -> None:
+    result = specified("""
+inputs:
+  p: {type: bool}
+definitions:
+  A: {cocospec: "n = 0 -> pre n + 1; result = n;"}
+requirements:
+  - {id: A, cocospec: "n = 0 -> pre n + 2; ok = n < 3 and A > 1;"}
+""")
+    cells = [cell for cell, _ in result.properties[0].feedback]
+    assert len(cells) == 2
+    assert len({cell.name for cell in cells}) == 2
+
+
+def test_a_long_chain_of_definitions_costs_no_recursion() -> None:
+    chain = '\n'.join(f'  d{k}: "!d{k + 1}"' for k in range(3000))
+    begin = time.process_time()
+    result = specified(f"""
+inputs:
+  p: {{type: bool}}
+definitions:
+{chain}
+  d3000: p
+requirements:
+  - {{id: A, ptltl: d0}}
+""")
+    assert len(postorder([result.properties[0].formula])) == 3001
+    assert time.process_time() - begin < 60
+
+
+def test_a_thousand_requirements_are_read_in_seconds() -> None:
+    requirements = '\n'.join(
+        f'  - {{id: R{k}, ptltl: "H ((x > {k}) -> O[0,{k}] (x <= limit & x < {k}.5))"}}'
+        for k in range(1000))
+    begin = time.process_time()
+    result = specified(f"""
+constants: {{limit: 5}}
+inputs:
+  x: {{type: float32}}
+requirements:
+{requirements}
+""")
+    assert len(result.properties) == 1000
+    assert time.process_time() - begin < 60

@@ -1,0 +1,183 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A manifest is read as it was written; a damaged one is refused with the key, whatever it is."""
+
+from dataclasses import replace
+import json
+from pathlib import Path
+from typing import Any
+
+from fret_monitor.model.manifest import (
+    Manifest, ManifestError, ManifestGroup, ManifestInput, ManifestRequirement, ManifestTopic,
+)
+from fret_monitor.model.policies import Policy, Report, Severity, Stale
+from fret_monitor.model.values import ValueType
+from fret_monitor.native import LibraryError
+from fret_monitor.native.folder import MANIFEST_FILE, open_folder
+import pytest
+
+MANIFEST = Manifest(
+    name='pump', symbol='fm_pump_monitor', component='', policy=Policy.PERIODIC, period=0.5,
+    inputs=(ManifestInput('on', ValueType.BOOL, '/on', 'std_msgs/msg/Bool', ('data',), (), True),
+            ManifestInput('mode', ValueType.INT32, '/m', 'm/msg/M', ('modes', 3),
+                          (('A', 'a'), ('B', 'b')), 1),
+            ManifestInput('level', ValueType.FLOAT64, None, None, (), (('FULL', 9),), -2.5,
+                          'mean', 0.25, Stale.VIOLATE)),
+    topics=(ManifestTopic('/on', 'std_msgs/msg/Bool', (0,), ()),
+            ManifestTopic('/m', 'm/msg/M', (1,), (('depth', 5), ('reliability', 'reliable')))),
+    groups=(ManifestGroup((0, 1, 2), (0,), 8, 3),),
+    requirements=(ManifestRequirement('R', 'handlerpropR', 'text', '', 'on', Report.ONSET,
+                                      Severity.WARN, 0, (0, 2)),),
+    state_bytes=8, bundle_hash='b', source_hash='s', sources=('pump.h', 'pump.c'),
+    readers='fm_pump_readers')
+
+HUGE = 7 * 10 ** 400
+ANYTHING: list[Any] = [None, True, -1, 0.5, float('nan'), HUGE, 'x\ud800', [], {}, [[]], [None]]
+
+# What else a value may be, by its key; every other value of ANYTHING is refused.
+ALLOWED: dict[str, list[Any]] = {
+    'period': [0.5],
+    'inputs[0].timeout': [None, 0.5],
+    'inputs[1].timeout': [None, 0.5],
+    'inputs[2].timeout': [None, 0.5],
+    'inputs[0].initial': [None, True],
+    'inputs[1].initial': [None, -1],
+    'inputs[2].initial': [None, -1, 0.5, float('nan')],
+    'inputs[1].values[0][1]': [-1, HUGE],
+    'inputs[1].values[1][1]': [-1, HUGE],
+    'inputs[2].values[0][1]': [-1, HUGE],
+    'topics[1].qos[0][1]': [-1, HUGE],
+    'topics[1].qos[1][1]': [-1, HUGE],
+    'inputs[0].path[0]': [HUGE],
+    'inputs[1].path[0]': [HUGE],
+    'inputs[1].path[1]': [HUGE],
+    'groups[0].state_bytes': [HUGE],
+    'groups[0].operations': [HUGE],
+    'state_bytes': [HUGE],
+}
+EMPTY = ('path', 'values', 'qos', 'sources', 'topics')  # lists that may be empty
+EMPTY_INDICES = ('topics[0].inputs', 'topics[1].inputs', 'groups[0].inputs',
+                 'groups[0].requirements', 'requirements[0].inputs', 'requirements')
+OPTIONAL = ('.topic', 'inputs[0].message_type', 'inputs[1].message_type',
+            'inputs[2].message_type')
+
+
+def places(content: Any, key: str = '') -> list[tuple[str, list[str | int]]]:
+    """Return the key of every value below, and the way to it."""
+    inner = content.items() if isinstance(content, dict) else \
+        enumerate(content) if isinstance(content, list) else ()
+    found: list[tuple[str, list[str | int]]] = []
+    for step, value in inner:
+        name = f'{key}[{step}]' if isinstance(step, int) else f'{key}.{step}'.lstrip('.')
+        found += [(name, [step])]
+        found += [(below, [step, *way]) for below, way in places(value, name)]
+    return found
+
+
+PLACES = places(json.loads(MANIFEST.to_json()))
+
+
+def damaged(way: list[str | int], value: object) -> str:
+    """Return the text of the manifest with another value at a place."""
+    content = at = json.loads(MANIFEST.to_json())
+    for step in way[:-1]:
+        at = at[step]
+    at[way[-1]] = value
+    return json.dumps(content)
+
+
+def is_allowed(key: str, value: object) -> bool:
+    """Whether a value may stand at a key."""
+    if value == []:
+        return key.endswith(EMPTY) or key in EMPTY_INDICES and key != 'requirements'
+    if value is None:
+        return key.endswith(OPTIONAL) and not key.startswith('topics') \
+            or None in ALLOWED.get(key, [])
+    return any(type(item) is type(value) and repr(item)[:9] == repr(value)[:9]
+               for item in ALLOWED.get(key, []) if isinstance(item, float)) \
+        or any(type(item) is type(value) and item == value for item in ALLOWED.get(key, []))
+
+
+def test_a_manifest_is_read_as_it_was_written() -> None:
+    for item in (MANIFEST, replace(MANIFEST, policy=Policy.ALL_INPUTS, period=None)):
+        assert Manifest.from_json(item.to_json()) == item
+        assert Manifest.from_json(item.to_json()).to_json() == item.to_json()
+
+
+@pytest.mark.parametrize(('key', 'way'), PLACES, ids=[key for key, _ in PLACES])
+def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str | int]) -> None:
+    for value in ANYTHING:
+        text = damaged(way, value)
+        if is_allowed(key, value):
+            Manifest.from_json(text)
+            continue
+        with pytest.raises(ManifestError) as caught:
+            Manifest.from_json(text)
+        if key == 'format' and value == HUGE:
+            assert 'manifest has format 7000' in str(caught.value)
+        elif value != [] or key not in ('inputs', 'groups', 'requirements'):
+            assert f'({key}' in str(caught.value)  # else an index is what is out of range
+        assert len(str(caught.value)) < 300
+        assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize(('key', 'value', 'expected'), [
+    ('source_hash', None, '(source_hash is to be a text, not None)'),
+    ('format', True, '(format is to be a whole number from 0, not True)'),
+    ('format', 1, 'manifest has format 1, this version reads 2: compile the bundle again'),
+    ('period', 0, '(period is to be a number of seconds above 0, not 0)'),
+    ('period', float('inf'), '(period is to be a number of seconds above 0, not inf)'),
+    ('symbol', '../x', "(symbol is to be a name in C, not '../x')"),
+    ('symbol', 'x\x00', '(symbol is to be a name in C'),
+    ('readers', '../x', "(readers is to be a name in C, not '../x')"),
+    ('inputs[2].reduction', 'median', '(inputs[2].reduction is to be one of seconds, len, min, '),
+    ('policy', 'never', '(policy is to be one of every_message, '),
+    ('inputs[1].initial', 2 ** 31, '(inputs[1].initial is to be a number of int32'),
+    ('topics[0].inputs[0]', 3, '(topics[0].inputs[0] is to be an index below 3'),
+    ('groups[0].inputs[0]', 3, '(groups[0].inputs[0] is to be an index below 3'),
+    ('groups[0].requirements[0]', 1, '(groups[0].requirements[0] is to be an index below 1'),
+    ('requirements[0].group', 1, '(requirements[0].group is to be an index below 1'),
+    ('requirements[0].inputs[1]', 3, '(requirements[0].inputs[1] is to be an index below 3'),
+    ('topics[1].qos[0]', ['depth'], '(topics[1].qos[0] is to be a list of two'),
+])
+def test_what_is_wrong_is_said(key: str, value: object, expected: str) -> None:
+    with pytest.raises(ManifestError) as caught:
+        Manifest.from_json(damaged(dict(PLACES)[key], value))
+    assert expected in str(caught.value)
+
+
+@pytest.mark.parametrize('key', [key for key, way in PLACES if isinstance(way[-1], str)])
+def test_a_key_that_is_missing_is_named(key: str) -> None:
+    content = at = json.loads(MANIFEST.to_json())
+    *way, last = dict(PLACES)[key]
+    for step in way:
+        at = at[step]
+    del at[last]
+    with pytest.raises(ManifestError) as caught:
+        Manifest.from_json(json.dumps(content))
+    assert f'({key} is missing)' in str(caught.value)
+
+
+@pytest.mark.parametrize('text', [
+    '', '{', 'null', '[]', '1', '"x"', '[' * 100_000, '1' * 10_000, '{"a":' * 100_000])
+def test_what_is_no_manifest_at_all_is_refused(text: str) -> None:
+    with pytest.raises(ManifestError, match='not a manifest of fret_monitor'):
+        Manifest.from_json(text)
+
+
+def test_a_folder_with_a_damaged_manifest_says_so(tmp_path: Path) -> None:
+    (tmp_path / MANIFEST_FILE).write_text(damaged(['source_hash'], -1), encoding='utf-8')
+    with pytest.raises(LibraryError, match=r'cannot read .*\(source_hash is to be a text'):
+        open_folder(tmp_path)

@@ -1,0 +1,88 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The cells of `fret_cells.h`, proved for every bound and every trace; and what would not be."""
+
+from dataclasses import replace
+
+from fret_monitor.native.cache import runtime_headers
+from fret_monitor.proving.c_source import Program, read_program
+from fret_monitor.proving.contracts import CELLS, prove_function
+from fret_monitor.proving.verification import cells_proved
+from fret_monitor.smt.operators import check, claims
+from fret_monitor.smt.solver import Answer
+import pytest
+import z3
+
+HEADERS = tuple((name, text) for name, text in runtime_headers().items()
+                if name in ('fret_cells.h', 'fret_monitor.h'))
+
+
+def program(old: str = '', new: str = '') -> Program:
+    """Return the cells, with a part of their text exchanged."""
+    headers = dict(HEADERS)
+    assert old in headers['fret_cells.h']
+    headers['fret_cells.h'] = headers['fret_cells.h'].replace(old, new) if old else \
+        headers['fret_cells.h']
+    return read_program({'cells.c': '#include "fret_cells.h"\n'}, headers)
+
+
+def test_every_cell_computes_its_operator_for_every_bound_and_every_trace() -> None:
+    proofs = cells_proved(HEADERS, 60.0)
+    assert [proof for proof in proofs if proof.answer is not Answer.PROVED] == []
+    assert {proof.name for proof in proofs} >= {*CELLS, 'fm_next_position', 'fm_signed'}
+    assert {f'{name}: operator' for name in (
+        'once_within', 'always_within', 'since_within', 'once_before', 'since_before', 'delay',
+    )} <= {proof.name for proof in proofs}
+
+
+@pytest.mark.parametrize('number', range(len(claims())))
+def test_no_claim_of_an_operator_rests_on_a_contradiction(number: int) -> None:
+    claim = claims()[number]
+    opposite = replace(claim, goal=z3.Not(claim.goal))
+    assert check(opposite, 2.0).answer is not Answer.PROVED
+
+
+@pytest.mark.parametrize(('function', 'old', 'new'), [
+    ('fm_once_within_u8', 'return age <= bound', 'return age < bound'),
+    ('fm_always_within_u16', 'return age > bound', 'return age >= bound'),
+    ('fm_since_within_u32', 'kept & fm_ones_if_ ## suffix(!q)', 'kept & fm_ones_if_ ## suffix(q)'),
+    # An age that wraps is young again: after 2^8 steps, or 2^32.
+    ('fm_once_within_u8', '(type)(age + 1u - (age >> (8u * sizeof(type) - 1u)))',
+     '(type)(age + 1u)'),
+    ('fm_once_within_u32', '(type)(age + 1u - (age >> (8u * sizeof(type) - 1u)))',
+     '(type)(age + 1u)'),
+    ('fm_once_before_u8', '& (before <= bound)', '& (before < bound)'),
+    ('fm_since_before_u32', '*counter & fm_ones_if_ ## suffix(p)', '*counter'),
+    ('fm_delay_u64', 'fm_bit(*line, steps - 1u)', 'fm_bit(*line, steps)'),
+    ('fm_delay_ring', 'position & 7u', 'position & 3u'),
+    ('fm_next_position', 'position + 1u == length', 'position == length'),
+    ('fm_div_i64', 'return b == -1 ? fm_neg_i64(a) : a / b', 'return a / b'),
+    ('fm_less_iu', 'a < 0 || (uint64_t)a < b', '(uint64_t)a < b'),
+    ('fm_signed', '-(int64_t)(~bits) - 1', '-(int64_t)(~bits)'),
+])
+def test_a_cell_that_is_wrong_is_not_proved(function: str, old: str, new: str) -> None:
+    proof = prove_function(program(old, new), function, 20.0)
+    assert proof is not None
+    assert proof.answer is Answer.REFUTED
+    assert proof.detail
+
+
+def test_another_way_to_write_a_cell_is_proved_too() -> None:
+    changed = program('return (type)(age + 1u - (age >> (8u * sizeof(type) - 1u)));',
+                      'return (type)(age < (1u << (8u * sizeof(type) - 1u)) ? age + 1u : age);')
+    for function in ('fm_once_within_u8', 'fm_since_within_u16', 'fm_always_within_u32'):
+        proof = prove_function(changed, function, 20.0)
+        assert proof is not None
+        assert proof.answer is Answer.PROVED
