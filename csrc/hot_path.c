@@ -16,8 +16,8 @@
 /// hot_path.c: see hot_path.h for the contract.
 ///
 /// Locks. The middleware calls `on_message` with locks of its own for that subscription held, and
-/// it takes the watch's mutex and calls `take`, which wants the subscription's. Whoever is not in
-/// a callback must therefore not hold the watch's mutex while it takes. So `fm_source_drain` keeps
+/// it takes the engine's mutex and calls `take`, which wants the subscription's. Whoever is not in
+/// a callback must therefore not hold the engine's mutex while it takes. So `fm_receiver_drain` keeps
 /// callbacks from taking by a flag, which the mutex guards, and takes without the mutex.
 
 #define _POSIX_C_SOURCE 200809L
@@ -29,18 +29,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "watch_locked.h"
+#include "engine_locked.h"
 
 #define BATCH 64u
 #define MOST_DRAINED 1000u
 #define QUIET_LOOKS 16u  // of which one drains
-#define PATIENCE 200u  // milliseconds; an end of the watch wakes it at once
+#define PATIENCE 200u  // milliseconds; an end of the engine wakes it at once
 
-// ---- sources -----------------------------------------------------------------------------------
+// ---- receivers -----------------------------------------------------------------------------------
 
-struct fm_source
+struct fm_receiver
 {
-  struct fm_watch * watch;
+  struct fm_engine * engine;
   const struct fm_middleware * middleware;
   void * subscription;
   // These are of who takes: a callback under the mutex, or the drain.
@@ -49,7 +49,7 @@ struct fm_source
   struct fm_reading reading;
   uint32_t topic;
   bool is_in_place;
-  bool is_retired;   // these are guarded by the watch's mutex
+  bool is_retired;   // these are guarded by the engine's mutex
   bool is_draining;
   bool is_awaited;   // a callback came while it was drained
   bool is_behind;    // some may be left that a callback has told of
@@ -81,9 +81,9 @@ static void * zero_allocate(size_t count, size_t size, void * state)
   return calloc(count, size);
 }
 
-static const struct fm_reader * reader_of(const struct fm_source * source)
+static const struct fm_reader * reader_of(const struct fm_receiver * receiver)
 {
-  return fm_watch_reader(source->watch, source->topic);
+  return fm_engine_reader(receiver->engine, receiver->topic);
 }
 
 static bool all_are_read(const struct fm_field * fields, uint32_t n)
@@ -113,9 +113,9 @@ static void copy_message(struct fm_serialized * copy, const uint8_t * message, s
   copy->length = size;
 }
 
-static void read_fields(struct fm_source * source, const uint8_t * message, size_t size)
+static void read_fields(struct fm_receiver * receiver, const uint8_t * message, size_t size)
 {
-  source->reading.is_decoded = reader_of(source)->read(message, size, source->fields);
+  receiver->reading.is_decoded = reader_of(receiver)->read(message, size, receiver->fields);
 }
 
 static const void * pointer_at(const void * object, size_t offset)
@@ -125,9 +125,9 @@ static const void * pointer_at(const void * object, size_t offset)
   return found;
 }
 
-bool fm_in_place_read(void * cdr, void * source)
+bool fm_in_place_read(void * cdr, void * receiver)
 {
-  struct fm_source * self = source;
+  struct fm_receiver * self = receiver;
   const struct fm_in_place * place = &self->middleware->in_place;
   const void * buffer = pointer_at(cdr, place->buffer_of_cdr);
   const uint8_t * message = pointer_at(buffer, place->data_of_buffer);
@@ -201,12 +201,12 @@ bool fm_in_place_find(
          find_word(cdr, CDR_WORDS, (uint64_t)(uintptr_t)buffer, &found->buffer_of_cdr);
 }
 
-static int take_any(struct fm_source * source, bool * taken, struct fm_message_info * info)
+static int take_any(struct fm_receiver * receiver, bool * taken, struct fm_message_info * info)
 {
-  const struct fm_middleware * middleware = source->middleware;
-  return source->is_in_place ?
-         middleware->take_message(source->subscription, source, taken, info, NULL) :
-         middleware->take(source->subscription, &source->message, taken, info, NULL);
+  const struct fm_middleware * middleware = receiver->middleware;
+  return receiver->is_in_place ?
+         middleware->take_message(receiver->subscription, receiver, taken, info, NULL) :
+         middleware->take(receiver->subscription, &receiver->message, taken, info, NULL);
 }
 
 enum result
@@ -219,187 +219,187 @@ enum result
 // Takes one of `waiting`, as far as is known. A message without a header is thrown away in passing:
 // there may have been as many as are waiting, and there was one.
 static enum result take(
-  struct fm_source * source, struct fm_message_info * info, uint64_t waiting)
+  struct fm_receiver * receiver, struct fm_message_info * info, uint64_t waiting)
 {
   bool taken = false;
-  source->reading.is_decoded = false;
-  const int result = take_any(source, &taken, info);
-  const bool has_error = source->middleware->has_error();
+  receiver->reading.is_decoded = false;
+  const int result = take_any(receiver, &taken, info);
+  const bool has_error = receiver->middleware->has_error();
   if (has_error) {
-    source->middleware->forget_error();
-    source->reading.thrown += waiting > 2 ? waiting - 1 : 1;
+    receiver->middleware->forget_error();
+    receiver->reading.thrown += waiting > 2 ? waiting - 1 : 1;
   }
   if (result != 0 || !taken) {
-    source->reading.thrown -= has_error ? 1 : 0;  // it is counted now
-    source->reading.size = 0;
+    receiver->reading.thrown -= has_error ? 1 : 0;  // it is counted now
+    receiver->reading.size = 0;
     return result == 0 && has_error ? GARBAGE : NOTHING;
   }
-  if (!source->is_in_place) {
-    read_fields(source, source->message.buffer, source->message.length);
+  if (!receiver->is_in_place) {
+    read_fields(receiver, receiver->message.buffer, receiver->message.length);
   }
-  source->reading.message = source->message.buffer;
-  source->reading.size = source->message.length;
+  receiver->reading.message = receiver->message.buffer;
+  receiver->reading.size = receiver->message.length;
   return TAKEN;
 }
 
 static void deliver_locked(
-  struct fm_source * source, enum result result, const struct fm_message_info * info)
+  struct fm_receiver * receiver, enum result result, const struct fm_message_info * info)
 {
   if (result == GARBAGE) {
-    if (!source->is_retired) {  // the subscription that takes its place counts it
-      fm_watch_undecodable_locked(source->watch, source->topic);
+    if (!receiver->is_retired) {  // the subscription that takes its place counts it
+      fm_engine_undecodable_locked(receiver->engine, receiver->topic);
     }
     return;
   }
   const struct fm_origin origin = {
     info->received_timestamp, info->source_timestamp, info->publication_sequence_number,
-    info->gid, source->is_retired};
-  (void)fm_watch_deliver_locked(source->watch, source->topic, &source->reading, &origin);
-  source->reading.thrown = 0;
+    info->gid, receiver->is_retired};
+  (void)fm_engine_deliver_locked(receiver->engine, receiver->topic, &receiver->reading, &origin);
+  receiver->reading.thrown = 0;
 }
 
 // In the middleware's thread. Takes as many as it is told of: one that comes later has a callback
 // of its own, and asking whether there is one costs a tenth of a message.
 static void on_message(const void * user_data, size_t count)
 {
-  struct fm_source * source = (struct fm_source *)user_data;
+  struct fm_receiver * receiver = (struct fm_receiver *)user_data;
   struct fm_message_info info;
-  if (source->middleware->has_error()) {
-    source->middleware->forget_error();  // somebody else's: the thread may be a publisher's
+  if (receiver->middleware->has_error()) {
+    receiver->middleware->forget_error();  // somebody else's: the thread may be a publisher's
   }
-  fm_watch_lock(source->watch);
-  source->was_told = true;
-  if (source->is_draining) {
-    source->is_awaited = true;
+  fm_engine_lock(receiver->engine);
+  receiver->was_told = true;
+  if (receiver->is_draining) {
+    receiver->is_awaited = true;
   } else {
-    for (size_t k = 0; k < count || source->is_behind; ++k) {
-      const enum result result = take(source, &info, k < count ? count - k : 1);
+    for (size_t k = 0; k < count || receiver->is_behind; ++k) {
+      const enum result result = take(receiver, &info, k < count ? count - k : 1);
       if (result == NOTHING) {
-        source->is_behind = false;
+        receiver->is_behind = false;
         break;
       }
-      deliver_locked(source, result, &info);
+      deliver_locked(receiver, result, &info);
     }
   }
-  fm_watch_unlock(source->watch);
+  fm_engine_unlock(receiver->engine);
 }
 
-static void begin_draining(struct fm_source * source)
+static void begin_draining(struct fm_receiver * receiver)
 {
-  fm_watch_lock(source->watch);
-  source->is_draining = true;
-  fm_watch_unlock(source->watch);
+  fm_engine_lock(receiver->engine);
+  receiver->is_draining = true;
+  fm_engine_unlock(receiver->engine);
 }
 
 // Returns whether it is over: nothing came while it was found empty, or it has taken enough; what
 // is left is for the next callback or drain.
-static bool end_draining(struct fm_source * source, bool is_enough)
+static bool end_draining(struct fm_receiver * receiver, bool is_enough)
 {
-  fm_watch_lock(source->watch);
-  const bool is_over = is_enough || !source->is_awaited;
-  source->is_behind = is_enough;
-  source->is_awaited = false;
-  source->is_draining = !is_over;
-  fm_watch_unlock(source->watch);
+  fm_engine_lock(receiver->engine);
+  const bool is_over = is_enough || !receiver->is_awaited;
+  receiver->is_behind = is_enough;
+  receiver->is_awaited = false;
+  receiver->is_draining = !is_over;
+  fm_engine_unlock(receiver->engine);
   return is_over;
 }
 
-static void drain(struct fm_source * source)
+static void drain(struct fm_receiver * receiver)
 {
   struct fm_message_info info;
   uint32_t left = MOST_DRAINED;
-  source->middleware->forget_error();  // one that this thread may have had before
+  receiver->middleware->forget_error();  // one that this thread may have had before
   do {
     enum result result = NOTHING;
-    while (left > 0 && (result = take(source, &info, 1)) != NOTHING) {
+    while (left > 0 && (result = take(receiver, &info, 1)) != NOTHING) {
       left -= 1;
-      fm_watch_lock(source->watch);
-      deliver_locked(source, result, &info);
-      fm_watch_unlock(source->watch);
+      fm_engine_lock(receiver->engine);
+      deliver_locked(receiver, result, &info);
+      fm_engine_unlock(receiver->engine);
     }
-  } while (!end_draining(source, left == 0));
+  } while (!end_draining(receiver, left == 0));
 }
 
-static void free_source(struct fm_source * source)
+static void free_receiver(struct fm_receiver * receiver)
 {
-  free(source->message.buffer);
-  free(source->fields);
-  free(source);
+  free(receiver->message.buffer);
+  free(receiver->fields);
+  free(receiver);
 }
 
-struct fm_source * fm_source_start(
-  struct fm_watch * watch, const struct fm_middleware * middleware, void * subscription,
+struct fm_receiver * fm_receiver_start(
+  struct fm_engine * engine, const struct fm_middleware * middleware, void * subscription,
   uint32_t topic, bool is_in_place)
 {
-  struct fm_source * source = calloc(1, sizeof(*source));
-  if (source == NULL) {
+  struct fm_receiver * receiver = calloc(1, sizeof(*receiver));
+  if (receiver == NULL) {
     return NULL;
   }
-  source->watch = watch;
-  source->middleware = middleware;
-  source->subscription = subscription;
-  source->topic = topic;
-  source->is_in_place = is_in_place;
-  source->message.allocator =
+  receiver->engine = engine;
+  receiver->middleware = middleware;
+  receiver->subscription = subscription;
+  receiver->topic = topic;
+  receiver->is_in_place = is_in_place;
+  receiver->message.allocator =
     (struct fm_allocator) {allocate, deallocate, reallocate, zero_allocate, NULL};
-  source->fields = calloc(reader_of(source)->n_inputs + 1u, sizeof(*source->fields));
-  source->reading.fields = source->fields;
-  source->is_draining = true;  // the middleware may call back at once, from within `listen`
-  if (source->fields == NULL || middleware->listen(subscription, on_message, source) != 0) {
+  receiver->fields = calloc(reader_of(receiver)->n_inputs + 1u, sizeof(*receiver->fields));
+  receiver->reading.fields = receiver->fields;
+  receiver->is_draining = true;  // the middleware may call back at once, from within `listen`
+  if (receiver->fields == NULL || middleware->listen(subscription, on_message, receiver) != 0) {
     middleware->forget_error();
-    free_source(source);
+    free_receiver(receiver);
     return NULL;
   }
-  drain(source);
-  return source;
+  drain(receiver);
+  return receiver;
 }
 
-void fm_source_drain(struct fm_source * source)
+void fm_receiver_drain(struct fm_receiver * receiver)
 {
-  begin_draining(source);
-  drain(source);
+  begin_draining(receiver);
+  drain(receiver);
 }
 
 // While it is drained a message waits, and one of another topic may overtake it: seldom, therefore.
-static bool begin_look(struct fm_source * source)
+static bool begin_look(struct fm_receiver * receiver)
 {
-  fm_watch_lock(source->watch);
-  const bool is_due = !source->was_told && source->quiet % QUIET_LOOKS == 0;
-  source->quiet = source->was_told ? 0 : source->quiet + 1u;
-  source->is_behind = source->is_behind || source->was_told;
-  source->was_told = false;
-  source->is_draining = is_due;
-  fm_watch_unlock(source->watch);
+  fm_engine_lock(receiver->engine);
+  const bool is_due = !receiver->was_told && receiver->quiet % QUIET_LOOKS == 0;
+  receiver->quiet = receiver->was_told ? 0 : receiver->quiet + 1u;
+  receiver->is_behind = receiver->is_behind || receiver->was_told;
+  receiver->was_told = false;
+  receiver->is_draining = is_due;
+  fm_engine_unlock(receiver->engine);
   return is_due;
 }
 
-void fm_source_look(struct fm_source * source)
+void fm_receiver_poll(struct fm_receiver * receiver)
 {
-  if (begin_look(source)) {
-    drain(source);
+  if (begin_look(receiver)) {
+    drain(receiver);
   }
 }
 
-void fm_source_retire(struct fm_source * source)
+void fm_receiver_retire(struct fm_receiver * receiver)
 {
-  fm_watch_lock(source->watch);
-  source->is_retired = true;
-  fm_watch_unlock(source->watch);
+  fm_engine_lock(receiver->engine);
+  receiver->is_retired = true;
+  fm_engine_unlock(receiver->engine);
 }
 
-void fm_source_stop(struct fm_source * source)
+void fm_receiver_stop(struct fm_receiver * receiver)
 {
-  if (source->middleware->listen(source->subscription, NULL, NULL) != 0) {
-    source->middleware->forget_error();
+  if (receiver->middleware->listen(receiver->subscription, NULL, NULL) != 0) {
+    receiver->middleware->forget_error();
   }
-  free_source(source);
+  free_receiver(receiver);
 }
 
 // ---- announcers --------------------------------------------------------------------------------
 
 struct fm_announcer
 {
-  struct fm_watch * watch;
+  struct fm_engine * engine;
   const struct fm_middleware * middleware;
   void ** publishers;
   uint32_t n_publishers;
@@ -416,7 +416,7 @@ static void publish(struct fm_announcer * announcer, const struct fm_violation *
     announcer->publishers[violation->requirement], &empty, NULL);
   if (result != 0) {
     announcer->middleware->forget_error();
-    fm_watch_tell_untold(announcer->watch, 1);
+    fm_engine_count_unpublished(announcer->engine, 1);
   }
 }
 
@@ -426,11 +426,11 @@ static void * run(void * argument)
   struct fm_violation batch[BATCH];
   uint32_t n = 0;
   do {
-    n = fm_watch_take(announcer->watch, batch, BATCH, PATIENCE);
+    n = fm_engine_take(announcer->engine, batch, BATCH, PATIENCE);
     for (uint32_t k = 0; k < n; ++k) {
       publish(announcer, &batch[k]);
     }
-  } while (n > 0 || !fm_watch_is_closed(announcer->watch));
+  } while (n > 0 || !fm_engine_is_closed(announcer->engine));
   return NULL;
 }
 
@@ -455,14 +455,14 @@ static void free_announcer(struct fm_announcer * announcer)
 }
 
 struct fm_announcer * fm_announcer_start(
-  struct fm_watch * watch, const struct fm_middleware * middleware, void * const * publishers,
+  struct fm_engine * engine, const struct fm_middleware * middleware, void * const * publishers,
   uint32_t n_publishers)
 {
   struct fm_announcer * announcer = calloc(1, sizeof(*announcer));
   if (announcer == NULL) {
     return NULL;
   }
-  announcer->watch = watch;
+  announcer->engine = engine;
   announcer->middleware = middleware;
   announcer->n_publishers = n_publishers;
   announcer->publishers = calloc(n_publishers + 1u, sizeof(*publishers));

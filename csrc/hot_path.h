@@ -13,10 +13,10 @@
 // limitations under the License.
 
 
-/// hot_path.h: from the middleware to a watch and back, without Python.
+/// hot_path.h: from the middleware to a engine and back, without Python.
 ///
-/// A source takes the messages of one subscription inside the middleware's new-message callback
-/// and delivers them. An announcer is one thread that publishes what a watch queues: publishing
+/// A receiver takes the messages of one subscription inside the middleware's new-message callback
+/// and delivers them. An announcer is one thread that publishes what a engine queues: publishing
 /// inside the callback hung at the end of a process.
 ///
 /// What is called of the middleware (rmw, ROS 2 Jazzy) is found by name in what the process has
@@ -26,7 +26,7 @@
 #ifndef HOT_PATH_H_
 #define HOT_PATH_H_
 
-#include "watch.h"
+#include "engine.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -145,44 +145,44 @@ FM_EXPORT bool fm_in_place_make(
 /// The `cdr_deserialize` of a subscription that is read in place: instead of making a message of
 /// the bytes, it reads the fields out of them, where the middleware has them. Such a subscription
 /// was made with a type support that differs from the message's own in this function alone.
-FM_EXPORT bool fm_in_place_read(void * cdr, void * source);
+FM_EXPORT bool fm_in_place_read(void * cdr, void * receiver);
 
-struct fm_source;
+struct fm_receiver;
 
 /// Start to deliver the messages of a subscription (an rmw_subscription_t that nobody else takes
-/// from) as those of a topic; those that it holds already come first. The watch and the middleware
-/// outlive the source; the subscription may be destroyed after fm_source_stop. `is_in_place`: it
+/// from) as those of a topic; those that it holds already come first. The engine and the middleware
+/// outlive the receiver; the subscription may be destroyed after fm_receiver_stop. `is_in_place`: it
 /// was made with fm_in_place_read. NULL if the middleware has no such callback, or memory is
 /// short. Not to be called from a callback.
-FM_EXPORT struct fm_source * fm_source_start(
-  struct fm_watch * watch, const struct fm_middleware * middleware, void * subscription,
+FM_EXPORT struct fm_receiver * fm_receiver_start(
+  struct fm_engine * engine, const struct fm_middleware * middleware, void * subscription,
   uint32_t topic, bool is_in_place);
 
 /// Take what is there, at most 1000 messages. What comes meanwhile waits for its end.
-FM_EXPORT void fm_source_drain(struct fm_source * source);
+FM_EXPORT void fm_receiver_drain(struct fm_receiver * receiver);
 
 /// To be called now and then: have the next callback take what none has told of, or drain, if there
 /// was none since the last look; but seldom once a topic is silent. A middleware that tells of every
 /// message needs it never; but one message overlooked would delay all that follow.
-FM_EXPORT void fm_source_look(struct fm_source * source);
+FM_EXPORT void fm_receiver_poll(struct fm_receiver * receiver);
 
-/// A new subscription is there: what comes by this one may come by that one too (fm_watch_overlap).
-FM_EXPORT void fm_source_retire(struct fm_source * source);
+/// A new subscription is there: what comes by this one may come by that one too (fm_engine_begin_handover).
+FM_EXPORT void fm_receiver_retire(struct fm_receiver * receiver);
 
-/// End it; waits for a callback under way. Nothing is delivered after it. Frees the source.
-FM_EXPORT void fm_source_stop(struct fm_source * source);
+/// End it; waits for a callback under way. Nothing is delivered after it. Frees the receiver.
+FM_EXPORT void fm_receiver_stop(struct fm_receiver * receiver);
 
 struct fm_announcer;
 
-/// Start a thread that publishes a std_msgs/msg/Empty for each violation of the watch, in order:
+/// Start a thread that publishes a std_msgs/msg/Empty for each violation of the engine, in order:
 /// by `publishers` (rmw_publisher_t, one a requirement, in the manifest's order; copied). NULL if
-/// no thread can be made, or memory is short. What cannot be published is counted (fm_watch_untold).
-/// The watch and publishers outlive the announcer.
+/// no thread can be made, or memory is short. What cannot be published is counted (fm_engine_unpublished).
+/// The engine and publishers outlive the announcer.
 FM_EXPORT struct fm_announcer * fm_announcer_start(
-  struct fm_watch * watch, const struct fm_middleware * middleware, void * const * publishers,
+  struct fm_engine * engine, const struct fm_middleware * middleware, void * const * publishers,
   uint32_t n_publishers);
 
-/// Wait for the thread, which ends once the watch is closed and all is published. Frees it.
+/// Wait for the thread, which ends once the engine is closed and all is published. Frees it.
 FM_EXPORT void fm_announcer_join(struct fm_announcer * announcer);
 
 #ifdef __cplusplus

@@ -52,7 +52,7 @@ from fret_monitor.native.errors import CacheError, CompilerError, NativeError
 from fret_monitor.native.monitor import is_cut_short
 
 #: The evaluator, and what feeds it from the middleware: one library.
-EVALUATOR_SOURCES = ('evaluator.c', 'watch.c', 'hot_path.c')
+EVALUATOR_SOURCES = ('evaluator.c', 'engine.c', 'hot_path.c')
 
 _SEAL = 'seal.json'
 _UNFINISHED = '.building-'

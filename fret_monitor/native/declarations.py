@@ -208,9 +208,9 @@ struct fm_input_counts fm_evaluator_input_counts(
 struct fm_topic_counts fm_evaluator_topic_counts(
   const struct fm_evaluator * evaluator, uint32_t topic);
 
-struct fm_watch;
+struct fm_engine;
 
-struct fm_watch_options
+struct fm_engine_options
 {
   struct fm_evaluator * evaluator;
   const struct fm_monitor * monitor;
@@ -241,37 +241,37 @@ struct fm_detail
   uint64_t suppressed;
 };
 
-struct fm_watch * fm_watch_create(const struct fm_watch_options * options);
-void fm_watch_destroy(struct fm_watch * watch);
-void fm_watch_close(struct fm_watch * watch);
-bool fm_watch_is_closed(struct fm_watch * watch);
-uint32_t fm_watch_message(
-  struct fm_watch * watch, uint32_t topic, const uint8_t * message, size_t size,
+struct fm_engine * fm_engine_create(const struct fm_engine_options * options);
+void fm_engine_destroy(struct fm_engine * engine);
+void fm_engine_close(struct fm_engine * engine);
+bool fm_engine_is_closed(struct fm_engine * engine);
+uint32_t fm_engine_message(
+  struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin);
-void fm_watch_tick(struct fm_watch * watch, int64_t stamp);
-void fm_watch_stale(
-  struct fm_watch * watch, uint32_t input, uint64_t received, int64_t stamp);
-bool fm_watch_is_stale(struct fm_watch * watch, uint32_t input);
-void fm_watch_reset(struct fm_watch * watch);
-void fm_watch_use_clock(
-  struct fm_watch * watch, int (* now)(void * clock, int64_t * nanoseconds), void * clock);
-void fm_watch_overlap(struct fm_watch * watch, uint32_t topic, bool has_history);
-void fm_watch_settle(struct fm_watch * watch, uint32_t topic);
-uint32_t fm_watch_take(
-  struct fm_watch * watch, struct fm_violation * out, uint32_t room, uint32_t milliseconds);
-void fm_watch_detail(struct fm_watch * watch, bool is_wanted, uint32_t most);
-bool fm_watch_take_detail(
-  struct fm_watch * watch, struct fm_detail * out, uint32_t milliseconds);
-size_t fm_watch_evidence(
-  struct fm_watch * watch, uint32_t topic, uint8_t * out, size_t room);
-uint64_t fm_watch_missed(struct fm_watch * watch, uint32_t topic);
-uint64_t fm_watch_untold(struct fm_watch * watch);
-void fm_watch_tell_untold(struct fm_watch * watch, uint64_t more);
-struct fm_requirement_counts fm_watch_requirement_counts(
-  struct fm_watch * watch, uint32_t requirement);
-struct fm_input_counts fm_watch_input_counts(struct fm_watch * watch, uint32_t input);
-struct fm_topic_counts fm_watch_topic_counts(struct fm_watch * watch, uint32_t topic);
-bool fm_watch_value(struct fm_watch * watch, uint32_t input, void * out);
+void fm_engine_tick(struct fm_engine * engine, int64_t stamp);
+void fm_engine_stale(
+  struct fm_engine * engine, uint32_t input, uint64_t received, int64_t stamp);
+bool fm_engine_is_stale(struct fm_engine * engine, uint32_t input);
+void fm_engine_reset(struct fm_engine * engine);
+void fm_engine_use_clock(
+  struct fm_engine * engine, int (* now)(void * clock, int64_t * nanoseconds), void * clock);
+void fm_engine_begin_handover(struct fm_engine * engine, uint32_t topic, bool has_history);
+void fm_engine_end_handover(struct fm_engine * engine, uint32_t topic);
+uint32_t fm_engine_take(
+  struct fm_engine * engine, struct fm_violation * out, uint32_t room, uint32_t milliseconds);
+void fm_engine_want_details(struct fm_engine * engine, bool is_wanted, uint32_t most);
+bool fm_engine_take_detail(
+  struct fm_engine * engine, struct fm_detail * out, uint32_t milliseconds);
+size_t fm_engine_evidence(
+  struct fm_engine * engine, uint32_t topic, uint8_t * out, size_t room);
+uint64_t fm_engine_lost(struct fm_engine * engine, uint32_t topic);
+uint64_t fm_engine_unpublished(struct fm_engine * engine);
+void fm_engine_count_unpublished(struct fm_engine * engine, uint64_t more);
+struct fm_requirement_counts fm_engine_requirement_counts(
+  struct fm_engine * engine, uint32_t requirement);
+struct fm_input_counts fm_engine_input_counts(struct fm_engine * engine, uint32_t input);
+struct fm_topic_counts fm_engine_topic_counts(struct fm_engine * engine, uint32_t topic);
+bool fm_engine_value(struct fm_engine * engine, uint32_t input, void * out);
 
 struct fm_serialized;
 struct fm_message_info;
@@ -337,17 +337,17 @@ bool fm_in_place_make(
   const struct fm_type_support * original, struct fm_in_place_type * made);
 bool fm_in_place_read(void * cdr, void * source);
 
-struct fm_source;
-struct fm_source * fm_source_start(
-  struct fm_watch * watch, const struct fm_middleware * middleware, void * subscription,
+struct fm_receiver;
+struct fm_receiver * fm_receiver_start(
+  struct fm_engine * engine, const struct fm_middleware * middleware, void * subscription,
   uint32_t topic, bool is_in_place);
-void fm_source_drain(struct fm_source * source);
-void fm_source_look(struct fm_source * source);
-void fm_source_retire(struct fm_source * source);
-void fm_source_stop(struct fm_source * source);
+void fm_receiver_drain(struct fm_receiver * source);
+void fm_receiver_poll(struct fm_receiver * source);
+void fm_receiver_retire(struct fm_receiver * source);
+void fm_receiver_stop(struct fm_receiver * source);
 struct fm_announcer;
 struct fm_announcer * fm_announcer_start(
-  struct fm_watch * watch, const struct fm_middleware * middleware, void * const * publishers,
+  struct fm_engine * engine, const struct fm_middleware * middleware, void * const * publishers,
   uint32_t n_publishers);
 void fm_announcer_join(struct fm_announcer * announcer);
 """

@@ -29,17 +29,17 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.compiled import Opened
 from fret_monitor.ros.details import Details, DETAILS_TOPIC
-from fret_monitor.ros.feed import Deliver, Feed, Hearing, TopicTap
+from fret_monitor.ros.feed import Deliver, Feed, Hearing, TopicReceiver
 from fret_monitor.ros.fields import message_class, MessageTypeError, why_unusable
 from fret_monitor.ros.handlers import handler_topic, Handlers
 from fret_monitor.ros.health import describe_missing, Health, PERIOD
 from fret_monitor.ros.hot_path import Announcer, find_middleware, HotTopic, Middleware, Unavailable
-from fret_monitor.ros.outlets import DetailOutlet, HandlerOutlet
 from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import Refusal
 from fret_monitor.ros.periods import Periods
+from fret_monitor.ros.publisher_threads import DetailPublisher, HandlerPublisher
 from fret_monitor.ros.silence import SilenceWatch
-from fret_monitor.runtime import Evaluator, Watch
+from fret_monitor.runtime import Evaluator, SharedEvaluator
 from fret_monitor.runtime.fields import Outcome, read_fields
 
 from rclpy.clock import Clock, ClockType
@@ -100,8 +100,8 @@ class BundleWatch:
         """What is known of the bundle."""
         return self.opened.monitor.manifest
 
-    def _new_watch(self) -> Watch:
-        return Watch(Evaluator(
+    def _new_watch(self) -> SharedEvaluator:
+        return SharedEvaluator(Evaluator(
             self.opened.monitor, policy=self.opened.policy, library=self.opened.evaluator))
 
     def _advertise(self) -> None:
@@ -189,16 +189,16 @@ class BundleWatch:
         watch = self._watch
         self._follow_clock(middleware)
         if middleware is None:
-            outlet = HandlerOutlet(watch, self._handlers)
+            outlet = HandlerPublisher(watch, self._handlers)
             self._running.callback(outlet.end)
         else:
             announcer = Announcer(watch, middleware, self._handlers.publishers)
             self._running.callback(announcer.join)
-        self._running.callback(DetailOutlet(watch, self._details).end)
+        self._running.callback(DetailPublisher(watch, self._details).end)
         feed = Feed(self._node)
         self._running.callback(feed.close)
         for index, topic in enumerate(self.manifest.topics):
-            taker: Deliver | TopicTap = self._delivery(index, outlet) if middleware is None \
+            taker: Deliver | TopicReceiver = self._delivery(index, outlet) if middleware is None \
                 else HotTopic(watch, middleware, index)
             kind = self._classes[topic.message_type]
             if middleware is not None and middleware.reads_in_place:
@@ -251,7 +251,7 @@ class BundleWatch:
         self._keep(self._node.create_timer(
             PERIOD, follow, clock=Clock(clock_type=ClockType.STEADY_TIME)))
 
-    def _delivery(self, topic: int, outlet: HandlerOutlet) -> Deliver:
+    def _delivery(self, topic: int, outlet: HandlerPublisher) -> Deliver:
         """Return the callback for a topic where Python takes the messages."""
         watch = self._watch
 
@@ -284,10 +284,10 @@ class BundleWatch:
                 self._tell_odd(topic, message)
 
     def _tell_untold(self) -> None:
-        if self._watch.untold and self._is_news('violations'):
+        if self._watch.unpublished and self._is_news('violations'):
             self._node.get_logger().error(
-                f'violations could not be published: {self._watch.untold} so far; /diagnostics '
-                'counts them')
+                f'violations could not be published: {self._watch.unpublished} so far; '
+                '/diagnostics counts them')
 
     def _tell_odd(self, topic: int, message: bytes) -> None:
         """Tell which fields of a message cannot be used, of an input once."""

@@ -20,7 +20,7 @@ first is lost. Here one thread waits on all subscriptions, takes what has come a
 it on in the order of the middleware's reception times, across topics too. The same thread looks
 who publishes, and renews a subscription that could not hear somebody.
 
-Where C takes the messages of a topic (`Tap`), the thread only looks who publishes.
+Where C takes the messages of a topic (`Receiver`), the thread only looks who publishes.
 
 The subscriptions are invisible to any executor. All of them belong to the feed's thread.
 """
@@ -36,7 +36,7 @@ from time import monotonic, time_ns
 from typing import Any, Protocol
 
 from fret_monitor.ros import qos
-from fret_monitor.ros.losses import Gaps, ToldLosses
+from fret_monitor.ros.losses import Gaps, ReportedLosses
 from fret_monitor.ros.periods import Throttle
 
 from rclpy.callback_groups import CallbackGroup
@@ -53,14 +53,14 @@ thread.
 """
 
 
-class Tap(Protocol):
+class Receiver(Protocol):
     """What takes the messages of one subscription outside this thread."""
 
     def drain(self) -> None:
         """Take what has come."""
 
-    def look(self) -> None:
-        """See to what has come and was not noticed; called now and then."""
+    def poll(self) -> None:
+        """See to what arrived without a notification; called now and then."""
 
     def retire(self) -> None:
         """Another subscription is about to take the place of this one."""
@@ -69,16 +69,16 @@ class Tap(Protocol):
         """End taking; nothing is delivered after it."""
 
 
-class TopicTap(Protocol):
+class TopicReceiver(Protocol):
     """What takes the messages of a topic outside this thread."""
 
-    def open(self, subscription: Subscription) -> Tap:
+    def open(self, subscription: Subscription) -> Receiver:
         """Begin to take from a subscription."""
 
-    def overlap(self, *, has_history: bool) -> None:
+    def begin_handover(self, *, has_history: bool) -> None:
         """From now on a message may come by two subscriptions, and with a history."""
 
-    def settle(self) -> None:
+    def end_handover(self) -> None:
         """There is one subscription again."""
 
     @property
@@ -150,7 +150,7 @@ class Feed:
         self._kept = _Keeper()
 
     def subscribe(self, name: str, message_type: str, message_class: Any,
-                  deliver: Deliver | TopicTap, fixed: Mapping[str, str | int]) -> None:
+                  deliver: Deliver | TopicReceiver, fixed: Mapping[str, str | int]) -> None:
         """
         Subscribe to a topic, before `start`; all topics of a feed have taps, or none has.
 
@@ -198,7 +198,7 @@ class Feed:
             if monotonic() >= next_review:
                 self._review()
                 next_review = monotonic() + _REVIEW_PERIOD
-            if self._topics and self._topics[0].tap is not None:
+            if self._topics and self._topics[0].receiver is not None:
                 self._closing.wait(_REVIEW_PERIOD)
                 continue
             self._wait(0 if self._held else _WAIT)
@@ -274,17 +274,17 @@ class _Topic:
     """One topic: its subscription (for a while two of them), and who publishes on it."""
 
     def __init__(self, node: Node, name: str, message_type: str, message_class: Any,
-                 deliver: Deliver | TopicTap, fixed: Mapping[str, str | int]) -> None:
+                 deliver: Deliver | TopicReceiver, fixed: Mapping[str, str | int]) -> None:
         self.message_class = message_class
         self._node = node
         self._name = name
         self._message_type = message_type
-        self.tap: TopicTap | None = None
+        self.receiver: TopicReceiver | None = None
         self._deliver: Deliver = _unused_delivery
         if callable(deliver):
             self._deliver = deliver
         else:
-            self.tap = deliver
+            self.receiver = deliver
         self._fixed = fixed
         self.hearing = Hearing()
         self._told: set[object] = set()
@@ -294,20 +294,20 @@ class _Topic:
         self._seen: set[tuple[int, int]] | None = None
         self._has_history = False
         self._newest = 0  # source time
-        self._retired: list[tuple[Subscription, Tap | None, float]] = []
+        self._retired: list[tuple[Subscription, Receiver | None, float]] = []
         self._overlaps_until: float | None = None
         self._current = self._subscribe(qos.wanted_profile((), fixed))
-        self._current_tap: Tap | None = None
+        self._current_receiver: Receiver | None = None
         self._gaps = Gaps()
-        self._told_losses = ToldLosses(self._current)
+        self._told_losses = ReportedLosses(self._current)
         self._told_before = 0  # lost by former subscriptions
         self._lost_told = 0
         self._throttle = Throttle()
 
     def open(self) -> None:
-        """Let the tap begin, if there is one."""
-        if self.tap is not None:
-            self._current_tap = self.tap.open(self._current)
+        """Let the receiver begin, if there is one."""
+        if self.receiver is not None:
+            self._current_receiver = self.receiver.open(self._current)
 
     def handles(self) -> list[tuple[Any, bool]]:
         """Return what to wait on and take from, and whether it is retired; those first."""
@@ -335,21 +335,22 @@ class _Topic:
         """Destroy all subscriptions."""
         with ExitStack() as last:
             last.callback(self._told_losses.close)
-            for item, tap, _ in [*self._retired, (self._current, self._current_tap, 0.0)]:
-                last.callback(self._destroy, item, tap)
+            for item, receiver, _ in [
+                    *self._retired, (self._current, self._current_receiver, 0.0)]:
+                last.callback(self._destroy, item, receiver)
 
-    def _destroy(self, subscription: Subscription, tap: Tap | None) -> None:
+    def _destroy(self, subscription: Subscription, receiver: Receiver | None) -> None:
         with ExitStack() as last:
             last.callback(self._node.destroy_subscription, subscription)
-            if tap is not None:
-                last.callback(tap.stop)
-                tap.drain()
+            if receiver is not None:
+                last.callback(receiver.stop)
+                receiver.drain()
 
     def review(self) -> None:
         """See who publishes, tell whom it cannot hear, and subscribe anew where that helps."""
         self._let_go()
-        if self._current_tap is not None:
-            self._current_tap.look()
+        if self._current_receiver is not None:
+            self._current_receiver.poll()
         publishers = self._node.get_publishers_info_by_topic(self._name)
         same_type = [item for item in publishers if item.topic_type == self._message_type]
         others = [item for item in publishers if item.topic_type != self._message_type]
@@ -395,16 +396,16 @@ class _Topic:
         self._seen = set(self._recent)
         self._newest = max((source for source, _ in self._recent), default=0)
         self._has_history = wanted.durability is DurabilityPolicy.TRANSIENT_LOCAL
-        if self.tap is not None and self._current_tap is not None:
-            self.tap.overlap(has_history=self._has_history)
-            self._current_tap.retire()
+        if self.receiver is not None and self._current_receiver is not None:
+            self.receiver.begin_handover(has_history=self._has_history)
+            self._current_receiver.retire()
         self._gaps.restart()
         if before.qos_profile.durability is not DurabilityPolicy.TRANSIENT_LOCAL:
             self._told_before += self._told_losses.total()
         self._told_losses.close()
-        self._retired.append((before, self._current_tap, monotonic() + _OVERLAP))
+        self._retired.append((before, self._current_receiver, monotonic() + _OVERLAP))
         self._current = self._subscribe(wanted)
-        self._told_losses = ToldLosses(self._current)
+        self._told_losses = ReportedLosses(self._current)
         self.open()
         reason = f'to hear {_who(unheard[0])}' if unheard else 'as its publishers offer it'
         self._node.get_logger().info(
@@ -413,12 +414,12 @@ class _Topic:
     def _let_go(self) -> None:
         now = monotonic()
         for retired in list(self._retired):
-            item, tap, until = retired
+            item, receiver, until = retired
             is_assured = now >= until - _OVERLAP + _ASSURED and \
                 self._current.handle.get_publisher_count() >= self.hearing.publishers
             if now >= until or is_assured:
                 self._retired.remove(retired)
-                self._destroy(item, tap)
+                self._destroy(item, receiver)
                 self._overlaps_until = now + _GRACE
         if self._retired or self._overlaps_until is None:
             return
@@ -426,8 +427,8 @@ class _Topic:
         if now >= self._overlaps_until:
             self._overlaps_until = None
             self._seen = None
-            if self.tap is not None:
-                self.tap.settle()
+            if self.receiver is not None:
+                self.receiver.end_handover()
 
     def _subscribe(self, profile: QoSProfile) -> Subscription:
         return self._node.create_subscription(
@@ -441,8 +442,8 @@ class _Topic:
         Where C takes them it counts. Here the middleware counts too, but what was before a history
         as well; two that count may have counted the same ones.
         """
-        if self.tap is not None:
-            return self.tap.lost
+        if self.receiver is not None:
+            return self.receiver.lost
         if self._current.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
             return max(self._gaps.lost, self._told_before)
         return max(self._gaps.lost, self._told_before + self._told_losses.total())
@@ -494,4 +495,4 @@ def _unused(message: bytes) -> None:
 
 
 def _unused_delivery(data: bytes, received: int, sent: int) -> None:
-    """Never called: the topic has a tap."""
+    """Never called: the topic has a receiver."""

@@ -30,7 +30,7 @@ from fret_monitor.ros.details import LEVELS
 from fret_monitor.ros.feed import Hearing
 from fret_monitor.ros.periods import Schedule
 from fret_monitor.ros.silence import Silence, Silences, some
-from fret_monitor.runtime import Watch
+from fret_monitor.runtime import SharedEvaluator
 
 from rclpy.node import Node
 
@@ -40,7 +40,7 @@ PERIOD = 1.0  # s
 class Health:
     """Publishes diagnostics while somebody listens."""
 
-    def __init__(self, node: Node, evaluator: Watch, silences: Silences | None = None,
+    def __init__(self, node: Node, evaluator: SharedEvaluator, silences: Silences | None = None,
                  schedule: Schedule | None = None, bundle: str = '') -> None:
         """
         Advertise the topic; whoever made this calls `publish` each `PERIOD`.
@@ -66,7 +66,7 @@ class Health:
         """Publish what is so now; `hearings` are who is heard on the topics, in their order."""
         rates, unusable = list(self._rates()), self._newly_unusable()
         lost, periods = list(self._newly_lost(hearings)), list(self._of_periods())
-        untold = list(self._of_untold())
+        unpublished = list(self._of_untold())
         if not self._publisher.get_subscription_count():
             return
         array = DiagnosticArray()
@@ -79,7 +79,7 @@ class Health:
                 *self._of_silence(index, silent),
                 *self._of_messages(index, unusable, lost[index])])
               for index, hearing in enumerate(hearings)),
-            *periods, *untold]
+            *periods, *unpublished]
         self._publisher.publish(array)
 
     def close(self) -> None:
@@ -123,7 +123,7 @@ class Health:
 
     def _of_untold(self) -> Iterator[DiagnosticStatus]:
         """Yield a status once violations could not be published; there is none where all could."""
-        before, self._untold = self._untold, self._evaluator.untold
+        before, self._untold = self._untold, self._evaluator.unpublished
         if not self._untold:
             return
         more = self._untold - before
@@ -215,7 +215,7 @@ def _troubles(topic: ManifestTopic, hearing: Hearing) -> Iterator[tuple[bytes, s
         yield DiagnosticStatus.ERROR, f'not heard: {", ".join(hearing.unheard)}'
 
 
-def describe_missing(evaluator: Watch, hearings: Sequence[Hearing],
+def describe_missing(evaluator: SharedEvaluator, hearings: Sequence[Hearing],
                      full_name: Callable[[str], str]) -> str | None:
     """
     Return which requirements wait for which topics; None if none does.
@@ -239,7 +239,7 @@ def describe_missing(evaluator: Watch, hearings: Sequence[Hearing],
             f'not evaluated yet: {some(reasons, "; ")}')
 
 
-def _awaited(evaluator: Watch, index: int) -> set[int]:
+def _awaited(evaluator: SharedEvaluator, index: int) -> set[int]:
     """
     Return the inputs without which a requirement has not been evaluated at all.
 
@@ -252,7 +252,7 @@ def _awaited(evaluator: Watch, index: int) -> set[int]:
     return {place for place in inputs if not evaluator.input_counts(place).received}
 
 
-def _awaited_name(evaluator: Watch, place: int) -> str:
+def _awaited_name(evaluator: SharedEvaluator, place: int) -> str:
     name = f"'{evaluator.monitor.manifest.inputs[place].name}'"
     return name if evaluator.value(place) is None else f'{name} (it has its initial value)'
 

@@ -28,8 +28,8 @@ from threading import Lock
 from typing import Any
 
 from fret_monitor.native.binding import ffi
-from fret_monitor.ros import at_work
-from fret_monitor.runtime.watch import Watch
+from fret_monitor.ros import native_lifetimes
+from fret_monitor.runtime.shared_evaluator import SharedEvaluator
 
 from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
@@ -182,10 +182,10 @@ def find_middleware(*, even_unproven: bool = False) -> Middleware:
     return Middleware()
 
 
-class Source:
+class HotReceiver:
     """One subscription whose messages C delivers to a watch."""
 
-    def __init__(self, watch: Watch, middleware: Middleware, subscription: Subscription,
+    def __init__(self, watch: SharedEvaluator, middleware: Middleware, subscription: Subscription,
                  topic: int) -> None:
         """
         Start delivering; what the subscription holds already comes first.
@@ -202,12 +202,12 @@ class Source:
         self._pointer: Any = ffi.NULL
         with ExitStack() as undo:
             undo.enter_context(subscription.handle)
-            at_work.begin(self)
-            self._pointer = self._library.fm_source_start(
+            native_lifetimes.keep(self)
+            self._pointer = self._library.fm_receiver_start(
                 watch.pointer, middleware.functions, middleware.subscription(subscription), topic,
                 subscription.msg_type in middleware.in_place_classes)
             if self._pointer == ffi.NULL:
-                at_work.ended(self)
+                native_lifetimes.release(self)
                 raise Unavailable('the middleware tells nobody of new messages')
             self._held = undo.pop_all()
 
@@ -215,27 +215,27 @@ class Source:
         """Take what is there."""
         with self._lock:
             if self._pointer != ffi.NULL:
-                self._library.fm_source_drain(self._pointer)
+                self._library.fm_receiver_drain(self._pointer)
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """See to what is there and was not told of."""
         with self._lock:
             if self._pointer != ffi.NULL:
-                self._library.fm_source_look(self._pointer)
+                self._library.fm_receiver_poll(self._pointer)
 
     def retire(self) -> None:
         """Another subscription is about to take its place."""
         with self._lock:
             if self._pointer != ffi.NULL:
-                self._library.fm_source_retire(self._pointer)
+                self._library.fm_receiver_retire(self._pointer)
 
     def end(self) -> None:
         """End delivering; twice is once."""
         with self._lock:
             pointer, self._pointer = self._pointer, ffi.NULL
             if pointer != ffi.NULL:
-                self._library.fm_source_stop(pointer)
-        at_work.ended(self)
+                self._library.fm_receiver_stop(pointer)
+        native_lifetimes.release(self)
 
     def stop(self) -> None:
         """End delivering; the subscription may be destroyed then."""
@@ -246,34 +246,34 @@ class Source:
 class HotTopic:
     """A topic whose messages C delivers to a watch, by whichever subscription they come."""
 
-    def __init__(self, watch: Watch, middleware: Middleware, topic: int) -> None:
+    def __init__(self, watch: SharedEvaluator, middleware: Middleware, topic: int) -> None:
         """Deliver as messages of a topic, by its index in the manifest."""
         self._watch = watch
         self._middleware = middleware
         self._topic = topic
 
-    def open(self, subscription: Subscription) -> Source:
+    def open(self, subscription: Subscription) -> HotReceiver:
         """Begin to take from a subscription; raises `Unavailable`."""
-        return Source(self._watch, self._middleware, subscription, self._topic)
+        return HotReceiver(self._watch, self._middleware, subscription, self._topic)
 
-    def overlap(self, *, has_history: bool) -> None:
+    def begin_handover(self, *, has_history: bool) -> None:
         """From now on a message may come by two subscriptions, and with a history."""
-        self._watch.overlap(self._topic, has_history=has_history)
+        self._watch.begin_handover(self._topic, has_history=has_history)
 
     @property
     def lost(self) -> int:
         """Messages that were sent and never came."""
-        return self._watch.missed(self._topic)
+        return self._watch.lost(self._topic)
 
-    def settle(self) -> None:
+    def end_handover(self) -> None:
         """There is one subscription again."""
-        self._watch.settle(self._topic)
+        self._watch.end_handover(self._topic)
 
 
 class Announcer:
     """The thread in C that publishes the violations of a watch."""
 
-    def __init__(self, watch: Watch, middleware: Middleware,
+    def __init__(self, watch: SharedEvaluator, middleware: Middleware,
                  publishers: Sequence[Publisher]) -> None:
         """
         Start it; `publishers` of std_msgs/msg/Empty, by requirement.
@@ -291,12 +291,12 @@ class Announcer:
             for item in publishers:
                 undo.enter_context(item.handle)
             found = [middleware.publisher(item) for item in publishers]
-            at_work.begin(self)
+            native_lifetimes.keep(self)
             self._pointer = self._library.fm_announcer_start(
                 watch.pointer, middleware.functions, ffi.new('void *[]', [*found, ffi.NULL]),
                 len(found))
             if self._pointer == ffi.NULL:
-                at_work.ended(self)
+                native_lifetimes.release(self)
                 raise Unavailable('no thread can be started')
             self._held = undo.pop_all()
 
@@ -306,7 +306,7 @@ class Announcer:
         pointer, self._pointer = self._pointer, ffi.NULL
         if pointer != ffi.NULL:
             self._library.fm_announcer_join(pointer)
-        at_work.ended(self)
+        native_lifetimes.release(self)
 
     def join(self) -> None:
         """Close the watch, and wait until all is published; the publishers may go then."""

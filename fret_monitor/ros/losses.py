@@ -67,7 +67,7 @@ class Gaps:
         self._unconfirmed = 0
 
 
-class ToldLosses:
+class ReportedLosses:
     """What the middleware says was lost of a subscription; nothing where it does not say."""
 
     def __init__(self, subscription: Subscription) -> None:

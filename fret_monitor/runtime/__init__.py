@@ -17,7 +17,7 @@
 from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, RequirementCounts, TopicCounts, TYPECODES, Violation,
 )
-from fret_monitor.runtime.watch import Receipt, ViolationDetail, Watch
+from fret_monitor.runtime.shared_evaluator import Receipt, SharedEvaluator, ViolationDetail
 
 __all__ = [
     'TYPECODES',
@@ -28,5 +28,5 @@ __all__ = [
     'TopicCounts',
     'Violation',
     'ViolationDetail',
-    'Watch',
+    'SharedEvaluator',
 ]

@@ -31,14 +31,14 @@ STRUCTS = [
     'struct fm_field', 'struct fm_reader', 'struct fm_readers',
     'struct fm_topic', 'struct fm_evaluator_options', 'struct fm_violation',
     'struct fm_requirement_counts', 'struct fm_input_counts', 'struct fm_topic_counts',
-    'struct fm_watch_options', 'struct fm_origin', 'struct fm_detail', 'struct fm_type_callbacks',
+    'struct fm_engine_options', 'struct fm_origin', 'struct fm_detail', 'struct fm_type_callbacks',
     'struct fm_type_support', 'struct fm_in_place_type', 'struct fm_in_place',
     'struct fm_middleware',
 ]
 
 
 def headers() -> str:
-    names = ('fret_monitor.h', 'fret_fields.h', 'evaluator.h', 'watch.h', 'hot_path.h')
+    names = ('fret_monitor.h', 'fret_fields.h', 'evaluator.h', 'engine.h', 'hot_path.h')
     return ''.join((csrc_directory() / name).read_text(encoding='utf-8') for name in names)
 
 

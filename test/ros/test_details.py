@@ -20,7 +20,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
 from fret_monitor.ros.details import Details, DETAILS_TOPIC, read_detail
-from fret_monitor.runtime import Evaluator, Watch
+from fret_monitor.runtime import Evaluator, SharedEvaluator
 from rclpy.node import Node
 from ros.harness import Partner, wait_until
 
@@ -39,7 +39,7 @@ def test_an_input_may_be_called_like_a_key_of_all_details(
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE, encoding='utf-8')
-    watch = Watch(Evaluator(build.build(bundle).monitor))
+    watch = SharedEvaluator(Evaluator(build.build(bundle).monitor))
     node = Node('fret_monitor', context=partner.context)
     details = Details(node, watch.monitor.manifest)
     heard: list[Any] = []

@@ -20,8 +20,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from fret_monitor import build
 from fret_monitor.ros.handlers import Handlers
 from fret_monitor.ros.health import Health
-from fret_monitor.ros.outlets import HandlerOutlet
-from fret_monitor.runtime import Evaluator, Watch
+from fret_monitor.ros.publisher_threads import HandlerPublisher
+from fret_monitor.runtime import Evaluator, SharedEvaluator
 import pytest
 from rclpy.context import Context
 from rclpy.node import Node
@@ -39,27 +39,27 @@ A_MESSAGE = b'\0\1\0\0\1\0\0\0'
 
 
 @pytest.fixture
-def watch(tmp_path: Path) -> Watch:
+def watch(tmp_path: Path) -> SharedEvaluator:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE, encoding='utf-8')
-    return Watch(Evaluator(build.build(bundle).monitor))
+    return SharedEvaluator(Evaluator(build.build(bundle).monitor))
 
 
 def test_what_a_context_that_ended_does_not_publish_is_counted(
-    watch: Watch, domain: int,
+    watch: SharedEvaluator, domain: int,
 ) -> None:
     context = Context()
     context.init(args=[], domain_id=domain)
     node = Node('fret_monitor', context=context)
-    outlet = HandlerOutlet(watch, Handlers(node, watch.monitor.manifest))
+    outlet = HandlerPublisher(watch, Handlers(node, watch.monitor.manifest))
     context.shutdown()
     for _ in range(3):
         watch.message(0, A_MESSAGE, received=0)
     outlet.end()
-    assert watch.untold == 3
+    assert watch.unpublished == 3
 
 
-def test_operators_see_it(watch: Watch, partner: Partner) -> None:
+def test_operators_see_it(watch: SharedEvaluator, partner: Partner) -> None:
     operator = Operator(partner)
     node = Node('fret_monitor', context=partner.context)
     health = Health(node, watch)
@@ -71,7 +71,7 @@ def test_operators_see_it(watch: Watch, partner: Partner) -> None:
                 for report in operator.heard[-1:] for item in report.status if item.name == name]
 
     wait_until(lambda: not told() and bool(operator.heard), 'a report')
-    watch.tell_untold(3)
+    watch.count_unpublished(3)
     wait_until(lambda: told() == [
         (DiagnosticStatus.ERROR, '3 not published since the last report', '3')], 'an error')
     wait_until(lambda: told() == [

@@ -21,24 +21,24 @@ it otherwise, and the one that publishes details while somebody listens.
 
 from threading import Event, Thread
 
-from fret_monitor.ros import at_work
+from fret_monitor.ros import native_lifetimes
 from fret_monitor.ros.details import Details
 from fret_monitor.ros.handlers import Handlers
-from fret_monitor.runtime import Violation, ViolationDetail, Watch
+from fret_monitor.runtime import SharedEvaluator, Violation, ViolationDetail
 
 _PATIENCE = 200  # ms; the end of the watch wakes a thread at once
 _LOOKS = 0.1  # s between two looks whether somebody listens, where no event tells
 
 
-class HandlerOutlet:
+class HandlerPublisher:
     """Publishes the violations of a watch from a thread in Python."""
 
-    def __init__(self, watch: Watch, handlers: Handlers) -> None:
+    def __init__(self, watch: SharedEvaluator, handlers: Handlers) -> None:
         """Start the thread."""
         self._watch = watch
         self._handlers = handlers
         self._thread = Thread(target=self._run, name='handlers', daemon=True)
-        at_work.begin(self)
+        native_lifetimes.keep(self)
         self._thread.start()
 
     def end(self) -> None:
@@ -46,7 +46,7 @@ class HandlerOutlet:
         self._watch.close()
         if self._thread.is_alive():
             self._thread.join()
-        at_work.ended(self)
+        native_lifetimes.release(self)
 
     def announce_now(self) -> None:
         """Publish in the caller's thread what may go out: who brings messages is not faster."""
@@ -62,7 +62,7 @@ class HandlerOutlet:
             try:
                 self._handlers.announce(violation)
             except RuntimeError:  # the context was shut down
-                self._watch.tell_untold(1)
+                self._watch.count_unpublished(1)
 
     def _next(self) -> list[Violation]:
         """Return what is to be announced; nothing once the watch is closed and empty."""
@@ -73,16 +73,16 @@ class HandlerOutlet:
                 return violations
 
 
-class DetailOutlet:
+class DetailPublisher:
     """Publishes the details of violations while somebody listens."""
 
-    def __init__(self, watch: Watch, details: Details) -> None:
+    def __init__(self, watch: SharedEvaluator, details: Details) -> None:
         """Start the thread."""
         self._watch = watch
         self._details = details
         self._is_over = Event()
         self._thread = Thread(target=self._run, name='details', daemon=True)
-        at_work.begin(self)
+        native_lifetimes.keep(self)
         self._thread.start()
 
     def end(self) -> None:
@@ -92,7 +92,7 @@ class DetailOutlet:
         self._details.listening.set()
         if self._thread.is_alive():
             self._thread.join()
-        at_work.ended(self)
+        native_lifetimes.release(self)
 
     def _run(self) -> None:
         while not self._is_over.is_set():

@@ -73,10 +73,10 @@ def test_threads(tmp_path: Path, sanitizer: str) -> None:
     gcc = shutil.which('gcc')
     if gcc is None:
         pytest.skip('no gcc')
-    program = tmp_path / 'watch_threads'
+    program = tmp_path / 'engine_threads'
     built = run(gcc, '-std=c99', '-O1', '-g', *WARNINGS, f'-fsanitize={sanitizer}',
                 '-fno-sanitize-recover=undefined', f'-I{csrc_directory()}', *SOURCES,
-                HERE / 'watch_threads.c', '-o', program, '-pthread')
+                HERE / 'engine_threads.c', '-o', program, '-pthread')
     if built.returncode != 0 and 'cannot find' in built.stdout:
         pytest.skip('this gcc has no such sanitizer')
     assert (built.returncode, built.stdout) == (0, '')

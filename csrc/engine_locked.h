@@ -13,19 +13,19 @@
 // limitations under the License.
 
 
-/// watch_locked.h: what hot_path.c needs of a watch beyond watch.h: to take a message, read it where
+/// engine_locked.h: what hot_path.c needs of a engine beyond engine.h: to take a message, read it where
 /// it lies, and deliver it without letting another one pass in between.
 
-#ifndef WATCH_LOCKED_H_
-#define WATCH_LOCKED_H_
+#ifndef ENGINE_LOCKED_H_
+#define ENGINE_LOCKED_H_
 
-#include "watch.h"
+#include "engine.h"
 
-void fm_watch_lock(struct fm_watch * watch);
-void fm_watch_unlock(struct fm_watch * watch);
+void fm_engine_lock(struct fm_engine * engine);
+void fm_engine_unlock(struct fm_engine * engine);
 
 /// How the messages of a topic are read.
-const struct fm_reader * fm_watch_reader(const struct fm_watch * watch, uint32_t topic);
+const struct fm_reader * fm_engine_reader(const struct fm_engine * engine, uint32_t topic);
 
 /// A message that was read: the fields, by the topic's inputs, if it is decoded; its bytes, where
 /// anything of it cannot be used.
@@ -38,12 +38,12 @@ struct fm_reading
   uint64_t thrown;  // so many the middleware may have thrown away since the last one, at most
 };
 
-/// fm_watch_message behind the reading, for whoever holds the lock.
-uint32_t fm_watch_deliver_locked(
-  struct fm_watch * watch, uint32_t topic, const struct fm_reading * reading,
+/// fm_engine_message behind the reading, for whoever holds the lock.
+uint32_t fm_engine_deliver_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin);
 
 /// Count a message of which there is nothing to read, for whoever holds the lock.
-void fm_watch_undecodable_locked(struct fm_watch * watch, uint32_t topic);
+void fm_engine_undecodable_locked(struct fm_engine * engine, uint32_t topic);
 
-#endif  // WATCH_LOCKED_H_
+#endif  // ENGINE_LOCKED_H_

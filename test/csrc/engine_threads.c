@@ -13,7 +13,7 @@
 // limitations under the License.
 
 
-/// watch_threads.c: the hot path under load, for the thread sanitizer.
+/// engine_threads.c: the hot path under load, for the thread sanitizer.
 ///
 /// Real middleware cannot be built with it. So this has one of its own, which locks as Fast DDS
 /// does: a callback is called with the subscription's two mutexes held, and `take` wants one of
@@ -274,10 +274,10 @@ static bool is_over;
 
 static void * read_details(void * argument)
 {
-  struct fm_watch * watch = argument;
+  struct fm_engine * engine = argument;
   uint64_t room[8];
   while (!__atomic_load_n(&is_over, __ATOMIC_ACQUIRE)) {
-    if (fm_watch_take_detail(watch, (struct fm_detail *)(void *)room, 20)) {
+    if (fm_engine_take_detail(engine, (struct fm_detail *)(void *)room, 20)) {
       CHECK(((struct fm_detail *)(void *)room)->violation.requirement < 2);
     }
   }
@@ -292,48 +292,48 @@ static void put(struct topic * topic, int place, struct subscription * subscript
 }
 
 // As the feed does now and then.
-static void empty(struct fm_source * source, struct subscription * subscription)
+static void empty(struct fm_receiver * receiver, struct subscription * subscription)
 {
   while (count_waiting(subscription) > 0) {
-    fm_source_drain(source);
+    fm_receiver_drain(receiver);
   }
 }
 
 // Replace the subscription of a topic while messages come; the new one first.
-static struct fm_source * renew(
-  struct fm_watch * watch, uint32_t t, int place, struct fm_source * before)
+static struct fm_receiver * renew(
+  struct fm_engine * engine, uint32_t t, int place, struct fm_receiver * before)
 {
   struct topic * topic = &topics[t];
   struct subscription * old = topic->subscriptions[1 - place];
   struct subscription * fresh = make_subscription();
-  fm_watch_overlap(watch, t, false);
-  fm_source_retire(before);
+  fm_engine_begin_handover(engine, t, false);
+  fm_receiver_retire(before);
   put(topic, place, fresh);
-  struct fm_source * source = fm_source_start(watch, &middleware, fresh, t, false);
-  CHECK(source != NULL);
+  struct fm_receiver * receiver = fm_receiver_start(engine, &middleware, fresh, t, false);
+  CHECK(receiver != NULL);
   for (int k = 0; k < 20; ++k) {
     pause_a_little();
-    fm_source_look(source);
+    fm_receiver_poll(receiver);
   }
   put(topic, 1 - place, NULL);
   empty(before, old);
-  fm_source_stop(before);
-  fm_watch_settle(watch, t);
+  fm_receiver_stop(before);
+  fm_engine_end_handover(engine, t);
   free_subscription(old);
-  return source;
+  return receiver;
 }
 
-static void disturb(struct fm_watch * watch, struct fm_source ** sources)
+static void disturb(struct fm_engine * engine, struct fm_receiver ** receivers)
 {
   uint8_t room[64];
   for (int k = 0; k < N_RENEWALS; ++k) {
     for (uint32_t t = 0; t < N_TOPICS; ++t) {
-      sources[t] = renew(watch, t, 1 - k % 2, sources[t]);
-      fm_watch_reset(watch);
-      fm_watch_detail(watch, k % 2 == 0, 100);
-      (void)fm_watch_evidence(watch, t, room, sizeof(room));
-      (void)fm_watch_value(watch, t, room);
-      (void)fm_watch_input_counts(watch, t);
+      receivers[t] = renew(engine, t, 1 - k % 2, receivers[t]);
+      fm_engine_reset(engine);
+      fm_engine_want_details(engine, k % 2 == 0, 100);
+      (void)fm_engine_evidence(engine, t, room, sizeof(room));
+      (void)fm_engine_value(engine, t, room);
+      (void)fm_engine_input_counts(engine, t);
     }
   }
 }
@@ -347,7 +347,7 @@ static struct fm_evaluator * make_evaluator(void ** memory)
   return fm_evaluator_init(*memory, &options);
 }
 
-static void check_counts(struct fm_watch * watch)
+static void check_counts(struct fm_engine * engine)
 {
   uint64_t garbage = 0;
   uint64_t useless = 0;
@@ -359,57 +359,57 @@ static void check_counts(struct fm_watch * watch)
   }
   const uint64_t senders = N_SENDERS / N_TOPICS;
   for (uint32_t t = 0; t < N_TOPICS; ++t) {
-    const struct fm_topic_counts counts = fm_watch_topic_counts(watch, t);
-    const struct fm_requirement_counts violated = fm_watch_requirement_counts(watch, t);
+    const struct fm_topic_counts counts = fm_engine_topic_counts(engine, t);
+    const struct fm_requirement_counts violated = fm_engine_requirement_counts(engine, t);
     CHECK(counts.undecodable == senders * garbage);
     CHECK(counts.messages == senders * (N_MESSAGES - garbage));
-    CHECK(fm_watch_input_counts(watch, t).unusable == senders * useless);
+    CHECK(fm_engine_input_counts(engine, t).unusable == senders * useless);
     CHECK(violated.violations >= senders * bad);
     CHECK(violated.violations <= senders * (bad + useless));
     CHECK(violated.announced == violated.violations);
     CHECK(published[t] == violated.announced);
-    CHECK(fm_watch_missed(watch, t) == 0);
+    CHECK(fm_engine_lost(engine, t) == 0);
   }
 }
 
 int main(void)
 {
   void * memory;
-  const struct fm_watch_options options = {
+  const struct fm_engine_options options = {
     make_evaluator(&memory), &monitor, &readers, fed, N_TOPICS};
-  struct fm_watch * watch = fm_watch_create(&options);
-  CHECK(watch != NULL);
+  struct fm_engine * engine = fm_engine_create(&options);
+  CHECK(engine != NULL);
   void * publishers[] = {(void *)(uintptr_t)&numbers[0], (void *)(uintptr_t)&numbers[1]};
-  struct fm_announcer * announcer = fm_announcer_start(watch, &middleware, publishers, 2);
+  struct fm_announcer * announcer = fm_announcer_start(engine, &middleware, publishers, 2);
   CHECK(announcer != NULL);
-  struct fm_source * sources[N_TOPICS];
+  struct fm_receiver * receivers[N_TOPICS];
   for (uint32_t t = 0; t < N_TOPICS; ++t) {
     pthread_mutex_init(&topics[t].mutex, NULL);
     topics[t].subscriptions[0] = make_subscription();
-    sources[t] = fm_source_start(watch, &middleware, topics[t].subscriptions[0], t, false);
+    receivers[t] = fm_receiver_start(engine, &middleware, topics[t].subscriptions[0], t, false);
   }
   pthread_t senders[N_SENDERS];
   pthread_t details;
-  pthread_create(&details, NULL, read_details, watch);
+  pthread_create(&details, NULL, read_details, engine);
   for (int k = 0; k < N_SENDERS; ++k) {
     pthread_create(&senders[k], NULL, send, &topics[k % N_TOPICS]);
   }
-  disturb(watch, sources);
+  disturb(engine, receivers);
   for (int k = 0; k < N_SENDERS; ++k) {
     pthread_join(senders[k], NULL);
   }
   for (uint32_t t = 0; t < N_TOPICS; ++t) {
-    empty(sources[t], topics[t].subscriptions[N_RENEWALS % 2]);
-    fm_source_stop(sources[t]);
+    empty(receivers[t], topics[t].subscriptions[N_RENEWALS % 2]);
+    fm_receiver_stop(receivers[t]);
     free_subscription(topics[t].subscriptions[N_RENEWALS % 2]);
   }
-  fm_watch_close(watch);
+  fm_engine_close(engine);
   fm_announcer_join(announcer);
   __atomic_store_n(&is_over, true, __ATOMIC_RELEASE);
   pthread_join(details, NULL);
-  CHECK(refused > 0 && fm_watch_untold(watch) == refused);
-  check_counts(watch);
-  fm_watch_destroy(watch);
+  CHECK(refused > 0 && fm_engine_unpublished(engine) == refused);
+  check_counts(engine);
+  fm_engine_destroy(engine);
   free(memory);
   return failures == 0 ? 0 : 1;
 }

@@ -21,7 +21,7 @@ from threading import Thread
 from time import monotonic
 
 from fret_monitor import build
-from fret_monitor.runtime import Evaluator, Receipt, Watch
+from fret_monitor.runtime import Evaluator, Receipt, SharedEvaluator
 import pytest
 
 BUNDLE = """
@@ -41,10 +41,10 @@ def a_float(value: float) -> bytes:
 
 
 @pytest.fixture
-def watch(tmp_path: Path) -> Watch:
+def watch(tmp_path: Path) -> SharedEvaluator:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE, encoding='utf-8')
-    return Watch(Evaluator(build.build(bundle).monitor))
+    return SharedEvaluator(Evaluator(build.build(bundle).monitor))
 
 
 def in_background(function: Callable[[], object]) -> Thread:
@@ -53,7 +53,7 @@ def in_background(function: Callable[[], object]) -> Thread:
     return thread
 
 
-def test_messages_are_steps_and_violations_are_queued_in_order(watch: Watch) -> None:
+def test_messages_are_steps_and_violations_are_queued_in_order(watch: SharedEvaluator) -> None:
     for number, value in enumerate((2.0, 0.5, 3.0)):
         assert watch.message(0, a_float(value), received=number) is Receipt.RECEIVED
     assert [(item.requirement, item.step, item.stamp) for item in watch.take(0)] == [
@@ -63,7 +63,7 @@ def test_messages_are_steps_and_violations_are_queued_in_order(watch: Watch) -> 
     assert watch.topic_counts(0).messages == 3
 
 
-def test_who_waits_is_woken_by_a_violation_and_by_the_end(watch: Watch) -> None:
+def test_who_waits_is_woken_by_a_violation_and_by_the_end(watch: SharedEvaluator) -> None:
     taken: list[int] = []
 
     begin = monotonic()
@@ -80,7 +80,9 @@ def test_who_waits_is_woken_by_a_violation_and_by_the_end(watch: Watch) -> None:
     assert watch.topic_counts(0).messages == 1  # what comes after the end is ignored
 
 
-def test_a_violation_waits_for_its_detail_however_long_nothing_happened(watch: Watch) -> None:
+def test_a_violation_waits_for_its_detail_however_long_nothing_happened(
+    watch: SharedEvaluator,
+) -> None:
     watch.want_details(True)
     # One that waits for violations has been waiting for longer than a violation is held.
     taken: list[float] = []
@@ -99,13 +101,13 @@ def test_a_violation_waits_for_its_detail_however_long_nothing_happened(watch: W
     assert taken
 
 
-def test_a_violation_does_not_wait_for_long(watch: Watch) -> None:
+def test_a_violation_does_not_wait_for_long(watch: SharedEvaluator) -> None:
     watch.want_details(True)
     watch.message(0, a_float(2.0), received=7)
     assert len(watch.take(10_000)) == 1
 
 
-def test_details_are_limited_and_the_others_counted(watch: Watch) -> None:
+def test_details_are_limited_and_the_others_counted(watch: SharedEvaluator) -> None:
     watch.want_details(True)
     for number in range(300):
         watch.message(0, a_float(2.0), received=number)
@@ -120,7 +122,7 @@ def test_details_are_limited_and_the_others_counted(watch: Watch) -> None:
     assert found == 301
 
 
-def test_silence_is_told_with_its_detail(watch: Watch) -> None:
+def test_silence_is_told_with_its_detail(watch: SharedEvaluator) -> None:
     watch.want_details(True)
     watch.message(0, a_float(0.5), received=0)
     watch.stale(0, watch.input_counts(0).received, 5)
@@ -132,28 +134,28 @@ def test_silence_is_told_with_its_detail(watch: Watch) -> None:
     assert not watch.is_stale(0)
 
 
-def test_a_message_by_two_subscriptions_is_one_step(watch: Watch) -> None:
+def test_a_message_by_two_subscriptions_is_one_step(watch: SharedEvaluator) -> None:
     def deliver(number: int, *, is_retired: bool = False) -> Receipt:
         return watch.message(0, a_float(2.0), received=0, sent=number, sequence=number,
                              is_retired=is_retired)
 
     assert deliver(1) is Receipt.RECEIVED
     assert deliver(1) is Receipt.RECEIVED  # two publishers may count alike
-    watch.overlap(0, has_history=False)
+    watch.begin_handover(0, has_history=False)
     assert deliver(1) is Receipt.REPEATED
     assert deliver(3) is Receipt.RECEIVED
     assert deliver(2, is_retired=True) is Receipt.RECEIVED
     assert deliver(3, is_retired=True) is Receipt.REPEATED
-    watch.overlap(0, has_history=True)
+    watch.begin_handover(0, has_history=True)
     assert deliver(0) is Receipt.REPEATED  # history, which only the new one brings
     assert deliver(0, is_retired=True) is Receipt.RECEIVED
-    watch.settle(0)
+    watch.end_handover(0)
     assert deliver(3) is Receipt.RECEIVED
     assert watch.topic_counts(0).messages == 6
 
 
-def test_a_sender_whose_clock_is_set_back_sends_no_history(watch: Watch) -> None:
-    watch.overlap(0, has_history=True)
+def test_a_sender_whose_clock_is_set_back_sends_no_history(watch: SharedEvaluator) -> None:
+    watch.begin_handover(0, has_history=True)
     assert watch.message(0, a_float(2.0), received=0, sent=10, sequence=1) is Receipt.RECEIVED
     for number in range(2, 12):
         assert watch.message(0, a_float(2.0), received=0, sent=number - 5,
@@ -161,7 +163,7 @@ def test_a_sender_whose_clock_is_set_back_sends_no_history(watch: Watch) -> None
     assert watch.message(0, a_float(2.0), received=0, sent=11, sequence=3) is Receipt.REPEATED
 
 
-def test_what_cannot_be_used_is_kept_to_be_shown_once(watch: Watch) -> None:
+def test_what_cannot_be_used_is_kept_to_be_shown_once(watch: SharedEvaluator) -> None:
     odd = b'\0\1\0\0' + struct.pack('<I', 5) + b'odd!\0'
     assert watch.message(1, odd, received=0) is Receipt.RECEIVED
     assert watch.message(1, odd, received=0) is Receipt.RECEIVED
@@ -171,23 +173,23 @@ def test_what_cannot_be_used_is_kept_to_be_shown_once(watch: Watch) -> None:
     assert (watch.input_counts(1).unusable, watch.topic_counts(1).undecodable) == (2, 1)
 
 
-def test_many_violations_are_kept(watch: Watch) -> None:
+def test_many_violations_are_kept(watch: SharedEvaluator) -> None:
     for number in range(5000):
         watch.message(0, a_float(2.0), received=number)
     stamps: list[int] = []
     while violations := watch.take(0):
         stamps += [item.stamp for item in violations]
     assert stamps == list(range(5000))
-    assert watch.untold == 0
+    assert watch.unpublished == 0
 
 
 def test_violations_beyond_what_a_queue_may_hold_are_counted(tmp_path: Path) -> None:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE.partition('requirements:')[0] + 'requirements:\n' + ''.join(
         f'  - {{id: R{k}, ptltl: "x < {k}.0"}}\n' for k in range(1024)), encoding='utf-8')
-    watch = Watch(Evaluator(build.build(bundle).monitor))
+    watch = SharedEvaluator(Evaluator(build.build(bundle).monitor))
     for number in range(1026):
         watch.message(0, a_float(1e6), received=number)
-    watch.tell_untold(5)
-    assert watch.untold == 2 * 1024 + 5
+    watch.count_unpublished(5)
+    assert watch.unpublished == 2 * 1024 + 5
     assert sum(map(len, iter(lambda: watch.take(0), []))) == 1 << 20

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-An evaluator that several threads share, fed with messages as they are on the wire: `csrc/watch.c`.
+An evaluator that several threads share, fed with serialized messages: `csrc/engine.c`.
 
 Its mutex lies in C and is held only inside a call, so that nobody who holds it waits for Python's
 interpreter lock. It knows no ROS.
@@ -60,7 +60,7 @@ class ViolationDetail:
     stale: frozenset[int] = frozenset()
 
 
-class Watch:
+class SharedEvaluator:
     """
     Takes messages, keeps what is to be announced in queues.
 
@@ -81,7 +81,7 @@ class Watch:
         self._monitor = evaluator.monitor
         options = evaluator.options
         readers = self._monitor.readers
-        pointer = self._library.fm_watch_create(ffi.new('struct fm_watch_options *', {
+        pointer = self._library.fm_engine_create(ffi.new('struct fm_engine_options *', {
             'evaluator': evaluator.pointer,
             'monitor': self._monitor.pointer,
             'readers': ffi.NULL if readers is None else readers,
@@ -111,12 +111,12 @@ class Watch:
 
     def close(self) -> None:
         """Ignore what comes from now on, and wake who waits; they empty the queues and end."""
-        self._library.fm_watch_close(self.pointer)
+        self._library.fm_engine_close(self.pointer)
 
     @property
     def is_closed(self) -> bool:
         """Whether it was closed."""
-        return bool(self._library.fm_watch_is_closed(self.pointer))
+        return bool(self._library.fm_engine_is_closed(self.pointer))
 
     def message(self, topic: int, message: bytes, received: int, *, sent: int = 0,
                 sequence: int = 0, is_retired: bool = False) -> Receipt:
@@ -139,24 +139,24 @@ class Watch:
         origin = self._origin
         origin.received, origin.sent, origin.sequence = received, sent, sequence
         origin.is_retired = is_retired
-        return Receipt(self._library.fm_watch_message(
+        return Receipt(self._library.fm_engine_message(
             self.pointer, topic, ffi.from_buffer('uint8_t[]', message), len(message), origin))
 
     def tick(self, stamp: int) -> None:
         """Step all ready groups: a period has passed."""
-        self._library.fm_watch_tick(self.pointer, stamp)
+        self._library.fm_engine_tick(self.pointer, stamp)
 
     def stale(self, index: int, received: int, stamp: int) -> None:
         """Tell that an input is silent, of which `received` values have come (`evaluator.h`)."""
-        self._library.fm_watch_stale(self.pointer, index, received, stamp)
+        self._library.fm_engine_stale(self.pointer, index, received, stamp)
 
     def is_stale(self, index: int) -> bool:
         """Return whether an input is stale."""
-        return bool(self._library.fm_watch_is_stale(self.pointer, index))
+        return bool(self._library.fm_engine_is_stale(self.pointer, index))
 
     def reset(self) -> None:
         """Start all groups afresh; the values of the inputs and the counters stay."""
-        self._library.fm_watch_reset(self.pointer)
+        self._library.fm_engine_reset(self.pointer)
 
     def use_clock(self, now: Any, clock: Any) -> None:
         """
@@ -164,30 +164,30 @@ class Watch:
 
         The clock outlives the watch, or the next call of this.
         """
-        self._library.fm_watch_use_clock(self.pointer, now, clock)
+        self._library.fm_engine_use_clock(self.pointer, now, clock)
 
-    def overlap(self, topic: int, *, has_history: bool) -> None:
-        """Expect of a new subscription what the old one brings too (`watch.h`)."""
-        self._library.fm_watch_overlap(self.pointer, topic, has_history)
+    def begin_handover(self, topic: int, *, has_history: bool) -> None:
+        """Expect of a new subscription what the old one brings too (`engine.h`)."""
+        self._library.fm_engine_begin_handover(self.pointer, topic, has_history)
 
-    def settle(self, topic: int) -> None:
+    def end_handover(self, topic: int) -> None:
         """Expect no message twice any more."""
-        self._library.fm_watch_settle(self.pointer, topic)
+        self._library.fm_engine_end_handover(self.pointer, topic)
 
     def take(self, milliseconds: int) -> list[Violation]:
         """Return what is to be announced, in order; wait for it so long."""
         batch: Any = ffi.new('struct fm_violation[]', _BATCH)
-        count = self._library.fm_watch_take(self.pointer, batch, _BATCH, milliseconds)
+        count = self._library.fm_engine_take(self.pointer, batch, _BATCH, milliseconds)
         return [Violation(item.requirement, item.step, item.stamp) for item in batch[0:count]]
 
     def want_details(self, are_wanted: bool) -> None:
         """Keep details from now on, or no longer."""
-        self._library.fm_watch_detail(self.pointer, are_wanted, MOST_DETAILS)
+        self._library.fm_engine_want_details(self.pointer, are_wanted, MOST_DETAILS)
 
     def take_detail(self, milliseconds: int) -> ViolationDetail | None:
         """Return the next detail; wait for it so long. One thread calls this."""
         detail: Any = ffi.cast('struct fm_detail *', self._detail)
-        if not self._library.fm_watch_take_detail(self.pointer, detail, milliseconds):
+        if not self._library.fm_engine_take_detail(self.pointer, detail, milliseconds):
             return None
         item = detail.violation
         values = self._detail + ffi.sizeof('struct fm_detail')
@@ -205,51 +205,51 @@ class Watch:
 
     def evidence(self, topic: int) -> bytes | None:
         """Return a message of which a field could not be used, once; None if there is none."""
-        size = self._library.fm_watch_evidence(self.pointer, topic, ffi.NULL, 0)
+        size = self._library.fm_engine_evidence(self.pointer, topic, ffi.NULL, 0)
         while size > 0:
             room = ffi.new('uint8_t[]', size)
-            found = self._library.fm_watch_evidence(self.pointer, topic, room, size)
+            found = self._library.fm_engine_evidence(self.pointer, topic, room, size)
             if found <= size:
                 return bytes(ffi.buffer(room, found))
             size = found
         return None
 
-    def missed(self, topic: int) -> int:
-        """Return how many messages of a topic were sent and never came (`watch.h`)."""
-        return int(self._library.fm_watch_missed(self.pointer, topic))
+    def lost(self, topic: int) -> int:
+        """Return how many messages of a topic were sent and never came (`engine.h`)."""
+        return int(self._library.fm_engine_lost(self.pointer, topic))
 
     @property
-    def untold(self) -> int:
+    def unpublished(self) -> int:
         """Violations that nobody was told of: nobody took them, or could publish them."""
-        return int(self._library.fm_watch_untold(self.pointer))
+        return int(self._library.fm_engine_unpublished(self.pointer))
 
-    def tell_untold(self, more: int) -> None:
+    def count_unpublished(self, more: int) -> None:
         """Count violations that were taken, and could not be published."""
-        self._library.fm_watch_tell_untold(self.pointer, more)
+        self._library.fm_engine_count_unpublished(self.pointer, more)
 
     def value(self, index: int) -> bool | int | float | None:
         """Return the current value of an input, None where it has none yet."""
         place = self._values[index]
-        has_value = self._library.fm_watch_value(self.pointer, index, place)
+        has_value = self._library.fm_engine_value(self.pointer, index, place)
         current: bool | int | float = place[0]
         return current if has_value else None
 
     def requirement_counts(self, index: int) -> RequirementCounts:
         """Return the counters of a requirement."""
-        found = self._library.fm_watch_requirement_counts(self.pointer, index)
+        found = self._library.fm_engine_requirement_counts(self.pointer, index)
         return RequirementCounts(
             found.steps, found.violations, found.announced, bool(found.verdict))
 
     def input_counts(self, index: int) -> InputCounts:
         """Return the counters of an input."""
-        found = self._library.fm_watch_input_counts(self.pointer, index)
+        found = self._library.fm_engine_input_counts(self.pointer, index)
         return InputCounts(found.received, found.unusable, found.overwritten)
 
     def topic_counts(self, index: int) -> TopicCounts:
         """Return the counters of a topic."""
-        found = self._library.fm_watch_topic_counts(self.pointer, index)
+        found = self._library.fm_engine_topic_counts(self.pointer, index)
         return TopicCounts(found.messages, found.undecodable)
 
 
 def _destroy(library: Any, pointer: Any) -> None:
-    library.fm_watch_destroy(pointer)
+    library.fm_engine_destroy(pointer)

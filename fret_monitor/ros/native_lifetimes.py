@@ -1,0 +1,52 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Keeps native objects alive until the threads that use them have stopped.
+
+An interrupt may leave a half-made or half-closed object to the garbage collector. Memory that a
+thread of C or of the middleware still uses must not be freed then, so it is referenced here. At
+exit of the process whatever is left is ended: C and its threads, not the objects of rclpy.
+"""
+
+import atexit
+from contextlib import suppress
+from typing import Protocol
+
+
+class NativeUser(Protocol):
+    """Has a thread, or is called by a thread of the middleware."""
+
+    def end(self) -> None:
+        """Stop all use of the native memory; a second call does nothing."""
+
+
+_KEPT: dict[int, NativeUser] = {}
+
+
+def keep(user: NativeUser) -> None:
+    """Keep an object alive; to be called before its thread or callback starts."""
+    _KEPT[id(user)] = user
+
+
+def release(user: NativeUser) -> None:
+    """Stop keeping an object whose threads and callbacks have ended."""
+    _KEPT.pop(id(user), None)
+
+
+@atexit.register
+def _end_all() -> None:
+    for user in reversed(list(_KEPT.values())):
+        with suppress(Exception):
+            user.end()
