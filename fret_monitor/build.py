@@ -20,14 +20,13 @@ From a bundle to a monitor that runs: the one place that sees all stages.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 import hashlib
 import os
 from pathlib import Path
 import shutil
 import tempfile
-import time
 
 from fret_monitor.bundle.bundle import Bundle, survey_bundle
 from fret_monitor.codegen.describe import describe
@@ -42,18 +41,16 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.native.cache import (
     build_library, csrc_directory, evaluator_library, EVALUATOR_SOURCES, runtime_headers,
 )
-from fret_monitor.native.compiler import compile_library, find_compiler
+from fret_monitor.native.compiler import find_compiler
 from fret_monitor.native.folder import (
     EVALUATOR_FILE, is_compiled, library_file, MANIFEST_FILE, open_folder,
 )
-from fret_monitor.native.monitor import CompiledMonitor, load
+from fret_monitor.native.monitor import CompiledMonitor
 from fret_monitor.native.stack import call_graph
 from fret_monitor.program.cost import Cost, step_cost
 from fret_monitor.program.layout import check_bounds, GroupLayout, lay_out, MAX_STATE_BYTES
 from fret_monitor.program.lower import lower
 from fret_monitor.program.monitor_program import MonitorProgram
-from fret_monitor.runtime.benchmark import lasting_inputs, random_inputs, step_nanoseconds
-from fret_monitor.traces.boundary import levels
 
 _SOURCES = Path('src')
 
@@ -328,46 +325,3 @@ def worst_stack(generated: GeneratedMonitor) -> Stack | None:
     functions = {name for name in monitor.external | evaluator.external
                  if name not in monitor.frames}
     return Stack(below, total - below, tuple(sorted(functions)))
-
-
-@dataclass(frozen=True)
-class Measurement:
-    """What a bundle costs: nanoseconds (medians), bytes, and seconds from bundle to library."""
-
-    requirements: int
-    ns_per_step: float
-    ns_per_step_lasting: float
-    state_bytes: int
-    compile_seconds: float
-
-    def as_dict(self) -> dict[str, int | float]:
-        """Return the figures by name; `ns_per_step` is on random inputs."""
-        return asdict(self)
-
-
-def measure(path: Path) -> Measurement:
-    """
-    Build a bundle with nothing cached, and time its steps on random and long-lasting inputs.
-
-    Errors are those of `build`.
-    """
-    with tempfile.TemporaryDirectory(prefix='fret_monitor-') as folder:
-        before = time.perf_counter()
-        generated = generate_monitor(read(path))
-        header, text = generated.module.header
-        files = {**runtime_headers(), header: text, **dict(generated.module.sources)}
-        for name, content in files.items():
-            (Path(folder) / name).write_text(content, encoding='utf-8')
-        file = library_file(generated.manifest)
-        compile_library(find_compiler(), [name for name, _ in generated.module.sources], file,
-                        folder=Path(folder))
-        seconds = time.perf_counter() - before
-        monitor = load(Path(folder) / file, generated.manifest)
-    values = levels(generated.program)
-    return Measurement(
-        len(generated.manifest.requirements),
-        step_nanoseconds(monitor, random_inputs(monitor, values)),
-        step_nanoseconds(monitor, lasting_inputs(monitor, values)),
-        generated.manifest.state_bytes,
-        seconds,
-    )

@@ -15,7 +15,6 @@
 """From a bundle to a folder that a robot runs: the same bytes each time, whole or not at all."""
 
 from fractions import Fraction
-import json
 import os
 from pathlib import Path
 import shutil
@@ -25,7 +24,7 @@ import subprocess
 import sys
 
 import fret_monitor
-from fret_monitor.build import build, generate_monitor, measure, read, write
+from fret_monitor.build import build, generate_monitor, read, write
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy
@@ -416,15 +415,3 @@ def test_a_bundle_may_leave_its_period_to_whoever_builds_it(pump: Path) -> None:
         read(pump)
     assert read(pump, period=Fraction(1, 2)).specification.period == Fraction(1, 2)
     assert read(pump, policy=Policy.ALL_INPUTS).specification.policy is Policy.ALL_INPUTS
-
-
-# -- what it costs ----------------------------------------------------------------------------
-
-
-def test_a_measurement_is_plausible(pump: Path) -> None:
-    found = measure(pump).as_dict()
-    assert json.loads(json.dumps(found)) == found
-    assert (found['requirements'], found['state_bytes']) == (2, 6)
-    assert 0.1 < found['ns_per_step'] < 1e5
-    assert 0.1 < found['ns_per_step_lasting'] < 1e5
-    assert 0.001 < found['compile_seconds'] < 600

@@ -18,7 +18,7 @@ from argparse import _SubParsersAction, ArgumentParser, Namespace
 import json
 from pathlib import Path
 
-from fret_monitor.build import measure, Measurement
+from fret_monitor.traces.benchmark import measure, Measurement
 
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:

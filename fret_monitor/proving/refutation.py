@@ -41,7 +41,7 @@ from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.concrete import function_of
 from fret_monitor.smt.terms import Sort, Term
-from fret_monitor.traces.boundary import levels
+from fret_monitor.traces.boundary import boundary_values
 
 _LONGEST = 200_000  # steps of a trace
 _LONGEST_RUN = 70_000
@@ -245,7 +245,7 @@ def _pools(subject: Subject, values: Sequence[Mapping[Term, Any]]) -> list[list[
     """Return for each input some values, as terms have them."""
     pools = []
     for item, signal, known in zip(subject.inputs().values(), subject.program.signals,
-                                   levels(subject.program)):
+                                   boundary_values(subject.program)):
         pool = [_stored(value, signal) for value in known]
         if signal.type.is_float:
             pool += [_stored(value, signal) for value in (0.0, float('nan'), float('inf'), -0.5)]

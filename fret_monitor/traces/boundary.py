@@ -14,14 +14,16 @@
 
 """Values that make a program's comparisons come out both ways; for benchmarks."""
 
+from typing import TypeAlias
+
 from fret_monitor.logic.specification import Signal
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.monitor_program import Literal, MonitorProgram, StepGroup
 
-Level = bool | int | float
+Value: TypeAlias = bool | int | float
 
 
-def levels(program: MonitorProgram) -> list[list[Level]]:
+def boundary_values(program: MonitorProgram) -> list[list[Value]]:
     """Return for each input some values around the numbers its requirements mention."""
     met: list[set[float]] = [set() for _ in program.signals]
     for group in program.groups:
@@ -36,7 +38,7 @@ def _numbers(group: StepGroup) -> set[float]:
             if isinstance(equation.operation, Literal)}
 
 
-def _around(signal: Signal, numbers: list[float]) -> list[Level]:
+def _around(signal: Signal, numbers: list[float]) -> list[Value]:
     if signal.type is ValueType.BOOL:
         return [False, True]
     if any(isinstance(value, str) for _, value in signal.values):

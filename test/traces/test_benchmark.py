@@ -17,6 +17,7 @@
 from array import array
 from fractions import Fraction
 from itertools import pairwise
+import json
 from pathlib import Path
 
 from fret_monitor.build import build, generate_monitor, read
@@ -24,12 +25,12 @@ from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime import benchmark
-from fret_monitor.runtime.benchmark import (
-    Inputs, lasting_inputs, random_inputs, step_nanoseconds, StepTimer,
-)
 from fret_monitor.runtime.evaluator import TYPECODES
-from fret_monitor.traces.boundary import levels
+from fret_monitor.traces import benchmark
+from fret_monitor.traces.benchmark import (
+    Inputs, lasting_inputs, measure, random_inputs, step_nanoseconds, StepTimer,
+)
+from fret_monitor.traces.boundary import boundary_values, Value
 import pytest
 
 BUNDLE = """\
@@ -56,6 +57,11 @@ def bundle(tmp_path: Path) -> Path:
     return path
 
 
+def values_of(path: Path) -> list[list[Value]]:
+    """Return the values that the inputs of a bundle take in a benchmark."""
+    return boundary_values(generate_monitor(read(path)).program)
+
+
 def column(monitor: Monitor, inputs: Inputs, index: int) -> 'array[float]':
     """Return the values of an input in all rows."""
     item = monitor.manifest.inputs[index]
@@ -68,8 +74,8 @@ def column(monitor: Monitor, inputs: Inputs, index: int) -> 'array[float]':
     return found
 
 
-def test_levels_lie_on_both_sides_of_what_requirements_mention(bundle: Path) -> None:
-    p, b, n, x, d, word = levels(generate_monitor(read(bundle)).program)
+def test_boundary_values_lie_on_both_sides_of_what_requirements_mention(bundle: Path) -> None:
+    p, b, n, x, d, word = values_of(bundle)
     assert p == [False, True]
     assert {249, 251} <= set(b) and all(0 <= value <= 255 for value in b)
     assert {14.5, 16.5, -4.0, -2.0} <= set(x) & set(d)
@@ -77,9 +83,9 @@ def test_levels_lie_on_both_sides_of_what_requirements_mention(bundle: Path) -> 
     assert word == [0, 1, 2]
 
 
-def test_every_row_has_values_among_the_levels(bundle: Path) -> None:
+def test_every_row_has_values_among_the_boundary_values(bundle: Path) -> None:
     generated = generate_monitor(read(bundle))
-    monitor, values = build(bundle).monitor, levels(generated.program)
+    monitor, values = build(bundle).monitor, boundary_values(generated.program)
     for make in (random_inputs, lasting_inputs):
         inputs = make(monitor, values)
         assert inputs.count >= 1000
@@ -89,7 +95,7 @@ def test_every_row_has_values_among_the_levels(bundle: Path) -> None:
 
 
 def test_random_values_change_all_the_time_and_lasting_ones_seldom(bundle: Path) -> None:
-    monitor, values = build(bundle).monitor, levels(generate_monitor(read(bundle)).program)
+    monitor, values = build(bundle).monitor, values_of(bundle)
 
     def changes(inputs: Inputs) -> Fraction:
         found = column(monitor, inputs, 0)
@@ -103,7 +109,7 @@ def test_random_values_change_all_the_time_and_lasting_ones_seldom(bundle: Path)
 
 def test_a_round_is_one_pass_at_least(bundle: Path) -> None:
     monitor = build(bundle).monitor
-    rows = random_inputs(monitor, levels(generate_monitor(read(bundle)).program))
+    rows = random_inputs(monitor, values_of(bundle))
     timer = StepTimer(monitor, Inputs(rows.memory, rows.stride, 1))
     assert timer.round() > 0
     with pytest.MonkeyPatch.context() as patch:
@@ -117,14 +123,14 @@ def test_more_work_takes_more_time(bundle: Path, tmp_path: Path) -> None:
     (tmp_path / 'more.yaml').write_text(BUNDLE + ''.join(lines))
     times = []
     for path in (bundle, tmp_path / 'more.yaml'):
-        monitor, values = build(path).monitor, levels(generate_monitor(read(path)).program)
+        monitor, values = build(path).monitor, values_of(path)
         times.append(step_nanoseconds(monitor, random_inputs(monitor, values), rounds=3))
     assert times[0] * 3 < times[1] < times[0] * 3000
 
 
 def test_the_result_is_the_median_of_the_rounds(
         bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monitor, values = build(bundle).monitor, levels(generate_monitor(read(bundle)).program)
+    monitor, values = build(bundle).monitor, values_of(bundle)
     times = iter([5.0, 100.0, 1.0, 3.0, 4.0])
     monkeypatch.setattr(StepTimer, 'round', lambda timer: next(times))
     assert step_nanoseconds(monitor, random_inputs(monitor, values), rounds=5) == 4.0
@@ -137,9 +143,18 @@ def test_an_input_of_each_type_is_filled(tmp_path: Path) -> None:
              'requirements:', '  - {id: R, ptltl: "i_bool"}']
     path = tmp_path / 'typed.yaml'
     path.write_text('\n'.join(lines) + '\n')
-    monitor, values = build(path).monitor, levels(generate_monitor(read(path)).program)
+    monitor, values = build(path).monitor, values_of(path)
     inputs = random_inputs(monitor, values)
     found: list[ManifestInput] = list(monitor.manifest.inputs)
     assert [item.value_type for item in found] == kinds
     for index in range(len(kinds)):
         assert set(column(monitor, inputs, index)) == set(values[index])
+
+
+def test_a_measurement_is_plausible(bundle: Path) -> None:
+    found = measure(bundle).as_dict()
+    assert json.loads(json.dumps(found)) == found
+    assert found['requirements'] == 3 and 0 < found['state_bytes'] < 40
+    assert 0.1 < found['ns_per_step'] < 1e5
+    assert 0.1 < found['ns_per_step_lasting'] < 1e5
+    assert 0.001 < found['compile_seconds'] < 600

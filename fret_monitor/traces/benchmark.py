@@ -20,16 +20,23 @@ The timed loop is C (`csrc/benchmark.c`) over buffers that were filled before.
 
 from array import array
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from random import Random
 from statistics import median
+import tempfile
+import time
 from typing import Any
 
+from fret_monitor.build import generate_monitor, read
 from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.native.binding import ffi
-from fret_monitor.native.cache import build_library, csrc_directory
-from fret_monitor.native.monitor import CData, Library, Monitor
+from fret_monitor.native.cache import build_library, csrc_directory, runtime_headers
+from fret_monitor.native.compiler import compile_library, find_compiler
+from fret_monitor.native.folder import library_file
+from fret_monitor.native.monitor import CData, Library, load, Monitor
 from fret_monitor.runtime.evaluator import TYPECODES
+from fret_monitor.traces.boundary import boundary_values, Value
 
 # Enough rows that a processor cannot learn them by heart, and few enough for its cache.
 _ROWS = 1 << 17
@@ -42,7 +49,7 @@ _LASTING = 200
 _SIGNATURE = ('uint64_t (*)(const struct fm_monitor *, void *, const void *, uint64_t, uint64_t, '
               'bool *)')
 
-Levels = Sequence[Sequence[bool | int | float]]
+Values = Sequence[Sequence[Value]]
 """For each input the values it takes in a benchmark, such as both sides of a threshold."""
 
 
@@ -55,26 +62,26 @@ class Inputs:
     count: int
 
 
-def random_inputs(monitor: Monitor, levels: Levels, seed: int = 0) -> Inputs:
+def random_inputs(monitor: Monitor, values: Values, seed: int = 0) -> Inputs:
     """Fill a buffer in which every input takes a new value in every row."""
     rng = Random(seed)
-    return _fill(monitor, levels, lambda values, last: rng.choice(values))
+    return _fill(monitor, values, lambda choices, last: rng.choice(choices))
 
 
-def lasting_inputs(monitor: Monitor, levels: Levels, seed: int = 0) -> Inputs:
+def lasting_inputs(monitor: Monitor, values: Values, seed: int = 0) -> Inputs:
     """Fill a buffer in which inputs keep a value for 200 rows on average."""
     rng = Random(seed)
-    return _fill(monitor, levels, lambda values, last: last
-                 if last is not None and rng.randrange(_LASTING) else rng.choice(values))
+    return _fill(monitor, values, lambda choices, last: last
+                 if last is not None and rng.randrange(_LASTING) else rng.choice(choices))
 
 
-def _fill(monitor: Monitor, levels: Levels,
+def _fill(monitor: Monitor, values: Values,
           choose: Callable[[Sequence[Any], Any], Any]) -> Inputs:
     stride = -(-int(monitor.pointer.inputs_bytes) // _WORD) * _WORD
     count = min(_ROWS, max(1, _BYTES // stride))
     rows = bytearray(count * stride)
-    for index, (item, values) in enumerate(zip(monitor.manifest.inputs, levels, strict=True)):
-        column = _column(item, values, choose, count)
+    for index, (item, choices) in enumerate(zip(monitor.manifest.inputs, values, strict=True)):
+        column = _column(item, choices, choose, count)
         cells = column.tobytes()
         offset = int(monitor.pointer.inputs[index].offset)
         for byte in range(column.itemsize):
@@ -82,12 +89,12 @@ def _fill(monitor: Monitor, levels: Levels,
     return Inputs(ffi.from_buffer(rows), stride, count)
 
 
-def _column(item: ManifestInput, values: Sequence[bool | int | float],
+def _column(item: ManifestInput, choices: Sequence[Value],
             choose: Callable[[Sequence[Any], Any], Any], count: int) -> 'array[Any]':
     column = array(TYPECODES[item.value_type])
     last: Any = None
     for _ in range(count):
-        last = choose(values, last)
+        last = choose(choices, last)
         column.append(last)
     return column
 
@@ -128,3 +135,46 @@ def step_nanoseconds(monitor: Monitor, inputs: Inputs, rounds: int = 9) -> float
     """Return the median, over some rounds, of the nanoseconds a step takes."""
     timer = StepTimer(monitor, inputs)
     return median(timer.round() for _ in range(rounds))
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What a bundle costs: nanoseconds (medians), bytes, and seconds from bundle to library."""
+
+    requirements: int
+    ns_per_step: float
+    ns_per_step_lasting: float
+    state_bytes: int
+    compile_seconds: float
+
+    def as_dict(self) -> dict[str, int | float]:
+        """Return the figures by name; `ns_per_step` is on random inputs."""
+        return asdict(self)
+
+
+def measure(path: Path) -> Measurement:
+    """
+    Build a bundle with nothing cached, and time its steps on random and long-lasting inputs.
+
+    Errors are those of `build`.
+    """
+    with tempfile.TemporaryDirectory(prefix='fret_monitor-') as folder:
+        before = time.perf_counter()
+        generated = generate_monitor(read(path))
+        header, text = generated.module.header
+        files = {**runtime_headers(), header: text, **dict(generated.module.sources)}
+        for name, content in files.items():
+            (Path(folder) / name).write_text(content, encoding='utf-8')
+        file = library_file(generated.manifest)
+        compile_library(find_compiler(), [name for name, _ in generated.module.sources], file,
+                        folder=Path(folder))
+        seconds = time.perf_counter() - before
+        monitor = load(Path(folder) / file, generated.manifest)
+    values = boundary_values(generated.program)
+    return Measurement(
+        len(generated.manifest.requirements),
+        step_nanoseconds(monitor, random_inputs(monitor, values)),
+        step_nanoseconds(monitor, lasting_inputs(monitor, values)),
+        generated.manifest.state_bytes,
+        seconds,
+    )
