@@ -33,9 +33,10 @@ from fret_monitor.codegen.describe import describe
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.lint.constant_verdicts import constant_verdicts
+from fret_monitor.lint.sentences import doubtful_sentences
 from fret_monitor.lint.unread import unread_topics
 from fret_monitor.logic.specification import Specification
-from fret_monitor.model.diagnostics import CompileError, Diagnostic, Problems, refuse
+from fret_monitor.model.diagnostics import by_place, CompileError, Diagnostic, Problems, refuse
 from fret_monitor.model.manifest import FORMAT, Manifest
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.cache import (
@@ -101,7 +102,8 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
         raise CompileError(problems.errors)
     bundle = _with_policy(written, policy, period, problems)
     specification, warnings = specify(bundle, problems=problems)
-    warnings = (*warnings, *unread_topics(bundle, specification))
+    warnings = by_place((*warnings, *doubtful_sentences(specification),
+                         *unread_topics(bundle, specification)))
     messages = _messages(specification)
     return Reading(specification, warnings, _bundle_hash(bundle, specification, messages),
                    tuple((Path(source.name), text_hash(source.text)) for source in bundle.sources),
@@ -158,7 +160,8 @@ def generate_monitor(reading: Reading, *,
     check_bounds(program, layouts, max_state_bytes)
     module = generate(program, layouts)
     manifest = describe(program, layouts, module, reading.bundle_hash)
-    warnings = (*reading.warnings, *constant_verdicts(reading.specification, program))
+    warnings = by_place((*reading.warnings,
+                         *constant_verdicts(reading.specification, program)))
     return GeneratedMonitor(reading.specification, program, layouts, module, manifest, warnings)
 
 

@@ -19,6 +19,8 @@ from argparse import _SubParsersAction, ArgumentParser, Namespace
 import sys
 
 from fret_monitor.elaboration.formalize import formalize
+from fret_monitor.language.fretish import parse_fretish
+from fret_monitor.lint.sentences import advise_alone
 from fret_monitor.model.diagnostics import Source, Text
 
 
@@ -34,8 +36,9 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
 def run(options: Namespace) -> int:
     """Print the formula; what is not declared is true or false or a number as it is used."""
     text = sys.stdin.read() if options.text == '-' else options.text
-    formula, warnings = formalize(Text.whole(Source('<sentence>', text)), options.language)
-    for warning in warnings:
+    sentence = parse_fretish(Text.whole(Source('<sentence>', text)))
+    formula, warnings = formalize(sentence, options.language)
+    for warning in (*advise_alone(sentence), *warnings):
         print(warning.render(), file=sys.stderr)
     print(formula)
     return 0

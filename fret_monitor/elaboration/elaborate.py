@@ -45,7 +45,6 @@ from fret_monitor.language.bounds import TimedBound
 from fret_monitor.language.expression import Equations, Expression, Name
 from fret_monitor.language.quoted_text import QuotedText
 from fret_monitor.language.sentence import Component, Sentence, Unit
-from fret_monitor.lint.sentences import advise
 from fret_monitor.logic.formula import Feedback, Formula, postorder
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.messages.definitions import find_message as find_installed
@@ -206,7 +205,8 @@ class _Reading:
 
     def read_requirement(self, item: Requirement) -> Property | None:
         """Return a requirement with its formula, None where it has a mistake."""
-        term = self._property(item)
+        tree = self._formula(item)
+        term = self._property(item, tree)
         if term.is_broken:
             return None
         if not term.is_boolean:
@@ -229,18 +229,21 @@ class _Reading:
             feedback=self._reached(formula),
             place=item.text.span,
             bounds=tuple(sorted(term.bounds)),
+            sentence=tree if isinstance(tree, Sentence) else None,
         )
 
-    def _property(self, item: Requirement) -> Term:
+    def _formula(self, item: Requirement) -> Expression | Equations | Sentence | None:
         try:
-            tree = read_formula(item.language, item.text)
+            return read_formula(item.language, item.text)
         except CompileError as error:
             self.problems.extend(map(self._with_help, error.diagnostics))
-            return Term(Broken(), item.text.span)
+            return None
+
+    def _property(self, item: Requirement,
+                  tree: Expression | Equations | Sentence | None) -> Term:
         if not isinstance(tree, Sentence):
             return self._term(item.language, item.text, tree, item.id.value)
         self._check_component(tree.component)
-        self.problems.extend(advise(tree, self._bundle, item.report))
         if self._bundle.policy is not Policy.PERIODIC:
             return sentence_term(tree, self._scope, self.problems)
         if self._bundle.period is None:  # told already: a time may be any number of steps

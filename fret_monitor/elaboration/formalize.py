@@ -30,12 +30,10 @@ from fret_monitor.elaboration.terms import formula_of
 from fret_monitor.language.expression import (
     Boolean, Call, Conditional, Expression, Infix, Name, postorder, Prefix,
 )
-from fret_monitor.language.fretish import parse_fretish
 from fret_monitor.language.sentence import Sentence
-from fret_monitor.lint.sentences import advise_alone
 from fret_monitor.logic.formula import Variable
 from fret_monitor.logic.printing import to_cocospec, to_smv
-from fret_monitor.model.diagnostics import Diagnostic, Problems, refuse, Text
+from fret_monitor.model.diagnostics import Diagnostic, Problems, refuse
 from fret_monitor.model.values import ValueType
 
 _LIMIT = 1_000_000
@@ -44,18 +42,17 @@ _ALIKE = frozenset({'=', '!='})
 _Key: TypeAlias = Expression | str
 
 
-def formalize(text: Text, language: Literal['smv', 'cocospec'] = 'smv',
+def formalize(sentence: Sentence, language: Literal['smv', 'cocospec'] = 'smv',
               ) -> tuple[str, tuple[Diagnostic, ...]]:
     """
-    Return the formula of a sentence as text on one line, and the warnings about the sentence.
+    Return the formula of a sentence as text on one line, and the warnings about it.
 
     Raises
     ------
     CompileError
-        if the text is no sentence, uses a name in two ways, or has a formula of more than a
-        million characters.
+        if the sentence uses a name in two ways, or has a formula of more than a million
+        characters.
     """
-    sentence = parse_fretish(text)
     problems = Problems()
     term = sentence_term(sentence, scope_by_use(sentence), problems)
     problems.raise_errors()
@@ -63,7 +60,7 @@ def formalize(text: Text, language: Literal['smv', 'cocospec'] = 'smv',
     if shown.endswith(' ...'):
         refuse('the formula is too long to be shown', sentence.span,
                f'more than {_LIMIT:,} characters')
-    return shown, (*advise_alone(sentence), *problems.warnings)
+    return shown, problems.warnings
 
 
 def scope_by_use(sentence: Sentence) -> Scope:

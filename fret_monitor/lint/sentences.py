@@ -22,11 +22,11 @@ every step until it is fulfilled.
 
 from collections.abc import Iterator
 
-from fret_monitor.bundle.bundle import Bundle
 from fret_monitor.elaboration.durations import approximate, SECONDS
 from fret_monitor.elaboration.fretish import is_not_yet
 from fret_monitor.language.expression import Call, postorder
 from fret_monitor.language.sentence import Duration, Sentence
+from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import Diagnostic, Level, Span
 from fret_monitor.model.policies import Policy, Report
 
@@ -38,12 +38,19 @@ _COUNTED = {
 _COUNTING = frozenset({'persisted', 'occurred'})
 
 
-def advise(sentence: Sentence, bundle: Bundle, report: Report) -> Iterator[Diagnostic]:
-    """Yield the warnings about a sentence of a bundle, which is announced as `report` says."""
+def doubtful_sentences(specification: Specification) -> Iterator[Diagnostic]:
+    """Yield the warnings about the sentences of a bundle."""
+    for item in specification.properties:
+        if item.sentence is not None:
+            yield from _advise(item.sentence, item.report, specification)
+
+
+def _advise(sentence: Sentence, report: Report,
+            specification: Specification) -> Iterator[Diagnostic]:
     yield from sentence.remarks
     duration = sentence.timing.duration if sentence.timing else None
     if duration is not None and duration.unit in SECONDS:
-        yield from _about_time(sentence, duration, bundle)
+        yield from _about_time(sentence, duration, specification)
     if report is Report.EVERY_STEP and is_not_yet(sentence):
         yield _warning(
             'this is announced at every step until it is fulfilled', _demand(sentence),
@@ -63,17 +70,19 @@ def advise_alone(sentence: Sentence) -> Iterator[Diagnostic]:
             'policy: periodic and a period')
 
 
-def _about_time(sentence: Sentence, duration: Duration, bundle: Bundle) -> Iterator[Diagnostic]:
+def _about_time(sentence: Sentence, duration: Duration,
+                specification: Specification) -> Iterator[Diagnostic]:
     written = f'{duration.number} {duration.unit.value}'
     count = next(_counts(sentence), None)
-    if bundle.policy in _COUNTED:
+    policy, period = specification.policy, specification.period
+    if policy in _COUNTED:
         beside = ', and plain counts stand beside it' if count else ''
         yield _warning(
-            f"'{written}' counts {duration.number} {_COUNTED[bundle.policy]}", duration.span,
-            f'the policy is {bundle.policy.value}{beside}', f'write {duration.number} ticks; or, '
-            'for time, policy: periodic and a period under evaluation')
+            f"'{written}' counts {duration.number} {_COUNTED[policy]}", duration.span,
+            f'the policy is {policy.value}{beside}', f'write {duration.number} ticks; or, for '
+            'time, policy: periodic and a period under evaluation')
     elif count is not None:
-        length = f' of {approximate(bundle.period)} s' if bundle.period else ''
+        length = f' of {approximate(period)} s' if period else ''
         yield _warning(
             f"a plain count stands beside '{written}'", count, f'counts steps{length}',
             'say both in ticks, or look at the bounds that check prints')

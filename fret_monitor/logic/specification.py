@@ -22,6 +22,7 @@ all later stages stand on it.
 from dataclasses import dataclass, field
 from fractions import Fraction
 
+from fret_monitor.language.sentence import Sentence
 from fret_monitor.logic.formula import Feedback, Formula
 from fret_monitor.messages.definitions import MessageLayout
 from fret_monitor.model.diagnostics import Span
@@ -63,7 +64,8 @@ class Property:
     `feedback` holds, for each `Feedback` node that the formula reaches, the equation it delays
     (whose own operands may reach `Feedback` nodes again, its own too). `place` is the formula's
     text. `bounds` are the numbers of steps that were written in it and in the definitions it uses,
-    the largest few, in order: the formula of a sentence has more.
+    the largest few, in order: the formula of a sentence has more. `sentence` is
+    the text taken apart, where it is FRETish.
     """
 
     id: str
@@ -76,6 +78,7 @@ class Property:
     feedback: tuple[tuple[Feedback, Formula], ...] = ()
     place: Span | None = None
     bounds: tuple[int, ...] = ()
+    sentence: Sentence | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True)

@@ -223,7 +223,12 @@ class Problems:
     def raise_errors(self) -> None:
         """Raise `CompileError` with all errors, by file and place, if there are any."""
         if self.errors:
-            raise CompileError(sorted(self.errors, key=_place))
+            raise CompileError(by_place(self.errors))
+
+
+def by_place(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Return diagnostics in the order of their files and places; those without a place first."""
+    return tuple(sorted(diagnostics, key=_place))
 
 
 def _place(item: Diagnostic) -> tuple[str, int]:

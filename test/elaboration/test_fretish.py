@@ -30,10 +30,11 @@ from fret_monitor.language.cocospec import parse_cocospec
 from fret_monitor.language.expression import Equations
 from fret_monitor.language.sentence import Duration, Unit
 from fret_monitor.language.smv import parse_smv
+from fret_monitor.lint.sentences import doubtful_sentences
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Formula, Variable
 from fret_monitor.logic.specification import Specification
-from fret_monitor.model.diagnostics import CompileError, Problems, Source, Text
+from fret_monitor.model.diagnostics import by_place, CompileError, Problems, Source, Text
 from fret_monitor.model.values import ValueType
 import golden
 from hypothesis import given
@@ -88,7 +89,8 @@ def test_what_is_told_of_a_bundle_is_what_was_agreed(
     monkeypatch.chdir(case.parent)
     bundle = read_bundle(Path(case.name))
     try:
-        told = specify(bundle)[1]
+        meant, warnings = specify(bundle)
+        told = by_place((*warnings, *doubtful_sentences(meant)))
     except CompileError as error:
         told = error.diagnostics
     golden.check(case, ''.join(item.render() + '\n' for item in told))
@@ -208,8 +210,8 @@ def readback(text: str, language: str) -> Formula:
     sentence = parse(text)
     scope = scope_by_use(sentence)
     if language == 'smv':
-        return elaborate(parse_smv(text_of(formalize(text_of(text))[0])), scope)
-    tree = parse_cocospec(text_of(formalize(text_of(text), 'cocospec')[0]))
+        return elaborate(parse_smv(text_of(formalize(sentence)[0])), scope)
+    tree = parse_cocospec(text_of(formalize(sentence, 'cocospec')[0]))
     assert not isinstance(tree, Equations)
     return elaborate(tree, scope)
 

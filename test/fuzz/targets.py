@@ -33,6 +33,7 @@ from types import FrameType
 from fret_monitor.build import build, generate_monitor, read
 from fret_monitor.elaboration.formalize import formalize
 from fret_monitor.importing import import_bundles
+from fret_monitor.language.fretish import parse_fretish
 from fret_monitor.messages.definitions import parse_message
 from fret_monitor.model.diagnostics import CompileError, Source, Text
 from fret_monitor.model.manifest import Manifest, ManifestError
@@ -167,7 +168,7 @@ def formula(language: str) -> Callable[[bytes], None]:
         if language == 'fretish':
             try:
                 for logic in ('smv', 'cocospec'):
-                    formalize(Text.whole(Source('<sentence>', text)), logic)
+                    formalize(parse_fretish(Text.whole(Source('<sentence>', text))), logic)
             except CompileError as error:
                 str(error)
         bundle(f'{INPUTS}requirements:\n- id: R\n  {language}: {json.dumps(text)}\n'.encode())

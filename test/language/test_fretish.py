@@ -43,7 +43,7 @@ def parse(sentence: str) -> Sentence:
 
 def error(sentence: str) -> CompileError:
     with pytest.raises(CompileError) as caught:
-        formalize(text_of(sentence))
+        formalize(parse_fretish(text_of(sentence)))
     return caught.value
 
 
@@ -244,7 +244,7 @@ def test_an_empty_text_is_refused_with_an_example() -> None:
 
 def check_any(text: str) -> None:
     try:
-        formalize(text_of(text))
+        formalize(parse_fretish(text_of(text)))
     except CompileError as refused:
         for item in refused.diagnostics:
             assert item.span is not None
@@ -290,7 +290,7 @@ LONG = 100_000
 def test_garbage_of_a_hundred_thousand_characters_is_refused_in_time(text: str) -> None:
     before = time.process_time()
     with pytest.raises(CompileError):
-        formalize(text_of(text))
+        formalize(parse_fretish(text_of(text)))
     assert time.process_time() - before < 20
 
 
@@ -303,7 +303,7 @@ def test_garbage_of_a_hundred_thousand_characters_is_refused_in_time(text: str) 
 ])
 def test_long_and_deep_sentences_are_formalised_in_time(text: str) -> None:
     before = time.process_time()
-    assert formalize(text_of(text))
+    assert formalize(parse_fretish(text_of(text)))
     assert time.process_time() - before < 20
 
 
