@@ -47,6 +47,7 @@ See the License for the specific language governing permissions and
 limitations under the License.
 """
 COMMENT = {'.py': '#', '.sh': '#', '.c': '//', '.h': '//'}
+CODE = {*COMMENT, '.lark', '.yaml', '.toml', '.cfg'}
 
 # The key of rosdep for a module of Python that is called otherwise.
 KEYS = {
@@ -159,6 +160,19 @@ def test_no_committed_file_names_a_machine() -> None:
         for number, line in enumerate(path.read_text(encoding='utf-8').splitlines(), 1):
             if pattern.search(line):
                 wrong.append(f'{path.relative_to(ROOT)}:{number}: {line.strip()}')
+    assert wrong == []
+
+
+def test_every_page_that_is_cited_exists() -> None:
+    cited = re.compile(r'\b(docs/[\w.-]+\.md|[A-Z]{4,}\.md)\b|\b(DESIGN|STYLE)(?: \d|\b)')
+    wrong = []
+    for path in committed():
+        if path == Path(__file__).resolve() or path.suffix not in {'.md', '.rst', *CODE}:
+            continue
+        for number, line in enumerate(path.read_text(encoding='utf-8').splitlines(), 1):
+            for found in cited.finditer(line):
+                if found[2] or not (ROOT / found[1]).is_file():
+                    wrong.append(f'{path.relative_to(ROOT)}:{number}: {found[0]}')
     assert wrong == []
 
 

@@ -1,0 +1,70 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The first bundle of the README, live: its nodes, its test messages, its line in the log."""
+
+import os
+from pathlib import Path
+import re
+import shlex
+import subprocess
+import sys
+
+import pytest
+
+from ros.harness import started
+
+ROOT = Path(__file__).resolve().parents[2]
+README = ROOT / 'README.md'
+TIMEOUT_S = 60
+
+if not README.is_file():
+    pytest.skip('needs the source tree', allow_module_level=True)
+
+
+def publish(command: str) -> subprocess.CompletedProcess[str]:
+    """Run a line of the README that publishes test messages."""
+    program, *arguments = shlex.split(command)
+    assert program == 'python'
+    paths = os.pathsep.join([str(ROOT), *sys.path])
+    return subprocess.run([sys.executable, *arguments], cwd=ROOT, text=True, capture_output=True,
+                          timeout=TIMEOUT_S, env={**os.environ, 'PYTHONPATH': paths}, check=False)
+
+
+def test_the_logger_prints_what_the_readme_says(domain: int, tmp_path: Path) -> None:
+    text = README.read_text(encoding='utf-8')
+    bundle = tmp_path / 'robot.yaml'
+    bundle.write_text(text.split('```yaml\n')[1].split('```')[0], encoding='utf-8')
+    messages = re.findall(r'^python examples/publish\.py .*$', text, re.MULTILINE)
+    printed = re.findall(r'^The logger prints `(.*)`', text, re.MULTILINE)
+    assert messages and len(printed) == 1
+    with started('monitor', '-p', f'spec:={bundle}'), \
+            started('logger', '-p', f'spec:={bundle}') as logger:
+        for each in messages:
+            done = publish(each)
+            assert (done.returncode, done.stderr) == (0, '')
+        logger.wait_for(printed[0].split('...')[0])
+        shown = '.*'.join(map(re.escape, printed[0].split('...')))
+        assert re.search(shown, logger.output), logger.output
+
+
+@pytest.mark.parametrize('arguments, reason', [
+    ('odom nav_msgs/msg/Odo', "no attribute 'Odo'"),
+    ('odom nav_msgs/msg/Odometry twist=1', "The 'twist' field must be"),
+    ('odom missing_msgs/msg/Odometry', 'missing_msgs'),
+])
+def test_a_wrong_message_is_refused(arguments: str, reason: str, domain: int) -> None:
+    done = publish(f'python examples/publish.py {arguments}')
+    assert (done.returncode, done.stdout) == (1, '')
+    assert reason in done.stderr and 'Traceback' not in done.stderr
