@@ -25,7 +25,7 @@ import hashlib
 
 from fret_monitor.codegen import c
 from fret_monitor.codegen.comments import comment, safe
-from fret_monitor.codegen.names import C_TYPES, field, Names
+from fret_monitor.codegen.names import field, Names
 from fret_monitor.codegen.readers import generate_readers
 from fret_monitor.codegen.step import PartWriter
 from fret_monitor.model.values import ValueType
@@ -105,7 +105,7 @@ class _ModuleWriter:
         yield self._names.inputs_struct
         yield '{'
         for signal in self._program.signals:
-            yield f'  {C_TYPES[signal.type]} {self._names.signals[signal.name]};'
+            yield f'  {signal.type.c_name} {self._names.signals[signal.name]};'
         if not self._program.signals:
             yield '  bool none;  // C has no empty struct'
         yield '};'
@@ -387,7 +387,7 @@ def _runs(groups: Iterable[int], size: Callable[[int], int],
 
 def _declaration(item: StateField) -> str:
     array = f'[{item.length}]' if item.length else ''
-    return f'{C_TYPES[item.type]} {field(item)}{array}'
+    return f'{item.type.c_name} {field(item)}{array}'
 
 
 def _initialisation(item: StateField) -> Iterator[str]:

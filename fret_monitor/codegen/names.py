@@ -41,29 +41,8 @@ _GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+
 _MODULE = re.compile(r'req_.*|requirements|step|step_any|reset|monitor|readers|groups?_.*')
 _LONGEST_PREFIX = 100  # names of files are made of it
 
-C_TYPES = {
-    ValueType.BOOL: 'bool',
-    ValueType.INT8: 'int8_t',
-    ValueType.INT16: 'int16_t',
-    ValueType.INT32: 'int32_t',
-    ValueType.INT64: 'int64_t',
-    ValueType.UINT8: 'uint8_t',
-    ValueType.UINT16: 'uint16_t',
-    ValueType.UINT32: 'uint32_t',
-    ValueType.UINT64: 'uint64_t',
-    ValueType.FLOAT32: 'float',
-    ValueType.FLOAT64: 'double',
-}
-
-SUFFIXES = {
-    ValueType.UINT8: 'u8',
-    ValueType.UINT16: 'u16',
-    ValueType.UINT32: 'u32',
-    ValueType.UINT64: 'u64',
-    ValueType.INT64: 'i64',
-    ValueType.FLOAT32: 'f32',
-    ValueType.FLOAT64: 'f64',
-}
+# As in `fm_add_i64`: the functions of fret_cells.h end in the type that they are for.
+SUFFIXES = {kind: f'{kind.value[0]}{kind.bits}' for kind in ValueType if kind.is_number}
 
 
 def identifier(name: str, prefix: str = 'fm') -> str:

@@ -26,16 +26,13 @@ from dataclasses import dataclass, field
 
 from fret_monitor.codegen.c import string_literal
 from fret_monitor.codegen.comments import comment, safe
-from fret_monitor.codegen.names import C_TYPES, Names
+from fret_monitor.codegen.names import Names
 from fret_monitor.logic.specification import Signal
 from fret_monitor.messages.definitions import ArrayKind, FieldType, MessageField, MessageLayout
 from fret_monitor.model.manifest import SECONDS
 from fret_monitor.model.values import ValueType
 
 _STRINGS = ('string', 'wstring')
-_SIZES = {'bool': 1, 'byte': 1, 'char': 1, 'int8': 1, 'uint8': 1, 'int16': 2, 'uint16': 2,
-          'int32': 4, 'uint32': 4, 'int64': 8, 'uint64': 8, 'float32': 4, 'float64': 8}
-_READ_AS = {'byte': 'uint8', 'char': 'uint8'}
 _LARGEST = 2 ** 62  # of a run: there is no such message
 _NO_BOUND = 'UINT32_MAX'
 
@@ -168,7 +165,8 @@ class _Sizes:
             return None
         if kind.is_message:
             return self.of_message(layout.nested(kind))
-        return (_Run(_SIZES[kind.base], _SIZES[kind.base]),)
+        size = ValueType.of_field(kind.base).size
+        return (_Run(size, size),)
 
     def _measure(self, layout: MessageLayout) -> tuple[_Run, ...] | None:
         if not layout.fields:
@@ -409,21 +407,22 @@ class _ReaderWriter:
 
     def _number(self, base: str, whole: Sequence[tuple[int, Signal]],
                 path: str) -> Iterator[str]:
-        read = f'fm_cdr_{_READ_AS.get(base, base)}(&c)'
+        kind = ValueType.of_field(base)
+        read = f'fm_cdr_{kind.value}(&c)'
         yield from _told(whole, path)
         if len(whole) > 1:
             local = self._local('value')
-            yield f'const {_c_type(base)} {local} = {read};'
+            yield f'const {kind.c_name} {local} = {read};'
             read = local
-        yield from (f'fields[{place}] = {_made_of(base, read)};' for place, _ in whole)
+        yield from (f'fields[{place}] = {_made_of(kind, read)};' for place, _ in whole)
 
     def _scalars(self, layout: MessageLayout, need: _Need, path: str) -> Iterator[str]:
         """Read all fields of a message that holds numbers alone, and what is made of them."""
         local = {item.name: self._local(item.name.lower()) for item in layout.fields}
         yield from comment(path)
         for item in layout.fields:
-            base = _READ_AS.get(item.type.base, item.type.base)
-            yield f'const {_c_type(base)} {local[item.name]} = fm_cdr_{base}(&c);'
+            kind = ValueType.of_field(item.type.base)
+            yield f'const {kind.c_name} {local[item.name]} = fm_cdr_{kind.value}(&c);'
         for place, signal in need.whole:
             yield from _told([(place, signal)], path)
             if signal.reduction == SECONDS:
@@ -434,8 +433,9 @@ class _ReaderWriter:
         for name, inner in need.fields.items():
             found = layout.find_field(name)
             assert found is not None, name
+            kind = ValueType.of_field(found.type.base)
             yield from _told(inner.whole, f'{path}.{name}')
-            yield from (f'fields[{place}] = {_made_of(found.type.base, local[name])};'
+            yield from (f'fields[{place}] = {_made_of(kind, local[name])};'
                         for place, _ in inner.whole)
 
     def _norm(self, place: int, numbers: Sequence[str]) -> Iterator[str]:
@@ -478,18 +478,18 @@ class _ReaderWriter:
     def _numbers(self, kind: FieldType, need: _Need, path: str) -> Iterator[str]:
         """Take an array of numbers at once."""
         array = self._local('array')
-        base = _READ_AS.get(kind.base, kind.base)
+        item = ValueType.of_field(kind.base)
         count = _unsigned(kind.size or 0) if kind.array is ArrayKind.FIXED \
             else f'fm_cdr_count(&c, {_bound(kind)})'
         yield from comment(f'{path}: {kind}')
         yield f'const struct fm_cdr_array {array} =' + \
-              f' fm_cdr_array(&c, {_SIZES[base]}u, {count});'
+              f' fm_cdr_array(&c, {item.size}u, {count});'
         for place, signal in need.whole:
             yield from _told([(place, signal)], path)
             yield f'fields[{place}] = fm_field_u({array}.count);' if signal.reduction == 'len' \
-                else f'fields[{place}] = fm_field_{signal.reduction}_{base}(&{array});'
+                else f'fields[{place}] = fm_field_{signal.reduction}_{item.value}(&{array});'
         for index, inner in sorted(need.items.items()):
-            read = _made_of(base, f'fm_cdr_{base}_at(&{array}, {index}u)')
+            read = _made_of(item, f'fm_cdr_{item.value}_at(&{array}, {index}u)')
             yield from _told(inner.whole, f'{path}[{index}]')
             for place, _ in inner.whole:
                 yield f'fields[{place}] = {array}.count > {index}u ?'
@@ -557,11 +557,7 @@ def _told(whole: Iterable[tuple[int, Signal]], path: str) -> Iterator[str]:
         yield from comment(f'{signal.name}: {what}')
 
 
-def _c_type(base: str) -> str:
-    return C_TYPES[ValueType(_READ_AS.get(base, base))]
-
-
-def _made_of(base: str, value: str) -> str:
+def _made_of(kind: ValueType, value: str) -> str:
     """Return the field that is made of a value in C."""
-    member = 'i' if base.startswith(('int', 'bool')) else 'f' if base.startswith('float') else 'u'
+    member = 'f' if kind.is_float else 'i' if kind.is_signed or kind is ValueType.BOOL else 'u'
     return f'fm_field_{member}({value})'

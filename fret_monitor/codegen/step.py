@@ -25,7 +25,7 @@ from typing import assert_never
 
 from fret_monitor.codegen import c
 from fret_monitor.codegen.comments import comment
-from fret_monitor.codegen.names import C_TYPES, field, Names, SUFFIXES
+from fret_monitor.codegen.names import field, Names, SUFFIXES
 from fret_monitor.logic.formula import BinaryOperator, Formula, UnaryOperator
 from fret_monitor.logic.formula import operands as operands_of
 from fret_monitor.logic.printing import to_smv
@@ -91,7 +91,7 @@ class PartWriter:
         words = self._words()
         for word in words:
             name = field(word)
-            yield f'  const {C_TYPES[word.type]} {name} = s->{name};'
+            yield f'  const {word.type.c_name} {name} = s->{name};'
             yield f'  {_wide(word)} next_{word.number} = 0u;'
         yield from self._equations()
         ending = [f'  s->{field(word)} = {_narrow(word, f"next_{word.number}")};'
@@ -151,7 +151,7 @@ class PartWriter:
         name = self._local(index)
         equation = self._group.equations[index]
         yield from self._note(index)
-        yield f'  const {C_TYPES[equation.type]} {name} = {c.text(expression)};'
+        yield f'  const {equation.type.c_name} {name} = {c.text(expression)};'
         self._inlined[index] = c.Atom(name)
         if index in self._layout.wires:
             yield f'  s->wire_{index} = {name};'
@@ -351,7 +351,7 @@ class PartWriter:
             advanced = c.Call('fm_next_position', (c.Atom(f's->{field(place)}'),
                                                    c.Atom(f'{length}u')))
             shown = c.text(advanced if place.type is ValueType.UINT32
-                           else c.Cast(C_TYPES[place.type], advanced))
+                           else c.Cast(place.type.c_name, advanced))
             yield f'  s->{field(place)} = {shown};'
 
 
@@ -385,13 +385,13 @@ def _wide(word: StateField) -> str:
 
 def _narrow(word: StateField, value: str) -> str:
     is_wide = word.type in (ValueType.UINT32, ValueType.UINT64)
-    return value if is_wide else f'({C_TYPES[word.type]}){value}'
+    return value if is_wide else f'({word.type.c_name}){value}'
 
 
 def _convert(operation: Convert, argument: c.Expression, type: ValueType) -> c.Expression:
     if operation.source is ValueType.UINT64 and type is ValueType.INT64:
         return c.Call('fm_signed', (argument,))
-    return c.Cast(C_TYPES[type], argument)
+    return c.Cast(type.c_name, argument)
 
 
 def _unary(operator: UnaryOperator, argument: c.Expression, type: ValueType) -> c.Expression:

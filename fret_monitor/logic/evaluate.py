@@ -196,14 +196,9 @@ def _checked(value: Value, kind: ValueType, name: str) -> Value:
             return bool(value)
     elif kind.is_float:
         return _FIT[kind](value)
-    elif isinstance(value, int) and value in _range(kind):
+    elif isinstance(value, int) and kind.limits[0] <= value <= kind.limits[1]:
         return int(value)
     raise TraceError(f'{name}: {value!r} is not a value of {kind.value}')
-
-
-def _range(kind: ValueType) -> range:
-    bits = int(kind.value.lstrip('uint'))
-    return range(2 ** bits) if kind.value[0] == 'u' else range(-2 ** (bits - 1), 2 ** (bits - 1))
 
 
 def _conversion(kind: ValueType, argument: list[Value]) -> _Rule:

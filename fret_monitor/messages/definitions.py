@@ -37,10 +37,9 @@ from fret_monitor.model.diagnostics import (
     CompileError, did_you_mean, pip_install, refuse, Source, Span,
 )
 from fret_monitor.model.names import LONGEST_PATH, shown
+from fret_monitor.model.values import ValueType
 
-_SCALARS = (
-    'bool', 'byte', 'char', 'int8', 'uint8', 'int16', 'uint16', 'int32', 'uint32', 'int64',
-    'uint64', 'float32', 'float64', 'string', 'wstring')
+_SCALARS = {'byte', 'char', 'string', 'wstring', *(kind.value for kind in ValueType)}
 _LEGACY = {'time': 'builtin_interfaces/msg/Time', 'duration': 'builtin_interfaces/msg/Duration'}
 _MAX_LISTED = 12
 _MAX_BYTES = 2 ** 20

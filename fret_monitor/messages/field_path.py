@@ -31,8 +31,8 @@ from fret_monitor.messages.definitions import (
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, refuse, Span, Text
 from fret_monitor.model.manifest import REDUCTIONS, SECONDS
 from fret_monitor.model.names import shown
+from fret_monitor.model.values import ValueType
 
-_READ_AS = {'byte': 'uint8', 'char': 'uint8'}
 _STRINGS = ('string', 'wstring')
 _TIMES = ('builtin_interfaces/msg/Time', 'builtin_interfaces/msg/Duration')
 _MAX_LISTED = 12
@@ -127,7 +127,8 @@ def _resolved(end: _End) -> ResolvedField:
     if end.is_time:
         return ResolvedField(end.path, 'float64', end.types, SECONDS)
     base = end.type.base
-    return ResolvedField(end.path, _READ_AS.get(base, base), end.types)
+    type_name = base if base in _STRINGS else ValueType.of_field(base).value
+    return ResolvedField(end.path, type_name, end.types)
 
 
 def _reduced(layout: MessageLayout, text: Text, call: re.Match[str]) -> ResolvedField:
@@ -153,7 +154,7 @@ def _type_of(function: str, base: str) -> str:
         case 'len':
             return 'uint32'
         case 'min' | 'max':
-            return _READ_AS.get(base, base)
+            return ValueType.of_field(base).value
         case 'any' | 'all':
             return 'bool'
         case 'sum' if base.startswith('int'):

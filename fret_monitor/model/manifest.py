@@ -280,9 +280,7 @@ class _Value:
             return self.found if isinstance(self.found, bool) else self.refuse('true or false')
         if kind.is_float:
             return self.number('a number')
-        signed = kind.value.startswith('int')
-        bits = int(kind.value.removeprefix('u').removeprefix('int'))
-        low, high = (-2 ** (bits - 1), 2 ** (bits - 1) - 1) if signed else (0, 2 ** bits - 1)
+        low, high = kind.limits
         number = self.whole()
         return number if low <= number <= high else self.refuse(f'a number of {kind.value}')
 

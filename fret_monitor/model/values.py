@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The types of values, and one table of facts about them: size, limits, name in C."""
+"""The types of values, and one table of facts about them."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -33,15 +33,20 @@ class ValueType(Enum):
     FLOAT32 = 'float32'
     FLOAT64 = 'float64'
 
+    @classmethod
+    def of_field(cls, name: str) -> 'ValueType':
+        """Return the type of a ROS message field; `byte` and `char` are stored as uint8."""
+        return cls('uint8' if name in ('byte', 'char') else name)
+
     @property
     def is_integer(self) -> bool:
         """Whether it is one of the eight integer types."""
-        return self in _INTEGERS
+        return 'int' in self.value
 
     @property
     def is_signed(self) -> bool:
         """Whether it is one of the four signed integer types."""
-        return self in _INTEGERS and _INTEGERS[self][0] < 0
+        return self.value.startswith('int')
 
     @property
     def is_float(self) -> bool:
@@ -55,44 +60,53 @@ class ValueType(Enum):
 
     @property
     def size(self) -> int:
-        """Size in bytes, in C as in CDR."""
+        """Size in bytes, in C and in a serialized message."""
         return _FACTS[self].size
 
     @property
+    def bits(self) -> int:
+        """Size in bits."""
+        return 8 * _FACTS[self].size
+
+    @property
     def c_name(self) -> str:
-        """Name of the C type that stores it."""
+        """Name of the type in C."""
         return _FACTS[self].c_name
 
     @property
+    def typecode(self) -> str:
+        """Type code of Python's `array` and `struct` for it."""
+        return _FACTS[self].typecode
+
+    @property
     def limits(self) -> tuple[int, int]:
-        """Least and greatest value of an integer type; (0, 1) for bool, an error for floats."""
+        """Least and greatest value of an integer type; (0, 1) for bool."""
         if self is ValueType.BOOL:
             return 0, 1
-        return _INTEGERS[self]
+        if self.is_signed:
+            return -2 ** (self.bits - 1), 2 ** (self.bits - 1) - 1
+        if self.is_integer:
+            return 0, 2 ** self.bits - 1
+        raise ValueError(f'{self.value} has no integer limits')
 
 
 @dataclass(frozen=True)
 class _Facts:
     size: int
     c_name: str
+    typecode: str
 
 
 _FACTS = {
-    ValueType.BOOL: _Facts(1, 'bool'),
-    ValueType.INT8: _Facts(1, 'int8_t'),
-    ValueType.INT16: _Facts(2, 'int16_t'),
-    ValueType.INT32: _Facts(4, 'int32_t'),
-    ValueType.INT64: _Facts(8, 'int64_t'),
-    ValueType.UINT8: _Facts(1, 'uint8_t'),
-    ValueType.UINT16: _Facts(2, 'uint16_t'),
-    ValueType.UINT32: _Facts(4, 'uint32_t'),
-    ValueType.UINT64: _Facts(8, 'uint64_t'),
-    ValueType.FLOAT32: _Facts(4, 'float'),
-    ValueType.FLOAT64: _Facts(8, 'double'),
-}
-
-_INTEGERS = {
-    kind: (-2 ** (8 * size - 1), 2 ** (8 * size - 1) - 1) if facts.c_name.startswith('int')
-    else (0, 2 ** (8 * size) - 1)
-    for kind, facts in _FACTS.items() if (size := facts.size) and 'int' in facts.c_name
+    ValueType.BOOL: _Facts(1, 'bool', 'B'),
+    ValueType.INT8: _Facts(1, 'int8_t', 'b'),
+    ValueType.INT16: _Facts(2, 'int16_t', 'h'),
+    ValueType.INT32: _Facts(4, 'int32_t', 'i'),
+    ValueType.INT64: _Facts(8, 'int64_t', 'q'),
+    ValueType.UINT8: _Facts(1, 'uint8_t', 'B'),
+    ValueType.UINT16: _Facts(2, 'uint16_t', 'H'),
+    ValueType.UINT32: _Facts(4, 'uint32_t', 'I'),
+    ValueType.UINT64: _Facts(8, 'uint64_t', 'Q'),
+    ValueType.FLOAT32: _Facts(4, 'float', 'f'),
+    ValueType.FLOAT64: _Facts(8, 'double', 'd'),
 }

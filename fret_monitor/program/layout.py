@@ -41,11 +41,6 @@ SHIFT_REGISTER_BITS = 64
 # A byte is read and written in less time than a bit of a word, which waits for its neighbours.
 FEW_BITS = 8
 
-_SIZES = {
-    ValueType.BOOL: 1, ValueType.INT8: 1, ValueType.UINT8: 1, ValueType.INT16: 2,
-    ValueType.UINT16: 2, ValueType.INT32: 4, ValueType.UINT32: 4, ValueType.FLOAT32: 4,
-    ValueType.INT64: 8, ValueType.UINT64: 8, ValueType.FLOAT64: 8,
-}
 _UNSIGNED = (ValueType.UINT8, ValueType.UINT16, ValueType.UINT32, ValueType.UINT64)
 
 
@@ -82,7 +77,7 @@ class StateField:
     @property
     def size(self) -> int:
         """Bytes."""
-        return _SIZES[self.type] * max(1, self.length)
+        return self.type.size * max(1, self.length)
 
 
 @dataclass(frozen=True)
@@ -112,7 +107,7 @@ class GroupLayout:
     @property
     def alignment(self) -> int:
         """Bytes: of the widest field."""
-        return max((_SIZES[field.type] for field in self.fields), default=1)
+        return max((field.type.size for field in self.fields), default=1)
 
     @property
     def operations(self) -> int:
@@ -154,7 +149,7 @@ def lay_out(group: StepGroup) -> GroupLayout:
     parts = tuple(_parts(group))
     bits = _place_bits(group, parts)
     fields = [*_words(group, bits), *_flags(group, bits), *_cells(group), *_shared(group, parts)]
-    fields.sort(key=lambda field: (-_SIZES[field.type], field.kind.value, field.number))
+    fields.sort(key=lambda field: (-field.type.size, field.kind.value, field.number))
     return GroupLayout(group, tuple(fields), bits, parts)
 
 
@@ -280,7 +275,7 @@ def _initial_bit(operation: Operation) -> bool:
 
 def _holding(largest: int) -> ValueType:
     """Return the narrowest unsigned type that holds a number."""
-    return next(kind for kind in _UNSIGNED if largest < 1 << 8 * _SIZES[kind])
+    return next(kind for kind in _UNSIGNED if largest <= kind.limits[1])
 
 
 def _cells(group: StepGroup) -> Iterator[StateField]:

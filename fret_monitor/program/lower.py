@@ -57,7 +57,6 @@ from fret_monitor.program.monitor_program import (
 from fret_monitor.program.prune import prune
 
 _BOOL = ValueType.BOOL
-_LIMITS = {ValueType.INT64: (-2 ** 63, 2 ** 63 - 1), ValueType.UINT64: (0, 2 ** 64 - 1)}
 _FACTORING_DEPTH = 8  # `b | c` may have a factor again
 _TURNED = {BinaryOperator.GT: BinaryOperator.LT, BinaryOperator.GE: BinaryOperator.LE}
 
@@ -367,9 +366,8 @@ class _GroupBuilder:
 
     def _is_limit(self, operand: Operand, end: int) -> bool:
         equation = self.equations[operand.value]
-        limits = _LIMITS.get(equation.type)
-        return isinstance(equation.operation, Literal) and limits is not None \
-            and equation.operation.value == limits[end]
+        return isinstance(equation.operation, Literal) and equation.type.is_integer \
+            and equation.operation.value == equation.type.limits[end]
 
     def _choice(self, condition: Operand, yes: Operand, no: Operand, type: ValueType) -> Operand:
         if condition.negated:

@@ -94,7 +94,7 @@ def shown_type(kind: Type) -> str:
 
 def _is(kind: Any, wanted: Any) -> bool:
     return isinstance(kind, Scalar) and sort_of(kind) == numbers.sort_of(wanted) \
-        and (kind.kind != 'int' or kind.is_signed == numbers.is_signed(wanted))
+        and (kind.kind != 'int' or kind.is_signed == wanted.is_signed)
 
 
 def _wanted(code: Program, program: MonitorProgram, layouts: tuple[GroupLayout, ...],

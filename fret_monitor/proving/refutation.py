@@ -290,6 +290,6 @@ def _cell(value: Any, signal: Signal) -> str:
         return str(int(value))
     if is_text(signal):
         return str(signal.values[value][0])
-    if numbers.is_signed(signal.type):
+    if signal.type.is_signed:
         value = t.signed(value, numbers.sort_of(signal.type)[1])
     return repr(value)

@@ -15,12 +15,11 @@
 """The evaluator of `csrc/evaluator.c` for Python: values in, violations out. It knows no ROS."""
 
 from fret_monitor.runtime.evaluator import (
-    Evaluator, InputCounts, RequirementCounts, TopicCounts, TYPECODES, Violation,
+    Evaluator, InputCounts, RequirementCounts, TopicCounts, Violation,
 )
 from fret_monitor.runtime.shared_evaluator import Receipt, SharedEvaluator, ViolationDetail
 
 __all__ = [
-    'TYPECODES',
     'Evaluator',
     'InputCounts',
     'Receipt',

@@ -25,41 +25,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy, Report
-from fret_monitor.model.values import ValueType
 from fret_monitor.native import evaluator_library, LibraryError, load_evaluator, Monitor
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import CData
 
 _ALIGNMENT = 16
-
-#: The type code of `array.array` for a column of an input's type.
-TYPECODES = {
-    ValueType.BOOL: 'B',
-    ValueType.INT8: 'b',
-    ValueType.INT16: 'h',
-    ValueType.INT32: 'i',
-    ValueType.INT64: 'q',
-    ValueType.UINT8: 'B',
-    ValueType.UINT16: 'H',
-    ValueType.UINT32: 'I',
-    ValueType.UINT64: 'Q',
-    ValueType.FLOAT32: 'f',
-    ValueType.FLOAT64: 'd',
-}
-
-_C_TYPES = {
-    ValueType.BOOL: 'bool',
-    ValueType.FLOAT32: 'float',
-    ValueType.FLOAT64: 'double',
-}
-
-
-def c_types(manifest: Manifest) -> list[str]:
-    """Return the C types of the inputs."""
-    return [_C_TYPES.get(item.value_type, f'{item.value_type.value}_t')
-            for item in manifest.inputs]
 
 
 class Violation(NamedTuple):
@@ -152,7 +123,7 @@ class Evaluator:
         """Make a place for the next value of each input, and views of the current ones."""
         values = ffi.cast('const char *', self._library.fm_evaluator_inputs(self.pointer))
         inputs = self.monitor.manifest.inputs
-        types = c_types(self.monitor.manifest)
+        types = [item.value_type.c_name for item in self.monitor.manifest.inputs]
         self._next = [ffi.new(f'{name} *') for name in types]
         self._current = [
             ffi.cast(f'const {name} *', values + self.monitor.pointer.inputs[index].offset)
@@ -256,7 +227,7 @@ class Evaluator:
         Parameters
         ----------
         columns
-            one for each input: an array of the input's `TYPECODES` and `count` long, or None:
+            one for each input: an array of the input's `typecode`, `count` long, or None:
             the input stays as it is.
         count
             the number of rows.
@@ -284,7 +255,7 @@ class Evaluator:
         if column is None:
             return ffi.NULL
         item = self.monitor.manifest.inputs[index]
-        if column.typecode != TYPECODES[item.value_type] or len(column) != count:
+        if column.typecode != item.value_type.typecode or len(column) != count:
             raise ValueError(
                 f"the column of '{item.name}' is not {count} of type {item.value_type.value}")
         return ffi.from_buffer(column)

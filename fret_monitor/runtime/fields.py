@@ -72,5 +72,4 @@ def _reading(field: CData, kind: ValueType) -> FieldReading:
         return FieldReading(outcome, bool(field.value.i))
     if kind.is_float:
         return FieldReading(outcome, float(field.value.f))
-    is_signed = kind.value.startswith('int')
-    return FieldReading(outcome, int(field.value.i if is_signed else field.value.u))
+    return FieldReading(outcome, int(field.value.i if kind.is_signed else field.value.u))

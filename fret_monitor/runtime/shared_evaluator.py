@@ -28,7 +28,7 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.native.errors import LibraryError
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import (
-    c_types, Evaluator, InputCounts, RequirementCounts, TopicCounts, Violation,
+    Evaluator, InputCounts, RequirementCounts, TopicCounts, Violation,
 )
 
 MOST_DETAILS = 100
@@ -93,7 +93,7 @@ class SharedEvaluator:
         # The function alone would not keep its library open.
         self.pointer: Any = ffi.gc(pointer, partial(_destroy, self._library))
         self._origin: Any = ffi.new('struct fm_origin *')
-        self._types = c_types(self._monitor.manifest)
+        self._types = [item.value_type.c_name for item in self._monitor.manifest.inputs]
         self._values = [ffi.new(f'{name} *') for name in self._types]
         self._inputs_bytes = int(self._monitor.pointer.inputs_bytes)
         self._detail = ffi.new(

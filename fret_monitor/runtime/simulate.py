@@ -39,7 +39,7 @@ from fret_monitor.model.manifest import Manifest, ManifestInput
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime.evaluator import Evaluator, TYPECODES
+from fret_monitor.runtime.evaluator import Evaluator
 
 _BLOCK = 4096
 _LONGEST = 16 * 1024 * 1024  # characters of a row
@@ -271,7 +271,7 @@ class _Trace:
                 for item, place in zip(self._inputs, self._places, strict=True)]
 
     def _column(self, rows: list[_Row], item: ManifestInput, place: int) -> 'array[Any]':
-        values: array[Any] = array(TYPECODES[item.value_type])
+        values: array[Any] = array(item.value_type.typecode)
         names: dict[str, Any] = dict(item.values)
         if item.is_string:
             names = {name: number for number, name in enumerate(names)}

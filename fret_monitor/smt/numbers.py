@@ -23,23 +23,15 @@ from fret_monitor.model.values import ValueType
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.terms import Sort, Term
 
-_BITS = {ValueType.INT8: 8, ValueType.UINT8: 8, ValueType.INT16: 16, ValueType.UINT16: 16,
-         ValueType.INT32: 32, ValueType.UINT32: 32, ValueType.INT64: 64, ValueType.UINT64: 64,
-         ValueType.FLOAT32: 32, ValueType.FLOAT64: 64}
 _BY_VALUE = 66  # bits that hold every int64 and every uint64
 _PLAIN = {BinaryOperator.ADD: 'add', BinaryOperator.SUB: 'sub', BinaryOperator.MUL: 'mul'}
-
-
-def is_signed(kind: ValueType) -> bool:
-    """Whether a type has negative integers."""
-    return kind.is_integer and not kind.value.startswith('u')
 
 
 def sort_of(kind: ValueType) -> Sort:
     """Return the sort of the values of a type."""
     if kind is ValueType.BOOL:
         return t.BOOL
-    return t.real(_BITS[kind]) if kind.is_float else t.word(_BITS[kind])
+    return t.real(kind.bits) if kind.is_float else t.word(kind.bits)
 
 
 def constant(value: bool | int | float, kind: ValueType) -> Term:
@@ -50,18 +42,18 @@ def constant(value: bool | int | float, kind: ValueType) -> Term:
 def convert(item: Term, source: ValueType, target: ValueType) -> Term:
     """Return a number in another type: integers modulo 2^64, floats to nearest."""
     if target.is_float:
-        return t.to_real(item, _BITS[target], is_signed(source))
-    return t.resized(item, _BITS[target], is_signed(source))
+        return t.to_real(item, target.bits, source.is_signed)
+    return t.resized(item, target.bits, source.is_signed)
 
 
 def unary(operator: UnaryOperator, item: Term, kind: ValueType) -> Term:
     """Return the negative, or the absolute value (`x` if `x >= 0`, else `-x`)."""
     if kind.is_float:
         negative = t.unary('fneg', item)
-        natural = t.relation('fle', t.floating(0.0, _BITS[kind]), item)
+        natural = t.relation('fle', t.floating(0.0, kind.bits), item)
     else:
         negative = t.operation('sub', t.number(0, 64), item)
-        natural = t.negation(t.relation('slt', item, t.number(0, 64))) if is_signed(kind) \
+        natural = t.negation(t.relation('slt', item, t.number(0, 64))) if kind.is_signed \
             else t.TRUE
     return negative if operator is UnaryOperator.NEG else t.choice(natural, item, negative)
 
@@ -99,9 +91,9 @@ def relation(operator: BinaryOperator, left: Term, right: Term,
     if types[0].is_float:
         return _compared(operator, left, right, 'flt', 'fle', 'feq')
     if types[0] is not types[1]:
-        left, right = (t.resized(item, _BY_VALUE, is_signed(kind))
+        left, right = (t.resized(item, _BY_VALUE, kind.is_signed)
                        for item, kind in zip((left, right), types))
-    elif not is_signed(types[0]):
+    elif not types[0].is_signed:
         return _compared(operator, left, right, 'ult', 'ule', 'equal')
     return _compared(operator, left, right, 'slt', 'sle', 'equal')
 
@@ -136,7 +128,7 @@ def arithmetic(operator: BinaryOperator, left: Term, right: Term, kind: ValueTyp
         return t.operation(_PLAIN[operator], left, right)
     zero = t.number(0, 64)
     by_zero = t.relation('equal', right, zero)
-    prefix = 's' if is_signed(kind) else 'u'
+    prefix = 's' if kind.is_signed else 'u'
     name = {BinaryOperator.DIV: 'div', BinaryOperator.MOD: 'rem'}[operator]
     # The words of SMT-LIB truncate, wrap for INT64_MIN / -1, and `rem` has the dividend's sign.
     return t.choice(by_zero, zero, t.operation(prefix + name, left, right))

@@ -35,7 +35,6 @@ from fret_monitor.native.cache import build_library, csrc_directory, runtime_hea
 from fret_monitor.native.compiler import compile_library, find_compiler
 from fret_monitor.native.folder import library_file
 from fret_monitor.native.monitor import CData, Library, load, Monitor
-from fret_monitor.runtime.evaluator import TYPECODES
 from fret_monitor.traces.boundary import boundary_values, Value
 
 # Enough rows that a processor cannot learn them by heart, and few enough for its cache.
@@ -91,7 +90,7 @@ def _fill(monitor: Monitor, values: Values,
 
 def _column(item: ManifestInput, choices: Sequence[Value],
             choose: Callable[[Sequence[Any], Any], Any], count: int) -> 'array[Any]':
-    column = array(TYPECODES[item.value_type])
+    column = array(item.value_type.typecode)
     last: Any = None
     for _ in range(count):
         last = choose(choices, last)

@@ -28,7 +28,6 @@ from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.cache import build_library, csrc_directory
 from fret_monitor.native.monitor import CData, Library, Monitor
-from fret_monitor.runtime.evaluator import TYPECODES
 
 Value: TypeAlias = bool | int | float
 Row: TypeAlias = tuple[Value, ...]
@@ -138,7 +137,7 @@ class Trials:
         stride = -(-int(self._monitor.pointer.inputs_bytes) // _WORD) * _WORD
         block = bytearray(max(1, stride * len(rows)))
         places = [(int(self._monitor.pointer.inputs[index].offset),
-                   '=' + TYPECODES[item.value_type])
+                   '=' + item.value_type.typecode)
                   for index, item in zip(self._inputs, self.inputs, strict=True)]
         for number, row in enumerate(rows):
             for (offset, code), value in zip(places, row, strict=True):

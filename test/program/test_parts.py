@@ -33,7 +33,7 @@ from fret_monitor.logic.formula import (
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.values import ValueType
 from fret_monitor.program import layout
-from fret_monitor.runtime.evaluator import Evaluator, TYPECODES
+from fret_monitor.runtime.evaluator import Evaluator
 from program.written import kinds, layouts_of
 import pytest
 from strategies import (
@@ -60,7 +60,7 @@ def low_limits(monkeypatch: pytest.MonkeyPatch, part: int, file: int, block: int
 def rows(specification: Specification, trace: Trace) -> list[list[bool]]:
     """Step all groups at once, as the evaluator does when all are ready."""
     evaluator = Evaluator(build_specification(specification).monitor)
-    columns = [array(TYPECODES[item.type], trace[item.name]) for item in specification.signals]
+    columns = [array(item.type.typecode, trace[item.name]) for item in specification.signals]
     steps = len(columns[0])
     found = evaluator.rows(columns, steps)
     count = len(specification.properties)

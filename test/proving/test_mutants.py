@@ -47,7 +47,7 @@ C_TYPES: dict[ValueType, Any] = {
 
 def plain(value: Any, kind: ValueType) -> Any:
     """Return a value of a row as the reference takes it: with its sign."""
-    if kind.is_integer and numbers.is_signed(kind):
+    if kind.is_signed:
         return t.signed(value, numbers.sort_of(kind)[1])
     return value
 

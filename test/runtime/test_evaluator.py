@@ -27,7 +27,7 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import build_library, evaluator_library, LibraryError, load
 from fret_monitor.runtime import (
-    Evaluator, InputCounts, RequirementCounts, TopicCounts, TYPECODES, Violation,
+    Evaluator, InputCounts, RequirementCounts, TopicCounts, Violation,
 )
 from hypothesis import given
 from hypothesis import strategies as st
@@ -264,7 +264,7 @@ def test_rows_at_once_are_rows_one_by_one(rows: list[tuple[bool, int]]) -> None:
 
 def test_rows_take_columns_of_every_type() -> None:
     evaluator = typed()
-    columns = [array(TYPECODES[item], [0, 1]) for item in ValueType]
+    columns = [array(item.typecode, [0, 1]) for item in ValueType]
     assert evaluator.rows(columns, 2) == b''
     assert [evaluator.value(item) for item in range(len(columns))] == [1] * len(columns)
 

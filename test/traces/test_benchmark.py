@@ -25,7 +25,6 @@ from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime.evaluator import TYPECODES
 from fret_monitor.traces import benchmark
 from fret_monitor.traces.benchmark import (
     Inputs, lasting_inputs, measure, random_inputs, step_nanoseconds, StepTimer,
@@ -65,7 +64,7 @@ def values_of(path: Path) -> list[list[Value]]:
 def column(monitor: Monitor, inputs: Inputs, index: int) -> 'array[float]':
     """Return the values of an input in all rows."""
     item = monitor.manifest.inputs[index]
-    found: array[float] = array(TYPECODES[item.value_type])
+    found: array[float] = array(item.value_type.typecode)
     offset, size = monitor.pointer.inputs[index].offset, found.itemsize
     memory = bytes(ffi.buffer(inputs.memory))
     for row in range(inputs.count):
