@@ -1,6 +1,6 @@
-# One environment, .venv, and what is done in it. `make` tells the targets.
+# All targets run in one environment, .venv. `make` lists them.
 #
-# tools/setup.sh makes the environment when there is none that fits; a second run does nothing.
+# tools/setup.sh makes the environment if there is none that fits; a second run does nothing.
 
 PYTHON := .venv/bin/python
 SHELL := /bin/sh
@@ -8,17 +8,17 @@ SHELL := /bin/sh
 .PHONY: help setup setup-test demo test lint bench bench-ros soak fuzz coverage prove clean
 
 help:
-	@echo 'make setup   an environment in .venv that runs fret_monitor'
+	@echo 'make setup   make .venv, an environment that runs fret_monitor'
 	@echo 'make demo    a simulated quadrotor, a monitor and a logger over DDS'
 	@echo 'make test    all tests'
 	@echo 'make lint    style, types, layers'
-	@echo 'make bench   nanoseconds a step, against hand-written C'
-	@echo 'make bench-ros  the node as a process, against a bare subscriber in C; a quarter of an hour'
-	@echo 'make soak    ten million messages through the node, and rows through simulate; as long'
+	@echo 'make bench   nanoseconds a step, beside hand-written C'
+	@echo 'make bench-ros  the node as a process, beside a subscriber in C (15 minutes)'
+	@echo 'make soak    ten million messages through the node, and rows through simulate (15 minutes)'
 	@echo 'make fuzz    hostile inputs for SECONDS=60 (docs/assurance.md)'
-	@echo 'make coverage  what of the package and of csrc the tests run'
-	@echo 'make prove   proofs of the bundles in config/, and mutants of their C (docs/prove.md)'
-	@echo 'make clean   remove .venv and what building left'
+	@echo 'make coverage  lines of the package and of csrc that the tests run'
+	@echo 'make prove   prove the bundles in config/, and kill mutants of their C (docs/prove.md)'
+	@echo 'make clean   remove .venv and build products'
 
 setup:
 	@sh tools/setup.sh run
@@ -29,7 +29,7 @@ setup-test:
 demo: setup
 	@$(PYTHON) examples/demo.py
 
-# Three workers, two of which begin with the tests with ROS 2: these wait more than they work.
+# Three workers; two of them start with the tests with ROS 2, which wait more than they compute.
 test: setup-test
 	@$(PYTHON) -m pytest -n 3 $(TESTS)
 
@@ -40,7 +40,7 @@ bench: setup
 	@$(PYTHON) bench/run.py
 	@$(PYTHON) -m bench.peers
 
-# Of its own: it takes minutes in which the machine should do nothing else.
+# Not part of `bench`: takes 15 minutes on an otherwise idle machine.
 bench-ros: setup
 	@$(PYTHON) -m bench.ros
 
@@ -51,14 +51,14 @@ prove: setup-test
 	@$(PYTHON) -m bench.proofs
 	@$(PYTHON) -m bench.mutants
 
-# With atheris, guided by coverage; where it cannot be installed, by what is refused and why.
+# Guided by coverage with atheris; where it cannot be installed, by the error messages.
 SECONDS := 60
 fuzz: setup-test
 	@$(PYTHON) -c 'import atheris' 2>/dev/null || $(PYTHON) -m pip install --quiet \
 	  --disable-pip-version-check 'atheris>=3,<4' || echo 'fret_monitor: fuzzing without atheris'
 	@PYTHONPATH=.:test $(PYTHON) -m fuzz.run --seconds $(SECONDS) $(TARGETS)
 
-# The package by coverage.py, csrc by gcc and gcov; TESTS as for `make test`.
+# coverage.py for the package, gcc and gcov for csrc; TESTS as for `make test`.
 coverage: setup-test
 	@$(PYTHON) tools/measure_coverage.py $(TESTS)
 
