@@ -122,7 +122,7 @@ requirements:
 
 @dataclass(frozen=True)
 class Mutant:
-    """A program in which one function is another; `what` says where and how."""
+    """A program in which one function is changed; `what` describes where and how."""
 
     what: str
     kind: str

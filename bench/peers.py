@@ -60,7 +60,7 @@ ALL_WORKS = (*WORKS, Work('`p S q`', 'since_ever', operator('p S q')))
 
 @dataclass(frozen=True)
 class Way:
-    """How Copilot is told what to monitor; `slow` are works that take it longer than minutes."""
+    """A way to write a monitor in Copilot; it takes longer than minutes for the works in `slow`."""
 
     title: str
     source: str
@@ -109,9 +109,9 @@ def copilot_version() -> str | None:
     """Return the version of Copilot that GHC finds, None without one of them."""
     if shutil.which('ghc') is None or shutil.which('ghc-pkg') is None:
         return None
-    told = subprocess.run(['ghc-pkg', '--simple-output', 'list', 'copilot'], capture_output=True,
+    listed = subprocess.run(['ghc-pkg', '--simple-output', 'list', 'copilot'], capture_output=True,
                           text=True, check=False).stdout.split()
-    return told[-1].rpartition('-')[2] if told else None
+    return listed[-1].rpartition('-')[2] if listed else None
 
 
 def translator(way: Way, folder: Path) -> Path:
@@ -163,8 +163,8 @@ def run_compiler(*words: str | Path) -> None:
 
 def variables_bytes(compiled: Path) -> int:
     """Return the bytes of all variables of an object file."""
-    told = subprocess.run(['size', compiled], capture_output=True, text=True, check=True).stdout
-    _, data, bss, *_ = told.splitlines()[1].split()
+    printed = subprocess.run(['size', compiled], capture_output=True, text=True, check=True).stdout
+    _, data, bss, *_ = printed.splitlines()[1].split()
     return int(data) + int(bss)
 
 

@@ -47,7 +47,7 @@ from fret_monitor.ros.parameters import MONITOR_PARAMETERS
 
 HERE = Path(__file__).resolve().parent
 ROUNDS = 7
-DOMAIN = '101'  # unless ROS_DOMAIN_ID says another; those of the tests end at 100
+DOMAIN = '101'  # unless ROS_DOMAIN_ID is set; the tests use domains up to 100
 RATE = 1000.0  # messages a second
 SECONDS = 4.0
 CLOUDS = 50.0  # a second
@@ -99,7 +99,7 @@ def build(name: str, folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class Subject:
-    """Who is measured. A monitor says in /diagnostics how much it got, others at their end."""
+    """A measured program. A monitor publishes its counts in /diagnostics, others print them at exit."""
 
     name: str
     command: tuple[str, ...]
@@ -108,7 +108,7 @@ class Subject:
 
 @dataclass(frozen=True)
 class Sent:
-    """What the load says of its messages and their answers; times are in nanoseconds."""
+    """What the load measured of its messages and their answers; times are in nanoseconds."""
 
     count: int
     seconds: float
@@ -131,7 +131,7 @@ class Load:
         os.sched_setaffinity(self.process.pid, {min(os.sched_getaffinity(0))})
         self.answer()
 
-    def tell(self, command: str) -> None:
+    def send(self, command: str) -> None:
         """Give a command."""
         assert self.process.stdin is not None
         self.process.stdin.write(command + '\n')
@@ -151,7 +151,7 @@ class Load:
 
     def ask(self, command: str, of: 'Running | None' = None) -> str:
         """Give a command and return the answer."""
-        self.tell(command)
+        self.send(command)
         return self.answer(of)
 
     def send(self, count: int, rate: float) -> Sent:
@@ -159,8 +159,8 @@ class Load:
         count_, seconds, answers, p50, p99 = self.ask(f'send {count} {rate}').split()
         return Sent(int(count_), float(seconds), int(answers), int(p50), int(p99))
 
-    def told(self, key: str) -> dict[str, int]:
-        """Return the numbers that the subject tells under a key, by what they are of."""
+    def counts(self, key: str) -> dict[str, int]:
+        """Return the numbers that the subject publishes under a key, by name."""
         pairs = (part.rpartition('=') for part in self.ask(f'tell {key}').strip().split('\t'))
         return {name.partition(': ')[2]: int(number) for name, _, number in pairs}
 
@@ -281,7 +281,7 @@ class Sample:
     p99: float
     resident: float
     highest: float
-    way: str = ''  # how a monitor says that messages come to it
+    way: str = ''  # how a monitor takes its messages, from its log
 
 
 def sample(load_program: Path, work: Work, subject: Subject) -> Sample:
@@ -301,7 +301,7 @@ def sample(load_program: Path, work: Work, subject: Subject) -> Sample:
         taken = running.nanoseconds() - cpu - idle * (time.monotonic_ns() - begin)
         resident, highest = running.kilobytes('VmRSS'), running.kilobytes('VmHWM')
         if subject.is_monitor:
-            counted = sum(load.told('received').values())
+            counted = sum(load.counts('received').values())
     if counted is None:
         counted = last_number(written[0], subject)
     answers = None if work.echo is None else sent.answers
@@ -320,7 +320,7 @@ def last_number(text: str, subject: Subject) -> int:
     """Return the number in the last line."""
     lines = text.split()
     if not lines or not lines[-1].isdecimal():
-        raise SystemExit(f'{subject.name} did not say what it got:\n{text}')
+        raise SystemExit(f'{subject.name} did not print its counts:\n{text}')
     return int(lines[-1])
 
 
@@ -550,7 +550,7 @@ def started(load_program: Path, work: Work, subject: Subject) -> Start:
     """Start a subject and return when it was ready."""
     assert work.echo is not None
     load = Load(load_program, *work.arguments, '--echo', work.echo)
-    load.tell('appear')
+    load.send('appear')
     running = Running(subject)
     with both(load, running):
         first, every = map(int, load.answer(running).split())
@@ -581,7 +581,7 @@ def show_cells(*cells: str) -> None:
 
 
 def number(value: float) -> str:
-    """Return a number with three digits that say something."""
+    """Return a number with three significant digits."""
     return f'{value:.0f}' if abs(value) >= 100 else f'{value:.1f}' if abs(value) >= 10 \
         else f'{value:.2f}'
 

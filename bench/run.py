@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Measure what the README says: time a step, state, and start-up, against hand-written C.
+Measure the time of a step, state and start-up, beside hand-written C (docs/benchmarks.md).
 
 Each row compiles a bundle and times it side by side with the function of the same name in
 `floor.c`: the same rows of inputs, the same timing loop, nine interleaved rounds. The ratio is

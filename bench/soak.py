@@ -18,7 +18,7 @@ Run for long: messages through the node, rows through `simulate`; verdicts as th
 The values repeat, and the formulas look back on fewer rows than that, or are false for ever once
 they are: so what the reference evaluator finds for two turns holds for all that follow. Of the
 node one requirement's violations are counted as they come, and compared after each batch by the
-load (`bench/ros/load.c`), and what it tells of all in /diagnostics at the end; of `simulate` each
+load (`bench/ros/load.c`), and its counts in /diagnostics at the end; of `simulate` each
 verdict is compared. Memory is looked at throughout: it must not grow in the second half.
 
     make soak        (or: .venv/bin/python -m bench.soak [--messages N] [--only node|simulate])
@@ -143,9 +143,9 @@ def soak_node(bench: Bench, subject: Subject, turn: Turn, messages: int) -> Resu
             say(f'{subject.name}: {sent} messages')
         seconds = time.monotonic() - begin
         due = turn.violations(messages)
-        expect('messages received', load.told('received'), {'topic /x': messages})
-        expect('steps', load.told('steps'), dict.fromkeys(due, messages))
-        expect('violations', load.told('violations'), due)
+        expect('messages received', load.counts('received'), {'topic /x': messages})
+        expect('steps', load.counts('steps'), dict.fromkeys(due, messages))
+        expect('violations', load.counts('violations'), due)
     return Result(subject.name, sent, seconds, *halves(megabytes), sum(due.values()))
 
 
@@ -209,7 +209,7 @@ def feed(file: IO[str], turn: Turn, rows: int) -> None:
                 file.write(whole)
             file.write(''.join(lines[:rows % TURN]))
     except BrokenPipeError:
-        pass  # it has ended; whoever reads from it finds out why
+        pass  # it has ended; the reader reports why
 
 
 def compare(file: IO[str], turn: Turn, begin: int, count: int) -> int:

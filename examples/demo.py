@@ -14,13 +14,13 @@
 # limitations under the License.
 
 """
-Watch a quadrotor being watched: monitor, logger and vehicle as three processes over DDS.
+Fly a simulated quadrotor under a monitor: three processes over DDS.
 
     python3 demo.py
 
-The vehicle of `quadrotor.py` flies with a fault. What was published is afterwards evaluated once
-more, by the reference semantics; the demo succeeds (exit status 0) if the logger told of exactly
-the violations that this finds, in that order.
+The vehicle of `quadrotor.py` flies with a fault. Its messages are evaluated again afterwards, by the
+reference semantics; the demo succeeds (exit status 0) if the logger printed exactly the violations
+found, in the same order.
 """
 
 from collections.abc import Iterator, Mapping, Set
@@ -96,7 +96,7 @@ class Process:
         raise Failure('\n'.join([f'the {self.name} did not start:', *heard]))
 
     def new_lines(self) -> Iterator[str]:
-        """Yield what it has said since the last time."""
+        """Yield the lines printed since the last call."""
         while not self.lines.empty():
             yield self.lines.get()
 
@@ -179,7 +179,7 @@ def _interrupt(number: int, frame: object) -> None:
 
 
 def _perform(story: Story, log: Path) -> list[str]:
-    """Run the three processes; return the ids of the violations that the logger told, in order."""
+    """Run the three processes; return the ids of the violations that were logged, in order."""
     story.say('A quadrotor flies through wind. These are its requirements:')
     specification = build.read(BUNDLE).specification
     for item in specification.properties:
@@ -214,7 +214,7 @@ def _process(name: str, *parameters: str) -> Iterator[Process]:
 
 
 def _environment() -> dict[str, str]:
-    """Return one in which nobody else, on this machine or beyond, can disturb the demo."""
+    """Return an environment in which no other node can disturb the demo."""
     return {
         **os.environ,
         'ROS_DOMAIN_ID': str(1 + os.getpid() % 100),
@@ -226,7 +226,7 @@ def _environment() -> dict[str, str]:
 
 
 def _follow(story: Story, vehicle: Process, logger: Process) -> list[str]:
-    """Tell of the flight until it is over; return the ids of the violations told."""
+    """Show the flight until it is over; return the ids of the violations logged."""
     announced: list[str] = []
     end = monotonic() + FLIGHT_PATIENCE
     quiet_since = monotonic()
@@ -281,7 +281,7 @@ def _expect_quiet_end(process: Process) -> None:
 
 
 def _judge(story: Story, announced: list[str], log: Path) -> int:
-    """Compare what was announced with what the reference semantics says of the flight."""
+    """Compare the announced violations with the reference semantics."""
     flight = [line.split(',') for line in log.read_text(encoding='utf-8').splitlines()]
     expected = _expected(build.read(BUNDLE).specification, flight)
     story.say()
@@ -290,12 +290,12 @@ def _judge(story: Story, announced: list[str], log: Path) -> int:
         story.say(f'  {name}  at {seconds} s of the flight')
     if not expected or announced != [name for _, name in expected]:
         raise Failure(f"announced was: {', '.join(announced) or 'nothing'}")
-    story.say('That is what was announced, and nothing else.', 32)
+    story.say('Exactly these were announced.', 32)
     return 0
 
 
 def _expected(specification: Specification, flight: list[list[str]]) -> list[tuple[str, str]]:
-    """Return (time, id) of what a flight has to announce, in the order of the messages."""
+    """Return (time, id) of each violation due, in the order of the messages."""
     fed = {f'/{item.topic}': item.name for item in specification.signals}
     found = []
     for place, item in enumerate(specification.properties):

@@ -57,7 +57,7 @@ FLIGHT = (
 
 @dataclass(frozen=True)
 class Sample:
-    """What the sensors say at a time of the flight, in seconds, m/s and A."""
+    """The sensor values at a time of the flight, in seconds, m/s and A."""
 
     time: float
     wind: float
@@ -100,7 +100,7 @@ class Quadrotor(Node):
         self._current = self.create_publisher(Float32, 'motor/current', 10)
 
     def fly(self) -> None:
-        """Publish the flight in real time, when somebody has come to listen."""
+        """Publish the flight in real time, once there are subscriptions."""
         self._wait_for_listeners()
         start = monotonic()
         for sample in fly(self._fault):
@@ -115,10 +115,10 @@ class Quadrotor(Node):
         start = monotonic()
         while monotonic() - start < patience:
             if all(item.get_subscription_count() for item in (self._wind, self._current)):
-                sleep(1.0)  # the subscriptions may be made anew to suit the publishers
+                sleep(1.0)  # a monitor may replace its subscriptions to match the publishers' QoS
                 return
             sleep(0.1)
-        self.get_logger().warning('nobody listens; flying all the same')
+        self.get_logger().warning('no subscription; flying anyway')
 
     def _say(self, sample: Sample) -> None:
         event = f'   {sample.event}' if sample.event else ''

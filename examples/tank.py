@@ -37,7 +37,7 @@ STEP = 0.05  # s
 
 
 class Tank(Node):
-    """Fills by a twentieth a step while its valve is open, and says how full it is."""
+    """Fills by a twentieth a step while its valve is open, and publishes its level."""
 
     def __init__(self) -> None:
         """Begin empty, with the valve open."""
@@ -50,7 +50,7 @@ class Tank(Node):
 
     def _fill(self) -> None:
         if not self._levels.get_subscription_count():
-            return  # nobody watches
+            return  # no subscription
         self.level += 0.05 if self.is_open else 0.0
         self._levels.publish(Float32(data=self.level))
 

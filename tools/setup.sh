@@ -16,7 +16,7 @@
 #
 # On a ROS 2 installation that is sourced, the environment stands on its Python and its packages;
 # elsewhere the wheels of ROS 2 Jazzy are installed from PyPI. `test` adds what the tests need.
-# A second run does nothing; after one that was interrupted, the next begins anew.
+# A second run does nothing; after an interrupted one, the next starts over.
 
 set -eu
 cd "$(dirname "$0")/.."
@@ -37,7 +37,7 @@ is_312() {
 candidates() {
   command -v python3.12 || true
   command -v python3 || true
-  # With Debian's pyenv or a HOME that is not one's own, only the shims tell where pyenv is.
+  # With Debian's pyenv, or another HOME, pyenv is found only by its shims on PATH.
   shims=$(printf '%s' "$PATH" | tr ':' '\n' | sed -n 's,/shims/*$,,p')
   printf '%s\n' "${PYENV_ROOT:-}" "${HOME:-}/.pyenv" "$shims" | while IFS= read -r root; do
     for python in "$root"/versions/3.12*/bin/python3.12; do
@@ -71,7 +71,7 @@ find_compiler() {
     'or name yours in CC.'
 }
 
-# What the environment was made from and for; it is made anew when this changes.
+# What the environment was made from; when this changes, it is remade.
 fingerprint() {
   printf '%s|%s|%s\n' "$PWD" "$ros" "$1"
   cat package.xml pyproject.toml setup.cfg setup.py tools/setup.sh
@@ -82,7 +82,7 @@ is_ready() {
     && "$venv/bin/python" -S -c '' >/dev/null 2>&1
 }
 
-# pip believes in a package that it left half copied, so begin anew after an interruption.
+# pip takes a half-copied package for installed, so start over after an interruption.
 is_whole() {
   is_312 "$venv/bin/python" && test ! -e "$venv/.unfinished" \
     && test "$(cat "$venv/.base" 2>/dev/null)" = "$PWD|$ros"

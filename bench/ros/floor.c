@@ -19,7 +19,7 @@
 ///
 /// It waits with a wait set, 200 ms at most, and takes one message of each topic that has one. It
 /// may publish a std_msgs/Empty for each. With `--take no` it only sleeps: what the middleware does
-/// for a subscription that nobody reads. On SIGINT or SIGTERM it prints how many messages it took.
+/// for a subscription from which nothing is taken. On SIGINT or SIGTERM it prints how many messages it took.
 
 #include <signal.h>
 
@@ -47,7 +47,7 @@ static bool read_other(const char * const name, char * const value)
   return true;
 }
 
-/// Take one message if there is one; it is published for, if asked.
+/// Take one message if there is one, and publish an answer if asked to.
 static uint64_t take(
   const rcl_subscription_t * const subscription, union message * const message,
   const rcl_publisher_t * const publisher)

@@ -25,18 +25,18 @@
 ///     match       wait for half a second with one subscription a topic, and one that asks for the
 ///                 reliability that is offered: a monitor may renew what it has
 ///     send N R    publish N messages, R a second (0: without a pause), at the moments of a clock
-///                 that runs on if one is late; tell: sent, seconds, answers, and the median and
+///                 that does not wait for late ones; prints: sent, seconds, answers, and the median and
 ///                 the 99th percentile of the time to an answer, in nanoseconds
-///     tell KEY    what /diagnostics says under that key, once it stands still: NAME=VALUE of each
+///     tell KEY    the numbers in /diagnostics under that key, once they are stable: NAME=VALUE of each
 ///                 status that has it, tabs between
 ///     stream N B  publish the next N messages of `--values` on the first topic, as fast as may be,
-///                 and after each B see that as many answers came as were due; tell how many
+///                 and after each B check the number of answers; prints how many
 ///                 messages were sent since the start. FILE has a line a message: its value, and
 ///                 whether it is due an answer, 0 or 1, the first time and each later time that
 ///                 the file is gone through
-///     appear      wait for subscriptions; tell when one topic had one, and when all had, on the
+///     appear      wait for subscriptions; prints when one topic had one, and when all had, on the
 ///                 shared clock
-///     step        publish on the first topic, a message a millisecond, until an answer comes; tell
+///     step        publish on the first topic, a message a millisecond, until an answer comes; prints
 ///                 when
 
 #include <diagnostic_msgs/msg/diagnostic_array.h>
@@ -156,7 +156,7 @@ static void match(void)
       since = now();
     }
     if (now() - begin > PATIENCE) {
-      refuse("nobody listens, or not as is offered, or more than one");
+      refuse("no subscription, another QoS than offered, or more than one subscription");
     }
   }
   printf("matched\n");
@@ -177,7 +177,7 @@ static int64_t wait_for_subscriptions(const size_t wanted, const int64_t begin)
       heard += count != 0u ? 1u : 0u;
     }
     if (now() - begin > PATIENCE) {
-      refuse("nobody listens");
+      refuse("no subscription");
     }
   }
   return now();
@@ -342,9 +342,9 @@ static void stream(const size_t count, const size_t batch)
   printf("%" PRIu64 "\n", n_streamed);
 }
 
-// -- what the subject says of itself -------------------------------------------------------------
+// -- counts published by the subject --------------------------------------------------------------
 
-/// Write what an array says under a key; nothing if it is somebody else's.
+/// Write the values of an array under a key; nothing if it is of another node.
 static void read_array(
   const diagnostic_msgs__msg__DiagnosticArray * const array, const char * const key,
   char * const text, const size_t size)

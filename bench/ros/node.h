@@ -13,7 +13,7 @@
 // limitations under the License.
 
 /// node.h: what the programs of bench/ros share: a node on rcl, topics, one clock. A program that
-/// cannot go on says why on standard error and ends with status 1; all memory lives until then.
+/// cannot go on prints why on standard error and exits with status 1; memory is freed by the exit.
 
 #ifndef NODE_H_
 #define NODE_H_
