@@ -99,7 +99,7 @@ def build(name: str, folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class Subject:
-    """A measured program. A monitor publishes its counts in /diagnostics, others print them at exit."""
+    """A measured program. A monitor publishes counts in /diagnostics, others print them at exit."""
 
     name: str
     command: tuple[str, ...]

@@ -19,7 +19,7 @@
 ///
 /// It waits with a wait set, 200 ms at most, and takes one message of each topic that has one. It
 /// may publish a std_msgs/Empty for each. With `--take no` it only sleeps: what the middleware does
-/// for a subscription from which nothing is taken. On SIGINT or SIGTERM it prints how many messages it took.
+/// for a subscription from which nothing is taken. On SIGINT or SIGTERM it prints its count.
 
 #include <signal.h>
 

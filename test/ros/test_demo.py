@@ -91,4 +91,4 @@ def test_the_demo_tells_of_both_violations_and_is_content() -> None:
     assert (done.returncode, done.stderr) == (0, ''), f'{done.stdout}{done.stderr}'
     told = Counter(re.findall(r'\*{5} (\S+) VIOLATED at', done.stdout))
     assert told == {'ROS-001': 1, 'ROS-002': 1}
-    assert done.stdout.endswith('That is what was announced, and nothing else.\n')
+    assert done.stdout.endswith('Exactly these were announced.\n')
