@@ -60,7 +60,7 @@ ALL_WORKS = (*WORKS, Work('`p S q`', 'since_ever', operator('p S q')))
 
 @dataclass(frozen=True)
 class Way:
-    """A way to write a monitor in Copilot; it takes longer than minutes for the works in `slow`."""
+    """A way to write a monitor in Copilot; `slow` names works that take it many minutes."""
 
     title: str
     source: str

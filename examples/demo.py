@@ -18,7 +18,7 @@ Fly a simulated quadrotor under a monitor: three processes over DDS.
 
     python3 demo.py
 
-The vehicle of `quadrotor.py` flies with a fault. Its messages are evaluated again afterwards, by the
+The vehicle of `quadrotor.py` flies with a fault. Its messages are evaluated again by the
 reference semantics; the demo succeeds (exit status 0) if the logger printed exactly the violations
 found, in the same order.
 """
