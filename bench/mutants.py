@@ -33,7 +33,6 @@ import time
 from typing import Any
 
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
-from fret_monitor.native.cache import runtime_headers
 from fret_monitor.proving.c_source import Function, Program, shown
 from fret_monitor.proving.contracts import prove_function
 from fret_monitor.proving.monitor import ALL, Subject
@@ -285,9 +284,7 @@ def subject_of(text: str, name: str = 'mutants') -> tuple[Subject, GeneratedMoni
         path = Path(folder) / f'{name}.yaml'
         path.write_text('format: 1\n' + text, encoding='utf-8')
         generated = generate_monitor(read(path))
-    header, content = generated.module.header
-    headers = {**runtime_headers(), header: content}
-    return read_subject(generated, dict(generated.module.sources), headers), generated
+    return read_subject(generated), generated
 
 
 def judged(subject: Subject, mutant: Mutant, seconds: float = _SECONDS) -> tuple[str, Settled]:

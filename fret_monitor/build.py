@@ -252,15 +252,21 @@ def _others(place: Path) -> Iterator[Path]:
         return
     manifest = open_folder(place).manifest
     ours = {Path(MANIFEST_FILE), Path(EVALUATOR_FILE), Path(library_file(manifest)), _SOURCES}
-    ours |= {_SOURCES / name for name in (*manifest.sources, *(file.name for file in _csrc()))}
+    ours |= {_SOURCES / name for name in (*manifest.sources, *_handwritten())}
     yield from (found for found in sorted(path.relative_to(place) for path in place.rglob('*'))
                 if found not in ours)
 
 
-def _csrc() -> list[Path]:
-    """Return the hand-written C that belongs beside generated C."""
-    return [*csrc_directory().glob('*.h'),
-            *(csrc_directory() / name for name in EVALUATOR_SOURCES)]
+def source_files(generated: GeneratedMonitor) -> dict[str, str]:
+    """Return all C that `write` puts into the folder `src`, by file name."""
+    return {**_handwritten(), **dict([generated.module.header, *generated.module.sources])}
+
+
+def _handwritten() -> dict[str, str]:
+    """Return the hand-written C that belongs beside generated C, by file name."""
+    return {**runtime_headers(),
+            **{name: (csrc_directory() / name).read_text(encoding='utf-8')
+               for name in EVALUATOR_SOURCES}}
 
 
 def _fill(folder: Path, generated: GeneratedMonitor, library: Path, evaluator: Path) -> None:
@@ -271,10 +277,8 @@ def _fill(folder: Path, generated: GeneratedMonitor, library: Path, evaluator: P
     shutil.copyfile(evaluator, folder / EVALUATOR_FILE)
     sources = folder / _SOURCES
     sources.mkdir()
-    for name, text in (generated.module.header, *generated.module.sources):
+    for name, text in source_files(generated).items():
         (sources / name).write_text(text, encoding='utf-8')
-    for file in _csrc():
-        shutil.copyfile(file, sources / file.name)
 
 
 def _put_in_place(folder: Path, directory: Path) -> None:

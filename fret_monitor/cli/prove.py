@@ -16,14 +16,14 @@
 
 from argparse import _SubParsersAction, ArgumentParser, ArgumentTypeError, Namespace
 from importlib.util import find_spec
+from itertools import zip_longest
 import json
 from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
-from fret_monitor.build import generate_monitor, read
+from fret_monitor.build import generate_monitor, read, source_files
 from fret_monitor.model.diagnostics import counted, pip_install, refuse
-from fret_monitor.native.cache import runtime_headers
 
 if TYPE_CHECKING:
     from fret_monitor.proving.certificate import Certificate
@@ -37,7 +37,7 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     parser = verbs.add_parser('prove', help='prove that the C computes what the program says')
     parser.add_argument('bundle', metavar='BUNDLE', type=Path)
     parser.add_argument('--sources', metavar='DIR', type=Path,
-                        help='prove the C in this folder, as `compile` wrote it to src')
+                        help='require that this folder holds, word for word, the C that is proved')
     parser.add_argument('--json', action='store_true', help='print the certificate as JSON')
     parser.add_argument('--timeout', metavar='SECONDS', type=_seconds, default=30.0,
                         help='for each obligation; 30 when left out')
@@ -60,21 +60,15 @@ def run(options: Namespace) -> int:
     """Prove a bundle; 1 if it cannot be."""
     _refuse_missing()
     # A solver takes a while to load, and most verbs have no use for it.
-    from fret_monitor.proving.certificate import as_dict, Certificate, code_hash, lines
-    from fret_monitor.proving.verification import is_reader, verify
+    from fret_monitor.proving.certificate import as_dict, Certificate, lines
+    from fret_monitor.proving.verification import verify
     generated = generate_monitor(read(options.bundle))
     for warning in generated.warnings:
         print(warning.render(), file=sys.stderr)
-    files = {name: text for name, text in
-             (generated.module.header, *generated.module.sources) if not is_reader(name)}
     if options.sources is not None:
-        files = _files(options.sources, files)
-    sources = {name: text for name, text in files.items() if name.endswith('.c')}
-    headers = {name: text for name, text in files.items() if name.endswith('.h')}
-    found = verify(generated, sources, headers, seconds=options.timeout)
-    everything = {**{name: text for name, text in runtime_headers().items()
-                     if name in ('fret_cells.h', 'fret_monitor.h')}, **files}
-    certificate = Certificate(options.bundle.name, generated, code_hash(everything), found)
+        _require_same_files(options.sources, source_files(generated))
+    found = verify(generated, seconds=options.timeout)
+    certificate = Certificate(options.bundle.name, generated, found)
     if options.json:
         print(json.dumps(_with_trace(as_dict(certificate), found), indent=1))
     else:
@@ -91,27 +85,27 @@ def _refuse_missing() -> None:
                help=pip_install(*missing))
 
 
-def _files(folder: Path, names: dict[str, str]) -> dict[str, str]:
-    """Return the texts of the monitor's files, and of the runtime's headers, in a folder."""
-    known = {*names, *runtime_headers()}
-    found = {}
-    for item in sorted(folder.iterdir()) if folder.is_dir() else ():
-        if item.name not in known and (item.suffix == '.h' or item.is_dir()):
-            refuse(f"'{item}' is nothing that `compile` writes: C that includes a header of this "
-                   'name would see it', help='take it away, or prove a folder of its own')
-    for name in (*names, 'fret_cells.h', 'fret_monitor.h'):
-        try:
-            # A carriage return by itself ends a line for Python, and not for a C compiler.
-            text = (folder / name).read_bytes().decode('utf-8')
-            found[name] = text.replace('\r\n', '\n')
-        except FileNotFoundError:
-            refuse(f"there is no file '{folder / name}'",
-                   help='`compile BUNDLE --output DIR` writes the sources to DIR/src')
-        except UnicodeDecodeError:
-            refuse(f"'{folder / name}' is not text in UTF-8")
-        except OSError as error:
-            refuse(f"cannot read '{folder / name}': {error.strerror or error}")
-    return found
+def _require_same_files(folder: Path, written: dict[str, str]) -> None:
+    """Refuse a folder that is not, word for word, the `src` that `compile` writes."""
+    how = '`compile BUNDLE --output DIR` of this version writes the sources to DIR/src'
+    try:
+        names = {item.name for item in folder.iterdir()}
+        # Only CRLF is a line end besides LF: a compiler takes a lone CR for something else.
+        found = {name: (folder / name).read_bytes().replace(b'\r\n', b'\n')
+                 for name in sorted(names & written.keys())}
+    except OSError as error:
+        refuse(f"cannot read '{error.filename}': {error.strerror or error}")
+    for name in sorted(names ^ written.keys()):
+        if name in written:
+            refuse(f"there is no file '{folder / name}'", help=how)
+        refuse(f"'{folder / name}' is not a file that `compile` writes: a compiler might use it",
+               help='remove it, or prove a folder without it')
+    for name, content in found.items():
+        lines, wanted = content.split(b'\n'), written[name].encode().split(b'\n')
+        for number, (line, other) in enumerate(zip_longest(lines, wanted), 1):
+            if line != other:
+                refuse(f"'{folder / name}', line {number}, is not what `compile` writes",
+                       help=how)
 
 
 def _first_trace(found: 'Verification') -> 'Settled | None':

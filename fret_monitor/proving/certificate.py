@@ -18,7 +18,7 @@ What was proved, of what, on what assumptions: as text and as JSON.
 Nothing is assumed silently: `ASSUMED` is printed with every certificate.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 import hashlib
 from typing import Any
@@ -28,7 +28,7 @@ from fret_monitor.logic.formula import BinaryOperator
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.program.monitor_program import ApplyBinary, MonitorProgram
 from fret_monitor.proving.contracts import Proof
-from fret_monitor.proving.verification import Settled, Verification
+from fret_monitor.proving.verification import proved_files, Settled, Verification
 from fret_monitor.smt.solver import Answer, solver_version
 
 ASSUMED = (
@@ -52,22 +52,21 @@ class Certificate:
 
     bundle: str
     generated: GeneratedMonitor
-    code_hash: str
     verification: Verification
+
+    @property
+    def code_hash(self) -> str:
+        """Return the SHA-256 of the C that was proved: names and texts, in order of the names."""
+        digest = hashlib.sha256()
+        for name, text in sorted(proved_files(self.generated).items()):
+            digest.update(f'{name}\0{text}\0'.encode())
+        return digest.hexdigest()
 
     @property
     def assumed(self) -> tuple[str, ...]:
         """What the proof rests on, and what it does not speak of."""
         is_used = _uses_library(self.generated.program)
         return (*ASSUMED[:3], *([_LIBRARY] if is_used else []), *ASSUMED[3:])
-
-
-def code_hash(files: Mapping[str, str]) -> str:
-    """Return the SHA-256 of C files, names and texts, in the order of their names."""
-    digest = hashlib.sha256()
-    for name, text in sorted(files.items()):
-        digest.update(f'{name}\0{text}\0'.encode())
-    return digest.hexdigest()
 
 
 def _uses_library(program: MonitorProgram) -> bool:

@@ -18,7 +18,6 @@ A bundle proved: the cells once, then its groups, and what became of each requir
     bundle -> program, C -> C read back -> obligations -> solver -> Verification
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 import time
@@ -27,7 +26,6 @@ from fret_monitor.build import GeneratedMonitor
 from fret_monitor.native.cache import runtime_headers
 from fret_monitor.proving.c_source import read_program, Unreadable
 from fret_monitor.proving.contracts import Proof, prove_cells
-from fret_monitor.proving.directives import require_same_directives
 from fret_monitor.proving.exploration import explore
 from fret_monitor.proving.meaning import View
 from fret_monitor.proving.monitor import (
@@ -39,8 +37,7 @@ from fret_monitor.smt.solver import Answer
 _QUICK = 0.3  # seconds that a search has before the cells are opened
 _SEARCH = 10.0  # and afterwards, at most
 _FIELDS = '_fields.c'
-_CONTRACT = 'fret_monitor.h'
-_RUNTIME = ('fret_cells.h', _CONTRACT)
+_RUNTIME = ('fret_cells.h', 'fret_monitor.h')
 
 
 @dataclass(frozen=True)
@@ -81,13 +78,14 @@ class Verification:
         return (*self.cells, *(proof for item in self.groups for proof in item.proofs))
 
 
-def is_reader(name: str) -> bool:
-    """Whether a C file is about messages: not the monitor's, and outside of the proof."""
-    return name.endswith(_FIELDS)
+def proved_files(generated: GeneratedMonitor) -> dict[str, str]:
+    """Return the C that a proof reads, by file name: not that which decodes messages."""
+    module, runtime = generated.module, runtime_headers()
+    return {**{name: runtime[name] for name in _RUNTIME}, **dict([module.header]),
+            **{name: text for name, text in module.sources if not name.endswith(_FIELDS)}}
 
 
-def read_subject(generated: GeneratedMonitor, sources: Mapping[str, str],
-                 headers: Mapping[str, str]) -> Subject:
+def read_subject(generated: GeneratedMonitor) -> Subject:
     """
     Read the C of a monitor.
 
@@ -98,38 +96,23 @@ def read_subject(generated: GeneratedMonitor, sources: Mapping[str, str],
     NativeError
         if there is no C compiler, whose preprocessor is needed.
     """
-    chosen = {name: text for name, text in sources.items() if not is_reader(name)}
+    files = proved_files(generated)
+    code = read_program({name: text for name, text in files.items() if name.endswith('.c')},
+                        {name: text for name, text in files.items() if name.endswith('.h')})
     module = generated.module
-    require_same_directives({**headers, **chosen}, {
-        **{name: runtime_headers()[name] for name in _RUNTIME},
-        **dict([module.header, *module.sources])})
-    if headers[_CONTRACT] != runtime_headers()[_CONTRACT]:
-        raise Unreadable(f'{_CONTRACT} is another one than that of this version: '
-                         'drivers read a monitor as that one says')
-    code = read_program(chosen, headers)
-    symbol = module.symbol
     return Subject(code, generated.program, generated.layouts,
-                   symbol.removesuffix('_monitor'), module.source_hash)
+                   module.symbol.removesuffix('_monitor'), module.source_hash)
 
 
-def verify(generated: GeneratedMonitor, sources: Mapping[str, str] | None = None,
-           headers: Mapping[str, str] | None = None, *, seconds: float = 30.0) -> Verification:
-    """
-    Prove a bundle; `seconds` is for one obligation at most.
-
-    `sources` and `headers` are C to prove in place of what `compile` would write, by file name.
-    """
+def verify(generated: GeneratedMonitor, *, seconds: float = 30.0) -> Verification:
+    """Prove a bundle; `seconds` is for one obligation at most."""
     before = time.perf_counter()
-    if sources is None:
-        sources = dict(generated.module.sources)
-    own_header, text = generated.module.header
-    headers = {**runtime_headers(), own_header: text, **(headers or {})}
     try:
-        subject = read_subject(generated, sources, headers)
+        subject = read_subject(generated)
     except Unreadable as error:
         return Verification((), (), None, str(error), time.perf_counter() - before)
-    runtime = tuple((name, headers[name]) for name in _RUNTIME)
-    cells = cells_proved(runtime, seconds)
+    files = proved_files(generated)
+    cells = cells_proved(tuple((name, files[name]) for name in _RUNTIME), seconds)
     groups = tuple(settle(subject, group, seconds)
                    for group in [*range(len(subject.layouts)), ALL])
     return Verification(cells, groups, subject, '', time.perf_counter() - before)

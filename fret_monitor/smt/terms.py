@@ -25,14 +25,20 @@ Sorts: `BOOL`, `word(n)` (n bits), `real(n)` (IEEE 754, n 32 or 64; there is one
 
 from collections.abc import Callable, Iterable
 import ctypes
+from itertools import count
 import math
 import struct
+from threading import Lock
 from typing import Any
+from weakref import WeakValueDictionary
 
 Sort = tuple[str, int]
 BOOL: Sort = ('bool', 0)
 
-_interned: dict[tuple[Any, ...], 'Term'] = {}
+# Weak: a term goes with the last proof that uses it.
+_interned: 'WeakValueDictionary[tuple[Any, ...], Term]' = WeakValueDictionary()
+_interning = Lock()
+_numbers = count()
 
 _libm: Any = ctypes.CDLL(None)
 for _function in (_libm.fmod, _libm.pow):
@@ -58,7 +64,7 @@ def ring(size: int) -> Sort:
 class Term:
     """An operation on terms; `value` is what it needs besides (a constant, a name, a bit)."""
 
-    __slots__ = ('args', 'number', 'op', 'sort', 'value')
+    __slots__ = ('__weakref__', 'args', 'number', 'op', 'sort', 'value')
 
     def __init__(self, op: str, sort: Sort, args: tuple['Term', ...], value: Any,
                  number: int) -> None:
@@ -80,7 +86,10 @@ def term(op: str, sort: Sort, args: tuple[Term, ...] = (), value: Any = None) ->
     key = (op, sort, args, value)
     found = _interned.get(key)
     if found is None:
-        found = _interned[key] = Term(op, sort, args, value, len(_interned))
+        with _interning:  # so that two threads cannot make two terms of one key
+            found = _interned.get(key)
+            if found is None:
+                found = _interned[key] = Term(op, sort, args, value, next(_numbers))
     return found
 
 

@@ -21,6 +21,9 @@ import subprocess
 import sys
 
 from cli.command import Done, environment, Here, run
+from fret_monitor.build import generate_monitor, GeneratedMonitor, Reading
+from fret_monitor.native.cache import runtime_headers
+from proving.workbench import exchanged
 import pytest
 
 pytest.importorskip('z3')
@@ -43,13 +46,6 @@ def compiled(here: Here) -> Path:
     path = here.file('pump.yaml', BUNDLE)
     assert here.run('compile', path, '--output', here.folder / 'out').status == 0
     return here.folder / 'out' / 'src'
-
-
-def changed(sources: Path, old: str, new: str) -> None:
-    file = sources / 'pump_monitor.c'
-    text = file.read_text(encoding='utf-8')
-    assert old in text
-    file.write_text(text.replace(old, new, 1), encoding='utf-8')
 
 
 def prove(here: Here, *arguments: object) -> Done:
@@ -86,10 +82,51 @@ def test_the_certificate_is_json_too_and_the_same_for_the_same_bundle(here: Here
 
 def test_what_compile_wrote_is_proved_where_it_lies(here: Here) -> None:
     sources = compiled(here)
-    deployed = json.loads(prove(here, '--sources', sources, '--json').out)
-    own = json.loads(prove(here, '--json').out)
-    assert deployed['proved'] is True
-    assert deployed['code_hash'] == own['code_hash']
+    assert json.loads(prove(here, '--sources', sources, '--json').out)['proved'] is True
+    for file in sources.iterdir():
+        file.write_bytes(file.read_bytes().replace(b'\n', b'\r\n'))
+    assert prove(here, '--sources', sources).status == 0
+
+
+@pytest.mark.parametrize('name', ['string.h', 'sys/types.h', 'pump_monitor.h.gch',
+                                  'pump_monitor.h.gch/a', 'fret_cells.h.pch', 'other.c', '.notes'])
+def test_a_folder_with_another_file_is_refused(here: Here, name: str) -> None:
+    # gcc takes pump_monitor.h.gch, a file or a folder, in place of pump_monitor.h.
+    planted = compiled(here) / name
+    planted.parent.mkdir(exist_ok=True)
+    planted.write_text('#define pump_req_R_1 1\n', encoding='utf-8')
+    done = prove(here, '--sources', here.folder / 'out' / 'src')
+    assert (done.status, done.out) == (1, '')
+    assert f"{name.partition('/')[0]}' is not a file that `compile` writes" in done.err
+
+
+@pytest.mark.parametrize(('name', 'old', 'new'), [
+    ('pump_monitor.c', '3u, in->p', '2u, in->p'),
+    ('pump_monitor.c', '#include "fret_cells.h"', '#include  "fret_cells.h"'),
+    ('pump_monitor.h', 'float x;', 'volatile float x;'),
+    ('pump_monitor.c', '#include <string.h>', '\n#include <string.h>'),
+    ('pump_monitor.c', ' // ', ' // \r'),
+    ('fret_cells.h', 'return age <= bound', 'return age < bound'),
+    ('fret_monitor.h', 'FM_FLOAT32 = 9', 'FM_FLOAT32 = 10'),
+])
+def test_a_folder_with_other_c_is_refused_with_the_line(
+    here: Here, name: str, old: str, new: str,
+) -> None:
+    file = compiled(here) / name
+    text = file.read_text(encoding='utf-8')
+    place = text.index(old)
+    file.write_bytes(text.replace(old, new, 1).encode())
+    done = prove(here, '--sources', file.parent)
+    assert (done.status, done.out) == (1, '')
+    line = text.count('\n', 0, place) + 1
+    assert f"{name}', line {line}, is not what `compile` writes" in done.err
+
+
+def test_a_folder_that_lacks_a_file_is_refused(here: Here) -> None:
+    sources = compiled(here)
+    (sources / 'fret_cells.h').unlink()
+    assert "fret_cells.h'" in prove(here, '--sources', sources).err
+    assert 'cannot read' in prove(here, '--sources', here.folder / 'nowhere').err
 
 
 @pytest.mark.parametrize(('old', 'new', 'wrong'), [
@@ -98,15 +135,20 @@ def test_what_compile_wrote_is_proved_where_it_lies(here: Here) -> None:
     ('state == 1', 'state == 0', 'R-2'),
 ])
 def test_c_that_is_wrong_is_refuted_by_a_trace_that_simulate_runs(
-    here: Here, old: str, new: str, wrong: str,
+    here: Here, old: str, new: str, wrong: str, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    sources, trace = compiled(here), here.folder / 'trace.csv'
-    text = (sources / 'pump_monitor.c').read_text(encoding='utf-8')
-    if old not in text:  # as it stands there
-        old, new = (item.replace('state == ', 'state_i64 == ').replace('in->p', 'p')
-                    for item in (old, new))
-    changed(sources, old, new)
-    done = prove(here, '--sources', sources, '--trace', trace)
+    def with_an_error(reading: Reading) -> GeneratedMonitor:
+        generated = generate_monitor(reading)
+        text = dict(generated.module.sources)['pump_monitor.c']
+        if old in text:
+            return exchanged(generated, 'pump_monitor.c', old, new)
+        as_there = [item.replace('state == ', 'state_i64 == ').replace('in->p', 'p')
+                    for item in (old, new)]
+        return exchanged(generated, 'pump_monitor.c', *as_there)
+
+    monkeypatch.setattr('fret_monitor.cli.prove.generate_monitor', with_an_error)
+    trace = here.folder / 'trace.csv'
+    done = prove(here, '--trace', trace)
     assert done.status == 1
     assert 'NOT PROVED' in done.out
     said = next(line for line in done.out.splitlines() if line.startswith(f'  {wrong} is '))
@@ -115,45 +157,21 @@ def test_c_that_is_wrong_is_refuted_by_a_trace_that_simulate_runs(
     assert simulated.status == 0, simulated.err
     last = list(csv.DictReader(simulated.out.splitlines()))[-1]
     assert last[wrong] == {'satisfied': '1', 'violated': '0'}[meant]
-    content = json.loads(prove(here, '--sources', sources, '--json').out)
+    content = json.loads(prove(here, '--json').out)
     assert content['counterexample']['trace'] == trace.read_text(encoding='utf-8')
     assert not next(item['proved'] for item in content['requirements'] if item['id'] == wrong)
 
 
-def test_cells_that_are_wrong_are_told(here: Here) -> None:
-    sources = compiled(here)
-    file = sources / 'fret_cells.h'
-    text = file.read_text(encoding='utf-8')
-    file.write_text(text.replace('return age <= bound', 'return age < bound'), encoding='utf-8')
-    done = prove(here, '--sources', sources)
+def test_cells_that_are_wrong_are_reported(
+    here: Here, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    headers = runtime_headers()
+    headers['fret_cells.h'] = headers['fret_cells.h'].replace(
+        'return age <= bound', 'return age < bound')
+    monkeypatch.setattr('fret_monitor.proving.verification.runtime_headers', lambda: headers)
+    done = prove(here)
     assert done.status == 1
     assert 'refuted: fm_once_within_u8' in done.out
-
-
-@pytest.mark.parametrize(('old', 'new'), [
-    ('FM_FLOAT32 = 9', 'FM_FLOAT32 = 10'),
-    ('uint32_t n_groups;', 'uint64_t n_groups;'),
-])
-def test_another_header_of_the_runtime_is_not_read(here: Here, old: str, new: str) -> None:
-    sources = compiled(here)
-    header = sources / 'fret_monitor.h'
-    text = header.read_text(encoding='utf-8')
-    assert old in text
-    header.write_text(text.replace(old, new), encoding='utf-8')
-    done = prove(here, '--sources', sources)
-    assert done.status == 1
-    assert 'fret_monitor.h is another one than that of this version' in done.out
-
-
-@pytest.mark.parametrize('name', ['string.h', 'sys/types.h'])
-def test_a_folder_with_headers_of_somebody_else_is_refused(here: Here, name: str) -> None:
-    sources = compiled(here)
-    planted = sources / name
-    planted.parent.mkdir(exist_ok=True)
-    planted.write_text('#define pump_req_R_1 1\n', encoding='utf-8')
-    done = prove(here, '--sources', sources)
-    assert done.status == 1
-    assert f"{name.partition('/')[0]}' is nothing that `compile` writes" in done.err
 
 
 def test_what_takes_too_long_is_not_proved_and_said_so(here: Here) -> None:
@@ -163,15 +181,15 @@ def test_what_takes_too_long_is_not_proved_and_said_so(here: Here) -> None:
     assert 'the time of an obligation was over: give more with --timeout' in done.out
 
 
-def test_sources_that_are_not_there_or_no_such_c_are_told(here: Here) -> None:
-    done = prove(here, '--sources', here.folder)
+def test_c_that_cannot_be_read_is_not_proved(
+    here: Here, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        'fret_monitor.cli.prove.generate_monitor', lambda reading: exchanged(
+            generate_monitor(reading), 'pump_monitor.c', '#include "fret_cells.h"', '#error "no"'))
+    done = prove(here)
     assert done.status == 1
-    assert 'there is no file' in done.err
-    sources = compiled(here)
-    changed(sources, '#include "fret_cells.h"', '#error "no"')
-    done = prove(here, '--sources', sources)
-    assert done.status == 1
-    assert 'not read      pump_monitor.c:8: compile writes `#include "fret_cells.h"`' in done.out
+    assert 'not read      the preprocessor refuses it' in done.out
 
 
 @pytest.mark.parametrize('seconds', ['0', '-1', 'ten', 'nan'])

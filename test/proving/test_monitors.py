@@ -29,11 +29,11 @@ from fret_monitor.elaboration.scope import scope_of
 from fret_monitor.logic.formula import Formula, Variable
 from fret_monitor.model.diagnostics import Source, Text
 from fret_monitor.model.values import ValueType
-from fret_monitor.native.cache import runtime_headers
 from fret_monitor.program import layout
 from fret_monitor.proving.monitor import ALL
 from fret_monitor.proving.verification import read_subject, settle, Settled
 from fret_monitor.smt.solver import Answer
+from proving.workbench import exchanged
 import pytest
 from strategies import FormulaMaker, INPUTS
 
@@ -50,12 +50,9 @@ def generated(formulas: list[Formula]) -> GeneratedMonitor:
 def settled(monitor: GeneratedMonitor, old: str = '', new: str = '',
             seconds: float = 10.0) -> list[Settled]:
     """Prove a monitor, with a part of its C exchanged; the cells are proved elsewhere."""
-    header, text = monitor.module.header
-    sources = dict(monitor.module.sources)
-    first = next(iter(sources))
-    assert old in sources[first]
-    sources[first] = sources[first].replace(old, new, 1) if old else sources[first]
-    subject = read_subject(monitor, sources, {**runtime_headers(), header: text})
+    if old:
+        monitor = exchanged(monitor, monitor.module.sources[0][0], old, new)
+    subject = read_subject(monitor)
     return [settle(subject, group, seconds) for group in [*range(len(subject.layouts)), ALL]]
 
 
