@@ -30,12 +30,13 @@ from fret_monitor.bundle.bundle import (
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.elaboration.graph import components, is_cyclic
 from fret_monitor.elaboration.signals import input_declaration
+from fret_monitor.elaboration.types_by_use import TypesByUse
 from fret_monitor.importing.component import (
     bare, Component, ComponentRequirement, ComponentVariable, key_of, Role,
 )
-from fret_monitor.importing.kinds import Kinds, message_for, plain_type
 from fret_monitor.importing.readings import look_at, names_in, read_wording, Reading, uses
 from fret_monitor.importing.topics import Connection
+from fret_monitor.importing.type_names import message_for, plain_type
 from fret_monitor.logic.specification import Property, Signal
 from fret_monitor.messages.definitions import find_message
 from fret_monitor.model.diagnostics import (
@@ -133,7 +134,7 @@ class _Drafter:
         self._definitions: dict[str, tuple[str, Reading]] = {}
         self._inputs: dict[str, ComponentVariable] = {}
         self._guessed: set[str] = set()
-        self._kinds = Kinds()
+        self._types = TypesByUse()
         self._failed: dict[Reading, list[Diagnostic]] = {}
         self._instead: dict[tuple[str, str, str], list[str]] = {}
         self._readings = [[read_wording(item) for item in requirement.wordings]
@@ -225,18 +226,21 @@ class _Drafter:
     def _look_at_types(self) -> None:
         for item in self._inputs.values():
             kind = plain_type(item.type) or plain_type(self._connection(item.name).type)
-            if kind or item.role is Role.MODE:
-                self._kinds.declare(item.name, kind is ValueType.BOOL or item.role is Role.MODE)
+            if item.role is Role.MODE:
+                self._types.declare(item.name, ValueType.BOOL)
+            elif kind:
+                self._types.declare(item.name, kind)
         for key, (_, number) in self._constants.items():
-            self._kinds.declare(key, number in ('true', 'false'))
+            is_truth = number in ('true', 'false')
+            self._types.declare(key, ValueType.BOOL if is_truth else ValueType.FLOAT64)
         for key, (_, reading) in self._definitions.items():
-            look_at(reading, key, self._kinds)
+            look_at(reading, key, self._types)
         for readings in self._readings:
             for reading in readings:
-                look_at(reading, '', self._kinds)
+                look_at(reading, '', self._types)
         for requirement in self._component.requirements:
             for name in requirement.modes:
-                self._kinds.declare(name, True)
+                self._types.declare(name, ValueType.BOOL)
 
     def _declare_the_rest(self) -> None:
         """Make inputs of the names that are used and that no file declares."""
@@ -270,11 +274,8 @@ class _Drafter:
                           signal or _signal(item.name, kind))
 
     def _value_type(self, item: ComponentVariable, link: Connection) -> ValueType:
-        declared = plain_type(item.type) or plain_type(link.type)
-        if declared:
-            return declared
-        is_truth = self._kinds.is_truth(item.name)
-        return ValueType.BOOL if is_truth else ValueType.FLOAT64
+        return (plain_type(item.type) or plain_type(link.type)
+                or self._types.type_of(item.name) or ValueType.FLOAT64)
 
     def _tell_message(self, name: str, link: Connection,
                       errors: Sequence[Diagnostic]) -> None:

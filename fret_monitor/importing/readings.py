@@ -26,8 +26,8 @@ from typing import TypeAlias
 
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.elaboration.languages import read_formula
+from fret_monitor.elaboration.types_by_use import TypesByUse
 from fret_monitor.importing.component import key_of, Wording
-from fret_monitor.importing.kinds import Kinds
 from fret_monitor.language.expression import Equations, Expression, Name, postorder
 from fret_monitor.language.sentence import Sentence
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Source, Text
@@ -80,15 +80,15 @@ def names_in(tree: Tree) -> Iterator[str]:
                 yield node.text
 
 
-def look_at(reading: Reading, name: str, kinds: Kinds) -> None:
+def look_at(reading: Reading, name: str, types: TypesByUse) -> None:
     """Add what a reading shows of types; `name` is what it defines, '' for a property."""
     if reading.tree is None or isinstance(reading.tree, Equations):
         return
     for expression, _ in expressions(reading.tree):
         if name:
-            kinds.definition(name, expression)
+            types.add_definition(name, expression)
         else:
-            kinds.property(expression)
+            types.add_property(expression)
 
 
 def uses(reading: Reading) -> set[str]:

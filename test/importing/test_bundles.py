@@ -63,6 +63,15 @@ def test_an_old_export_without_variables_shows_what_it_means_by_its_use(tmp_path
     meaning(found)
 
 
+@pytest.mark.timeout(60)
+def test_names_that_nothing_declares_may_be_compared_twice(tmp_path: Path) -> None:
+    found = imported(tmp_path, old_json=[
+        requirement('A', 'rover shall always satisfy speed = speed'),
+        requirement('B', 'rover shall always satisfy speed = wheel_speed & wheel_speed = speed')])
+    assert {item.name: item.type for item in found.draft.inputs} == {
+        'speed': 'float64', 'wheel_speed': 'float64'}
+
+
 def test_html_of_old_exports_is_taken_off(tmp_path: Path) -> None:
     old = [requirement('A', '', '(H (<b><i>p</i></b> &amp; (<b><i>x</i></b> &lt; 3)))')]
     assert imported(tmp_path, old_json=old).draft.requirements[0].text == '(H (p & (x < 3)))'

@@ -12,13 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Types by the names that other tools give them, and by the use of what has none."""
+"""Types by the names that other tools give them."""
 
-from fret_monitor.importing.kinds import Kinds, message_for, plain_type
-from fret_monitor.language.cocospec import parse_cocospec
-from fret_monitor.language.expression import Equations
+from fret_monitor.importing.type_names import message_for, plain_type
 from fret_monitor.messages.definitions import find_message
-from fret_monitor.model.diagnostics import Source, Text
 from fret_monitor.model.values import ValueType
 import pytest
 
@@ -38,33 +35,3 @@ def test_each_type_has_a_message_with_one_field_of_it(kind: ValueType) -> None:
     pytest.importorskip('std_msgs')
     [field] = find_message(message_for(kind)).fields
     assert field.type.base in (kind.value, 'boolean')
-
-
-@pytest.mark.parametrize('formula, truths, numbers', [
-    ('H(p => x < 3)', 'p', 'x'),
-    ('if p then q else r', 'pqr', ''),
-    ('x + y = z', '', 'xyz'),
-    ('p = (x > y)', 'p', 'xy'),
-    ('a = b and b = (not c)', 'abc', ''),
-    ('a = b and b = 1', '', 'ab'),
-    ('(false -> pre p) or (0.0 -> pre x) > y', 'p', 'xy'),
-    ('preBool(false, p) and preReal(0.0, x) > -y', 'p', 'xy'),
-    ('persisted(3, p) and OT(3, 0, q) and S(r, p)', 'pqr', ''),
-    ('ite(p, x, y) > max(z, 1)', 'p', 'xyz')])
-def test_the_use_of_names_shows_their_types(formula: str, truths: str, numbers: str) -> None:
-    tree = parse_cocospec(Text.whole(Source('f', formula)))
-    assert not isinstance(tree, Equations)
-    kinds = Kinds()
-    kinds.property(tree)
-    assert {name: kinds.is_truth(name) for name in truths + numbers} == {
-        **dict.fromkeys(truths, True), **dict.fromkeys(numbers, False)}
-
-
-def test_what_nothing_shows_is_not_known() -> None:
-    tree = parse_cocospec(Text.whole(Source('f', 'a = b')))
-    assert not isinstance(tree, Equations)
-    kinds = Kinds()
-    kinds.property(tree)
-    assert kinds.is_truth('a') is None
-    kinds.declare('b', False)
-    assert kinds.is_truth('a') is False

@@ -1,0 +1,167 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The types of undeclared names, inferred from how expressions use them.
+
+What is negated is Boolean, what is compared with a number is a number, what `preInt` takes is a
+whole number, and both sides of `=` have one type. Expressions that must have one type form a
+class in a union-find forest; the class has the type that any of its members needs. A use that
+contradicts an earlier one changes nothing: the type check reports it later.
+"""
+
+from collections.abc import Iterable
+from typing import assert_never
+
+from fret_monitor.elaboration.elaborator import gives_truth
+from fret_monitor.language.expression import (
+    Boolean, Call, children, Conditional, Expression, Infix, Name, Number, postorder, Prefix,
+)
+from fret_monitor.model.names import fret_name
+from fret_monitor.model.values import ValueType
+
+_BOOL, _INTEGER, _REAL = ValueType.BOOL, ValueType.INT64, ValueType.FLOAT64
+_LOGICAL = frozenset({'&', '|', 'xor', '->', '<->', 'S', 'T', 'SI'})
+_EQUALITY = frozenset({'=', '!='})
+_ORDER = frozenset({'<', '<=', '>', '>='})
+_ALL_NUMBERS = frozenset({'abs', 'min', 'max'})
+
+
+class TypesByUse:
+    """Collects uses of names; BOOL, INT64 (only a whole number will do) or FLOAT64 for each."""
+
+    def __init__(self) -> None:
+        self._indices: dict[Expression | str, int] = {}
+        self._parents: list[int] = []
+        self._sizes: list[int] = []
+        self._types: list[ValueType | None] = []
+
+    def type_of(self, name: str) -> ValueType | None:
+        """Return the type of a name, None where its uses do not show it."""
+        index = self._indices.get(fret_name(name))
+        return None if index is None else self._types[self._root(index)]
+
+    def declare(self, name: str, known: ValueType) -> None:
+        """Add a type that is known otherwise; of number types, only that they are numbers."""
+        self._expect(_BOOL if known is _BOOL else _REAL, [fret_name(name)])
+
+    def add_property(self, expression: Expression) -> None:
+        """Add the uses in an expression that is Boolean."""
+        self._add(expression)
+        self._expect(_BOOL, [expression])
+
+    def add_definition(self, name: str, expression: Expression) -> None:
+        """Add the uses in an expression that has a name."""
+        self._add(expression)
+        self._unify([fret_name(name), expression])
+
+    def _add(self, expression: Expression) -> None:
+        for node in postorder(expression):
+            self._add_operator(node)
+            if gives_truth(node):
+                self._expect(_BOOL, [node])
+
+    def _add_operator(self, node: Expression) -> None:
+        """Add what an operator says of its operands, and of its result if that is no truth."""
+        match node:
+            case Name('FTP'):
+                self._expect(_BOOL, [node])
+            case Name():
+                self._unify([node, fret_name(node.text)])
+            case Number():
+                self._expect(_REAL, [node])
+            case Boolean():
+                pass
+            case Prefix('-'):
+                self._expect(_REAL, [node.argument, node])
+            case Prefix('pre'):
+                self._unify([node.argument, node])
+            case Prefix():
+                self._expect(_BOOL, [node.argument])
+            case Infix(operator) if operator in _LOGICAL:
+                self._expect(_BOOL, [node.left, node.right])
+            case Infix(operator) if operator in _EQUALITY:
+                self._unify([node.left, node.right])
+            case Infix('arrow'):
+                self._unify([node.left, node.right, node])
+            case Infix(operator):
+                sides = [node.left, node.right]
+                self._expect(_REAL, sides if operator in _ORDER else [*sides, node])
+            case Conditional() | Call('ite', (_, _, _)):
+                self._add_choice(node)
+            case Call():
+                self._add_call(node)
+            case _:
+                assert_never(node)
+
+    def _add_choice(self, node: Conditional | Call) -> None:
+        condition, yes, no = children(node)
+        self._expect(_BOOL, [condition])
+        self._unify([yes, no, node])
+
+    def _add_call(self, node: Call) -> None:
+        name, arguments = node.function, node.arguments
+        if name in ('persisted', 'occurred'):
+            self._expect(_BOOL, arguments[-1:])
+        elif name in ('preBool', 'prevOcc'):
+            self._expect(_BOOL, arguments)
+        elif name.endswith('Int'):
+            self._expect(_INTEGER, arguments)
+            self._expect(_REAL, [node])
+        elif name.endswith('Real') or name in _ALL_NUMBERS:
+            self._expect(_REAL, [*arguments, node])
+
+    def _expect(self, needed: ValueType, members: Iterable[Expression | str]) -> None:
+        for member in members:
+            root = self._root(self._index(member))
+            self._types[root] = _common(self._types[root], needed) or self._types[root]
+
+    def _unify(self, members: Iterable[Expression | str]) -> None:
+        first, *others = map(self._index, members)
+        for other in others:
+            self._join(self._root(first), self._root(other))
+
+    def _join(self, root: int, other: int) -> None:
+        common = _common(self._types[root], self._types[other])
+        is_contradiction = common is None and self._types[root] is not None
+        if root == other or is_contradiction:
+            return
+        if self._sizes[root] < self._sizes[other]:
+            root, other = other, root
+        self._parents[other] = root
+        self._sizes[root] += self._sizes[other]
+        self._types[root] = common
+
+    def _index(self, member: Expression | str) -> int:
+        index = self._indices.setdefault(member, len(self._parents))
+        if index == len(self._parents):
+            self._parents.append(index)
+            self._sizes.append(1)
+            self._types.append(None)
+        return index
+
+    def _root(self, index: int) -> int:
+        while (parent := self._parents[index]) != index:
+            self._parents[index] = self._parents[parent]
+            index = parent
+        return index
+
+
+def _common(one: ValueType | None, other: ValueType | None) -> ValueType | None:
+    """Return the type that meets both needs; None for a contradiction, or if both are None."""
+    if one is None or one is other:
+        return other
+    if other is None:
+        return one
+    return None if _BOOL in (one, other) else _INTEGER
