@@ -109,8 +109,8 @@ def copilot_version() -> str | None:
     """Return the version of Copilot that GHC finds, None without one of them."""
     if shutil.which('ghc') is None or shutil.which('ghc-pkg') is None:
         return None
-    listed = subprocess.run(['ghc-pkg', '--simple-output', 'list', 'copilot'], capture_output=True,
-                          text=True, check=False).stdout.split()
+    listed = subprocess.run(['ghc-pkg', '--simple-output', 'list', 'copilot'],
+                            capture_output=True, text=True, check=False).stdout.split()
     return listed[-1].rpartition('-')[2] if listed else None
 
 

@@ -99,7 +99,7 @@ def build(name: str, folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class Subject:
-    """A measured program. A monitor publishes counts in /diagnostics, others print them at exit."""
+    """A measured program. A monitor publishes counts in /diagnostics, others print theirs."""
 
     name: str
     command: tuple[str, ...]
@@ -131,10 +131,10 @@ class Load:
         os.sched_setaffinity(self.process.pid, {min(os.sched_getaffinity(0))})
         self.answer()
 
-    def send(self, command: str) -> None:
-        """Give a command."""
+    def command(self, line: str) -> None:
+        """Send a command, without waiting for its answer."""
         assert self.process.stdin is not None
-        self.process.stdin.write(command + '\n')
+        self.process.stdin.write(line + '\n')
         self.process.stdin.flush()
 
     def answer(self, of: 'Running | None' = None) -> str:
@@ -151,7 +151,7 @@ class Load:
 
     def ask(self, command: str, of: 'Running | None' = None) -> str:
         """Give a command and return the answer."""
-        self.send(command)
+        self.command(command)
         return self.answer(of)
 
     def send(self, count: int, rate: float) -> Sent:
@@ -550,7 +550,7 @@ def started(load_program: Path, work: Work, subject: Subject) -> Start:
     """Start a subject and return when it was ready."""
     assert work.echo is not None
     load = Load(load_program, *work.arguments, '--echo', work.echo)
-    load.send('appear')
+    load.command('appear')
     running = Running(subject)
     with both(load, running):
         first, every = map(int, load.answer(running).split())
