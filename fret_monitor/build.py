@@ -71,10 +71,19 @@ class Reading:
     files: tuple[tuple[Path, str], ...]
     messages: tuple[tuple[str, str], ...] = ()
 
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """The files it was read from, the bundle first."""
+        return tuple(path for path, _ in self.files)
+
 
 @dataclass(frozen=True)
 class GeneratedMonitor:
-    """The C of a bundle, and all that was decided on the way; nothing is compiled yet."""
+    """
+    The C of a bundle, and all that was decided on the way; nothing is compiled yet.
+
+    `sources` are the files that the bundle was read from.
+    """
 
     specification: Specification
     program: MonitorProgram
@@ -82,6 +91,7 @@ class GeneratedMonitor:
     module: CModule
     manifest: Manifest
     warnings: tuple[Diagnostic, ...]
+    sources: tuple[Path, ...]
 
 
 def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = None) -> Reading:
@@ -162,7 +172,8 @@ def generate_monitor(reading: Reading, *,
     manifest = describe(program, layouts, module, reading.bundle_hash)
     warnings = by_place((*reading.warnings,
                          *constant_verdicts(reading.specification, program)))
-    return GeneratedMonitor(reading.specification, program, layouts, module, manifest, warnings)
+    return GeneratedMonitor(reading.specification, program, layouts, module, manifest, warnings,
+                            reading.paths)
 
 
 def compile_monitor(generated: GeneratedMonitor) -> CompiledMonitor:
@@ -178,7 +189,7 @@ def compile_monitor(generated: GeneratedMonitor) -> CompiledMonitor:
     library = build_library(dict(generated.module.sources), name=generated.manifest.symbol,
                             headers={**runtime_headers(), header: text})
     warnings = tuple(warning.render() for warning in generated.warnings)
-    return CompiledMonitor(generated.manifest, library, warnings)
+    return CompiledMonitor(generated.manifest, library, warnings, generated.sources)
 
 
 def build(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,

@@ -142,7 +142,8 @@ def _recall(note: Path, path: Path) -> CompiledMonitor | None:
         if not holds:
             return None
         note_use(note)
-        return CompiledMonitor(manifest, library, warnings)
+        sources = tuple(Path(name) for name, _ in content['files'])
+        return CompiledMonitor(manifest, library, warnings, sources)
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError,
             ManifestError, CompileError):
         return None

@@ -18,9 +18,10 @@ from argparse import _SubParsersAction, ArgumentParser, Namespace
 from pathlib import Path
 import sys
 
+from fret_monitor.build import read
 from fret_monitor.explain.report import explain, shown
 from fret_monitor.explain.svg import to_svg
-from fret_monitor.model.diagnostics import refuse
+from fret_monitor.model.output import open_output, refuse_overwriting
 
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
@@ -34,19 +35,16 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
 
 def run(options: Namespace) -> int:
     """Explain a bundle."""
-    found, warnings = explain(options.bundle, options.id)
+    reading = read(options.bundle)
+    if options.svg is not None:
+        refuse_overwriting(options.svg, reading.paths)
+    found, warnings = explain(reading, options.id)
     for warning in warnings:
         print(warning, file=sys.stderr)
     if options.svg is not None:
         lines = [line for item in found for line in item.timelines]
-        _write(options.svg, to_svg(f'{options.bundle.name}: example traces', lines))
+        with open_output(options.svg) as file:
+            file.write(to_svg(f'{options.bundle.name}: example traces', lines))
     print('# true, . false; of the verdict # satisfied, x violated; ~ steps left out\n')
     print('\n\n'.join('\n'.join(shown(item)) for item in found))
     return 0
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding='utf-8')
-    except OSError as error:
-        refuse(f"cannot write '{path}': {error.strerror or error}")

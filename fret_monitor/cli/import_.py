@@ -44,7 +44,7 @@ def run(options: Namespace) -> int:
     output = Path(options.output)
     is_folder = options.output.endswith('/') or output.is_dir()
     found = import_bundles(options.files, output, options.component, is_folder=is_folder)
-    write_bundles(found, force=options.force)
+    write_bundles(found, force=options.force, read=options.files)
     for item in found:
         _tell(item, f'{item.path}: ')
         print(f'{item.path}: {_summary(item)}')

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 
 from fret_monitor.build import generate_monitor, read, source_files
 from fret_monitor.model.diagnostics import counted, pip_install, refuse
+from fret_monitor.model.output import open_output, refuse_overwriting
 
 if TYPE_CHECKING:
     from fret_monitor.proving.certificate import Certificate
@@ -67,6 +68,9 @@ def run(options: Namespace) -> int:
         print(warning.render(), file=sys.stderr)
     if options.sources is not None:
         _require_same_files(options.sources, source_files(generated))
+    if options.trace is not None:
+        sources = () if options.sources is None else options.sources.iterdir()
+        refuse_overwriting(options.trace, (*generated.sources, *sources))
     found = verify(generated, seconds=options.timeout)
     certificate = Certificate(options.bundle.name, generated, found)
     if options.json:
@@ -135,10 +139,8 @@ def _tell_counterexamples(options: Namespace, certificate: 'Certificate',
         return
     text = to_csv(found.subject, first.counterexample)
     if options.trace is not None:
-        try:
-            options.trace.write_text(text, encoding='utf-8')
-        except OSError as error:
-            refuse(f"cannot write '{options.trace}': {error.strerror or error}")
+        with open_output(options.trace) as file:
+            file.write(text)
     if options.json:
         return
     example, properties = first.counterexample, found.subject.program.properties

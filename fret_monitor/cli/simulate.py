@@ -19,8 +19,8 @@ from pathlib import Path
 import sys
 
 from fret_monitor.model.diagnostics import counted
-from fret_monitor.runtime.simulate import simulate, Summary
 from fret_monitor.start import start
+from fret_monitor.traces.simulate import simulate, Summary
 
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
@@ -41,7 +41,7 @@ def run(options: Namespace) -> int:
     compiled = start(options.bundle)
     for warning in compiled.warnings:
         print(warning, file=sys.stderr)
-    summary = simulate(compiled.monitor, options.trace, options.verdicts)
+    summary = simulate(compiled.monitor, options.trace, options.verdicts, compiled.sources)
     if options.verdicts is not None:
         print(_shown(summary))
     return 1 if options.fail_on_violation and any(summary.violations.values()) else 0

@@ -15,7 +15,7 @@
 """
 `explain` put together: a requirement taken apart, said in English, and shown.
 
-`explain` takes the path of a bundle and returns an `Explanation` of each of its requirements, or
+`explain` takes a bundle as understood and returns an `Explanation` of each of its requirements, or
 of one; `shown` makes text of one, `svg.to_svg` a picture of their timelines.
 """
 
@@ -25,7 +25,7 @@ from fractions import Fraction
 from pathlib import Path
 import textwrap
 
-from fret_monitor.build import read
+from fret_monitor.build import Reading
 from fret_monitor.bundle.bundle import Language, survey_bundle
 from fret_monitor.explain import sentence as fretish
 from fret_monitor.explain.goals import goals
@@ -85,7 +85,8 @@ class _Context:
     period: Fraction | None
 
 
-def explain(path: Path, id: str | None = None) -> tuple[list[Explanation], tuple[str, ...]]:
+def explain(reading: Reading, id: str | None = None
+            ) -> tuple[list[Explanation], tuple[str, ...]]:
     """
     Explain all requirements of a bundle, or the one with an id.
 
@@ -97,13 +98,12 @@ def explain(path: Path, id: str | None = None) -> tuple[list[Explanation], tuple
     Raises
     ------
     CompileError
-        with all that is wrong with the bundle, or if it has no requirement of that id.
+        if the bundle has no requirement of that id.
     NativeError
         if there is no C compiler, or it fails.
     """
-    reading = read(path)
     chosen = _chosen(reading.specification, id)
-    context = _context(path, reading.specification, {item.id for item in chosen})
+    context = _context(reading.files[0][0], reading.specification, {item.id for item in chosen})
     budget = Budget()
     found = [
         _explanation(subject, find_examples(subject, budget), context)

@@ -15,7 +15,6 @@
 """From files of FRET and Ogma to bundles: nothing is written before all has been read."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 import csv
 from dataclasses import dataclass, replace
 from io import StringIO
@@ -33,6 +32,7 @@ from fret_monitor.model.diagnostics import (
     CompileError, counted, Diagnostic, did_you_mean, Level, Problems, refuse, Source,
 )
 from fret_monitor.model.names import shown
+from fret_monitor.model.output import open_output, refuse_overwriting
 
 _LONGEST_NAME = 100
 
@@ -204,16 +204,19 @@ def _read_back(text: str, whole: Draft, path: Path) -> None:
         raise AssertionError(f'the bundle of {whole.component} does not read as it was written')
 
 
-def write_bundles(found: Sequence[Imported], *, force: bool = False) -> None:
+def write_bundles(found: Sequence[Imported], *, force: bool = False,
+                  read: Sequence[Path] = ()) -> None:
     """
     Write bundles and traces; nothing if a bundle is there already, unless `force` is set.
 
     Raises
     ------
     CompileError
-        if one is there, or a file cannot be written.
+        if one is there, one is a file in `read`, or a file cannot be written.
     """
     for item in found:
+        for path in (item.path, *(trace for trace, _ in item.traces)):
+            refuse_overwriting(path, read)
         if not force and _is_there(item.path):
             refuse(f'{shown(str(item.path))} is there already', help='--force writes it anew')
     for item in found:
@@ -229,14 +232,9 @@ def _is_there(path: Path) -> bool:
 
 
 def _write(path: Path, text: str) -> None:
-    temporary = path.with_name(f'.{path.name}.part')
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_text(text, encoding='utf-8')
-        temporary.replace(path)
-    except (OSError, ValueError) as error:
-        with suppress(OSError):
-            temporary.unlink()
-        reason = error.strerror if isinstance(error, OSError) else error
-        told = Diagnostic(f'{shown(str(path))} cannot be written: {reason}')
-        raise CompileError([told]) from None
+    except OSError as error:
+        refuse(f'cannot write {shown(str(path))}: {error.strerror or error}')
+    with open_output(path) as file:
+        file.write(text)

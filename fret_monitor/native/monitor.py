@@ -153,12 +153,13 @@ class CompiledMonitor:
     """
     A compiled bundle that is not loaded yet; `monitor` loads it on first use.
 
-    `warnings` are what was odd about the bundle, rendered.
+    `warnings` are what was odd about the bundle, rendered; `sources` the files it was read from.
     """
 
     manifest: Manifest
     library: Path
     warnings: tuple[str, ...]
+    sources: tuple[Path, ...] = ()
 
     @cached_property
     def monitor(self) -> Monitor:

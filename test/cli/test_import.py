@@ -141,9 +141,20 @@ def test_a_bundle_is_written_over_with_force_alone(
     assert bundle.read_text() != 'mine'
 
 
+def test_a_file_that_was_imported_is_not_written_over_even_with_force(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    [file] = written(tmp_path, moon_json=PROJECT)
+    text = file.read_text()
+    (tmp_path / 'link.yaml').symlink_to(file)
+    for output in (file, tmp_path / 'link.yaml'):
+        assert main(['import', str(file), '-o', str(output), '--force']) == 1
+        assert f"cannot write '{output}': this command reads it" in capsys.readouterr().err
+        assert file.read_text() == text
+
+
 def test_a_bundle_that_cannot_be_written_is_told(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     [file] = written(tmp_path, moon_json=PROJECT)
     (tmp_path / 'file').write_text('')
     assert main(['import', str(file), '-o', str(tmp_path / 'file' / 'b.yaml')]) == 1
-    assert 'cannot be written' in capsys.readouterr().err
+    assert 'cannot write' in capsys.readouterr().err

@@ -61,6 +61,17 @@ def test_a_bundle_is_proved_with_a_certificate_that_hides_nothing(here: Here) ->
         assert text in done.out
 
 
+def test_a_counterexample_is_not_written_over_a_file_that_was_read(here: Here) -> None:
+    sources = compiled(here)
+    code = sources / 'pump_monitor.c'
+    for arguments, out in (((), here.folder / 'pump.yaml'), (('--sources', sources), code)):
+        before = out.read_text(encoding='utf-8')
+        done = prove(here, *arguments, '--trace', out)
+        assert (done.status, done.out) == (1, '')
+        assert done.err.startswith(f"error: cannot write '{out}': this command reads it")
+        assert out.read_text(encoding='utf-8') == before
+
+
 def test_the_certificate_is_json_too_and_the_same_for_the_same_bundle(here: Here) -> None:
     first, second = (json.loads(prove(here, '--json').out) for _ in range(2))
     assert first['proved'] is True

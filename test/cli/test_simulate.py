@@ -185,7 +185,7 @@ def test_a_trace_with_another_separator_is_told(here: Here, trace: str, separato
     done = here.run('simulate', here.file('pump.yaml', PUMP), '--trace',
                     here.folder / 'trace.csv')
     assert done.status == 1
-    assert (f'help: cells are parted by commas here, and not by {separator}: export the trace '
+    assert (f'help: cells are separated by commas here, not by {separator}: export the trace '
             'with commas') in done.err
 
 
@@ -313,9 +313,9 @@ def test_files_that_cannot_be_read_or_written_are_told(here: Here) -> None:
         (('--trace', trace, '--verdicts', long), 'File name too long'),
         (('--trace', trace, '--verdicts', here.folder / 'no' / 'v.csv'), f"{here.folder / 'no'}"),
         (('--trace', trace, '--verdicts', trace / 'v.csv'), 'Not a directory'),
-        (('--trace', trace, '--verdicts', trace), 'is the trace itself'),
+        (('--trace', trace, '--verdicts', trace), 'this command reads it'),
         (('--trace', trace, '--verdicts', here.folder / '..' / here.folder.name / 'trace.csv'),
-         'is the trace itself'),
+         'this command reads it as'),
     ]:
         done = here.run('simulate', bundle, *arguments)
         assert (done.status, done.out) == (1, ''), arguments
@@ -323,6 +323,23 @@ def test_files_that_cannot_be_read_or_written_are_told(here: Here) -> None:
         assert expected in done.err, arguments
     assert trace.read_text() == HEADING + GOOD
     assert sorted(os.listdir(here.folder)) == ['pump.yaml', 'trace.csv']
+
+
+def test_verdicts_are_not_written_over_a_file_that_was_read(here: Here) -> None:
+    signals = here.file('signals.yaml', 'inputs: {spare: {type: bool}}\n')
+    trace = here.file('trace.csv', 'spare,' + HEADING + '0,' + GOOD)
+    bundle = here.file('pump.yaml', PUMP + 'signals: signals.yaml\n')
+    (here.folder / 'link.csv').symlink_to('pump.yaml')
+    (here.folder / 'hard.csv').hardlink_to(signals)
+    before = {path: path.read_text() for path in here.folder.iterdir()}
+    for _ in range(2):  # the second start reads no bundle: it is known
+        for out in (bundle, signals, trace, here.folder / 'link.csv', here.folder / 'hard.csv',
+                    here.folder / '..' / here.folder.name / 'signals.yaml'):
+            done = here.run('simulate', bundle, '--trace', trace, '--verdicts', out)
+            assert (done.status, done.out) == (1, '')
+            assert done.err.startswith(f"error: cannot write '{out}': this command reads it")
+            assert {path: path.read_text() for path in here.folder.iterdir()} == before
+        assert here.run('simulate', bundle, '--trace', trace).status == 0
 
 
 def test_a_folder_that_is_missing_is_not_called_a_missing_trace(here: Here) -> None:

@@ -21,7 +21,7 @@ import subprocess
 
 from differential.compiled import gcc, WARNINGS
 from fret_monitor.build import build, generate_monitor, read, write
-from fret_monitor.runtime.simulate import simulate
+from fret_monitor.traces.simulate import simulate
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]

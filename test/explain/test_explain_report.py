@@ -18,6 +18,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from explain.examples import bundle
+from fret_monitor.build import read
 from fret_monitor.cli.main import main
 from fret_monitor.explain.report import explain, shown
 from fret_monitor.explain.svg import to_svg
@@ -31,7 +32,7 @@ SVG = '{http://www.w3.org/2000/svg}'
 
 @pytest.mark.parametrize('path', golden.cases('explain'), ids=lambda path: path.stem)
 def test_explanations_read_as_they_did(path: Path) -> None:
-    found, _ = explain(path)
+    found, _ = explain(read(path))
     golden.check(path, '\n\n'.join('\n'.join(shown(item)) for item in found) + '\n')
 
 
@@ -56,6 +57,18 @@ def test_an_unknown_id_is_told_with_one_like_it(
     assert "did you mean 'R0'?" in said.err
 
 
+def test_a_picture_is_not_written_over_the_bundle(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = bundle(tmp_path, 'H p')
+    text = path.read_text()
+    (tmp_path / 'link.svg').symlink_to(path)
+    for drawing in (path, tmp_path / 'link.svg'):
+        assert main(['explain', str(path), '--svg', str(drawing)]) == 1
+        said = capsys.readouterr()
+        assert (said.out, said.err.startswith(f"error: cannot write '{drawing}'")) == ('', True)
+        assert path.read_text() == text
+
+
 def test_a_bad_bundle_is_told_and_nothing_explained(
     tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -78,7 +91,7 @@ def test_a_picture_that_cannot_be_written_is_told(
 
 
 def test_the_picture_shows_every_step_of_every_row(tmp_path: Path) -> None:
-    found, _ = explain(bundle(tmp_path, 'H (x > 1.0 -> O[0,4] p)'))
+    found, _ = explain(read(bundle(tmp_path, 'H (x > 1.0 -> O[0,4] p)')))
     lines = [line for item in found for line in item.timelines]
     root = ElementTree.fromstring(to_svg('examples', lines))
     assert root.tag == f'{SVG}svg'
@@ -129,14 +142,14 @@ def test_deep_and_wide_requirements_are_explained(tmp_path: Path) -> None:
     deep = 'Y ' * 2000 + 'p'
     wide = ' & '.join(f'(O[0,{bound}] p -> q)' for bound in range(1, 1000))
     nested = '(' * 1500 + 'p' + ' S q)' * 1500
-    found, _ = explain(bundle(tmp_path, deep, f'H ({wide})', nested))
+    found, _ = explain(read(bundle(tmp_path, deep, f'H ({wide})', nested)))
     assert all(len('\n'.join(shown(item))) < 20_000 for item in found)
     assert [len(item.timelines) for item in found] == [3, 2, 3]
 
 
 def test_what_cannot_be_read_is_a_diagnostic(tmp_path: Path) -> None:
     with pytest.raises(CompileError, match='there is no formula'):
-        explain(bundle(tmp_path, ''))
+        explain(read(bundle(tmp_path, '')))
 
 
 @pytest.mark.parametrize(('sentence', 'held'), [
@@ -150,7 +163,7 @@ def test_a_satisfying_example_of_a_sentence_is_not_trivial(
 ) -> None:
     path = bundle(tmp_path, 'H p')
     path.write_text(path.read_text().replace('ptltl: "H p"', f'fretish: "{sentence}"'))
-    (found,), _ = explain(path)
+    (found,), _ = explain(read(path))
     satisfying = found.timelines[0]
     assert 'satisfies' in satisfying.title
     assert {band.label for band in satisfying.bands if True in band.truth} >= held

@@ -38,7 +38,7 @@ from fret_monitor.messages.definitions import parse_message
 from fret_monitor.model.diagnostics import CompileError, Source, Text
 from fret_monitor.model.manifest import Manifest, ManifestError
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime.simulate import simulate
+from fret_monitor.traces.simulate import simulate
 from importing.examples import DATABASE, DOCUMENT, LUSTRE, SPECIFICATION
 
 HERE = Path(__file__).resolve().parent

@@ -15,10 +15,10 @@
 """Traces of random bundles: what `simulate` writes is what the reference says of each row."""
 
 from collections.abc import Iterator
-from contextlib import suppress
 import csv
 from dataclasses import replace
 from functools import cache
+import io
 import math
 import os
 from pathlib import Path
@@ -34,9 +34,9 @@ from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime import simulate as module
 from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.runtime.simulate import simulate
+from fret_monitor.traces import csv_trace
+from fret_monitor.traces.simulate import simulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
@@ -109,7 +109,7 @@ def test_blocks_of_any_size_give_the_same_rows(tmp_path: Path, monkeypatch: pyte
     write_trace(rng, random_trace(rng, INPUTS, 300), tmp_path / 'trace.csv')
     monitor = build_specification(specification).monitor
     whole = simulate(monitor, tmp_path / 'trace.csv', tmp_path / 'whole.csv')
-    monkeypatch.setattr(module, '_BLOCK', block)
+    monkeypatch.setattr(csv_trace, '_BLOCK_ROWS', block)
     assert simulate(monitor, tmp_path / 'trace.csv', tmp_path / 'cut.csv') == whole
     assert (tmp_path / 'cut.csv').read_bytes() == (tmp_path / 'whole.csv').read_bytes()
 
@@ -138,7 +138,7 @@ def test_a_trace_that_breaks_off_in_a_later_block_leaves_no_verdicts(tmp_path: P
     ('1,1,1' + ',"\n"' * 40 + '\n', 3)])
 def test_a_row_that_is_too_long_is_refused_where_it_begins(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows_of_it: str, line: int) -> None:
-    monkeypatch.setattr(module, '_LONGEST', 100)
+    monkeypatch.setattr(csv_trace, '_MAX_ROW_CHARACTERS', 100)
     trace = tmp_path / 'trace.csv'
     trace.write_text('p,n,x\n1,-5,2.5\n' + rows_of_it)
     with pytest.raises(CompileError) as caught:
@@ -150,7 +150,7 @@ def test_a_row_that_is_too_long_is_refused_where_it_begins(
 
 
 def test_long_rows_are_not_held_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, '_LONGEST', 100)
+    monkeypatch.setattr(csv_trace, '_MAX_ROW_CHARACTERS', 100)
     (tmp_path / 'trace.csv').write_text('p,n,x,y\n' + ('1,-5,2.5,' + 'm' * 40 + '\n') * 90)
     blocks: list[int] = []
     monkeypatch.setattr(Evaluator, 'rows', recorded(Evaluator.rows, blocks))
@@ -166,13 +166,29 @@ def recorded(rows: Any, counts: list[int]) -> Any:
     return method
 
 
-def test_the_limit_of_cells_is_that_of_before_when_all_is_done(tmp_path: Path) -> None:
-    before = csv.field_size_limit()
-    for text in ('p,n,x\n1,1,1\n', 'p,n,x\n1,1\n'):
-        (tmp_path / 'trace.csv').write_text(text)
-        with suppress(CompileError):
-            simulate(damaged_monitor(), tmp_path / 'trace.csv', tmp_path / 'out.csv')
-        assert csv.field_size_limit() == before
+def test_nothing_is_changed_that_belongs_to_the_process(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*arguments: object) -> int:
+        assert not arguments, 'another thread would see the change'
+        return 131_072
+
+    monkeypatch.setattr(os, 'umask', refused)
+    monkeypatch.setattr(csv, 'field_size_limit', refused)
+    (tmp_path / 'trace.csv').write_text('p,n,x,long\n1,1,1,' + 'm' * 200_000 + '\n')
+    assert simulate(damaged_monitor(), tmp_path / 'trace.csv', tmp_path / 'out.csv').steps == 1
+
+
+CELLS = st.text(alphabet='ab ,"\r\n;\x00é', max_size=6)
+
+
+@settings(max_examples=300)
+@given(st.lists(st.lists(CELLS, min_size=2, max_size=3), max_size=5))
+def test_rows_are_split_as_python_splits_them(table: list[list[str]]) -> None:
+    text = io.StringIO(newline='')
+    csv.writer(text).writerows(table)
+    text.seek(0)
+    found = [row.cells for row in csv_trace._Rows('trace.csv', text)]
+    assert found == table
 
 
 @settings(max_examples=300)

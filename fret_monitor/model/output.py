@@ -1,0 +1,83 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Text files that are written: whole or not at all, and never over a file that was read."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+import os
+from pathlib import Path
+from secrets import token_hex
+from typing import TextIO
+
+from fret_monitor.model.diagnostics import refuse
+
+
+def refuse_overwriting(path: Path, read: Iterable[Path]) -> None:
+    """
+    Refuse to write to a file that was read, also under another spelling or through a link.
+
+    Raises
+    ------
+    CompileError
+        if `path` is one of the files in `read`.
+    """
+    for source in read:
+        if _is_same_file(path, source):
+            name = '' if path == source else f" as '{source}'"
+            refuse(f"cannot write '{path}': this command reads it{name}",
+                   help='name another file to write')
+
+
+def _is_same_file(one: Path, other: Path) -> bool:
+    try:
+        return one.is_file() and one.samefile(other)
+    except OSError:
+        return False  # one of them does not exist, or cannot be reached
+
+
+@contextmanager
+def open_output(path: Path, read: Iterable[Path] = ()) -> Iterator[TextIO]:
+    """
+    Yield a text file that gets the name `path` when the block ends without an exception.
+
+    A link stays a link: the file it points to is replaced. A pipe or device is written directly.
+
+    Raises
+    ------
+    CompileError
+        if `path` is one of the files in `read`, or cannot be written.
+    """
+    refuse_overwriting(path, read)
+    try:
+        if path.exists() and not path.is_file():
+            with path.open('w', encoding='utf-8') as file:
+                yield file
+        else:
+            yield from _replace(Path(os.path.realpath(path)))
+    except BrokenPipeError:
+        raise  # the reader of a pipe has gone; not a problem with the path
+    except OSError as error:
+        refuse(f"cannot write '{path}': {error.strerror or error}")
+
+
+def _replace(path: Path) -> Iterator[TextIO]:
+    """Yield a new file in the same folder, then rename it to `path`."""
+    temporary = path.with_name(f'.fret_monitor-{token_hex(8)}')
+    try:
+        with temporary.open('x', encoding='utf-8') as file:
+            yield file
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)

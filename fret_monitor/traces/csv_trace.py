@@ -1,0 +1,297 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Traces as CSV: a column for each input, a row for each step.
+
+A trace is read in blocks of rows, so that memory does not grow with its length. Each cell that
+cannot be used is refused with its line and column.
+"""
+
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
+import csv
+from dataclasses import dataclass
+from difflib import get_close_matches
+from io import StringIO
+from itertools import islice
+import re
+from typing import Any, NoReturn, TextIO
+
+from fret_monitor.logic.specification import Signal
+from fret_monitor.model.diagnostics import counted, refuse, Source, Span
+from fret_monitor.model.manifest import ManifestInput
+from fret_monitor.model.values import ValueType
+from fret_monitor.native.binding import ffi
+
+_BLOCK_ROWS = 4096
+_MAX_ROW_CHARACTERS = 16 * 1024 * 1024
+_SHOWN_CHARACTERS = 200  # of a row that is too long
+_UNQUOTED = re.compile(r'[^,\r\n]*')
+_TRUTHS = {'0': 0, '1': 1, 'false': 0, 'true': 1}
+_INTEGER = re.compile(r'[+-]?[0-9]+')
+_REAL = re.compile(r'[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf)',
+                   re.IGNORECASE)
+_SEPARATORS = {';': "';'", '\t': 'tabs', '|': "'|'"}
+_LIBC: Any = ffi.dlopen(None)
+_to_float32 = ffi.cast('float (*)(const char *, char **)',
+                       ffi.cast('void *', _LIBC.dlsym(ffi.NULL, b'strtof')))
+
+
+def trace_text(signals: Sequence[Signal], rows: Iterable[Sequence[bool | int | float]]) -> str:
+    """Return a trace as CSV; a string input has the index of its value in `signal.values`."""
+    text = StringIO()
+    writer = csv.writer(text, lineterminator='\n')
+    writer.writerow([signal.name for signal in signals])
+    writer.writerows([_cell(value, signal) for value, signal in zip(row, signals, strict=True)]
+                     for row in rows)
+    return text.getvalue()
+
+
+def _cell(value: bool | int | float, signal: Signal) -> str:
+    if signal.type is ValueType.BOOL:
+        return str(int(value))
+    if any(isinstance(text, str) for _, text in signal.values):
+        return signal.values[int(value)][0]
+    return repr(value)
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A row; `line` is the number of its last line."""
+
+    line: int
+    cells: list[str]
+
+
+class _Rows:
+    """
+    Splits a file into rows of cells, as RFC 4180 describes.
+
+    Python's `csv` has one limit on the length of a cell for the whole process; this has its own.
+    """
+
+    def __init__(self, name: str, file: TextIO) -> None:
+        self.name = name
+        self.line = ''  # the last line read
+        self.size = 0  # characters read
+        self._file = file
+        self._number = 0  # of the last line read
+        self._first_line, self._first_number, self._start = '', 1, 0  # of the row being read
+
+    def __iter__(self) -> Iterator[_Row]:
+        blank = 0
+        while line := self._begin_row():
+            if line in ('\n', '\r\n', '\r'):
+                blank = blank or self._number
+                continue
+            if blank:
+                self.refuse(blank, '', 'empty row', 'a row is a step; leave no line empty')
+            cells = self._split(line) if '"' in line else line.rstrip('\r\n').split(',')
+            yield _Row(self._number, cells)
+
+    def _begin_row(self) -> str:
+        self._start = self.size
+        self._first_number = self._number + 1
+        self._first_line = self._read_line()
+        return self._first_line
+
+    def _read_line(self) -> str:
+        try:
+            self.line = self._file.readline(_MAX_ROW_CHARACTERS + 1)
+        except UnicodeDecodeError:
+            refuse(f"'{self.name}' is not text in UTF-8")
+        except OSError as error:
+            refuse(f"cannot read '{self.name}': {error.strerror or error}")
+        self._number += 1
+        self.size += len(self.line)
+        if self.size - self._start > _MAX_ROW_CHARACTERS:
+            shown = (self._first_line if self._first_number < self._number else self.line)
+            self.refuse(self._first_number, shown[:_SHOWN_CHARACTERS],
+                        f'a row of more than {_MAX_ROW_CHARACTERS:,} characters',
+                        'a row ends with a line feed, except inside quotes')
+        return self.line
+
+    def _split(self, line: str) -> list[str]:
+        """Return the cells of a row of which some are in quotes; may read further lines."""
+        cells: list[str] = []
+        place = 0
+        while True:
+            if line.startswith('"', place):
+                cell, line, place = self._quoted(line, place + 1)
+            else:
+                cell = line[place:_UNQUOTED.match(line, place).end()]  # type: ignore[union-attr]
+                place += len(cell)
+            cells.append(cell)
+            if not line.startswith(',', place):
+                return cells
+            place += 1
+
+    def _quoted(self, line: str, place: int) -> tuple[str, str, int]:
+        """Return a cell whose quote was opened, the line on which it ends, and the place there."""
+        parts: list[str] = []
+        while True:
+            end = line.find('"', place)
+            if end < 0:
+                parts.append(line[place:])
+                line, place = self._read_line(), 0
+                if not line:
+                    self.refuse(self._first_number, self._first_line,
+                                'not CSV: unexpected end of data',
+                                'a quote (") in this row is not closed')
+            elif line.startswith('""', end):
+                parts.append(line[place:end + 1])
+                place = end + 2
+            elif line[end + 1:end + 2] in (',', '\r', '\n', ''):
+                return ''.join((*parts, line[place:end])), line, end + 1
+            else:
+                self.refuse(self._number, line, "not CSV: ',' expected after '\"'",
+                            _other_separator(line))
+
+    def refuse(self, number: int, shown: str, title: str, help: str, start: int = 0,
+               width: int | None = None) -> NoReturn:
+        """Refuse with the number of a line, the text to show there, and what to underline."""
+        source = Source(self.name, '\n' * (number - 1) + shown)
+        begin = number - 1 + start
+        end = begin + (len(shown.rstrip('\r\n')) if width is None else width)
+        refuse(title, Span(source, begin, max(begin + 1, end)), '', help)
+
+
+class TraceReader:
+    """Reads the columns of some inputs from a CSV file."""
+
+    def __init__(self, name: str, file: TextIO, inputs: Sequence[ManifestInput]) -> None:
+        """
+        Read the heading.
+
+        Raises
+        ------
+        CompileError
+            if an input has no column, or two.
+        """
+        self._inputs = inputs
+        self._source = _Rows(name, file)
+        self._rows = iter(self._source)
+        heading = [cell.strip() for cell in next(self._rows, _Row(1, [])).cells]
+        self._width = len(heading)
+        self._places = self._find(heading)
+
+    def blocks(self) -> Iterator[tuple[int, list['array[Any]']]]:
+        """
+        Yield the number of rows of each block, and an array of its values for each input.
+
+        Raises
+        ------
+        CompileError
+            with the place, if the file is not CSV or a cell is no value of its input.
+        """
+        while rows := list(islice(self._limited(), _BLOCK_ROWS)):
+            for row in rows:
+                if len(row.cells) != self._width:
+                    self._refuse_width(row)
+            yield len(rows), [self._column(rows, item, place) for item, place
+                              in zip(self._inputs, self._places, strict=True)]
+
+    def _limited(self) -> Iterator[_Row]:
+        """Yield rows until they are too long to be held together."""
+        end = self._source.size + _MAX_ROW_CHARACTERS
+        for row in self._rows:
+            yield row
+            if self._source.size > end:
+                return
+
+    def _find(self, heading: list[str]) -> list[int]:
+        line = self._source.line
+        missing = [item.name for item in self._inputs if item.name not in heading]
+        if missing:
+            hints = (_near_column(name, heading) for name in missing)
+            self._source.refuse(
+                1, line, f'the trace has no column for {_listed(missing)}',
+                _other_separator(line) or next(filter(None, hints), '')
+                or 'the heading of a column is the name of its input')
+        for item in self._inputs:
+            if heading.count(item.name) > 1:
+                self._source.refuse(1, line, f"the trace has two columns for '{item.name}'", '')
+        return [heading.index(item.name) for item in self._inputs]
+
+    def _column(self, rows: list[_Row], item: ManifestInput, place: int) -> 'array[Any]':
+        values: array[Any] = array(item.value_type.typecode)
+        names: dict[str, Any] = dict(item.values)
+        if item.is_string:
+            names = {name: number for number, name in enumerate(names)}
+        for row in rows:
+            cell = row.cells[place].strip()
+            try:
+                values.append(names[cell] if cell in names else _value(cell, item))
+            except (ValueError, OverflowError):
+                self._refuse_cell(row, place, cell, item)
+        return values
+
+    def _refuse_cell(self, row: _Row, place: int, cell: str, item: ManifestInput) -> NoReturn:
+        title = f"'{cell[:40]}' is no value of '{item.name}'" if cell \
+            else f"empty cell for '{item.name}'"
+        advice = _expected(item) if cell else 'every input has a value at every step'
+        start = sum(len(cell) + 1 for cell in row.cells[:place])
+        self._source.refuse(row.line, ','.join(row.cells), title, advice, start,
+                            len(row.cells[place]))
+
+    def _refuse_width(self, row: _Row) -> NoReturn:
+        self._source.refuse(
+            row.line, ','.join(row.cells),
+            f"{counted(len(row.cells), 'cell')} in a row of a trace with "
+            f"{counted(self._width, 'column')}",
+            _other_separator(row.cells[0]) if len(row.cells) == 1 else '')
+
+
+def _other_separator(line: str) -> str:
+    """Return a help text if a line seems to be separated by something other than commas."""
+    found = next((name for char, name in _SEPARATORS.items() if char in line), None)
+    if found is None or ',' in line and ';' not in line:
+        return ''
+    return f'cells are separated by commas here, not by {found}: export the trace with commas'
+
+
+def _near_column(name: str, heading: list[str]) -> str:
+    near = get_close_matches(name, heading, 1)
+    return f"the column '{near[0]}' is close to '{name}'" if near else ''
+
+
+def _value(cell: str, item: ManifestInput) -> int | float:
+    """Return the value that a cell holds; raises `ValueError` if its input cannot have it."""
+    if item.is_string:
+        raise ValueError
+    if item.value_type is ValueType.BOOL:
+        if cell.lower() not in _TRUTHS:
+            raise ValueError
+        return _TRUTHS[cell.lower()]
+    pattern = _REAL if item.value_type.is_float else _INTEGER
+    if not pattern.fullmatch(cell):
+        raise ValueError
+    if item.value_type is ValueType.FLOAT32:
+        return float(_to_float32(cell.encode(), ffi.NULL))  # rounded once
+    return float(cell) if item.value_type.is_float else int(cell)
+
+
+def _expected(item: ManifestInput) -> str:
+    names = _listed([name for name, _ in item.values])
+    if item.is_string:
+        return f'write {names}'
+    kind = item.value_type
+    plain = '0, 1, true or false' if kind is ValueType.BOOL \
+        else f'a number ({kind.value})' if kind.is_float else f'a whole number ({kind.value})'
+    return f'write {plain}' + (f', or {names}' if names else '')
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ', '.join(f"'{name}'" for name in names)

@@ -1,0 +1,115 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A compiled bundle run over a trace in a CSV file.
+
+Rows are read and verdicts written block by block, so that memory does not grow with the trace. A
+file of verdicts appears only when the whole trace could be read.
+"""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, nullcontext
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+import sys
+from typing import TextIO
+
+from fret_monitor.model.diagnostics import refuse
+from fret_monitor.model.output import open_output
+from fret_monitor.native.monitor import Monitor
+from fret_monitor.runtime.evaluator import Evaluator
+from fret_monitor.traces.csv_trace import TraceReader
+
+_MOST_LINES = 4096  # that are kept to be written again
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The number of steps, and the number of violating steps for the id of each requirement."""
+
+    steps: int
+    violations: dict[str, int]
+
+
+def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
+             read: Iterable[Path] = ()) -> Summary:
+    """
+    Step a monitor once for each row of a trace.
+
+    Parameters
+    ----------
+    monitor
+        a compiled bundle.
+    trace
+        CSV with a heading; one column an input (others are ignored), one row a step.
+    verdicts
+        where to write a row a step: the step from 0, then 1 (satisfied) or 0 for each
+        requirement, in the bundle's order. Standard output when None.
+    read
+        files that `verdicts` must not be, besides the trace: those of the bundle.
+
+    Raises
+    ------
+    CompileError
+        if the trace cannot be used, with the place, or the verdicts cannot be written.
+    """
+    writing = nullcontext(sys.stdout) if verdicts is None else open_output(
+        verdicts, (trace, *read))
+    with _reading(trace) as file, writing as out:
+        return _run(Evaluator(monitor), TraceReader(str(trace), file, monitor.manifest.inputs),
+                    out)
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[TextIO]:
+    try:
+        file = path.open(encoding='utf-8-sig', newline='')
+    except FileNotFoundError:
+        refuse(f"there is no file '{path}'")
+    except OSError as error:
+        refuse(f"cannot read '{path}': {error.strerror or error}")
+    with file:
+        yield file
+
+
+def _run(evaluator: Evaluator, trace: TraceReader, out: TextIO) -> Summary:
+    ids = [item.id for item in evaluator.monitor.manifest.requirements]
+    csv.writer(out, lineterminator='\n').writerow(['step', *ids])
+    lines: dict[bytes, str] = {}
+    violations = [0] * len(ids)
+    step = 0
+    for count, columns in trace.blocks():
+        found = bytes(evaluator.rows(columns, count))
+        out.write(_text(found, len(ids), step, lines))
+        step += count
+        for index in range(len(ids)):
+            violations[index] += found[index::len(ids)].count(0)
+    return Summary(step, dict(zip(ids, violations, strict=True)))
+
+
+def _text(found: bytes, width: int, step: int, lines: dict[bytes, str]) -> str:
+    """Return a block of verdicts as CSV; `lines` caches the text of rows met before."""
+    parts = []
+    for start in range(0, len(found), width):
+        flags = found[start:start + width]
+        line = lines.get(flags)
+        if line is None:
+            if len(lines) >= _MOST_LINES:
+                lines.clear()
+            line = lines[flags] = ',' + ','.join(map(str, flags)) + '\n'
+        parts.append(f'{step}{line}')
+        step += 1
+    return ''.join(parts)
