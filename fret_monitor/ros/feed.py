@@ -22,7 +22,7 @@ who publishes, and renews a subscription that could not hear somebody.
 
 Where C takes the messages of a topic (`Receiver`), the thread only looks who publishes.
 
-The subscriptions are invisible to any executor. All of them belong to the feed's thread.
+No executor knows the subscriptions. All of them belong to the feed's thread.
 """
 
 from collections import deque
@@ -38,12 +38,11 @@ from typing import Any, Protocol
 from fret_monitor.ros import qos
 from fret_monitor.ros.losses import Gaps, ReportedLosses
 from fret_monitor.ros.periods import Throttle
+from fret_monitor.ros.rcl_subscription import RclSubscription
 
-from rclpy.callback_groups import CallbackGroup
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 Deliver = Callable[[bytes, int, int], None]
@@ -72,7 +71,7 @@ class Receiver(Protocol):
 class TopicReceiver(Protocol):
     """What takes the messages of a topic outside this thread."""
 
-    def open(self, subscription: Subscription) -> Receiver:
+    def open(self, subscription: RclSubscription) -> Receiver:
         """Begin to take from a subscription."""
 
     def begin_handover(self, *, has_history: bool) -> None:
@@ -100,21 +99,6 @@ _REMEMBERED = 4096  # messages of a topic that would be recognised if they came 
 # reception time, (source time, sequence number) that tell it from others, data, topic,
 # whether it came by a subscription that has been replaced
 _Taken = tuple[int, tuple[int, int], bytes, '_Topic', bool]
-
-
-class _Invisible(CallbackGroup):
-    """A callback group that no executor takes anything from."""
-
-    def can_execute(self, entity: Any) -> bool:
-        """Return that it may not."""
-        return False
-
-    def beginning_execution(self, entity: Any) -> bool:
-        """Return that it may not."""
-        return False
-
-    def ending_execution(self, entity: Any) -> None:
-        """Do nothing: it never began."""
 
 
 @dataclass(frozen=True)
@@ -294,7 +278,7 @@ class _Topic:
         self._seen: set[tuple[int, int]] | None = None
         self._has_history = False
         self._newest = 0  # source time
-        self._retired: list[tuple[Subscription, Receiver | None, float]] = []
+        self._retired: list[tuple[RclSubscription, Receiver | None, float]] = []
         self._overlaps_until: float | None = None
         self._current = self._subscribe(qos.wanted_profile((), fixed))
         self._current_receiver: Receiver | None = None
@@ -339,9 +323,9 @@ class _Topic:
                     *self._retired, (self._current, self._current_receiver, 0.0)]:
                 last.callback(self._destroy, item, receiver)
 
-    def _destroy(self, subscription: Subscription, receiver: Receiver | None) -> None:
+    def _destroy(self, subscription: RclSubscription, receiver: Receiver | None) -> None:
         with ExitStack() as last:
-            last.callback(self._node.destroy_subscription, subscription)
+            last.callback(subscription.close)
             if receiver is not None:
                 last.callback(receiver.stop)
                 receiver.drain()
@@ -430,10 +414,8 @@ class _Topic:
             if self.receiver is not None:
                 self.receiver.end_handover()
 
-    def _subscribe(self, profile: QoSProfile) -> Subscription:
-        return self._node.create_subscription(
-            self.message_class, self._name, _unused, profile,
-            callback_group=_Invisible(), raw=True)
+    def _subscribe(self, profile: QoSProfile) -> RclSubscription:
+        return RclSubscription(self._node, self.message_class, self._name, profile)
 
     def _lost(self) -> int:
         """
@@ -488,10 +470,6 @@ def _who(publisher: TopicEndpointInfo) -> str:
     if publisher.node_name == _UNNAMED:
         return 'a publisher of no known node'
     return f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
-
-
-def _unused(message: bytes) -> None:
-    """Never called: the subscription is invisible to executors."""
 
 
 def _unused_delivery(data: bytes, received: int, sent: int) -> None:

@@ -29,10 +29,10 @@ from typing import Any
 
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros import native_lifetimes
+from fret_monitor.ros.rcl_subscription import RclSubscription
 from fret_monitor.runtime.shared_evaluator import SharedEvaluator
 
 from rclpy.publisher import Publisher
-from rclpy.subscription import Subscription
 from rclpy.type_support import check_for_type_support
 from rclpy.utilities import get_rmw_implementation_identifier
 
@@ -158,7 +158,7 @@ class Middleware:
         return _InPlaceClass(
             metaclass(message_class.__name__, (), {'__slots__': []}), support)
 
-    def subscription(self, item: Subscription) -> Any:
+    def subscription(self, item: RclSubscription) -> Any:
         """Return the middleware's object of a subscription, whose handle is held."""
         return _found(self._of_subscription(ffi.cast('void *', item.handle.pointer)))
 
@@ -185,8 +185,8 @@ def find_middleware(*, even_unproven: bool = False) -> Middleware:
 class HotReceiver:
     """One subscription whose messages C delivers to a watch."""
 
-    def __init__(self, watch: SharedEvaluator, middleware: Middleware, subscription: Subscription,
-                 topic: int) -> None:
+    def __init__(self, watch: SharedEvaluator, middleware: Middleware,
+                 subscription: RclSubscription, topic: int) -> None:
         """
         Start delivering; what the subscription holds already comes first.
 
@@ -252,7 +252,7 @@ class HotTopic:
         self._middleware = middleware
         self._topic = topic
 
-    def open(self, subscription: Subscription) -> HotReceiver:
+    def open(self, subscription: RclSubscription) -> HotReceiver:
         """Begin to take from a subscription; raises `Unavailable`."""
         return HotReceiver(self._watch, self._middleware, subscription, self._topic)
 

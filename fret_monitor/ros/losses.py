@@ -23,9 +23,10 @@ tell of losses too: Fast DDS does of what the network dropped, not of a queue th
 from collections.abc import Set
 from typing import Any
 
+from fret_monitor.ros.rcl_subscription import RclSubscription
+
 from rclpy.event_handler import QoSSubscriptionEventType, UnsupportedEventTypeError
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
-from rclpy.subscription import Subscription
 
 _NONE = 2**64 - 1  # RMW_MESSAGE_INFO_SEQUENCE_NUMBER_UNSUPPORTED
 
@@ -70,7 +71,7 @@ class Gaps:
 class ReportedLosses:
     """What the middleware says was lost of a subscription; nothing where it does not say."""
 
-    def __init__(self, subscription: Subscription) -> None:
+    def __init__(self, subscription: RclSubscription) -> None:
         """Ask for it; to be closed before the subscription is destroyed."""
         self._event: Any = None
         with subscription.handle:

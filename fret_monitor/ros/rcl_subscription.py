@@ -1,0 +1,68 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Subscriptions below `Node.create_subscription`, which no executor knows.
+
+An executor takes the messages of a subscription that it knows, and rclpy's `EventsExecutor`
+replaces the callback that C has set on it. These are made on the node's handle, and the node does
+not list them.
+"""
+
+from typing import Any
+
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.type_support import check_is_valid_msg_type
+
+
+class RclSubscription:
+    """
+    A subscription of a node, whose owner takes its messages and closes it.
+
+    `handle` is rclpy's object of the `rcl_subscription_t`: hold it (`with`) while C uses it.
+    """
+
+    def __init__(self, node: Node, msg_type: Any, topic: str, qos_profile: QoSProfile) -> None:
+        """
+        Subscribe.
+
+        Raises
+        ------
+        InvalidTopicNameException
+            if the name is not that of a topic.
+        RuntimeError
+            if the middleware refuses.
+        """
+        self.msg_type = msg_type
+        self.qos_profile = qos_profile
+        check_is_valid_msg_type(msg_type)  # imports its type support
+        try:
+            with node.handle:
+                self.handle: Any = _rclpy.Subscription(
+                    node.handle, msg_type, topic, qos_profile.get_c_qos_profile())
+        except ValueError:
+            node._validate_topic_or_service_name(topic)
+            raise
+
+    @property
+    def topic_name(self) -> str:
+        """The full name of the topic."""
+        with self.handle:
+            return str(self.handle.get_topic_name())
+
+    def close(self) -> None:
+        """Destroy the subscription as soon as nobody holds its handle."""
+        self.handle.destroy_when_not_in_use()
