@@ -22,7 +22,6 @@ their simplicity, so that Hypothesis shrinks to simple ones.
 """
 
 from collections.abc import Callable, Sequence
-import ctypes
 import math
 from random import Random
 from typing import Any, TypeVar
@@ -33,6 +32,7 @@ from fret_monitor.logic.formula import (
     Variable, WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.specification import Property, Signal, Specification
+from fret_monitor.model.floats import to_float32
 from fret_monitor.model.policies import Policy, Report, Severity
 from fret_monitor.model.values import ValueType
 from hypothesis import strategies as st
@@ -70,19 +70,6 @@ _NASTY_FLOAT32 = (0.0, 1.0, -1.0, -0.0, 0.5, 2.0, 3.0, 0.1, 1 / 3, -2.5, 1677721
 _NOT_FINITE = (math.inf, -math.inf, math.nan)
 
 
-def to_float32(value: float) -> float:
-    """Round as C does."""
-    return ctypes.c_float(value).value
-
-
-def limits(kind: ValueType) -> tuple[int, int]:
-    """Return the least and the greatest value of an integer type."""
-    bits = int(kind.value.lstrip('uint'))
-    if kind.value.startswith('u'):
-        return 0, 2 ** bits - 1
-    return -2 ** (bits - 1), 2 ** (bits - 1) - 1
-
-
 def finite_values(kind: ValueType) -> tuple[Any, ...]:
     """Return values of a type on which mistakes show, all finite, simple ones first."""
     if kind is BOOL:
@@ -91,7 +78,7 @@ def finite_values(kind: ValueType) -> tuple[Any, ...]:
         return _NASTY_FLOAT64
     if kind is FLOAT32:
         return tuple(to_float32(value) for value in _NASTY_FLOAT32)
-    low, high = limits(kind)
+    low, high = kind.limits
     usual = (0, 1, -1, 2, 3, -3, 7, 10, 100, high, low, high - 1, low + 1, high // 2, 2 ** 32,
              2 ** 53 + 1, -2 ** 53 - 1, 2 ** 62 + 1, 3037000500)
     return tuple(dict.fromkeys(value for value in usual if low <= value <= high))

@@ -20,11 +20,10 @@ operator: no reader and no compiler has to know C's precedence.
 """
 
 from dataclasses import dataclass
-from fractions import Fraction
 import math
-import struct
 from typing import assert_never, TypeAlias
 
+from fret_monitor.model.floats import shortest_float32
 from fret_monitor.model.values import ValueType
 
 _CHAINS = frozenset({'&', '|'})
@@ -197,25 +196,5 @@ def _float_literal(value: float, type: ValueType) -> str:
         return f'{cast}NAN'
     if math.isinf(value):
         return f'{"-" if value < 0 else ""}{cast}INFINITY'
-    digits = _shortest_float32(value) if suffix else repr(value)
+    digits = shortest_float32(value) if suffix else repr(value)
     return (digits if any(c in digits for c in '.e') else digits + '.0') + suffix
-
-
-def _shortest_float32(value: float) -> str:
-    """Return the shortest decimal that C rounds to this float32."""
-    for precision in range(1, 10):
-        digits = f'{value:.{precision}g}'
-        if _is_nearest_float32(digits, value):
-            return repr(float(digits))
-    return f'{value:.9g}'
-
-
-def _is_nearest_float32(digits: str, value: float) -> bool:
-    # Compared exactly: rounding by way of a float64 could end at a neighbour.
-    bits = struct.unpack('<I', struct.pack('<f', abs(value)))[0]
-    if bits + 1 >= 0x7f800000:
-        return float(digits) == value
-    above = struct.unpack('<f', struct.pack('<I', bits + 1))[0]
-    below = struct.unpack('<f', struct.pack('<I', bits - 1))[0] if bits else -above
-    wanted, exact = Fraction(abs(value)), abs(Fraction(digits))
-    return 2 * abs(exact - wanted) < min(Fraction(above) - wanted, wanted - Fraction(below))

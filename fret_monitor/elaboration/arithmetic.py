@@ -25,7 +25,7 @@ from fret_monitor.elaboration.terms import (
 from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Constant, FALSE, Formula, TRUE, Unary, UnaryOperator,
 )
-from fret_monitor.logic.numbers import absolute, fold, Literal, negated, NumberError, RANGES
+from fret_monitor.logic.numbers import absolute, fold, Literal, negated, NumberError
 from fret_monitor.model.diagnostics import Problems, refuse, Span
 from fret_monitor.model.values import ValueType
 
@@ -189,7 +189,7 @@ def _whole(operator: BinaryOperator, kind: ValueType,
     both, as the end of the range with an operator that is always true or always false there.
     """
     other = ValueType.INT64 if kind is ValueType.UINT64 else ValueType.UINT64
-    (low, high), (least, greatest) = RANGES[kind], RANGES[other]
+    (low, high), (least, greatest) = kind.limits, other.limits
     value = literal.value.numerator
     if low <= value <= high:
         return operator, Constant(value, kind)
@@ -204,7 +204,7 @@ def _whole(operator: BinaryOperator, kind: ValueType,
 
 def _warn_of_constant(operator: BinaryOperator, kind: ValueType, literal: Literal,
                       place: Span, problems: Problems) -> None:
-    low, high = RANGES[kind]
+    low, high = kind.limits
     if low <= literal.value <= high:
         return
     holds = operator in (_TRUE_BELOW if literal.value > high else _TRUE_ABOVE)

@@ -26,7 +26,7 @@ from functools import cached_property
 from typing import TypeAlias
 
 from fret_monitor.logic.formula import Constant, Conversion, Formula
-from fret_monitor.logic.numbers import constant, Literal, NumberError, RANGES
+from fret_monitor.logic.numbers import constant, Literal, NumberError
 from fret_monitor.model.diagnostics import refuse, Span
 from fret_monitor.model.values import ValueType
 
@@ -210,7 +210,7 @@ def settled(values: Iterable[Number]) -> ValueType:
     if any(literal.is_real for literal in literals):
         return ValueType.FLOAT64
     exact = [literal.value for literal in literals]
-    is_unsigned = min(exact) >= 0 and max(exact) > RANGES[ValueType.INT64].high
+    is_unsigned = min(exact) >= 0 and max(exact) > ValueType.INT64.limits[1]
     return ValueType.UINT64 if is_unsigned else ValueType.INT64
 
 

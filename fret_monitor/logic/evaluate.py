@@ -33,6 +33,7 @@ from fret_monitor.logic.formula import (
     postorder, Previous, Since, Triggered, Unary, UnaryOperator, Variable, WeakYesterday, Window,
     Yesterday,
 )
+from fret_monitor.model.floats import to_float32
 from fret_monitor.model.values import ValueType
 
 Value: TypeAlias = bool | int | float
@@ -277,15 +278,10 @@ def _uint64(value: Value) -> Value:
     return int(value) % 2 ** 64
 
 
-def _float32(value: Value) -> Value:
-    # C's own conversion: to nearest, ties to even, subnormals kept, to infinity beyond the range.
-    return ctypes.c_float(value).value
-
-
 _FIT: dict[ValueType, Callable[[Value], Value]] = {
     ValueType.INT64: _int64,
     ValueType.UINT64: _uint64,
-    ValueType.FLOAT32: _float32,
+    ValueType.FLOAT32: to_float32,
     ValueType.FLOAT64: float,
 }
 

@@ -23,11 +23,11 @@ ties to even. A literal that is too large for its type, or whose exact value wou
 
 from dataclasses import dataclass
 from fractions import Fraction
-from math import copysign, ldexp
+from math import isinf
 import re
-from typing import NamedTuple
 
 from fret_monitor.logic.formula import BinaryOperator, Constant
+from fret_monitor.model.floats import to_float32, to_float64
 from fret_monitor.model.values import ValueType
 
 LIMIT_BITS = 4096
@@ -58,21 +58,6 @@ class Literal:
         if self.value.denominator == 1 and abs(self.value) < 10 ** 20:
             return str(self.value.numerator)
         return f'{float(self.value):g}' if abs(self.value) < 10 ** 308 else 'a huge number'
-
-
-class Range(NamedTuple):
-    """The least and the greatest value of an integer type."""
-
-    low: int
-    high: int
-
-
-RANGES = {
-    kind: Range(0, 2 ** bits - 1) if kind.value.startswith('u')
-    else Range(-2 ** (bits - 1), 2 ** (bits - 1) - 1)
-    for kind in ValueType if kind.is_integer
-    for bits in [int(kind.value.lstrip('uint'))]
-}
 
 
 def parse_number(text: str) -> Literal:
@@ -114,50 +99,6 @@ def _limited(value: Fraction) -> Fraction:
     return value
 
 
-def to_float32(value: Fraction) -> float:
-    """
-    Round an exact number to float32 once, to nearest, ties to even.
-
-    Rounding to float64 first would be wrong for numbers that this makes a tie (Figueroa 1995).
-
-    Raises
-    ------
-    NumberError
-        if the rounded value is beyond the largest finite float32.
-    """
-    return _rounded(value, 24, -149, 128, 'float32')
-
-
-def to_float64(value: Fraction) -> float:
-    """
-    Round an exact number to float64 once, to nearest, ties to even.
-
-    Raises
-    ------
-    NumberError
-        if the rounded value is beyond the largest finite float64.
-    """
-    return _rounded(value, 53, -1074, 1024, 'float64')
-
-
-def _rounded(value: Fraction, precision: int, least: int, limit: int, name: str) -> float:
-    """Round to `precision` bits, steps of at least 2^least, magnitudes below 2^limit."""
-    if value == 0:
-        return 0.0
-    step = max(_exponent(value) - precision + 1, least)
-    # Fraction.__round__ is half-even; the product of a whole number and a power of two is exact.
-    steps = round(value / Fraction(2) ** step)
-    if step >= limit or abs(steps) >= 2 ** (limit - step):
-        raise NumberError(f'too large for {name}')
-    return copysign(ldexp(float(steps), step), value)
-
-
-def _exponent(value: Fraction) -> int:
-    """Return the e with 2^e <= |value| < 2^(e+1)."""
-    guess = value.numerator.bit_length() - value.denominator.bit_length()
-    return guess if abs(value) >= Fraction(2) ** guess else guess - 1
-
-
 def constant(literal: Literal, kind: ValueType) -> Constant:
     """
     Give a literal a type: INT64 or UINT64, FLOAT32 or FLOAT64; rounds once.
@@ -182,11 +123,14 @@ def stored(literal: Literal, kind: ValueType) -> int | float:
     if kind.is_float:
         if literal.is_negative_zero:
             return -0.0
-        is_single = kind is ValueType.FLOAT32
-        return to_float32(literal.value) if is_single else to_float64(literal.value)
+        to_float = to_float32 if kind is ValueType.FLOAT32 else to_float64
+        rounded = to_float(literal.value)
+        if isinf(rounded):
+            raise NumberError(f'too large for {kind.value}')
+        return rounded
     if literal.value.denominator != 1:
         raise NumberError(f'not a whole number, and {kind.value} holds none other')
-    low, high = RANGES[kind]
+    low, high = kind.limits
     if not low <= literal.value <= high:
         raise NumberError(f'not between {low} and {high}, the range of {kind.value}')
     return literal.value.numerator

@@ -28,7 +28,6 @@ for each use, which can be exponential: give a limit where formulas of any origi
 
 from collections.abc import Mapping, Sequence
 from enum import auto, Enum
-from fractions import Fraction
 import re
 from typing import assert_never, ClassVar, Final, NamedTuple, TypeAlias
 
@@ -38,7 +37,7 @@ from fret_monitor.logic.formula import (
     Once, Previous, Since, Triggered, Unary, UnaryOperator, Variable, WeakYesterday, Window,
     Yesterday,
 )
-from fret_monitor.logic.numbers import NumberError, to_float32
+from fret_monitor.model.floats import shortest_float32
 from fret_monitor.model.values import ValueType
 
 Values: TypeAlias = Mapping[str, Sequence[tuple[str, int | str]]]
@@ -427,20 +426,9 @@ def _number(node: Constant) -> str:
     """Return a number so that its context reads it as the same constant."""
     if isinstance(node.value, int):
         return str(node.value)
-    text = _shortest_float32(node.value) if node.type is ValueType.FLOAT32 else repr(node.value)
+    text = shortest_float32(node.value) if node.type is ValueType.FLOAT32 else repr(node.value)
     match = re.fullmatch(r'(.*?)e([+-])0*([0-9]+)', text)
     if match:
         # FRET reads no zero before, and needs no plus.
         return f'{match[1]}e{match[2].strip("+")}{match[3]}'
     return text if '.' in text else f'{text}.0'
-
-
-def _shortest_float32(value: float) -> str:
-    for digits in range(1, 9):
-        text = f'{value:.{digits}g}'
-        try:
-            if to_float32(Fraction(text)) == value:
-                return repr(float(text))  # 20.0, where the format says 2e+01
-        except NumberError:
-            continue
-    return f'{value:.9g}'

@@ -28,7 +28,7 @@ from fractions import Fraction
 import struct
 from typing import Any, NamedTuple, TypeAlias
 
-from fret_monitor.logic.numbers import NumberError, to_float32, to_float64
+from fret_monitor.model.floats import to_float32, to_float64
 from fret_monitor.proving.c_source import (
     Array, DOUBLE, FLOAT, Function, INT, integer, LONG, named_type, Pointer, Program, Scalar,
     shown, SIZE, Struct, Type, Unreadable, UNSIGNED,
@@ -782,11 +782,9 @@ def literal(node: Any) -> Value:
     kind = FLOAT if is_single else DOUBLE
     try:
         exact = Fraction(text.rstrip('fF'))
-        value = to_float32(exact) if is_single else to_float64(exact)
-    except NumberError:
-        value = float('inf')
     except ValueError:
         raise Unreadable(f'literal {text[:80]}') from None
+    value = to_float32(exact) if is_single else to_float64(exact)
     return Value(kind, t.floating(value, kind.bits))
 
 

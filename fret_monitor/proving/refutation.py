@@ -30,6 +30,7 @@ import time
 from typing import Any
 
 from fret_monitor.logic.specification import Signal
+from fret_monitor.model.floats import to_float32
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.monitor_program import Delay
 from fret_monitor.proving.c_source import Unreadable
@@ -270,7 +271,7 @@ def _stored(value: Any, signal: Signal) -> Any:
     if kind == 'word':
         return int(value) & ((1 << bits) - 1)
     if kind == 'real':
-        return t.to_float32(float(value)) if bits == 32 else float(value)
+        return to_float32(float(value)) if bits == 32 else float(value)
     return bool(value)
 
 

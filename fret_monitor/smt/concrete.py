@@ -23,6 +23,7 @@ from collections.abc import Callable, Mapping, Sequence
 import math
 from typing import Any
 
+from fret_monitor.model.floats import to_float32
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.terms import Term
 
@@ -47,7 +48,7 @@ def function_of(results: Sequence[Term], arguments: Sequence[Term]) -> Callable[
         names[item] = f't{item.number}'
         lines.append(f'    {names[item]} = {_text(item, names)}')
     lines.append(f'    return [{", ".join(names[item] for item in results)}]')
-    scope: dict[str, Any] = {'F': t.FUNCTIONS, 'r': t.to_float32, 'put': _put, 'same': _same,
+    scope: dict[str, Any] = {'F': t.FUNCTIONS, 'r': to_float32, 'put': _put, 'same': _same,
                              'inf': math.inf, 'nan': math.nan, 's': t.signed,
                              'from_integer': t.from_integer}
     exec('\n'.join(lines), scope)

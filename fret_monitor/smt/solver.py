@@ -32,6 +32,7 @@ import sys
 import time
 from typing import Any
 
+from fret_monitor.model.floats import to_float32
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.concrete import function_of
 from fret_monitor.smt.terms import Sort, Term
@@ -118,7 +119,7 @@ def _drawn(rng: Random, sort: Sort) -> Any:
         return (plain if rng.random() < 0.5 else rng.getrandbits(bits)) & ((1 << bits) - 1)
     value = rng.choice((0.0, -0.0, 1.0, -1.0, 0.5, 3.0, math.inf, math.nan, rng.uniform(-1e3, 1e3),
                         rng.uniform(-2, 2), 1e300))
-    return t.to_float32(value) if bits == 32 else value
+    return to_float32(value) if bits == 32 else value
 
 
 def _is_heavy(roots: Sequence[Term]) -> bool:

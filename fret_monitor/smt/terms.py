@@ -25,12 +25,15 @@ Sorts: `BOOL`, `word(n)` (n bits), `real(n)` (IEEE 754, n 32 or 64; there is one
 
 from collections.abc import Callable, Iterable
 import ctypes
+from fractions import Fraction
 from itertools import count
 import math
 import struct
 from threading import Lock
 from typing import Any
 from weakref import WeakValueDictionary
+
+from fret_monitor.model.floats import to_float32
 
 Sort = tuple[str, int]
 BOOL: Sort = ('bool', 0)
@@ -164,14 +167,6 @@ def signed(value: int, bits: int) -> int:
     return value - (1 << bits) if value >> (bits - 1) else value
 
 
-def to_float32(value: float) -> float:
-    """Round to float32, to nearest, ties to even; too large is infinite."""
-    try:
-        return float(struct.unpack('<f', struct.pack('<f', value))[0])
-    except OverflowError:
-        return math.copysign(math.inf, value)
-
-
 def _rounded(value: float, bits: int) -> float:
     return value if bits == 64 else to_float32(value)
 
@@ -186,16 +181,7 @@ def _quotient(a: float, b: float) -> float:
 
 def from_integer(value: int, bits: int) -> float:
     """Round a whole number to a float, once."""
-    if bits == 64:
-        return float(value)
-    # float() first would round twice: keep a sticky bit below what float32 holds.
-    size = abs(value).bit_length()
-    if size > 40:
-        shift = size - 40
-        kept = abs(value) >> shift
-        kept |= bool(abs(value) & ((1 << shift) - 1))
-        return to_float32(math.copysign(math.ldexp(kept, shift), value))
-    return to_float32(float(value))
+    return float(value) if bits == 64 else to_float32(Fraction(value))
 
 
 def _sdiv(w: int, a: int, b: int) -> int:

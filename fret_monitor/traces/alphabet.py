@@ -22,7 +22,6 @@ values (`is_exact`); where numbers are added up or compared with one another the
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from itertools import islice, pairwise, product
 import math
 from random import Random
@@ -31,9 +30,9 @@ from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import (
     Binary, Constant, Conversion, Formula, postorder, Variable, variables,
 )
-from fret_monitor.logic.numbers import NumberError, to_float32
 from fret_monitor.logic.propositions import is_pointwise
 from fret_monitor.logic.specification import Signal
+from fret_monitor.model.floats import to_float32
 from fret_monitor.model.values import ValueType
 from fret_monitor.traces.subject import Subject
 from fret_monitor.traces.trials import Row, Value
@@ -177,10 +176,8 @@ def _beside(kind: ValueType, number: int | float, step: float) -> float:
 def _fitted(kind: ValueType, value: float) -> float:
     if kind is not ValueType.FLOAT32:
         return value
-    try:
-        return to_float32(Fraction(value))
-    except (NumberError, OverflowError, ValueError):
-        return math.copysign(3e38, value)
+    rounded = to_float32(value)
+    return rounded if math.isfinite(rounded) else math.copysign(3e38, value)
 
 
 def _integers(kind: ValueType, numbers: Sequence[int | float]) -> list[Value]:

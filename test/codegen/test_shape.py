@@ -42,7 +42,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 from strategies import (
-    all_values, as_term, INPUTS, limits, random_inputs, random_property, random_trace,
+    all_values, as_term, INPUTS, random_inputs, random_property, random_trace,
     specification_of,
 )
 
@@ -379,9 +379,9 @@ def test_numbers_that_are_no_plain_ones_are_constants_too(kind: ValueType,
 @pytest.mark.parametrize('kind', [item for item in ValueType if item.is_integer])
 def test_limits_of_integers_are_compared_without_a_warning(kind: ValueType) -> None:
     number = as_term(Variable('x', kind), ValueType.UINT64 if kind is ValueType.UINT64 else INT64)
-    low, high = limits(kind)
-    ends = {low - 1, low, low + 1, 0, high - 1, high, high + 1, *limits(number.type)}
-    least, greatest = limits(number.type)
+    low, high = kind.limits
+    ends = {low - 1, low, low + 1, 0, high - 1, high, high + 1, *number.type.limits}
+    least, greatest = number.type.limits
     formulas: list[Formula] = [
         Binary(operator, *pair)
         for end in sorted(ends) if least <= end <= greatest

@@ -29,11 +29,11 @@ from fret_monitor.logic.formula import (
     Variable,
 )
 from fret_monitor.logic.specification import Property
+from fret_monitor.model.floats import to_float32
 from fret_monitor.model.values import ValueType
 import pytest
 from strategies import (
-    all_values, becomes, finite_values, limits, property_of, specification_of, TERM_TYPES,
-    to_float32,
+    all_values, becomes, finite_values, property_of, specification_of, TERM_TYPES,
 )
 
 INT64, UINT64 = ValueType.INT64, ValueType.UINT64
@@ -60,7 +60,7 @@ def random_value(rng: Random, kind: ValueType) -> Any:
         return rng.choice([struct.unpack('<f', rng.randbytes(4))[0], to_float32(rng.gauss(0, 9))])
     if kind is FLOAT64:
         return rng.choice([struct.unpack('<d', rng.randbytes(8))[0], rng.gauss(0, 9)])
-    low, high = limits(kind)
+    low, high = kind.limits
     return rng.choice([rng.randint(low, high), rng.randint(max(low, -20), min(high, 20))])
 
 

@@ -31,8 +31,8 @@ from fret_monitor.logic.formula import (
     Historically, Once, postorder, Previous, Since, Triggered, TRUE, Unary, UnaryOperator,
     Variable, WeakYesterday, Window, Yesterday,
 )
-from fret_monitor.logic.numbers import RANGES, to_float32
 from fret_monitor.model.diagnostics import CompileError, Problems, Source, Span, Text
+from fret_monitor.model.floats import to_float32
 from fret_monitor.model.values import ValueType
 import pytest
 
@@ -338,7 +338,7 @@ PYTHON: dict[str, Callable[[Any, Any], bool]] = {
 @pytest.mark.parametrize('name', [key for key, item in NUMBERS.items() if item.type.is_integer])
 @pytest.mark.parametrize('beyond', [0, 1, 10, 2 ** 63, 2 ** 64, 10 ** 100])
 def test_integers_are_compared_with_whole_literals_by_value(name: str, beyond: int) -> None:
-    low, high = RANGES[NUMBERS[name].type]
+    low, high = NUMBERS[name].type.limits
     values = [low, low + 1, (low + high) // 2, high - 1, high]
     for literal in (low - beyond, high + beyond):
         for text, is_mirrored in all_relations(name, literal):

@@ -21,6 +21,7 @@ import struct
 from typing import Any
 
 from differential.compiled import clang, compile_c, gcc
+from fret_monitor.model.floats import to_float32
 from fret_monitor.proving.c_source import read_program, Scalar, Struct, Unreadable
 from fret_monitor.proving.execution import Machine, Memory, Reference, sort_of, Value
 from fret_monitor.smt import terms as t
@@ -196,7 +197,7 @@ def test_z3_and_python_agree_on_what_an_operation_computes(op: str, bits: int) -
         values = [drawn(rng, 'double') if is_real else rng.getrandbits(bits) >> rng.choice((0, 3))
                   for _ in args]
         if is_real and bits == 32:
-            values = [t.to_float32(value) for value in values]
+            values = [to_float32(value) for value in values]
         [ours] = compute(*values)
         put = [(translation.variables[arg], Translation(False)(t.constant(value, sort)))
                for arg, value in zip(args, values)]
