@@ -368,14 +368,25 @@ class Elaborator:
     def _refuse_function(self, node: Call) -> NoReturn:
         declaration = self._scope.find(node.function)
         if declaration is not None:
-            refuse(f"'{node.function}' is no function", node.function_span,
-                   f'this is {declaration.role.value}', f'write {node.function}')
+            _refuse_application(node, declaration.role)
         if node.function in _FUTURE:
             refuse('a monitor sees only the past', node.function_span,
                    f"'{node.function}' looks into the future", f'write {_FUTURE[node.function]}')
         refuse(f"there is no function '{node.function}'", node.function_span, '',
                did_you_mean(node.function, FUNCTIONS)
                or 'there are ' + ', '.join(sorted(FUNCTIONS)))
+
+
+def _refuse_application(node: Call, role: Role) -> NoReturn:
+    """Refuse a declared name with arguments: an element of an array, or a function."""
+    name = node.function
+    if all(isinstance(argument, Number) for argument in node.arguments):
+        index = '_'.join(argument.text for argument in node.arguments
+                         if isinstance(argument, Number))
+        refuse('arrays are not supported', node.span, f"'{name}' is {role.value}",
+               f'declare each element as an input of its own, such as {name}_{index}')
+    refuse(f"there is no function '{name}'", node.function_span, f"'{name}' is {role.value}",
+           f'declare the value of {name}(...) as an input of its own')
 
 
 def _bound_names(node: Expression) -> Iterator[Name]:

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from fret_monitor.bundle.bundle import handler_name, parse_bundle
 from fret_monitor.importing.compare import Difference, differences
-from fret_monitor.importing.component import Component, key_of
+from fret_monitor.importing.component import Component
 from fret_monitor.importing.draft import Draft, draft
 from fret_monitor.importing.emit import emit
 from fret_monitor.importing.files import choose, read_files
@@ -31,10 +31,11 @@ from fret_monitor.logic.evaluate import Value
 from fret_monitor.model.diagnostics import (
     CompileError, counted, Diagnostic, did_you_mean, Level, Problems, refuse, Source,
 )
-from fret_monitor.model.names import shown
+from fret_monitor.model.names import fret_name, shown
 from fret_monitor.model.output import open_output, refuse_overwriting
 
 _LONGEST_NAME = 100
+_MOST_LISTED = 20
 
 
 @dataclass(frozen=True)
@@ -75,11 +76,9 @@ def import_bundles(paths: Sequence[Path], output: Path, component: str | None = 
     for item, target in zip(chosen, targets, strict=True):
         own = Problems()
         try:
-            drafted = draft(item, files.connections, own)
+            found.append(_imported(draft(item, files.connections, own), target, own))
         except CompileError as error:
             failed.append((item, error))
-        else:
-            found.append(_imported(drafted, target, own))
     if not found:
         raise CompileError([told for _, reason in failed for told in reason.diagnostics])
     for item, reason in failed:
@@ -112,13 +111,20 @@ def _not_made(component: Component, error: CompileError) -> Iterator[Diagnostic]
 
 def _unknown(connections: Mapping[str, Connection],
              found: Iterable[Imported]) -> Iterator[Diagnostic]:
-    """Tell the names in lists that no component has."""
-    names = {key_of(name): name for item in found
-             for name in (*(one.name for one in item.draft.inputs), *item.draft.unused)}
-    for key, item in connections.items():
-        if item.place is not None and key not in names:
+    """Report the names in lists and databases that no component has."""
+    names = {fret_name(name): name for item in found
+             for name in (*(one.name for one in item.draft.inputs), *item.draft.unused,
+                          *(old for old, _ in item.draft.renamed))}
+    unknown = [item for key, item in connections.items() if key not in names]
+    for item in unknown:
+        if item.place is not None:
             yield Diagnostic(f'no input is called {shown(item.name)}', item.place,
                              help=did_you_mean(item.name, names.values()), level=Level.WARNING)
+    for file in dict.fromkeys(item.file for item in unknown if item.place is None):
+        unread = [shown(item.name) for item in unknown if item.file == file and not item.place]
+        more = f' and {len(unread) - _MOST_LISTED} more' if len(unread) > _MOST_LISTED else ''
+        yield Diagnostic(f'{file}: no requirement or variable is called '
+                         f'{", ".join(unread[:_MOST_LISTED])}{more}', level=Level.WARNING)
 
 
 def _unnamed(component: Component) -> Diagnostic:

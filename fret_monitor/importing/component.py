@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from enum import Enum
 
 from fret_monitor.bundle.bundle import Language
-from fret_monitor.model.names import fret_name
 
 
 class Role(Enum):
@@ -39,11 +38,6 @@ def bare(name: str) -> str:
     """Return a name without the quotes that FRET keeps around one with blanks in it."""
     is_quoted = len(name) > 2 and name[0] == name[-1] == '"'
     return name[1:-1] if is_quoted else name
-
-
-def key_of(name: str) -> str:
-    """Return what tells names apart: `a.b` and FRET's `a_DOT_b` are one."""
-    return fret_name(bare(name))
 
 
 @dataclass(frozen=True)

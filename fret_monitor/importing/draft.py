@@ -23,6 +23,7 @@ requirement the first that has a meaning is taken; the others are there to be co
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, count
 
 from fret_monitor.bundle.bundle import (
     Bundle, ConstantEntry, Definition, InputEntry, Language, Requirement,
@@ -32,9 +33,11 @@ from fret_monitor.elaboration.graph import components, is_cyclic
 from fret_monitor.elaboration.signals import input_declaration
 from fret_monitor.elaboration.types_by_use import TypesByUse
 from fret_monitor.importing.component import (
-    bare, Component, ComponentRequirement, ComponentVariable, key_of, Role,
+    bare, Component, ComponentRequirement, ComponentVariable, Role,
 )
-from fret_monitor.importing.readings import look_at, names_in, read_wording, Reading, uses
+from fret_monitor.importing.readings import (
+    look_at, names_in, read_wording, Reading, rename, uses,
+)
 from fret_monitor.importing.topics import Connection
 from fret_monitor.importing.type_names import message_for, plain_type
 from fret_monitor.logic.specification import Property, Signal
@@ -42,7 +45,7 @@ from fret_monitor.messages.definitions import find_message
 from fret_monitor.model.diagnostics import (
     CompileError, Diagnostic, Level, Problems, refuse, Source, Text,
 )
-from fret_monitor.model.names import name_fault, number_fault, quoted_name_fault, shown
+from fret_monitor.model.names import fret_name, name_fault, number_fault, quoted_name_fault, shown
 from fret_monitor.model.policies import Policy, Report, Severity
 from fret_monitor.model.values import ValueType
 
@@ -105,6 +108,7 @@ class Draft:
     unused: tuple[str, ...]
     todo: tuple[str, ...]
     comparisons: tuple[Comparison, ...]
+    renamed: tuple[tuple[str, str], ...] = ()
 
 
 def draft(component: Component, connections: Mapping[str, Connection],
@@ -128,17 +132,20 @@ class _Drafter:
         self._component = component
         self._connections = connections
         self._problems = problems
+        self._readings = [[read_wording(item) for item in requirement.wordings]
+                          for requirement in component.requirements]
+        self._assignments = {fret_name(item.name): [read_wording(one) for one in item.assignments]
+                             for item in component.variables}
+        self._renamed: dict[str, str] = {}
+        self._rename_reserved()
         self._todo: list[str] = []
         self._missing: dict[str, str] = {}
         self._constants: dict[str, tuple[str, str]] = {}
         self._definitions: dict[str, tuple[str, Reading]] = {}
         self._inputs: dict[str, ComponentVariable] = {}
-        self._guessed: set[str] = set()
         self._types = TypesByUse()
         self._failed: dict[Reading, list[Diagnostic]] = {}
         self._instead: dict[tuple[str, str, str], list[str]] = {}
-        self._readings = [[read_wording(item) for item in requirement.wordings]
-                          for requirement in component.requirements]
 
     def draft(self) -> Draft:
         self._sort_variables()
@@ -167,11 +174,38 @@ class _Drafter:
                                if readings),
             left_out=tuple(left_out),
             unused=tuple(item.name for key, item in inputs.items() if key not in used),
+            renamed=tuple(self._renamed.items()),
             todo=tuple(self._todo),
             comparisons=tuple(self._comparisons(taken)),
         )
 
     # Names
+
+    def _rename_reserved(self) -> None:
+        """Give names that are operators in a bundle (`pre`, `H`) other names, wherever used."""
+        readings = [*chain(*self._readings, *self._assignments.values())]
+        names = {fret_name(name): name for reading in readings for name in names_in(reading)}
+        taken = {*names, *(fret_name(item.name) for item in self._component.variables)}
+        new = {key: free_name(name, taken) for key, name in names.items()
+               if written_name(name) is None}
+        if not new:
+            return
+        self._renamed = {names[key]: name for key, name in new.items()}
+        for old, name in self._renamed.items():
+            fault = name_fault(bare(old))
+            self._problems.warning(f"'{bare(old)}' is called '{name}' in the bundle", None, '',
+                                   fault.reason if fault else '')
+        self._readings = [[rename(one, new) for one in items] for items in self._readings]
+        self._assignments = {new.get(key, key): [rename(one, new) for one in items]
+                             for key, items in self._assignments.items()}
+        self._connections = {new.get(key, key): item for key, item in self._connections.items()}
+        self._component = replace(
+            self._component,
+            variables=tuple(replace(item, name=new.get(fret_name(item.name), item.name))
+                            for item in self._component.variables),
+            requirements=tuple(
+                replace(item, modes=tuple(new.get(fret_name(name), name) for name in item.modes))
+                for item in self._component.requirements))
 
     def _sort_variables(self) -> None:
         """Tell constants, definitions and inputs apart."""
@@ -184,13 +218,13 @@ class _Drafter:
                 self._problems.warning(f'the variable {shown(item.name)} is left out', None,
                                        fault.reason if fault else '', 'rename it in FRET')
             elif not self._assigned(item, name):
-                self._inputs[key_of(item.name)] = replace(item, name=name)
+                self._inputs[fret_name(item.name)] = replace(item, name=name)
 
     def _assigned(self, item: ComponentVariable, name: str) -> bool:
         """Take a variable that has a value as a constant or a definition."""
-        readings = [read_wording(wording) for wording in item.assignments]
+        readings = self._assignments[fret_name(item.name)]
         found = next((reading for reading in readings if reading.tree), None)
-        key = key_of(item.name)
+        key = fret_name(item.name)
         if found is None:
             for reading in readings[:1]:
                 self._warn(reading.diagnostics)
@@ -219,7 +253,7 @@ class _Drafter:
 
     def _undefined(self, item: ComponentVariable, name: str) -> None:
         why = 'it has no value in FRET' if not item.assignments else 'its value cannot be read'
-        self._missing[key_of(item.name)] = (
+        self._missing[fret_name(item.name)] = (
             f"'{name}' is {_article(item.role)}, and {why}: define it, or map it to a topic"
             f'\ndefinitions:\n  {name}: ...')
 
@@ -249,13 +283,12 @@ class _Drafter:
         readings += [item for _, item in self._definitions.values()]
         for reading in readings:
             for name in _undeclared(reading, known):
-                known.add(key_of(name))
-                self._guessed.add(key_of(name))
-                self._inputs[key_of(name)] = ComponentVariable(
+                known.add(fret_name(name))
+                self._inputs[fret_name(name)] = ComponentVariable(
                     written_name(name) or name, Role.INPUT)
 
     def _connection(self, name: str) -> Connection:
-        return self._connections.get(key_of(name)) or Connection(name)
+        return self._connections.get(fret_name(name)) or Connection(name)
 
     # Inputs
 
@@ -303,19 +336,21 @@ class _Drafter:
                      for item in missing]
             self._todo.append('\n'.join([f'no file says on what topic {_these(missing)}; write it '
                                          'in the place of the type:', *lines]))
-        guessed = [item for item in inputs if key_of(item.name) in self._guessed
-                   and not self._is_typed(self._connection(item.name))]
+        guessed = [item for item in inputs if not self._is_typed(item)]
         if guessed:
-            self._todo.append('no file declares, and the type is a guess: ' + ', '.join(
+            self._todo.append('no file gives the type, and this is a guess: ' + ', '.join(
                 f'{item.name} ({item.signal.type.value})' for item in guessed))
         for item in inputs:
             if item.topic and self._connection(item.name).message_type is None:
                 self._todo.append(
                     f"the message type of {item.topic} ('{item.name}') is a guess: {item.type}")
 
-    @staticmethod
-    def _is_typed(link: Connection) -> bool:
-        return link.message_type is not None or plain_type(link.type) is not None
+    def _is_typed(self, item: DraftInput) -> bool:
+        """Whether a file gives the type of an input, or it is a mode."""
+        link, known = self._connection(item.name), self._inputs.get(fret_name(item.name))
+        is_declared = known is not None and (
+            known.role is Role.MODE or plain_type(known.type) is not None)
+        return is_declared or link.message_type is not None or plain_type(link.type) is not None
 
     # Meanings
 
@@ -348,7 +383,7 @@ class _Drafter:
                 del self._definitions[key]
                 self._warn(wrong[reading.text.source])
                 variable = next(item for item in self._component.variables
-                                if key_of(item.name) == key)
+                                if fret_name(item.name) == key)
                 self._undefined(variable, name)
                 inputs[key] = self._input(replace(variable, name=name))
         if before == len(active) + len(self._definitions):
@@ -451,9 +486,17 @@ def written_name(name: str) -> str | None:
         inner.replace('_', '').isalnum()) else None if name_fault(inner) else inner
 
 
+def free_name(name: str, taken: set[str]) -> str:
+    """Return a name for a bundle, made of one that it cannot have, and add it to the taken."""
+    base = f'{bare(name)}_value'
+    found = next(free for free in chain([base], (f'{base}_{number}' for number in count(2)))
+                 if free not in taken)
+    taken.add(found)
+    return found
+
+
 def _undeclared(reading: Reading, known: set[str]) -> Iterator[str]:
-    if reading.tree is not None:
-        yield from (name for name in names_in(reading.tree) if key_of(name) not in known)
+    yield from (name for name in names_in(reading) if fret_name(name) not in known)
 
 
 def _number(text: str) -> str | None:

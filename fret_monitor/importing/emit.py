@@ -174,6 +174,11 @@ def _todo(draft: Draft) -> Iterator[str]:
         yield from wrap('No requirement reads: ' + _comment(', '.join(draft.unused)), _WIDTH,
                         initial_indent='# ', subsequent_indent='#   ', break_long_words=False,
                         break_on_hyphens=False)
+    if draft.renamed:
+        yield ''
+        yield from wrap('Renamed: ' + _comment(', '.join(
+            f'{old} is {new}' for old, new in draft.renamed)), _WIDTH, initial_indent='# ',
+            subsequent_indent='#   ', break_long_words=False, break_on_hyphens=False)
     if draft.todo:
         yield ''
         yield f'# TO DO ({len(draft.todo)}):'

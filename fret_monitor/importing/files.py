@@ -26,9 +26,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fret_monitor.bundle.bundle import handler_name, Language, read_source
-from fret_monitor.importing.component import (
-    Component, ComponentRequirement, ComponentVariable, key_of,
-)
+from fret_monitor.importing.component import Component, ComponentRequirement, ComponentVariable
 from fret_monitor.importing.fret import (
     is_project, is_specification, read_project, read_specification,
 )
@@ -38,7 +36,7 @@ from fret_monitor.importing.topics import (
     Connection, is_database, is_list, read_database, read_list,
 )
 from fret_monitor.model.diagnostics import did_you_mean, Problems, refuse, Source, Span
-from fret_monitor.model.names import handler_fault, shown
+from fret_monitor.model.names import fret_name, handler_fault, shown
 
 MAX_BYTES = 256 * 2 ** 20  # FRET writes some 10 KiB for a requirement
 _KINDS = ('a project or component specification of FRET (JSON), its Lustre, a variable database '
@@ -48,7 +46,7 @@ _LONGEST_ID = 100
 
 @dataclass(frozen=True)
 class Files:
-    """All that was read: the components, and the connections by `key_of` their inputs."""
+    """All that was read: the components, and the connections by `fret_name` of their inputs."""
 
     components: tuple[Component, ...]
     connections: dict[str, Connection]
@@ -108,7 +106,7 @@ def _read_json(source: Source, path: Path,
 def _connect(item: Connection, connections: dict[str, Connection], file: str,
              problems: Problems) -> None:
     """Add a connection; what a later file says of the same input counts where it says more."""
-    key = key_of(item.name)
+    key = fret_name(item.name)
     known = connections.get(key)
     if known is not None and known.topic and item.topic and known.topic != item.topic:
         problems.warning(f"{file}: '{item.name}' has a topic already: {known.topic}", None, '',
@@ -120,7 +118,7 @@ def _connect(item: Connection, connections: dict[str, Connection], file: str,
         connections[key] = Connection(
             known.name, known.topic or item.topic, known.message_type or item.message_type,
             known.field or item.field, known.type or item.type, known.note or item.note,
-            known.place or item.place)
+            known.file or item.file, known.place or item.place)
 
 
 # What several files say of one component.
@@ -226,9 +224,9 @@ def _variables(variables: Iterable[ComponentVariable]) -> Iterator[ComponentVari
     """Yield each variable once, with what any of its entries says."""
     found: dict[str, ComponentVariable] = {}
     for item in variables:
-        known = found.setdefault(key_of(item.name), item)
+        known = found.setdefault(fret_name(item.name), item)
         if known is not item:
-            found[key_of(item.name)] = replace(
+            found[fret_name(item.name)] = replace(
                 known, type=known.type or item.type,
                 role=item.role if item.assignments and not known.assignments else known.role,
                 assignments=known.assignments or item.assignments)

@@ -39,6 +39,11 @@ _OTHER = ('Other_variables', 'external_variables', 'Input_variables', 'Output_va
 _REQUIREMENTS = ('Requirements', 'properties', 'requirements')
 _FUNCTIONS = ('Functions', 'functions')
 _IDS = ('name', 'id', 'reqid')
+# What FRET and Ogma write where a requirement has no formula or no sentence.
+_PLACEHOLDERS = frozenset({
+    'meaning not specified', 'no meaning assigned', 'under construction', 'unhandled',
+    'undefined', 'true',
+})
 _RESULTS = ('result_type', 'result_formula')
 
 
@@ -131,12 +136,17 @@ def _requirement(item: dict[str, object], source: Source, file: str) -> Componen
 
 
 def _wordings(label: str, sentence: str, ptltl: str, cocospec: str) -> Iterator[Wording]:
-    if sentence:
-        yield Wording((Language.FRETISH,), ' '.join(sentence.split()), f'{label}, sentence')
-    if ptltl:
-        yield Wording((Language.PTLTL,), plain(ptltl), f'{label}, ptLTL')
-    if cocospec:
-        yield Wording((Language.COCOSPEC,), plain(cocospec), f'{label}, CoCoSpec')
+    for language, name, written in (
+            (Language.FRETISH, 'sentence', ' '.join(sentence.split())),
+            (Language.PTLTL, 'ptLTL', plain(ptltl)),
+            (Language.COCOSPEC, 'CoCoSpec', plain(cocospec))):
+        if written and not _is_placeholder(written):
+            yield Wording((language,), written, f'{label}, {name}')
+
+
+def _is_placeholder(text: str) -> bool:
+    """Whether a tool wrote a text where it had no formula."""
+    return text.lower().strip(' .()') in _PLACEHOLDERS
 
 
 # Component specifications.

@@ -20,17 +20,18 @@ CoCoSpec. A wording that cannot be read keeps the diagnostics, to be told as war
 wording may do.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.elaboration.languages import read_formula
 from fret_monitor.elaboration.types_by_use import TypesByUse
-from fret_monitor.importing.component import key_of, Wording
+from fret_monitor.importing.component import Wording
 from fret_monitor.language.expression import Equations, Expression, Name, postorder
 from fret_monitor.language.sentence import Sentence
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Source, Text
+from fret_monitor.model.names import fret_name
 
 Tree: TypeAlias = Expression | Equations | Sentence
 
@@ -71,13 +72,31 @@ def expressions(tree: Tree) -> Iterator[tuple[Expression, str]]:
             yield tree, ''
 
 
-def names_in(tree: Tree) -> Iterator[str]:
+def _free_names(tree: Tree) -> Iterator[Name]:
     """Yield the names that a tree uses and does not define itself, but for FTP."""
     own = {item.name for item in tree.equations} if isinstance(tree, Equations) else set()
     for expression, _ in expressions(tree):
         for node in postorder(expression):
             if isinstance(node, Name) and node.text not in own and node.text != 'FTP':
-                yield node.text
+                yield node
+
+
+def names_in(reading: Reading) -> Iterator[str]:
+    """Yield the names that a reading uses and does not define itself, but for FTP."""
+    if reading.tree is not None:
+        yield from (node.text for node in _free_names(reading.tree))
+
+
+def rename(reading: Reading, names: Mapping[str, str]) -> Reading:
+    """Return a reading with other names in its text; `names` has them by their `fret_name`."""
+    if reading.tree is None:
+        return reading
+    places = {node.span: names[fret_name(node.text)] for node in _free_names(reading.tree)
+              if fret_name(node.text) in names}
+    text = reading.wording.text
+    for span, name in sorted(places.items(), key=lambda item: item[0].start, reverse=True):
+        text = text[:span.start] + name + text[span.end:]
+    return read_wording(replace(reading.wording, text=text)) if places else reading
 
 
 def look_at(reading: Reading, name: str, types: TypesByUse) -> None:
@@ -93,4 +112,4 @@ def look_at(reading: Reading, name: str, types: TypesByUse) -> None:
 
 def uses(reading: Reading) -> set[str]:
     """Return the keys of the names that a reading uses."""
-    return {key_of(name) for name in names_in(reading.tree)} if reading.tree else set()
+    return {fret_name(name) for name in names_in(reading)}

@@ -20,7 +20,7 @@ message type, and for some the field; a list has a line an input: name, topic an
 known, message type and field.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from dataclasses import field as attribute
 import re
 
@@ -41,7 +41,8 @@ class Connection:
     What feeds an input; None where it is not known.
 
     `type` is what the database says of the input itself, in C's words; `message_type` the ROS
-    type of the topic. `note` says why there is no topic, `place` where a list has it.
+    type of the topic. `note` says why there is no topic, `file` which file names the input,
+    and `place` where, if that is a list.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Connection:
     field: str | None = None
     type: str = ''
     note: str = ''
+    file: str = attribute(default='', compare=False)
     place: Span | None = attribute(default=None, compare=False)
 
 
@@ -78,9 +80,8 @@ def _connection(item: dict[str, object], topics: dict[str, str], fields: dict[st
     link = next((one for one in links if text(one, 'scope') in _ROS), None)
     if link is None:
         scopes = ', '.join(shown(text(one, 'scope')) for one in links)
-        return Connection(name, type=text(item, 'type'),
-                          note=f"{file} connects it to {scopes}, not 'ros/message'" if links
-                          else '')
+        note = f"{file} connects it to {scopes}, not 'ros/message'" if links else ''
+        return Connection(name, type=text(item, 'type'), note=note, file=file)
     topic = text(link, 'topic')
     kind = topics.get(topic, '')
     field = text(link, 'field') or fields.get(kind, '')
@@ -99,7 +100,7 @@ def _usable(found: Connection, file: str, problems: Problems, place: Span | None
         None if found.topic and topic_fault(found.topic) else found.topic,
         None if kind_fault or found.message_type and '/' not in found.message_type
         else found.message_type,
-        found.field, found.type, found.note)
+        found.field, found.type, found.note, file, place)
 
 
 def _tell(fault: Fault, name: str, file: str, problems: Problems, place: Span | None) -> None:
@@ -133,6 +134,6 @@ def read_list(source: Source, file: str, problems: Problems) -> list[Connection]
             name, topic, kind, field = (words + [''] * _MOST_COLUMNS)[:_MOST_COLUMNS]
             item = Connection(name, topic or None, _message_type(kind) or None, field or None)
             place = Span(source, start, start + max(len(whole.rstrip()), 1))
-            found.append(replace(_usable(item, file, problems, place), place=place))
+            found.append(_usable(item, file, problems, place))
         start += len(whole) + 1
     return found

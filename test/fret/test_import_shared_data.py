@@ -64,10 +64,13 @@ def test_ogmas_example_gives_a_bundle_that_is_ready(tmp_path: Path) -> None:
     assert 'result_formula' in found.warnings[0].title
 
 
-def test_a_specification_whose_formulas_differ_says_so(tmp_path: Path) -> None:
-    # Its CoCoSpec is `true`, and its ptLTL names inputs that it does not declare.
+def test_placeholders_of_ogma_are_no_formulas(tmp_path: Path) -> None:
+    # Its CoCoSpec is `true`, its sentence 'Meaning not specified', and its ptLTL names inputs
+    # that it does not declare.
     found = imported(tmp_path, 'ogma/fcs-2.json')
-    assert len(found.traces) == 1
+    assert found.traces == ()
+    assert found.warnings == ()
+    assert found.draft.requirements[0].language is Language.PTLTL
     assert {item.name for item in found.draft.inputs} == {
         'flight_mode', 'conflict_detected', 'replanning_mode'}
 

@@ -19,9 +19,10 @@ from typing import Any
 
 from fret_monitor.bundle.bundle import Language, read_bundle
 from fret_monitor.elaboration.elaborate import specify
-from fret_monitor.importing import import_bundles, Imported, write_bundles
+from fret_monitor.importing import bundles, import_bundles, Imported, write_bundles
+from fret_monitor.importing.draft import Draft
 from fret_monitor.logic.specification import Specification
-from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.diagnostics import CompileError, refuse
 from fret_monitor.model.values import ValueType
 from importing.examples import (
     DATABASE, DOCUMENT, imported, LUSTRE, PROJECT, refused, requirement, SPECIFICATION, variable,
@@ -59,7 +60,7 @@ def test_an_old_export_without_variables_shows_what_it_means_by_its_use(tmp_path
     assert found.draft.component == 'pump'
     assert {item.name: item.type for item in found.draft.inputs} == {
         'on': 'bool', 'level': 'float64', 'this': 'float64', 'other': 'float64'}
-    assert any('no file declares' in item and 'on (bool)' in item for item in found.draft.todo)
+    assert any('is a guess: on (bool)' in item for item in found.draft.todo)
     meaning(found)
 
 
@@ -138,7 +139,7 @@ def test_a_type_that_a_file_gives_is_no_guess(tmp_path: Path) -> None:
     assert found.draft.todo == ()
     found = imported(tmp_path, rover_json=rover, list_txt='speed speed\n')
     assert [item.partition(':')[0] for item in found.draft.todo] == [
-        'no file declares, and the type is a guess',
+        'no file gives the type, and this is a guess',
         "the message type of speed ('speed') is a guess"]
 
 
@@ -215,11 +216,11 @@ def test_what_cannot_be_monitored_is_a_comment_and_a_task(tmp_path: Path) -> Non
 
 def test_a_formula_is_taken_where_the_sentence_is_none(tmp_path: Path) -> None:
     project = {'requirements': [
-        requirement('A', 'Meaning not specified', '(H (speed < 3))', 'H(speed < 3)')]}
+        requirement('A', 'It may not speed', '(H (speed < 3))', 'H(speed < 3)')]}
     found = imported(tmp_path, moon_json=project)
     [item] = found.draft.requirements
     assert (item.language, item.text) == (Language.PTLTL, '(H (speed < 3))')
-    assert item.title == 'Meaning not specified'
+    assert item.title == 'It may not speed'
     assert any("'ptltl' is taken, since the 'fretish'" in task for task in found.draft.todo)
 
 
@@ -514,7 +515,7 @@ def test_a_second_topic_of_an_input_is_told(tmp_path: Path) -> None:
     found = imported(tmp_path, spec_json=SPECIFICATION, db_json=DATABASE,
                      more_txt='speed /other\n')
     assert found.draft.inputs[0].topic == '/wheels/speed'
-    [warning] = found.warnings
+    warning, _ = found.warnings  # and the names that nothing uses
     assert "'speed' has a topic already" in warning.title
 
 
@@ -534,3 +535,92 @@ def test_equations_in_a_specification_keep_their_own_names(tmp_path: Path) -> No
     found = imported(tmp_path, spec_json=specification)
     assert [item.name for item in found.draft.inputs] == ['x']
     meaning(found)
+
+
+def test_a_name_that_is_reserved_here_gets_another(tmp_path: Path) -> None:
+    project = {
+        'requirements': [
+            requirement('A', 'rover shall always satisfy pre > 3 & (H | speed < pre)',
+                        '(H ((pre > 3) & speed))'),
+            requirement('B', 'in Y mode rover shall always satisfy armed => fast')],
+        'variables': [
+            variable('pre', 'Input', 'integer'), variable('pre_value', 'Input', 'double'),
+            variable('fast', 'Internal', 'boolean', 'speed > Z'), variable('Y', 'Mode', '')]}
+    found = imported(tmp_path, moon_json=project, topics_txt='pre /wheels/pre')
+    assert {item.name: item.type for item in found.draft.inputs} == {
+        'pre_value_2': 'std_msgs/msg/Int64', 'H_value': 'bool', 'speed': 'float64',
+        'Y_value': 'bool', 'armed': 'bool', 'Z_value': 'float64'}
+    assert [item.text for item in found.draft.requirements] == [
+        'rover shall always satisfy pre_value_2 > 3 & (H_value | speed < pre_value_2)',
+        'in Y_value mode rover shall always satisfy armed => fast']
+    assert [(item.name, item.text) for item in found.draft.definitions] == [
+        ('fast', 'speed > Z_value')]
+    assert '# Renamed: pre is pre_value_2, H is H_value' in found.text
+    titles = [item.title for item in found.warnings]
+    assert "'pre' is called 'pre_value_2' in the bundle" in titles
+    assert "no input is called 'pre'" not in titles
+    meaning(found)
+
+
+def test_one_component_that_cannot_be_written_does_not_stop_the_others(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    [path] = written(tmp_path, moon_json=[
+        requirement('A', 'rover shall always satisfy speed < 3'),
+        requirement('B', 'lander shall always satisfy speed < 3', component='lander')])
+    monkeypatch.setattr(bundles, '_read_back', refuse_lander)
+    found = import_bundles([path], tmp_path / 'bundles', is_folder=True)
+    assert [item.draft.component for item in found] == ['rover']
+    assert 'not a name' in [item.title for item in found[0].warnings]
+
+
+def refuse_lander(text: str, whole: Draft, path: Path) -> None:
+    """Refuse one component as the reader of bundles would."""
+    if whole.component == 'lander':
+        refuse('not a name')
+
+
+@pytest.mark.parametrize('type', ['', 'enum'])
+def test_a_type_that_fret_does_not_know_is_a_guess(tmp_path: Path, type: str) -> None:
+    project = {'requirements': [requirement('A', 'rover shall always satisfy speed < 3 & armed')],
+               'variables': [variable('speed', 'Input', type), variable('armed', 'Input', 'bool')]}
+    found = imported(tmp_path, moon_json=project)
+    [guess] = [item for item in found.draft.todo if 'guess' in item]
+    assert guess.endswith(': speed (float64)')
+
+
+def test_a_mode_without_a_type_is_no_guess(tmp_path: Path) -> None:
+    project = {'requirements': [requirement('A', 'in hold mode rover shall always satisfy armed')],
+               'variables': [variable('hold', 'Mode', ''), variable('armed', 'Input', 'boolean')]}
+    assert not any('guess' in item for item in imported(tmp_path, moon_json=project).draft.todo)
+
+
+@pytest.mark.parametrize('placeholder', [
+    'Meaning not specified', 'No meaning assigned.', 'Under construction.', 'Unhandled.'])
+def test_what_tools_write_in_place_of_a_formula_is_none(tmp_path: Path, placeholder: str) -> None:
+    sentence = 'rover shall always satisfy speed < 3'
+    found = imported(tmp_path, moon_json=[
+        requirement('A', sentence, placeholder, 'true'),
+        requirement('B', placeholder, '(H (speed < 3))', 'true'),
+        requirement('C', placeholder, placeholder, placeholder)])
+    assert found.warnings == () and found.traces == ()
+    assert [item.text for item in found.draft.requirements] == [sentence, '(H (speed < 3))']
+    assert found.draft.requirements[1].title == ''
+    assert [(item.id, reason) for item, reason in found.draft.left_out] == [
+        ('C', 'it has no formula')]
+
+
+def test_arrays_are_said_to_be_unsupported(tmp_path: Path) -> None:
+    project = {'requirements': [
+        requirement('A', 'rover shall always satisfy wheels(3) < 3'),
+        requirement('B', 'rover shall always satisfy length(wheels, 2) < speed'),
+        requirement('C', 'rover shall always satisfy speed < 3')],
+        'variables': [variable('wheels', 'Input', 'double'), variable('length', 'Input', '')]}
+    found = imported(tmp_path, moon_json=project)
+    assert [(item.id, reason) for item, reason in found.draft.left_out] == [
+        ('A', 'arrays are not supported'), ('B', "there is no function 'length'")]
+
+
+def test_names_of_a_database_that_nothing_uses_are_reported(tmp_path: Path) -> None:
+    found = imported(tmp_path, spec_json=SPECIFICATION, db_json=DATABASE)
+    titles = [item.title for item in found.warnings]
+    assert "db.json: no requirement or variable is called 'level'" in titles
