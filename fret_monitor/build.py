@@ -13,20 +13,15 @@
 # limitations under the License.
 
 """
-From a bundle to a monitor that runs: the one place that sees all stages.
+The stages in a row, from a bundle to a monitor that runs.
 
     text -> Bundle -> Specification -> MonitorProgram -> C module + Manifest -> library -> Monitor
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 import hashlib
-import os
 from pathlib import Path
-import shutil
-import tempfile
 
 from fret_monitor.bundle.bundle import Bundle, survey_bundle
 from fret_monitor.codegen.describe import describe
@@ -36,33 +31,24 @@ from fret_monitor.lint.constant_verdicts import constant_verdicts
 from fret_monitor.lint.sentences import doubtful_sentences
 from fret_monitor.lint.unread import unread_topics
 from fret_monitor.logic.specification import Specification
-from fret_monitor.model.diagnostics import by_place, CompileError, Diagnostic, Problems, refuse
+from fret_monitor.model.diagnostics import by_place, CompileError, Diagnostic, Problems
 from fret_monitor.model.manifest import FORMAT, Manifest
 from fret_monitor.model.policies import Policy
-from fret_monitor.native.cache import (
-    build_library, csrc_directory, evaluator_library, EVALUATOR_SOURCES, runtime_headers,
-)
-from fret_monitor.native.compiler import find_compiler
-from fret_monitor.native.folder import (
-    EVALUATOR_FILE, is_compiled, library_file, MANIFEST_FILE, open_folder,
-)
+from fret_monitor.native.cache import build_library, runtime_headers
+from fret_monitor.native.folder import check_writable, write_folder
 from fret_monitor.native.monitor import CompiledMonitor
-from fret_monitor.native.stack import call_graph
-from fret_monitor.program.cost import Cost, step_cost
 from fret_monitor.program.layout import check_bounds, GroupLayout, lay_out, MAX_STATE_BYTES
 from fret_monitor.program.lower import lower
 from fret_monitor.program.monitor_program import MonitorProgram
-
-_SOURCES = Path('src')
 
 
 @dataclass(frozen=True)
 class Reading:
     """
-    A bundle as understood: what it means, what was odd about it, and its hash.
+    What a bundle means, the warnings about it, and its hash.
 
-    `files` are those it was read from, the bundle first, each with the SHA-256 of what was read;
-    `messages` the message types it reads, each with the fingerprint of its definition.
+    `files` are the files that were read, the bundle first, each with the SHA-256 of its text;
+    `messages` are its message types, each with the fingerprint of its definition.
     """
 
     specification: Specification
@@ -80,7 +66,7 @@ class Reading:
 @dataclass(frozen=True)
 class GeneratedMonitor:
     """
-    The C of a bundle, and all that was decided on the way; nothing is compiled yet.
+    The C of a bundle and the values that it was made from; nothing is compiled yet.
 
     `sources` are the files that the bundle was read from.
     """
@@ -96,14 +82,14 @@ class GeneratedMonitor:
 
 def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = None) -> Reading:
     """
-    Read a bundle and give it its meaning.
+    Read a bundle and elaborate it.
 
-    `policy` and `period` (seconds) stand in for those of the bundle.
+    `policy` and `period` (seconds) override those of the bundle.
 
     Raises
     ------
     CompileError
-        with all that is wrong with the bundle.
+        with all problems of the bundle.
     """
     problems = Problems()
     needs_period = period is None and policy in (None, Policy.PERIODIC)
@@ -127,7 +113,7 @@ def _messages(specification: Specification) -> tuple[tuple[str, str], ...]:
 
 def _with_policy(bundle: Bundle, policy: Policy | None, period: Fraction | None,
                  problems: Problems) -> Bundle:
-    """Put a policy and a period in; a period that the file itself lacks is told already."""
+    """Override policy and period; a period missing in the file has been reported already."""
     policy = policy or bundle.policy
     period = (period or bundle.period) if policy is Policy.PERIODIC else period
     if policy is Policy.PERIODIC and period is None and policy is not bundle.policy:
@@ -147,7 +133,7 @@ def text_hash(text: str) -> str:
 
 def _bundle_hash(bundle: Bundle, specification: Specification,
                  messages: tuple[tuple[str, str], ...]) -> str:
-    """Hash the files' texts and what the message definitions and overrides made of them."""
+    """Hash the files' texts, the message definitions and the overrides."""
     parts = [str(FORMAT), bundle.name, *(source.text for source in bundle.sources)]
     parts += [repr(signal) for signal in specification.signals]
     parts += [f'{name} {fingerprint}' for name, fingerprint in messages]
@@ -178,7 +164,7 @@ def generate_monitor(reading: Reading, *,
 
 def compile_monitor(generated: GeneratedMonitor) -> CompiledMonitor:
     """
-    Compile generated C, or find it compiled.
+    Compile generated C, or take the library from the cache.
 
     Raises
     ------
@@ -188,8 +174,7 @@ def compile_monitor(generated: GeneratedMonitor) -> CompiledMonitor:
     header, text = generated.module.header
     library = build_library(dict(generated.module.sources), name=generated.manifest.symbol,
                             headers={**runtime_headers(), header: text})
-    warnings = tuple(warning.render() for warning in generated.warnings)
-    return CompiledMonitor(generated.manifest, library, warnings, generated.sources)
+    return CompiledMonitor(generated.manifest, library, generated.warnings, generated.sources)
 
 
 def build(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
@@ -200,146 +185,17 @@ def build(path: Path, *, policy: Policy | None = None, period: Fraction | None =
 
 
 def build_specification(specification: Specification) -> CompiledMonitor:
-    """Compile what is specified already; for tools and tests."""
+    """Compile a specification that was not read from a bundle; for `traces` and tests."""
     digest = hashlib.sha256(repr(specification.signals).encode()).hexdigest()
     return compile_monitor(generate_monitor(Reading(specification, (), digest, ())))
 
 
 def write(generated: GeneratedMonitor, directory: Path) -> None:
     """
-    Write what a robot needs to run a bundle: libraries, manifest, and the sources.
+    Compile a bundle and write its folder; errors as `write_folder` and `compile_monitor`.
 
-    The folder appears as a whole or not at all. One that `write` made before is replaced.
-
-    Raises
-    ------
-    CompileError
-        if `directory` is something else and not empty, or cannot be written.
-    NativeError
-        as `compile_monitor`.
+    A folder that cannot be written is refused before the compiler runs.
     """
-    place = Path(os.path.realpath(directory))  # a link stays one
-    with _telling(directory):
-        _refuse_occupied(directory, place)
+    check_writable(directory)
     compiled = compile_monitor(generated)
-    evaluator = evaluator_library()
-    with _telling(directory):
-        place.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = Path(tempfile.mkdtemp(prefix='.fret_monitor-', dir=place.parent))
-        try:
-            _fill(unfinished, generated, compiled.library, evaluator)
-            _put_in_place(unfinished, place)
-        finally:
-            shutil.rmtree(unfinished, ignore_errors=True)
-
-
-@contextmanager
-def _telling(directory: Path) -> Iterator[None]:
-    """Refuse a folder that the system refuses."""
-    try:
-        yield
-    except FileExistsError as error:
-        refuse(f"cannot write '{directory}': '{error.filename}' is a file")
-    except OSError as error:
-        refuse(f"cannot write '{directory}': {error.strerror or error}")
-
-
-def _refuse_occupied(directory: Path, place: Path) -> None:
-    if place.is_dir() and not is_compiled(place) and any(place.iterdir()):
-        refuse(f"'{directory}' holds other files", help='name an empty folder, or a new one')
-    for other in _others(place):
-        refuse(f"'{directory}' holds '{other}', which `compile` did not write",
-               help='move it away, or name a new folder')
-    if place.exists() and not place.is_dir():
-        refuse(f"'{directory}' is a file", help='name a folder')
-    if place == Path.cwd():
-        refuse(f"'{directory}' is the folder you are in", help='it is put in place as a whole: '
-               'name a new folder')
-
-
-def _others(place: Path) -> Iterator[Path]:
-    """Yield what is in a compiled folder besides what belongs there."""
-    if not is_compiled(place):
-        return
-    manifest = open_folder(place).manifest
-    ours = {Path(MANIFEST_FILE), Path(EVALUATOR_FILE), Path(library_file(manifest)), _SOURCES}
-    ours |= {_SOURCES / name for name in (*manifest.sources, *_handwritten())}
-    yield from (found for found in sorted(path.relative_to(place) for path in place.rglob('*'))
-                if found not in ours)
-
-
-def source_files(generated: GeneratedMonitor) -> dict[str, str]:
-    """Return all C that `write` puts into the folder `src`, by file name."""
-    return {**_handwritten(), **dict([generated.module.header, *generated.module.sources])}
-
-
-def _handwritten() -> dict[str, str]:
-    """Return the hand-written C that belongs beside generated C, by file name."""
-    return {**runtime_headers(),
-            **{name: (csrc_directory() / name).read_text(encoding='utf-8')
-               for name in EVALUATOR_SOURCES}}
-
-
-def _fill(folder: Path, generated: GeneratedMonitor, library: Path, evaluator: Path) -> None:
-    folder.chmod(0o755)
-    manifest = generated.manifest
-    (folder / MANIFEST_FILE).write_text(manifest.to_json(), encoding='utf-8')
-    shutil.copyfile(library, folder / library_file(manifest))
-    shutil.copyfile(evaluator, folder / EVALUATOR_FILE)
-    sources = folder / _SOURCES
-    sources.mkdir()
-    for name, text in source_files(generated).items():
-        (sources / name).write_text(text, encoding='utf-8')
-
-
-def _put_in_place(folder: Path, directory: Path) -> None:
-    if not directory.exists():
-        folder.rename(directory)
-        return
-    former = folder.with_name(folder.name + '-former')
-    directory.rename(former)
-    try:
-        folder.rename(directory)
-    except OSError:
-        former.rename(directory)
-        raise
-    shutil.rmtree(former, ignore_errors=True)
-
-
-@dataclass(frozen=True)
-class Stack:
-    """
-    Bytes of stack at most: of the monitors' functions, and of the evaluator's that call them.
-
-    `library` are the functions of the C library that are called; their stack comes on top.
-    """
-
-    monitor: int
-    evaluator: int
-    library: tuple[str, ...]
-
-
-def worst_cost(generated: GeneratedMonitor) -> Cost:
-    """Return the most instructions that a step of all groups takes."""
-    return step_cost(generated.layouts)
-
-
-def worst_stack(generated: GeneratedMonitor) -> Stack | None:
-    """
-    Return the most stack that a step takes; None if the C compiler cannot tell (only gcc can).
-
-    Errors are those of `find_compiler`.
-    """
-    header, text = generated.module.header
-    files = {**runtime_headers(), header: text, **dict(generated.module.sources)}
-    files['evaluator.c'] = (csrc_directory() / 'evaluator.c').read_text(encoding='utf-8')
-    compiler = find_compiler()
-    monitor = call_graph(compiler, files, [name for name, _ in generated.module.sources])
-    evaluator = call_graph(compiler, files, ['evaluator.c'])
-    if monitor is None or evaluator is None:
-        return None
-    below = max(map(monitor.depth, monitor.frames))
-    total = max(evaluator.depth(name, below) for name in evaluator.frames)
-    functions = {name for name in monitor.external | evaluator.external
-                 if name not in monitor.frames}
-    return Stack(below, total - below, tuple(sorted(functions)))
+    write_folder(directory, compiled.manifest, compiled.library, generated.module.files)

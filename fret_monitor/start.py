@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Build a bundle, or find again what it was built to, without reading or generating anything.
+Build a bundle, or recall an earlier build of it without loading parser and code generator.
 
-What a bundle becomes is decided by its files, the message definitions its inputs come from, the
-overrides, the compiler, and this package itself. A note in the folder of built libraries says
-what all of these were; it is used only if every one is as it was, and the library is whole.
+The result depends on the bundle's files, the definitions of its messages, the overrides, the
+compiler, and this package. A note in the cache records all of them; it is used only if none has
+changed and the library is intact.
 """
 
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ import tempfile
 from typing import Any, TYPE_CHECKING
 
 from fret_monitor.messages.definitions import find_message
-from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.diagnostics import CompileError, Diagnostic, Level, Source, Span
 from fret_monitor.model.manifest import Manifest, ManifestError
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.cache import (
@@ -44,18 +44,18 @@ if TYPE_CHECKING:
     from fret_monitor.build import Reading
 
 _NOTES = 'bundles'
-_MOST_NOTES = 1000  # beyond which the longest unused go
+_MOST_NOTES = 1000  # the ones that were not used for longest are removed
 
 
 def start(path: Path, *, policy: Policy | None = None,
           period: Fraction | None = None) -> CompiledMonitor:
     """
-    Return a bundle compiled; `policy` and `period` (seconds) stand in for the bundle's.
+    Return a compiled bundle; `policy` and `period` (seconds) override those of the bundle.
 
     Raises
     ------
     CompileError
-        with all that is wrong with the bundle.
+        with all problems of the bundle.
     NativeError
         if there is no C compiler, it fails, or the cache is not safe to use.
     """
@@ -67,18 +67,18 @@ def start(path: Path, *, policy: Policy | None = None,
 def manifest_of(path: Path, *, policy: Policy | None = None,
                 period: Fraction | None = None) -> Manifest:
     """
-    Return what is known of a bundle, as `start` would; nothing is compiled, nor a compiler needed.
+    Return the manifest of a bundle, as `start` would; needs no compiler.
 
     Raises
     ------
     CompileError
-        with all that is wrong with the bundle.
+        with all problems of the bundle.
     """
     try:
         note = _note(path, policy, period)
         found = _recall(note, path) if note else None
     except NativeError:
-        found = None  # without a compiler no note can be found; it only saves time
+        found = None  # the name of a note depends on the compiler, and there is none
     if found:
         return found.manifest
     from fret_monitor.build import generate_monitor, read
@@ -87,7 +87,7 @@ def manifest_of(path: Path, *, policy: Policy | None = None,
 
 def _build(path: Path, policy: Policy | None, period: Fraction | None,
            note: Path | None) -> CompiledMonitor:
-    # Imported here: parsers and generator cost more than all else at a start that needs none.
+    # Imported here: loading parsers and generator takes longer than a start from a note.
     from fret_monitor.build import compile_monitor, generate_monitor, read
     reading = read(path, policy=policy, period=period)
     compiled = compile_monitor(generate_monitor(reading))
@@ -97,28 +97,25 @@ def _build(path: Path, policy: Policy | None, period: Fraction | None,
 
 
 def _note(path: Path, policy: Policy | None, period: Fraction | None) -> Path | None:
-    """Return where the note on a bundle is; None if the bundle cannot even be read."""
+    """Return the file of the note on a bundle; None if the bundle cannot be read."""
     try:
         text = path.read_bytes()
     except OSError:
         return None
     parts = [os.fsencode(Path.cwd() / path), os.fsencode(path), text, repr(policy).encode(),
              repr(period).encode(), find_compiler().identity.encode(), *_package()]
-    return cache_directory() / _NOTES / f'{_hash(b"".join(map(_framed, parts)))}.json'
+    # Each part with its length, so that different parts never give the same text.
+    name = _hash(b''.join(b'%d:%b' % (len(part), part) for part in parts))
+    return cache_directory() / _NOTES / f'{name}.json'
 
 
 def _package() -> Iterator[bytes]:
-    """Yield what tells this version of the package from any other."""
-    package = Path(__file__).parent
-    for folder in (package, csrc_directory()):
+    """Yield all code of this package, which decides what a bundle becomes."""
+    for folder in (Path(__file__).parent, csrc_directory()):
         for file in sorted(folder.rglob('*')):
             if file.suffix in ('.py', '.lark', '.c', '.h'):
                 yield os.fsencode(file)
                 yield file.read_bytes()
-
-
-def _framed(part: bytes) -> bytes:
-    return b'%d:%b' % (len(part), part)
 
 
 def _hash(data: bytes) -> str:
@@ -129,57 +126,67 @@ def _hash(data: bytes) -> str:
 
 
 def _recall(note: Path, path: Path) -> CompiledMonitor | None:
-    """Return what a note tells of, if all of it still holds; a damaged note is none."""
+    """Return the build that a note records if it is still valid; a damaged note is ignored."""
     try:
         if not is_ours(note.parent) or not is_ours(note):
-            return None  # whoever can write it says what topics to listen to
+            return None  # who can write a note decides what the node subscribes to
         content = json.loads(note.read_text(encoding='utf-8'))
         manifest = Manifest.from_json(content['manifest'])
         library = Path(content['library'])
-        warnings = tuple(str(item) for item in list(content['warnings']))
-        holds = is_kept(library) and _are_same(path, content['files']) \
-            and content['messages'] == _messages(manifest)
-        if not holds:
+        sources = _unchanged(path, content['files'])
+        if sources is None or not is_kept(library) \
+                or content['messages'] != _messages(manifest):
             return None
+        warnings = tuple(_unpacked(item, sources) for item in list(content['warnings']))
         note_use(note)
-        sources = tuple(Path(name) for name, _ in content['files'])
-        return CompiledMonitor(manifest, library, warnings, sources)
+        files = tuple(Path(place) for place, _, _ in content['files'])
+        return CompiledMonitor(manifest, library, warnings, files)
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError,
             ManifestError, CompileError):
         return None
 
 
-def _are_same(path: Path, files: Any) -> bool:
-    """Whether the files of a bundle say what was read of them when it was built."""
-    return str(Path.cwd() / path) == files[0][0] \
-        and all(_read(Path(name)) == digest for name, digest in files)
-
-
-def _read(file: Path) -> str:
-    """Return the hash of what a reader of bundles sees in a file."""
-    return _hash(file.read_bytes().removeprefix(b'\xef\xbb\xbf'))
+def _unchanged(path: Path, files: Any) -> list[Source] | None:
+    """Return the files of a bundle, None if one has changed since it was built."""
+    if str(Path.cwd() / path) != files[0][0]:
+        return None
+    sources = []
+    for place, name, digest in files:
+        data = Path(place).read_bytes().removeprefix(b'\xef\xbb\xbf')
+        if _hash(data) != digest:
+            return None
+        sources.append(Source(name, data.decode()))
+    return sources
 
 
 def _messages(manifest: Manifest) -> dict[str, str]:
-    """Return, by name, what tells the messages that a bundle reads from others."""
+    """Return the fingerprint of each message type that a bundle reads."""
     types = {item.message_type for item in manifest.inputs if item.message_type is not None}
     return {name: find_message(name).fingerprint for name in types}
+
+
+def _unpacked(item: list[Any], sources: list[Source]) -> Diagnostic:
+    title, place, label, advice = item
+    span = None if place is None else Span(sources[place[0]], place[1], place[2])
+    return Diagnostic(title, span, label, advice, Level.WARNING)
 
 
 # -- remembering ----------------------------------------------------------------------------------
 
 
 def _remember(note: Path, compiled: CompiledMonitor, reading: 'Reading') -> None:
-    """Write a note, as a whole; without one the next start takes longer, and that is all."""
+    """Write a note, as a whole; if that fails, the next start only takes longer."""
     try:
         if not is_kept(compiled.library):
             return
+        names = [str(file) for file, _ in reading.files]
         content = json.dumps({
             'manifest': compiled.manifest.to_json(),
             'library': str(compiled.library),
-            'warnings': list(compiled.warnings),
-            # Of what was read then: what the files say by now may not be what was built.
-            'files': [[str(Path.cwd() / file), digest] for file, digest in reading.files],
+            'warnings': [_packed(item, names) for item in compiled.warnings],
+            # The hashes are of what was read; the files may have changed since.
+            'files': [[str(Path.cwd() / file), str(file), digest]
+                      for file, digest in reading.files],
             'messages': dict(reading.messages),
         })
         note.parent.mkdir(mode=0o700, exist_ok=True)
@@ -188,5 +195,12 @@ def _remember(note: Path, compiled: CompiledMonitor, reading: 'Reading') -> None
             written.write(content)
         os.replace(name, note)
         forget({file: file.stat().st_mtime for file in note.parent.iterdir()}, _MOST_NOTES)
-    except OSError:
+    except (OSError, ValueError):
         pass
+
+
+def _packed(warning: Diagnostic, names: list[str]) -> list[Any]:
+    """Return a warning for JSON; raises `ValueError` if it is about no file of the bundle."""
+    span = warning.span
+    place = None if span is None else [names.index(span.source.name), span.start, span.end]
+    return [warning.title, place, warning.label, warning.help]

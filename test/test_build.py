@@ -243,7 +243,7 @@ def test_the_folder_one_is_in_is_refused(pump: Path, tmp_path: Path,
     (tmp_path / 'here').mkdir()
     monkeypatch.chdir(tmp_path / 'here')
     for folder in ('.', '', '../here', str(tmp_path / 'here')):
-        assert 'is the folder you are in' in refusal(pump, Path(folder))
+        assert 'is the current folder' in refusal(pump, Path(folder))
     assert os.listdir(tmp_path / 'here') == []
 
 

@@ -135,6 +135,21 @@ def test_a_second_start_loads_no_parser(bundle: Path) -> None:
     assert {'lark', 'yaml', 'fret_monitor.build'} & set(done.stdout.split()) == set()
 
 
+def test_a_recalled_warning_still_has_its_place(
+    bundle: Path, built: list[CompiledMonitor],
+) -> None:
+    signals = bundle.parent / 'shared' / 'signals.yaml'
+    signals.write_text('\ufeff' + SIGNALS + '  # unread\n')
+    bundle.write_text(BUNDLE.replace('x <= limit', '(x <= limit) | (x > 0 & x < 0)') +
+                      '  - {id: T, ptltl: "x > 0 & x < 0 | x <= 5"}\n'
+                      '  - {id: F, ptltl: "H (x < 1 & false)"}\n')
+    first, second = start(bundle), start(bundle)
+    assert len(built) == 1
+    assert first.warnings and [item.render() for item in second.warnings] == [
+        item.render() for item in first.warnings]
+    assert all(item.span for item in second.warnings)
+
+
 @pytest.mark.parametrize('name', ['b.yaml', 'shared/signals.yaml'])
 def test_a_changed_file_is_built_anew(
     name: str, bundle: Path, built: list[CompiledMonitor],

@@ -19,10 +19,10 @@ from collections.abc import Iterator
 from pathlib import Path
 import sys
 
-from fret_monitor.build import (
-    generate_monitor, GeneratedMonitor, read, worst_cost, worst_stack, write,
-)
+from fret_monitor.build import generate_monitor, GeneratedMonitor, read, write
 from fret_monitor.model.diagnostics import counted
+from fret_monitor.native.stack import worst_stack
+from fret_monitor.program.cost import step_cost
 
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
@@ -43,7 +43,7 @@ def run(options: Namespace) -> int:
     write(generated, options.output)
     manifest = generated.manifest
     operations = sum(group.operations for group in manifest.groups)
-    cost = worst_cost(generated)
+    cost = step_cost(generated.layouts)
     print(f'{options.output}: {counted(len(manifest.requirements), "requirement")}, '
           f'{counted(manifest.state_bytes, "byte")} of state, '
           f'{counted(operations, "operation")} and '
@@ -54,7 +54,7 @@ def run(options: Namespace) -> int:
 
 
 def _worst_case(generated: GeneratedMonitor) -> Iterator[str]:
-    cost, stack = worst_cost(generated), worst_stack(generated)
+    cost, stack = step_cost(generated.layouts), worst_stack(generated.module.files)
     more = f', and {cost.library:,} in fmod and pow of glibc' if cost.library else ''
     yield 'worst case of a step of all requirements:'
     yield f'  at most {counted(cost.own, "instruction")}{more} (x86-64, gcc -O2)'

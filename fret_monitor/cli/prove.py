@@ -22,9 +22,10 @@ from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
-from fret_monitor.build import generate_monitor, read, source_files
+from fret_monitor.build import generate_monitor, read
 from fret_monitor.model.diagnostics import counted, pip_install, refuse
 from fret_monitor.model.output import open_output, refuse_overwriting
+from fret_monitor.native.folder import source_files
 
 if TYPE_CHECKING:
     from fret_monitor.proving.certificate import Certificate
@@ -67,7 +68,7 @@ def run(options: Namespace) -> int:
     for warning in generated.warnings:
         print(warning.render(), file=sys.stderr)
     if options.sources is not None:
-        _require_same_files(options.sources, source_files(generated))
+        _require_same_files(options.sources, source_files(generated.module.files))
     if options.trace is not None:
         sources = () if options.sources is None else options.sources.iterdir()
         refuse_overwriting(options.trace, (*generated.sources, *sources))

@@ -40,7 +40,7 @@ def run(options: Namespace) -> int:
     """Simulate; 1 if a violation was to be failed on and there was one."""
     compiled = start(options.bundle)
     for warning in compiled.warnings:
-        print(warning, file=sys.stderr)
+        print(warning.render(), file=sys.stderr)
     summary = simulate(compiled.monitor, options.trace, options.verdicts, compiled.sources)
     if options.verdicts is not None:
         print(_shown(summary))

@@ -50,7 +50,7 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         state_bytes=state_bytes(layouts),
         bundle_hash=bundle_hash,
         source_hash=module.source_hash,
-        sources=tuple(name for name, _ in (module.header, *module.sources)),
+        sources=tuple(module.files),
         readers=module.readers,
     )
 

@@ -54,6 +54,11 @@ class CModule:
     sources: tuple[tuple[str, str], ...]
     readers: str = ''
 
+    @property
+    def files(self) -> dict[str, str]:
+        """All texts by file name, the header first."""
+        return dict((self.header, *self.sources))
+
 
 def generate(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> CModule:
     """Write the C of a program; `layouts` are those of its groups, in order."""

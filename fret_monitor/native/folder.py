@@ -15,17 +15,27 @@
 """
 The folder that `compile` writes and `library:=` runs: libraries, manifest, sources.
 
-A robot opens it without parser or compiler; `build.write` makes it.
+A robot opens it without parser or compiler.
 """
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+import os
 from pathlib import Path
+import shutil
+import tempfile
 
+from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.manifest import Manifest, ManifestError
+from fret_monitor.native.cache import (
+    csrc_directory, evaluator_library, EVALUATOR_SOURCES, runtime_headers,
+)
 from fret_monitor.native.errors import LibraryError
 
 MANIFEST_FILE = 'manifest.json'
 EVALUATOR_FILE = 'libfm_evaluator.so'
+_SOURCES = Path('src')
 
 
 @dataclass(frozen=True)
@@ -70,3 +80,107 @@ def open_folder(directory: Path) -> CompiledFolder:
         if not file.is_file():
             raise LibraryError(f"'{file}' is missing; compile the bundle again")
     return folder
+
+
+def check_writable(directory: Path) -> None:
+    """
+    Refuse a folder that `write_folder` would not write.
+
+    Raises
+    ------
+    CompileError
+        if `directory` is a file, the current folder, or holds files that `compile` did not write.
+    """
+    place = Path(os.path.realpath(directory))
+    with _refusing(directory):
+        if place.is_dir() and not is_compiled(place) and any(place.iterdir()):
+            refuse(f"'{directory}' holds other files", help='name an empty folder, or a new one')
+        for other in _others(place):
+            refuse(f"'{directory}' holds '{other}', which `compile` did not write",
+                   help='move it away, or name a new folder')
+        if place.exists() and not place.is_dir():
+            refuse(f"'{directory}' is a file", help='name a folder')
+        if place == Path.cwd():
+            refuse(f"'{directory}' is the current folder",
+                   help='it would be replaced as a whole: name a new folder')
+
+
+def write_folder(directory: Path, manifest: Manifest, library: Path,
+                 sources: Mapping[str, str]) -> None:
+    """
+    Write what a robot needs to run a bundle: libraries, manifest, and the sources.
+
+    The folder appears as a whole or not at all. One that was written before is replaced.
+    `sources` are the texts of the generated C by file name.
+
+    Raises
+    ------
+    CompileError
+        as `check_writable`, or if the folder cannot be written.
+    NativeError
+        if the evaluator cannot be compiled.
+    """
+    check_writable(directory)
+    evaluator = evaluator_library()
+    place = Path(os.path.realpath(directory))  # a symbolic link stays one
+    with _refusing(directory):
+        place.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = Path(tempfile.mkdtemp(prefix='.fret_monitor-', dir=place.parent))
+        try:
+            unfinished.chmod(0o755)
+            (unfinished / MANIFEST_FILE).write_text(manifest.to_json(), encoding='utf-8')
+            shutil.copyfile(library, unfinished / library_file(manifest))
+            shutil.copyfile(evaluator, unfinished / EVALUATOR_FILE)
+            _write_sources(unfinished / _SOURCES, sources)
+            _put_in_place(unfinished, place)
+        finally:
+            shutil.rmtree(unfinished, ignore_errors=True)
+
+
+@contextmanager
+def _refusing(directory: Path) -> Iterator[None]:
+    """Turn an error of the file system into a refusal."""
+    try:
+        yield
+    except FileExistsError as error:
+        refuse(f"cannot write '{directory}': '{error.filename}' is a file")
+    except OSError as error:
+        refuse(f"cannot write '{directory}': {error.strerror or error}")
+
+
+def _others(place: Path) -> Iterator[Path]:
+    """Yield the files in a compiled folder that `compile` does not write."""
+    if not is_compiled(place):
+        return
+    manifest = open_folder(place).manifest
+    ours = {Path(MANIFEST_FILE), Path(EVALUATOR_FILE), Path(library_file(manifest)), _SOURCES}
+    ours |= {_SOURCES / name for name in source_files(dict.fromkeys(manifest.sources, ''))}
+    yield from (found for found in sorted(path.relative_to(place) for path in place.rglob('*'))
+                if found not in ours)
+
+
+def source_files(generated: Mapping[str, str]) -> dict[str, str]:
+    """Return all C of the folder `src` by file name: what is generated, and the hand-written."""
+    written = {name: (csrc_directory() / name).read_text(encoding='utf-8')
+               for name in EVALUATOR_SOURCES}
+    return {**runtime_headers(), **written, **generated}
+
+
+def _write_sources(folder: Path, generated: Mapping[str, str]) -> None:
+    folder.mkdir()
+    for name, text in source_files(generated).items():
+        (folder / name).write_text(text, encoding='utf-8')
+
+
+def _put_in_place(folder: Path, directory: Path) -> None:
+    if not directory.exists():
+        folder.rename(directory)
+        return
+    former = folder.with_name(folder.name + '-former')
+    directory.rename(former)
+    try:
+        folder.rename(directory)
+    except OSError:
+        former.rename(directory)
+        raise
+    shutil.rmtree(former, ignore_errors=True)

@@ -28,6 +28,7 @@ from pathlib import Path
 import struct
 from typing import Any, TypeAlias
 
+from fret_monitor.model.diagnostics import Diagnostic
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
@@ -153,12 +154,12 @@ class CompiledMonitor:
     """
     A compiled bundle that is not loaded yet; `monitor` loads it on first use.
 
-    `warnings` are what was odd about the bundle, rendered; `sources` the files it was read from.
+    `warnings` are about what the bundle says; `sources` are the files it was read from.
     """
 
     manifest: Manifest
     library: Path
-    warnings: tuple[str, ...]
+    warnings: tuple[Diagnostic, ...]
     sources: tuple[Path, ...] = ()
 
     @cached_property

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-How much stack C functions take, and what they call, as the compiler tells it.
+How much stack C functions take, and what they call, as the compiler reports it.
 
 gcc writes a call graph with the frame of every function beside an object (`-fcallgraph-info=su`,
 from gcc 10 on); other compilers have nothing like it. A frame holds the return address.
@@ -26,7 +26,8 @@ import re
 import subprocess
 import tempfile
 
-from fret_monitor.native.compiler import COMPILE_FLAGS, Compiler, TIMEOUT
+from fret_monitor.native.cache import csrc_directory, runtime_headers
+from fret_monitor.native.compiler import COMPILE_FLAGS, Compiler, find_compiler, TIMEOUT
 
 INDIRECT = '__indirect_call'
 
@@ -81,12 +82,45 @@ class CallGraph:
         return self.frames[name] + max(below, default=0)
 
 
+@dataclass(frozen=True)
+class WorstStack:
+    """
+    The most bytes of stack that a step takes: the monitors', and the evaluator's above them.
+
+    `library` names the functions of the C library that are called; their stack is not included.
+    """
+
+    monitor: int
+    evaluator: int
+    library: tuple[str, ...]
+
+
+def worst_stack(sources: Mapping[str, str]) -> WorstStack | None:
+    """
+    Return the most stack that a step takes; None if the compiler cannot report it (only gcc can).
+
+    `sources` are the texts of the generated C by file name. Errors are those of `find_compiler`
+    and `call_graph`.
+    """
+    files = {**runtime_headers(), **sources}
+    files['evaluator.c'] = (csrc_directory() / 'evaluator.c').read_text(encoding='utf-8')
+    compiler = find_compiler()
+    monitor = call_graph(compiler, files, [name for name in sources if name.endswith('.c')])
+    evaluator = call_graph(compiler, files, ['evaluator.c'])
+    if monitor is None or evaluator is None:
+        return None
+    below = max(map(monitor.depth, monitor.frames))
+    total = max(evaluator.depth(name, below) for name in evaluator.frames)
+    functions = (monitor.external | evaluator.external) - monitor.frames.keys()
+    return WorstStack(below, total - below, tuple(sorted(functions)))
+
+
 def call_graph(compiler: Compiler, files: Mapping[str, str],
                sources: Iterable[str]) -> CallGraph | None:
     """
     Compile C files as `compile_library` does, and return their call graph.
 
-    `files` are the texts of sources and headers by file name. None: the compiler cannot tell.
+    `files` are the texts of sources and headers by file name. None: the compiler cannot report it.
 
     Raises
     ------
@@ -97,7 +131,7 @@ def call_graph(compiler: Compiler, files: Mapping[str, str],
         folder = Path(name)
         for file, text in files.items():
             (folder / file).write_text(text, encoding='utf-8')
-        told = []
+        graphs = []
         for source in sources:
             done = subprocess.run(
                 [*compiler.command, *COMPILE_FLAGS, '-fcallgraph-info=su', '-c', source,
@@ -106,9 +140,9 @@ def call_graph(compiler: Compiler, files: Mapping[str, str],
             graph = next(folder.glob(f'{source.removesuffix(".c")}*.ci'), None)
             if done.returncode or graph is None:
                 return None
-            told.append(graph.read_text(encoding='utf-8', errors='replace'))
+            graphs.append(graph.read_text(encoding='utf-8', errors='replace'))
             graph.unlink()
-    return parse('\n'.join(told))
+    return parse('\n'.join(graphs))
 
 
 def parse(text: str) -> CallGraph:

@@ -172,7 +172,7 @@ def _compile(settings: Settings, spec: Path) -> Opened:
     how = f'compiled in {monotonic() - clock:.1f} s' if is_new else 'found compiled'
     manifest = compiled.manifest
     return Opened(compiled.monitor, None, manifest.policy, manifest.period, f'{spec}, {how}',
-                  compiled.warnings)
+                  tuple(warning.render() for warning in compiled.warnings))
 
 
 def _open_library(settings: Settings, origin: Origin, directory: Path) -> Opened:
