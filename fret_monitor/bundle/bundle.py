@@ -31,7 +31,9 @@ import re
 
 from fret_monitor.bundle.yaml_repair import quoted_line, tell_misread
 from fret_monitor.bundle.yaml_shape import kind_of, mapping_of, Shape, tell_choice, text_of
-from fret_monitor.bundle.yaml_tree import Mapping, Node, read_tree, Scalar, Sequence, Unread
+from fret_monitor.bundle.yaml_tree import (
+    Node, read_tree, Unread, YamlList, YamlMapping, YamlScalar,
+)
 from fret_monitor.model.diagnostics import CompileError, Problems, refuse, Source, Span, Text
 from fret_monitor.model.names import (
     exact, Fault, fret_name, handler_fault, is_integer, LONGEST_PATH, looks_like_number,
@@ -207,7 +209,7 @@ def parse_bundle(source: Source, directory: Path) -> Bundle:
         with all problems of all files, if there are any.
     """
     problems = Problems()
-    bundle = _Reader(directory, problems).bundle(source)
+    bundle = _BundleReader(directory, problems).bundle(source)
     problems.raise_errors()
     assert bundle is not None, 'a bundle that cannot be read has a problem'
     return bundle
@@ -228,7 +230,7 @@ def survey_bundle(path: Path, problems: Problems, *,
     except CompileError as error:
         problems.extend(error.diagnostics)
         return None
-    return _Reader(path.parent, problems, needs_period).bundle(source)
+    return _BundleReader(path.parent, problems, needs_period).bundle(source)
 
 
 def read_source(path: Path, max_bytes: int = MAX_BYTES) -> Source:
@@ -276,7 +278,7 @@ def _decoded(path: Path, data: bytes) -> Source:
            'save it as UTF-8')
 
 
-class _Reader:
+class _BundleReader:
     """Reads one bundle: what it finds goes into the bundle or, told, into the problems."""
 
     def __init__(self, directory: Path, problems: Problems, needs_period: bool = True) -> None:
@@ -307,20 +309,20 @@ class _Reader:
             unreadable=frozenset(self._unreadable),
         )
 
-    def _root(self, source: Source, what: str, example: str) -> Mapping | None:
+    def _root(self, source: Source, what: str, example: str) -> YamlMapping | None:
         problems = Problems()
         root = read_tree(source, problems)
         self._problems.extend(problems.errors)
-        if isinstance(root, Mapping):
+        if isinstance(root, YamlMapping):
             return root
-        if root is None and not problems.errors or isinstance(root, Scalar) and root.is_missing:
+        if root is None and not problems.errors or root is not None and _is_empty(root):
             self._problems.error(f'{what} is empty', Span(source, 0, 0),
                                  help=f'it begins like this:\n{example}')
         elif root is not None:
             mapping_of(root, what, self._problems, f'it begins like this:\n{example}')
         return None
 
-    def _has_format(self, mapping: Mapping, is_required: bool) -> bool:
+    def _has_format(self, mapping: YamlMapping, is_required: bool) -> bool:
         """Return whether this is a format we read; of another nothing more can be said."""
         for key, node in mapping.entries:
             if key.value == 'format':
@@ -426,11 +428,12 @@ class _Reader:
         inputs = list(self._named(
             shape, 'inputs', 'speed: {topic: speed, type: std_msgs/msg/Float32}'))
         for (name, node), (following, after) in zip(inputs, [*inputs[1:], *inputs[-1:]]):
-            if isinstance(node, Scalar) and name.value in _INPUT_KEYS:
+            if isinstance(node, YamlScalar) and name.value in _INPUT_KEYS:
                 self._tell_outdented(name)
                 continue
             problems = Problems()
-            if _is_empty(node) and isinstance(after, Scalar) and following.value in _INPUT_KEYS:
+            if (_is_empty(node) and isinstance(after, YamlScalar)
+                    and following.value in _INPUT_KEYS):
                 self._unreadable.add(name.value)
                 continue
             self._declare(name, problems)
@@ -487,13 +490,13 @@ class _Reader:
                 if found.text is not _NO_TEXT:
                     yield found
 
-    def _requirement_nodes(self, shape: Shape, node: Node | None) -> Iterator[Mapping]:
-        if isinstance(node, Sequence) and node.items:
+    def _requirement_nodes(self, shape: Shape, node: Node | None) -> Iterator[YamlMapping]:
+        if isinstance(node, YamlList) and node.items:
             for item in node.items:
                 mapping = _requirement_node(item, self._problems)
                 if mapping is not None:
                     yield mapping
-        elif isinstance(node, Sequence) or isinstance(node, Scalar) and node.is_missing or (
+        elif isinstance(node, YamlList) or isinstance(node, YamlScalar) and node.is_missing or (
                 node is None and shape.lacks('requirements')):
             self._problems.error('a bundle has at least one requirement',
                                  node.span if node else shape.span, 'there is none',
@@ -531,7 +534,7 @@ class _Reader:
         return found
 
     def _signals_names(self, node: Node | None) -> Iterator[Text]:
-        nodes = node.items if isinstance(node, Sequence) else (node,) if node else ()
+        nodes = node.items if isinstance(node, YamlList) else (node,) if node else ()
         for item in nodes:
             text = text_of(item, "a file of 'signals'", self._problems)
             if text is not None:
@@ -609,7 +612,7 @@ class _Name:
     """
 
     text: Text
-    key: Scalar
+    key: YamlScalar
     is_quoted: bool
 
     @property
@@ -622,10 +625,10 @@ class _Name:
 
 
 def _is_empty(node: Node) -> bool:
-    return isinstance(node, Scalar) and node.is_missing
+    return isinstance(node, YamlScalar) and node.is_missing
 
 
-def _name(key: Scalar) -> _Name:
+def _name(key: YamlScalar) -> _Name:
     value = key.value
     if len(value) < 2 or not value.startswith('"') or not value.endswith('"'):
         return _Name(key.text, key, False)
@@ -633,7 +636,7 @@ def _name(key: Scalar) -> _Name:
     return _Name(inner, key, True)
 
 
-def _input(name: _Name, mapping: Mapping, problems: Problems) -> InputEntry:
+def _input(name: _Name, mapping: YamlMapping, problems: Problems) -> InputEntry:
     shape = Shape(mapping, 'an input', _INPUT_KEYS, problems,
                   {'message': 'type', 'message_type': 'type', 'msg': 'type', 'path': 'field'})
     faults = {key: Problems() for key in ('values', 'qos')}
@@ -654,7 +657,7 @@ def _input(name: _Name, mapping: Mapping, problems: Problems) -> InputEntry:
         problems.extend(found.errors)
         damaged.update([key] if found.errors or isinstance(shape.node(key), Unread) else ())
     damaged |= _check_input(entry, shape, problems)
-    places = tuple((key, node.span if isinstance(node, Scalar) else written.span)
+    places = tuple((key, node.span if isinstance(node, YamlScalar) else written.span)
                    for key, _ in _TOPIC_ASPECTS
                    if (node := shape.node(key)) and (written := shape.key(key)))
     return replace(entry, damaged=frozenset(damaged), places=places)
@@ -709,10 +712,10 @@ def _values(node: Node | None, problems: Problems) -> Iterator[ValueEntry]:
     yield from found
 
 
-def _value(key: Scalar, node: Node, problems: Problems) -> ValueEntry | None:
+def _value(key: YamlScalar, node: Node, problems: Problems) -> ValueEntry | None:
     """Read one name of a value: what is in quotes, or no number, is a string."""
     _tell(name_fault(key.value), key.text, problems)
-    if isinstance(node, Scalar) and node.style:
+    if isinstance(node, YamlScalar) and node.style:
         return ValueEntry(key.text, node.text, is_string=True)
     text = text_of(node, f'the value {shown(key.value)}', problems)
     if text is None:
@@ -764,7 +767,7 @@ def _whole(text: str) -> int:
 
 
 def _definition(name: _Name, node: Node, problems: Problems) -> tuple[Language, Text | None]:
-    if not isinstance(node, Mapping):
+    if not isinstance(node, YamlMapping):
         return Language.PTLTL, _formula(name.key, node, problems)
     if node.is_flow and not any(key.value in _FORMULA_KEYS for key, _ in node.entries):
         return Language.PTLTL, _formula(name.key, node, problems)
@@ -791,13 +794,13 @@ def _one_formula(shape: Shape, what: str, place: Span,
     return Language(keys[0].value), _formula(keys[0], node, problems)
 
 
-def _formula(key: Scalar, node: Node, problems: Problems) -> Text | None:
+def _formula(key: YamlScalar, node: Node, problems: Problems) -> Text | None:
     """Read a formula, and see that YAML left it as it was written."""
     source = key.span.source
     if isinstance(node, Unread):
         return None
-    if not isinstance(node, Scalar):
-        if not (node.items if isinstance(node, Sequence) else node.entries):
+    if not isinstance(node, YamlScalar):
+        if not (node.items if isinstance(node, YamlList) else node.entries):
             problems.error('there is no formula', key.span, f'this is {kind_of(node)}, and empty')
         elif source.text[node.span.start] in '[{':
             tell_misread(source, node.span.start, problems)
@@ -821,8 +824,8 @@ def _formula(key: Scalar, node: Node, problems: Problems) -> Text | None:
     return node.text
 
 
-def _requirement_node(node: Node, problems: Problems) -> Mapping | None:
-    if isinstance(node, Scalar) and node.is_missing:
+def _requirement_node(node: Node, problems: Problems) -> YamlMapping | None:
+    if isinstance(node, YamlScalar) and node.is_missing:
         problems.error('this requirement is empty', node.span,
                        help='- id: R1\n  ptltl: "H (speed <= 2.0)"')
         return None
@@ -830,7 +833,7 @@ def _requirement_node(node: Node, problems: Problems) -> Mapping | None:
                       '- id: R1\n  ptltl: "H (speed <= 2.0)"')
 
 
-def _requirement(mapping: Mapping, report: Report, severity: Severity,
+def _requirement(mapping: YamlMapping, report: Report, severity: Severity,
                  problems: Problems) -> Requirement | None:
     """
     Read a requirement, with the bundle's `report` and `severity` where it has none.

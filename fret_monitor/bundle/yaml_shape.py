@@ -19,8 +19,7 @@ A `Shape` tells each key that is not known once, and hands out the values of the
 choices and numbers. What has been told is None to the caller, who says no more of it.
 """
 
-from collections.abc import Iterable
-from collections.abc import Mapping as Table
+from collections.abc import Iterable, Mapping
 from enum import Enum
 from fractions import Fraction
 from typing import TypeVar
@@ -28,8 +27,10 @@ from typing import TypeVar
 from fret_monitor.bundle.yaml_repair import (
     LACKS_SPACE, quoted_line, tell_lacking_space, value_as_written,
 )
-from fret_monitor.bundle.yaml_tree import Mapping, Node, Scalar, Sequence, Unread
-from fret_monitor.model.diagnostics import did_you_mean, Problems, Span, Text
+from fret_monitor.bundle.yaml_tree import Node, Unread, YamlList, YamlMapping, YamlScalar
+from fret_monitor.model.diagnostics import (
+    close_matches, did_you_mean, Problems, Span, suggestion, Text,
+)
 from fret_monitor.model.names import exact, number_fault, shown
 
 _Choice = TypeVar('_Choice', bound=Enum)
@@ -38,9 +39,9 @@ _Choice = TypeVar('_Choice', bound=Enum)
 class Shape:
     """A mapping with the keys it may have; `what` names it in the user's words."""
 
-    def __init__(self, mapping: Mapping, what: str, known: Iterable[str], problems: Problems,
-                 slips: Table[str, str] | None = None,
-                 elsewhere: Table[str, str] | None = None) -> None:
+    def __init__(self, mapping: YamlMapping, what: str, known: Iterable[str], problems: Problems,
+                 slips: Mapping[str, str] | None = None,
+                 elsewhere: Mapping[str, str] | None = None) -> None:
         """
         Tell all keys that are not known.
 
@@ -61,7 +62,7 @@ class Shape:
             for key, _ in mapping.entries:
                 self._look_at(key, slips or {})
 
-    def _look_at(self, key: Scalar, slips: Table[str, str]) -> None:
+    def _look_at(self, key: YamlScalar, slips: Mapping[str, str]) -> None:
         if key.value in self._known:
             return
         spaceless = LACKS_SPACE.fullmatch(key.value) if not key.style else None
@@ -69,20 +70,22 @@ class Shape:
             self._meant.add(spaceless[1])
             tell_lacking_space(spaceless, key.span, self._problems)
             return
-        slip = slips.get(key.value)
-        hint = self._elsewhere.get(key.value) or (
-            f"did you mean '{slip}'?" if slip else did_you_mean(key.value, self._known)
-            or 'known are ' + ', '.join(self._known))
-        self._meant.update(name for name in self._known if f"'{name}'" in hint)
+        meant: list[str] = []
+        help_ = self._elsewhere.get(key.value)
+        if help_ is None:
+            slip = slips.get(key.value)
+            meant = [slip] if slip else close_matches(key.value, self._known)
+            help_ = suggestion(meant) or 'known are ' + ', '.join(self._known)
+        self._meant.update(meant)
         self._problems.error(f'{self.what} has no key {shown(key.value)}', key.span,
-                             'not known', hint)
+                             'not known', help_)
 
     def lacks(self, *keys: str) -> bool:
         """Return whether none of the keys is there, nor anything that was meant to be one."""
         return not self._has_swallowed and not any(
             key in self._entries or key in self._meant for key in keys)
 
-    def key(self, key: str) -> Scalar | None:
+    def key(self, key: str) -> YamlScalar | None:
         """Return a key that is there, with its place."""
         return self._entries[key][0] if key in self._entries else None
 
@@ -98,7 +101,7 @@ class Shape:
     def free_text(self, key: str) -> str:
         """Return a text for people, which may be left empty."""
         node = self.node(key)
-        if node is None or (isinstance(node, Scalar) and not node.value):
+        if node is None or (isinstance(node, YamlScalar) and not node.value):
             return ''
         text = text_of(node, f"'{key}'", self._problems)
         return text.value if text else ''
@@ -135,13 +138,13 @@ class Shape:
         return None
 
 
-def _tell_comma(mapping: Mapping, known: tuple[str, ...], problems: Problems) -> bool:
+def _tell_comma(mapping: YamlMapping, known: tuple[str, ...], problems: Problems) -> bool:
     """Tell a value in braces that was cut at its comma: the rest became a key without value."""
     if not mapping.is_flow:
         return False
     for (before, cut), (key, node) in zip(mapping.entries, mapping.entries[1:], strict=False):
-        if (isinstance(node, Scalar) and node.is_missing and key.value not in known
-                and isinstance(cut, Scalar) and not cut.style):
+        if (isinstance(node, YamlScalar) and node.is_missing and key.value not in known
+                and isinstance(cut, YamlScalar) and not cut.style):
             source, start = cut.span.source, cut.span.start
             problems.error(
                 'a comma ends a value in braces', Span(source, start, key.span.end),
@@ -154,11 +157,11 @@ def _tell_comma(mapping: Mapping, known: tuple[str, ...], problems: Problems) ->
 def kind_of(node: Node) -> str:
     """Say what a node is, in the user's words."""
     match node:
-        case Mapping():
+        case YamlMapping():
             return 'keys with values'
-        case Sequence():
+        case YamlList():
             return 'a list'
-        case Scalar():
+        case YamlScalar():
             return f'the text {shown(node.value)}' if node.value else 'empty'
         case Unread():
             return 'not readable'
@@ -166,22 +169,23 @@ def kind_of(node: Node) -> str:
 
 def text_of(node: Node, what: str, problems: Problems) -> Text | None:
     """Return a text that is not empty."""
-    if isinstance(node, Scalar) and node.value.strip():
+    if isinstance(node, YamlScalar) and node.value.strip():
         return node.text
-    if isinstance(node, Scalar):
+    if isinstance(node, YamlScalar):
         problems.error(f'{what} has no value', node.span, 'write one, or remove the key')
     elif not isinstance(node, Unread):
         problems.error(f'{what} is a text', node.span, f'this is {kind_of(node)}')
     return None
 
 
-def mapping_of(node: Node | None, what: str, problems: Problems, help: str = '') -> Mapping | None:
+def mapping_of(node: Node | None, what: str, problems: Problems,
+               help: str = '') -> YamlMapping | None:
     """Return keys with values; a key with nothing under it has none of them."""
-    if isinstance(node, Mapping):
+    if isinstance(node, YamlMapping):
         return node
-    if isinstance(node, Scalar) and node.is_missing:
-        return Mapping((), False, node.span)
-    plain = node.value if isinstance(node, Scalar) and not node.style else ''
+    if isinstance(node, YamlScalar) and node.is_missing:
+        return YamlMapping((), False, node.span)
+    plain = node.value if isinstance(node, YamlScalar) and not node.style else ''
     if node is not None and (match := LACKS_SPACE.fullmatch(plain)):
         tell_lacking_space(match, node.span, problems)
     elif node is not None and not isinstance(node, Unread):

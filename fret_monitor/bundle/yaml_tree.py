@@ -43,7 +43,7 @@ _MARK = re.compile(r'(\S+)[ \t]*(\S?)')
 
 
 @dataclass(frozen=True, eq=False)
-class Scalar:
+class YamlScalar:
     """A text; `style` is '' (plain), "'", '"', '|' or '>', `span` includes the quotes."""
 
     text: Text
@@ -62,7 +62,7 @@ class Scalar:
 
 
 @dataclass(frozen=True, eq=False)
-class Sequence:
+class YamlList:
     """A list of nodes; `span` is where it begins."""
 
     items: tuple['Node', ...]
@@ -70,10 +70,10 @@ class Sequence:
 
 
 @dataclass(frozen=True, eq=False)
-class Mapping:
+class YamlMapping:
     """Keys, each once, with their nodes; `is_flow` says that it is written with braces."""
 
-    entries: tuple[tuple[Scalar, 'Node'], ...]
+    entries: tuple[tuple[YamlScalar, 'Node'], ...]
     is_flow: bool
     span: Span
 
@@ -91,7 +91,7 @@ class Unread:
     has_swallowed: bool = False
 
 
-Node: TypeAlias = Scalar | Sequence | Mapping | Unread
+Node: TypeAlias = YamlScalar | YamlList | YamlMapping | Unread
 
 
 def read_tree(source: Source, problems: Problems) -> Node | None:
@@ -105,7 +105,7 @@ def read_tree(source: Source, problems: Problems) -> Node | None:
         return None
     repair = Repair(source, problems)
     while True:
-        builder = _Builder(source, repair.unread, repair.swallowing)
+        builder = _TreeBuilder(source, repair.unread, repair.swallowing)
         try:
             builder.build(_events(repair.text))
         except yaml.YAMLError as error:
@@ -142,7 +142,7 @@ class _TooMuch(Exception):
     """The tree is too deep or too large to go on; the problem has been told."""
 
 
-class _Builder:
+class _TreeBuilder:
     """Makes the tree of the events of one document, without recursion."""
 
     def __init__(self, source: Source, unread: frozenset[int],
@@ -228,7 +228,7 @@ class _Builder:
         text = scalar_text(self.source, span.start, event.value, style)
         if style in ('', '|', '>'):
             span = Span(self.source, span.start, text.offsets[-1])
-        return Scalar(text, style, span)
+        return YamlScalar(text, style, span)
 
     def _collection(self, item: _Open) -> Node:
         start = self._span(item.event).start
@@ -236,19 +236,19 @@ class _Builder:
         if item.event.anchor or item.event.tag:
             return self._marked(item.event)
         if isinstance(item.event, yaml.SequenceStartEvent):
-            return Sequence(tuple(item.items), span)
-        return Mapping(self._entries(item.items), bool(item.event.flow_style), span)
+            return YamlList(tuple(item.items), span)
+        return YamlMapping(self._entries(item.items), bool(item.event.flow_style), span)
 
-    def _entries(self, items: list[Node]) -> tuple[tuple[Scalar, Node], ...]:
-        found: dict[str, tuple[Scalar, Node]] = {}
+    def _entries(self, items: list[Node]) -> tuple[tuple[YamlScalar, Node], ...]:
+        found: dict[str, tuple[YamlScalar, Node]] = {}
         for key, value in zip(items[::2], items[1::2], strict=True):
-            if isinstance(key, Scalar) and self._is_new(key, found):
+            if isinstance(key, YamlScalar) and self._is_new(key, found):
                 found[key.value] = (key, value)
-            elif isinstance(key, Sequence | Mapping):
+            elif isinstance(key, YamlList | YamlMapping):
                 self.problems.error('a key is a word', key.span, 'this is a list or mapping')
         return tuple(found.values())
 
-    def _is_new(self, key: Scalar, found: dict[str, tuple[Scalar, Node]]) -> bool:
+    def _is_new(self, key: YamlScalar, found: dict[str, tuple[YamlScalar, Node]]) -> bool:
         if key.value == '<<' and not key.style:
             self.problems.error('a bundle has no merges', key.span,
                                 "YAML merges what '<<' names", 'write the keys out')

@@ -44,7 +44,7 @@ from fret_monitor.elaboration.terms import Broken, describe, formula_of, Term, V
 from fret_monitor.language.bounds import TimedBound
 from fret_monitor.language.expression import Equations, Expression, Name
 from fret_monitor.language.quoted_text import QuotedText
-from fret_monitor.language.sentence import Component, Sentence, Unit
+from fret_monitor.language.sentence import ComponentPhrase, Sentence, Unit
 from fret_monitor.logic.formula import Feedback, Formula, postorder
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.messages.definitions import find_message as find_installed
@@ -250,7 +250,7 @@ class _Reading:
             tree = _untimed(tree)
         return sentence_term(tree, self._scope, self.problems, self._bundle.period)
 
-    def _check_component(self, found: Component) -> None:
+    def _check_component(self, found: ComponentPhrase) -> None:
         expected = self._bundle.component
         if expected is not None and found.name != expected.value:
             self.problems.error(f"the component of this bundle is '{expected.value}'", found.span,

@@ -33,9 +33,9 @@ from fret_monitor.elaboration.terms import (
     Broken, cast, convert, describe, joined_bounds, number, settled, Term, truth, Undeclared,
 )
 from fret_monitor.language.expression import (
-    Call, children, Conditional, Equation, Equations, Expression, Infix, Name, postorder, Prefix,
+    Call, children, Conditional, Equations, Expression, Infix, LustreEquation, LustreVariable,
+    Name, postorder, Prefix,
 )
-from fret_monitor.language.expression import Declaration as TypeDeclaration
 from fret_monitor.logic.formula import FALSE, Feedback, Formula
 from fret_monitor.logic.numbers import Literal
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse, Span
@@ -106,7 +106,7 @@ class _Node:
                     f"'{equation.name}' is {outer.role.value} and an equation", equation.name_span,
                     'the equation is meant in these equations')
 
-    def _input(self, item: TypeDeclaration) -> Term:
+    def _input(self, item: LustreVariable) -> Term:
         outer = self._outer.find(item.name)
         try:
             if outer is None:
@@ -327,11 +327,11 @@ def _named(kind: ValueType) -> str:
     return 'true or false' if kind is ValueType.BOOL else f'a number ({kind.value})'
 
 
-def _broken(equation: Equation) -> Declaration:
+def _broken(equation: LustreEquation) -> Declaration:
     return Declaration(Role.EQUATION, Term(Broken(), equation.span))
 
 
-def _declared(term: Term, declaration: TypeDeclaration) -> Term:
+def _declared(term: Term, declaration: LustreVariable) -> Term:
     """Return a term as its declared type wants it."""
     if declaration.type not in _TYPES:
         refuse(f"Lustre's type '{declaration.type}' is not known", declaration.span, '',

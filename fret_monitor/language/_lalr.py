@@ -15,7 +15,7 @@
 """
 What the readers of formulas share: text to lexemes, lexemes to a tree, and what errors say.
 
-A `Language` names a grammar file (for lark's LALR tables) and its spellings. `scan` cuts a `Text`
+A `Syntax` names a grammar file (for lark's LALR tables) and its spellings. `scan` cuts a `Text`
 into `Lexeme`s, each with its place; `parse` feeds them to the tables, which build the tree bottom
 up: no recursion, linear time. Whatever cannot be read is a `CompileError` with its place.
 """
@@ -68,9 +68,9 @@ class Lexeme(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Language:
+class Syntax:
     """
-    A formula language.
+    The spelling and grammar of one formula language.
 
     `pattern` cuts the text, by the groups NUMBER, NAME, QUOTED, OPERATOR, TIME, COMMENT and BAD;
     what it matches in no group is left out. `words` and `operators` give kind and one spelling;
@@ -92,40 +92,40 @@ class Language:
     explain: Callable[[Text, Sequence[Lexeme], int], Diagnostic | None]
 
 
-def scan(language: Language, text: Text,
+def scan(syntax: Syntax, text: Text,
          pattern: re.Pattern[str] | None = None) -> list[Lexeme]:
     """Cut a text into lexemes, by another pattern if given; raises `CompileError`."""
     lexemes = []
-    for match in (pattern or language.pattern).finditer(text.value):
+    for match in (pattern or syntax.pattern).finditer(text.value):
         kind = match.lastgroup
         if kind is not None and kind != 'COMMENT':
-            lexemes.append(_lexeme(language, text, kind, match.start(kind), match.end(kind)))
+            lexemes.append(_lexeme(syntax, text, kind, match.start(kind), match.end(kind)))
         elif kind == 'COMMENT':
             _check_comment(text, match.start(), match.end())
     return lexemes
 
 
-def _lexeme(language: Language, text: Text, kind: str, start: int, end: int) -> Lexeme:
+def _lexeme(syntax: Syntax, text: Text, kind: str, start: int, end: int) -> Lexeme:
     word = text.value[start:end]
     span = text.at(start, end)
     match kind:
         case 'NUMBER' | 'TIME':
             return Lexeme(kind, word, start, end, span)
         case 'NAME':
-            if word in language.refused:
+            if word in syntax.refused:
                 refuse(f"'{word}' is no operator here", span, 'not in this language',
-                       language.refused[word])
-            kind, word = language.words.get(word, ('NAME', word))
+                       syntax.refused[word])
+            kind, word = syntax.words.get(word, ('NAME', word))
             return Lexeme(kind, word, start, end, span)
         case 'OPERATOR':
-            kind, word = language.operators[_unescape(word)]
+            kind, word = syntax.operators[_unescape(word)]
             return Lexeme(kind, word, start, end, span)
         case 'QUOTED' if len(word) > 2:
             word = re.sub(r'\\(.)', r'\1', word[1:-1])
         case _:
             if word == "'":
                 _refuse_apostrophe(text, start)
-            _refuse_text(language, word, span)
+            _refuse_text(syntax, word, span)
     return Lexeme('NAME', word, start, end, span)
 
 
@@ -136,7 +136,7 @@ def _unescape(operator: str) -> str:
     return operator.replace('&lt;', '<').replace('&gt;', '>').replace('&amp;', '&')
 
 
-def _refuse_text(language: Language, word: str, span: Span) -> NoReturn:
+def _refuse_text(syntax: Syntax, word: str, span: Span) -> NoReturn:
     if word[0].isdigit() or (word[0] == '.' and len(word) > 1):
         refuse_number(word, span)
     if word == '""':
@@ -148,13 +148,13 @@ def _refuse_text(language: Language, word: str, span: Span) -> NoReturn:
     if word in _LOOKALIKES:
         meant = _LOOKALIKES[word]
         refuse(f"'{word}' cannot be used here", span, 'not an operator',
-               f'write {language.write.get(meant, meant)}')
+               f'write {syntax.write.get(meant, meant)}')
     if word.isspace():
         refuse(f'a special space (U+{ord(word):04X}) cannot be used here', span,
                'looks like a space, and is none', 'delete it and type a space')
     shown = f"'{word}'" if word.isprintable() else f'the character U+{ord(word):04X}'
     refuse(f'{shown} cannot be used in a formula', span, 'not expected',
-           language.refused.get(word, ''))
+           syntax.refused.get(word, ''))
 
 
 def _refuse_apostrophe(text: Text, start: int) -> NoReturn:
@@ -194,25 +194,25 @@ def _check_comment(text: Text, start: int, end: int) -> None:
 
 
 @cache
-def _tables(language: Language) -> Any:
+def _tables(syntax: Syntax) -> Any:
     """Make the LALR tables, once and only when a formula is read."""
     with warnings.catch_warnings():
         # lark 0.12 imports two modules that Python 3.11 and later call deprecated.
         warnings.filterwarnings('ignore', r"module 'sre_", DeprecationWarning)
         from lark import Lark
-    grammar = files(__package__).joinpath(language.grammar).read_text(encoding='utf-8')
-    return Lark(grammar, parser='lalr', lexer='contextual', start=list(language.starts),
-                transformer=language.builder, maybe_placeholders=False)
+    grammar = files(__package__).joinpath(syntax.grammar).read_text(encoding='utf-8')
+    return Lark(grammar, parser='lalr', lexer='contextual', start=list(syntax.starts),
+                transformer=syntax.builder, maybe_placeholders=False)
 
 
-def parse(language: Language, text: Text, lexemes: Sequence[Lexeme], start: str,
+def parse(syntax: Syntax, text: Text, lexemes: Sequence[Lexeme], start: str,
           tell: 'Tell | None' = None) -> Any:
     """
     Return what the language's builder makes of the lexemes; raises `CompileError`.
 
     `tell` says in the language's own words what is wrong at a lexeme that does not fit.
     """
-    parser = _tables(language).parse_interactive('', start)
+    parser = _tables(syntax).parse_interactive('', start)
     from lark.exceptions import UnexpectedToken
     tree = None
     for index, lexeme in enumerate(ended := [*lexemes, _end(text, lexemes)]):
@@ -222,20 +222,20 @@ def parse(language: Language, text: Text, lexemes: Sequence[Lexeme], start: str,
             if tell is not None:
                 tell(text, ended, index)
             expected = frozenset(unexpected.expected)
-            _refuse_lexeme(language, text, ended, index, expected)
+            _refuse_lexeme(syntax, text, ended, index, expected)
     return tree
 
 
 Tell: TypeAlias = Callable[[Text, Sequence[Lexeme], int], NoReturn]
 
 
-def fitting(language: Language, start: str, lexemes: Sequence[Lexeme]) -> frozenset[str]:
+def fitting(syntax: Syntax, start: str, lexemes: Sequence[Lexeme]) -> frozenset[str]:
     """
     Return the kinds of lexemes, `END` among them, that can follow some that could be read.
 
     Tables merge states, and name more than fits; here each kind is tried on the stack of states.
     """
-    parser = _tables(language).parse_interactive('', start)
+    parser = _tables(syntax).parse_interactive('', start)
     for lexeme in lexemes:
         parser.feed_token(lexeme)
     stack = parser.parser_state.state_stack
@@ -283,13 +283,13 @@ def _end(text: Text, lexemes: Sequence[Lexeme]) -> Lexeme:
     return Lexeme(END, '', end, end, Span(text.source, place, place))
 
 
-def _refuse_lexeme(language: Language, text: Text, lexemes: Sequence[Lexeme], index: int,
+def _refuse_lexeme(syntax: Syntax, text: Text, lexemes: Sequence[Lexeme], index: int,
                    expected: frozenset[str]) -> NoReturn:
     """Say why the lexeme at `index` does not fit, where `expected` would."""
     found = lexemes[index]
     if len(lexemes) == 1:
         refuse('the formula is empty', text.span, 'nothing to read here')
-    if told := language.explain(text, lexemes, index):
+    if told := syntax.explain(text, lexemes, index):
         raise CompileError([told])
     opened = open_brackets(lexemes[:index])
     if found.type in _CLOSES:
@@ -299,7 +299,7 @@ def _refuse_lexeme(language: Language, text: Text, lexemes: Sequence[Lexeme], in
     if found.type == END and opened:
         refuse(f"'{as_written(text, opened[-1])}' is not closed", opened[-1].span, 'opened here')
     if found.type in OPERAND_STARTS and lexemes[index - 1].type in OPERAND_ENDS:
-        _refuse_missing_operator(language, text, lexemes[index - 1], found)
+        _refuse_missing_operator(syntax, text, lexemes[index - 1], found)
     title = 'the formula ends too early' if found.type == END else (
         f"'{as_written(text, found)}' does not fit here")
     refuse(title, found.span, _expectation(expected, lexemes[:index], opened))
@@ -334,12 +334,12 @@ def _refuse_missing_operand(text: Text, lexemes: Sequence[Lexeme], index: int) -
     refuse('an operand is missing', found.span, f"{wanted} before '{as_written(text, found)}'")
 
 
-def _refuse_missing_operator(language: Language, text: Text, before: Lexeme,
+def _refuse_missing_operator(syntax: Syntax, text: Text, before: Lexeme,
                              found: Lexeme) -> NoReturn:
     for lexeme in (before, found):
-        if lexeme.type == 'NAME' and lexeme.text in language.foreign:
+        if lexeme.type == 'NAME' and lexeme.text in syntax.foreign:
             refuse(f"'{lexeme.text}' is no operator here", lexeme.span, 'not in this language',
-                   language.foreign[lexeme.text])
+                   syntax.foreign[lexeme.text])
     refuse('an operator is missing', found.span,
            f"expected an operator before '{as_written(text, found)}'")
 
@@ -376,7 +376,7 @@ def _expectation(expected: frozenset[str], before: Sequence[Lexeme],
     return 'expected ' + ' or '.join([', '.join(shown[:-1]), shown[-1]] if shown[1:] else shown)
 
 
-class Builder:
+class ExpressionBuilder:
     """
     Makes the tree, each rule of the grammar by the method of its name.
 

@@ -32,7 +32,8 @@ from fret_monitor.language import _lalr
 from fret_monitor.language._lalr import join, Lexeme
 from fret_monitor.language.bounds import bound_end
 from fret_monitor.language.expression import (
-    Bound, Call, Conditional, Declaration, Equation, Equations, Expression, Infix, Name, Prefix,
+    Bound, Call, Conditional, Equations, Expression, Infix, LustreEquation, LustreVariable, Name,
+    Prefix,
 )
 from fret_monitor.language.precedence import Precedence
 from fret_monitor.model.diagnostics import Diagnostic, refuse, Text
@@ -114,7 +115,7 @@ def _pattern() -> re.Pattern[str]:
                       f'|(?P<OPERATOR>{operators})|(?P<BAD>.)', re.ASCII | re.DOTALL)
 
 
-class _Builder(_lalr.Builder):
+class _CocospecBuilder(_lalr.ExpressionBuilder):
 
     def formula(self, parts: list[Any]) -> Expression:
         return self.finish(parts[0])
@@ -127,25 +128,25 @@ class _Builder(_lalr.Builder):
         call = super().call(parts)
         return _operator(call) if isinstance(call, Call) and call.function in _ARITY else call
 
-    def declared(self, parts: list[Any]) -> list[Declaration]:
+    def declared(self, parts: list[Any]) -> list[LustreVariable]:
         *names, _, type_ = parts
-        return [Declaration(name.text, type_.text, name.span)
+        return [LustreVariable(name.text, type_.text, name.span)
                 for name in names if name.type == 'NAME']
 
-    def declarations(self, parts: list[Any]) -> list[Declaration]:
+    def declarations(self, parts: list[Any]) -> list[LustreVariable]:
         return [item for part in parts if isinstance(part, list) for item in part]
 
-    def locals(self, parts: list[Any]) -> list[Declaration]:
+    def locals(self, parts: list[Any]) -> list[LustreVariable]:
         return self.declarations(parts)
 
-    def head(self, parts: list[Any]) -> tuple[list[Declaration], list[Declaration], Lexeme]:
+    def head(self, parts: list[Any]) -> tuple[list[LustreVariable], list[LustreVariable], Lexeme]:
         inputs, outputs = ([], *(part for part in parts if isinstance(part, list)))[-2:]
         return inputs, outputs, parts[0]
 
-    def equation(self, parts: list[Any]) -> Equation:
+    def equation(self, parts: list[Any]) -> LustreEquation:
         expression = self.finish(parts[2])
-        return Equation(parts[0].text, expression, parts[0].span,
-                        join(parts[0].span, expression.span))
+        return LustreEquation(parts[0].text, expression, parts[0].span,
+                              join(parts[0].span, expression.span))
 
     def equations(self, parts: list[Any]) -> Equations:
         _check_distinct(parts)
@@ -159,7 +160,7 @@ class _Builder(_lalr.Builder):
         if len(outputs) != 1:
             refuse('the node has more than one output', outputs[1].span, 'a second output',
                    'a requirement is one Boolean: declare the others under var')
-        equations = [part for part in body if isinstance(part, Equation)]
+        equations = [part for part in body if isinstance(part, LustreEquation)]
         _check_distinct([*inputs, *outputs, *variables])
         _check_distinct(equations)
         _check_defined(equations, [*outputs, *variables])
@@ -193,17 +194,18 @@ def _bound(high: Expression, low: Expression) -> Bound:
     return Bound('[]', bound_end(low), bound_end(high), span)
 
 
-def _check_distinct(items: Sequence[Equation | Declaration]) -> None:
+def _check_distinct(items: Sequence[LustreEquation | LustreVariable]) -> None:
     seen: set[str] = set()
     for item in items:
         if item.name in seen:
-            verb = 'defined' if isinstance(item, Equation) else 'declared'
-            span = item.name_span if isinstance(item, Equation) else item.span
+            verb = 'defined' if isinstance(item, LustreEquation) else 'declared'
+            span = item.name_span if isinstance(item, LustreEquation) else item.span
             refuse(f"'{item.name}' is {verb} twice", span, f'{verb} before')
         seen.add(item.name)
 
 
-def _check_defined(equations: Sequence[Equation], declared: Sequence[Declaration]) -> None:
+def _check_defined(equations: Sequence[LustreEquation],
+                   declared: Sequence[LustreVariable]) -> None:
     names = {item.name for item in declared}
     for equation in equations:
         if equation.name not in names:
@@ -242,7 +244,7 @@ def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
     return None
 
 
-_LANGUAGE = _lalr.Language('cocospec.lark', _Builder(PRECEDENCE), ('formula', 'program'),
+_SYNTAX = _lalr.Syntax('cocospec.lark', _CocospecBuilder(PRECEDENCE), ('formula', 'program'),
                            _pattern(), _WORDS, _OPERATORS, _REFUSED, _FOREIGN, _WRITE, _explain)
 
 
@@ -253,11 +255,11 @@ def parse_cocospec(text: Text) -> Expression | Equations:
     `p = q;` is an equation, `p = q` a comparison. Raises `CompileError` with the place of the
     first error.
     """
-    lexemes = _lalr.scan(_LANGUAGE, text)
+    lexemes = _lalr.scan(_SYNTAX, text)
     is_node = _is_node([lexeme.type for lexeme in lexemes])
     lexemes = _rename(text, lexemes, frozenset() if is_node else _NODE_WORDS)
     start = 'program' if is_node or _is_equations(lexemes) else 'formula'
-    tree: Expression | Equations = _lalr.parse(_LANGUAGE, text, lexemes, start)
+    tree: Expression | Equations = _lalr.parse(_SYNTAX, text, lexemes, start)
     return tree
 
 

@@ -124,7 +124,7 @@ Expression: TypeAlias = Name | Number | Boolean | Prefix | Infix | Call | Condit
 
 
 @dataclass(frozen=True, eq=False)
-class Declaration:
+class LustreVariable:
     """`name: type` of a Lustre node; the type as written, mostly `bool`, `int` or `real`."""
 
     name: str
@@ -133,7 +133,7 @@ class Declaration:
 
 
 @dataclass(frozen=True, eq=False)
-class Equation:
+class LustreEquation:
     """`name = expression;`. `name_span` is where the name stands, `span` the whole."""
 
     name: str
@@ -153,10 +153,10 @@ class Equations:
     order; whether that ends is not looked at here.
     """
 
-    equations: tuple[Equation, ...]
-    result: Equation
-    inputs: tuple[Declaration, ...]
-    declarations: tuple[Declaration, ...]
+    equations: tuple[LustreEquation, ...]
+    result: LustreEquation
+    inputs: tuple[LustreVariable, ...]
+    declarations: tuple[LustreVariable, ...]
     span: Span
 
 

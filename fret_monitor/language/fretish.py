@@ -34,7 +34,7 @@ from fret_monitor.language.fretish_words import ABBREVIATIONS, OPERATORS, UNITS,
 from fret_monitor.language.if_then import remarks
 from fret_monitor.language.precedence import Chain, Operator, Pending
 from fret_monitor.language.sentence import (
-    Component, ConditionKind, ConditionPhrase, Duration, Qualifier, ScopeKind, ScopePhrase,
+    ComponentPhrase, ConditionKind, ConditionPhrase, Duration, Qualifier, ScopeKind, ScopePhrase,
     Sentence, TimingKind, TimingPhrase,
 )
 from fret_monitor.language.smv import PRECEDENCE
@@ -46,7 +46,7 @@ _POINTS = {'first': TimingKind.IMMEDIATELY, 'same': TimingKind.IMMEDIATELY,
 _END_OF_NUMBER = r'(?![\w.$])'
 
 
-class _Run(NamedTuple):
+class _OperandRun(NamedTuple):
     """Operands and operators side by side whose order of binding is not known yet."""
 
     start: Span
@@ -71,13 +71,13 @@ def _pattern() -> re.Pattern[str]:
                       f'|(?P<OPERATOR>{operators})|(?P<BAD>.)', re.ASCII | re.DOTALL)
 
 
-class _Builder(_lalr.Builder):
+class _FretishBuilder(_lalr.ExpressionBuilder):
 
     # Expressions. `if` and `then` do not hold together what stands between them (FRET turns them
     # into `=>` as text), so a run is kept flat until it ends.
 
     def finish(self, part: Any) -> Expression:
-        if not isinstance(part, _Run | Pending):
+        if not isinstance(part, _OperandRun | Pending):
             tree: Expression = part
             return tree
         chain = Chain(self._precedence)
@@ -87,21 +87,24 @@ class _Builder(_lalr.Builder):
             else:
                 chain.add_operand(piece)
         tree = chain.close()
-        start = part.start if isinstance(part, _Run) else tree.span
+        start = part.start if isinstance(part, _OperandRun) else tree.span
         return _lalr.placed(tree, join(start, tree.span))
 
     def more(self, parts: list[Any]) -> Any:
         left, operator, right = parts
-        return _Run(_start(left), (left, Operator(operator.text, None, operator.span), right))
+        infix = Operator(operator.text, None, operator.span)
+        return _OperandRun(_start(left), (left, infix, right))
 
     def conditional(self, parts: list[Any]) -> Any:
         if_, condition, then, consequence = parts
-        return _Run(if_.span, (condition, Operator('->', None, then.span), consequence))
+        return _OperandRun(if_.span, (condition, Operator('->', None, then.span), consequence))
 
     def prefixed(self, parts: list[Any]) -> Any:
         operator, operand = parts
         pending = Pending(Operator(operator.text, None, operator.span), operand)
-        return _Run(operator.span, (pending,)) if isinstance(operand, _Run) else pending
+        if isinstance(operand, _OperandRun):
+            return _OperandRun(operator.span, (pending,))
+        return pending
 
     def occurrence(self, parts: list[Any]) -> Expression:
         phrase = join(parts[0].span, parts[4].span)
@@ -169,8 +172,8 @@ class _Builder(_lalr.Builder):
         return ConditionPhrase(kind, tuple(chain), _joined(chain),
                                join(chain[0].span, chain[-1].span))
 
-    def component(self, parts: list[Any]) -> Component:
-        return Component(parts[-1].text, parts[-1].span)
+    def component(self, parts: list[Any]) -> ComponentPhrase:
+        return ComponentPhrase(parts[-1].text, parts[-1].span)
 
     def probability(self, parts: list[Any]) -> None:
         first = next(part for part in parts if part.type == 'WITH')
@@ -215,8 +218,9 @@ class _Builder(_lalr.Builder):
     def sentence(self, parts: list[Any]) -> Sentence:
         timing, response = parts[-1]
         return Sentence(
-            _first(parts, ScopePhrase), _first(parts, ConditionPhrase), _first(parts, Component),
-            timing, response, join(parts[0].span, response.span))
+            _first(parts, ScopePhrase), _first(parts, ConditionPhrase),
+            _first(parts, ComponentPhrase), timing, response,
+            join(parts[0].span, response.span))
 
 
 _PLACES = {
@@ -236,7 +240,7 @@ def _is_word(part: Any, kind: str) -> bool:
 
 def _start(part: Any) -> Span:
     match part:
-        case _Run():
+        case _OperandRun():
             return part.start
         case Pending():
             return part.operator.span
@@ -251,7 +255,7 @@ def _flat(part: Any) -> Iterator[_Piece]:
     stack = [part]
     while stack:
         piece = stack.pop()
-        if isinstance(piece, _Run):
+        if isinstance(piece, _OperandRun):
             stack.extend(reversed(piece.pieces))
         elif isinstance(piece, Pending):
             prefixes.append(piece.operator)
@@ -277,7 +281,7 @@ def _joined(chain: Sequence[Qualifier]) -> Expression:
     return whole
 
 
-_LANGUAGE = _lalr.Language('fretish.lark', _Builder(PRECEDENCE), ('sentence', 'definition'),
+_SYNTAX = _lalr.Syntax('fretish.lark', _FretishBuilder(PRECEDENCE), ('sentence', 'definition'),
                            _pattern(), {}, OPERATORS, {}, {}, fretish_help.WRITE,
                            lambda text, lexemes, index: None)
 
@@ -287,7 +291,7 @@ def parse_fretish(text: Text) -> Sentence:
     text = _without_stop(text)
     lexemes = _scan(text)
     fretish_help.check_sentence(text, lexemes)
-    sentence: Sentence = _lalr.parse(_LANGUAGE, text, lexemes, 'sentence', _tell('sentence'))
+    sentence: Sentence = _lalr.parse(_SYNTAX, text, lexemes, 'sentence', _tell('sentence'))
     return replace(sentence, remarks=remarks(sentence, lexemes))
 
 
@@ -295,14 +299,14 @@ def parse_fretish_expression(text: Text) -> Expression:
     """Return the tree of an expression of FRETish; raises `CompileError` as `parse_fretish`."""
     lexemes = _scan(text)
     fretish_help.check_expression(lexemes)
-    tree: Expression = _lalr.parse(_LANGUAGE, text, lexemes, 'definition', _tell('definition'))
+    tree: Expression = _lalr.parse(_SYNTAX, text, lexemes, 'definition', _tell('definition'))
     return tree
 
 
 def _tell(start: str) -> _lalr.Tell:
     def tell(text: Text, lexemes: Sequence[Lexeme], index: int) -> Any:
-        fitting = _lalr.fitting(_LANGUAGE, start, lexemes[:index])
-        earlier = _lalr.fitting(_LANGUAGE, start, lexemes[:index - 1]) if index else frozenset()
+        fitting = _lalr.fitting(_SYNTAX, start, lexemes[:index])
+        earlier = _lalr.fitting(_SYNTAX, start, lexemes[:index - 1]) if index else frozenset()
         fretish_help.refuse_lexeme(fretish_help.Misfit(text, lexemes, index, fitting, earlier))
 
     return tell
@@ -318,7 +322,7 @@ def _without_stop(text: Text) -> Text:
 
 
 def _scan(text: Text) -> list[Lexeme]:
-    lexemes = [_worded(text, lexeme) for lexeme in _lalr.scan(_LANGUAGE, text)]
+    lexemes = [_worded(text, lexeme) for lexeme in _lalr.scan(_SYNTAX, text)]
     return _lalr.join_signs(lexemes)
 
 

@@ -146,7 +146,7 @@ class TimingPhrase:
 
 
 @dataclass(frozen=True, eq=False)
-class Component:
+class ComponentPhrase:
     """The component that shall do something; `span` is where its name stands."""
 
     name: str
@@ -163,7 +163,7 @@ class Sentence:
 
     scope: ScopePhrase | None
     condition: ConditionPhrase | None
-    component: Component
+    component: ComponentPhrase
     timing: TimingPhrase | None
     response: Expression
     span: Span

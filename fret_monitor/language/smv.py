@@ -120,7 +120,7 @@ def _pattern(blank: str) -> re.Pattern[str]:
                       f'|(?P<OPERATOR>{operators})|(?P<BAD>.)', re.ASCII | re.DOTALL)
 
 
-class _Builder(_lalr.Builder):
+class _SmvBuilder(_lalr.ExpressionBuilder):
 
     def window(self, parts: list[Any]) -> Bound:
         low, high = self._end(parts[1]), self._end(parts[3])
@@ -215,13 +215,13 @@ def _explain_bracket(before: Lexeme, found: Lexeme) -> Diagnostic | None:
     return None
 
 
-_LANGUAGE = _lalr.Language('smv.lark', _Builder(PRECEDENCE), ('start',), _pattern(r'\s'), _WORDS,
+_SYNTAX = _lalr.Syntax('smv.lark', _SmvBuilder(PRECEDENCE), ('start',), _pattern(r'\s'), _WORDS,
                            _OPERATORS, _REFUSED, _FOREIGN, _WRITE, _explain)
 _TAGGED = _pattern(r'\s|</?[bi]>')
 
 
 def parse_smv(text: Text) -> Expression:
     """Return the tree of a formula; raises `CompileError` with the place of the first error."""
-    lexemes = _lalr.scan(_LANGUAGE, text, _TAGGED if '</' in text.value else None)
-    tree: Expression = _lalr.parse(_LANGUAGE, text, _lalr.join_signs(lexemes), 'start')
+    lexemes = _lalr.scan(_SYNTAX, text, _TAGGED if '</' in text.value else None)
+    tree: Expression = _lalr.parse(_SYNTAX, text, _lalr.join_signs(lexemes), 'start')
     return tree

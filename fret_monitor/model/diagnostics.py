@@ -245,11 +245,20 @@ def counted(number: int, noun: str) -> str:
     return f'{number:,} {noun}' if number == 1 else f'{number:,} {noun}s'
 
 
+def close_matches(name: str, known: Iterable[str]) -> list[str]:
+    """Return at most three of the known words, those that are spelled most like `name`."""
+    return get_close_matches(name, list(known), n=3, cutoff=0.6)
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return a help text that names the known words closest to `name`, or an empty string."""
-    matches = get_close_matches(name, list(known), n=3, cutoff=0.6)
-    shown = ' or '.join(f"'{match}'" for match in matches)
-    return f'did you mean {shown}?' if matches else ''
+    return suggestion(close_matches(name, known))
+
+
+def suggestion(words: Iterable[str]) -> str:
+    """Return a help text that offers the words, or an empty string if there are none."""
+    shown = ' or '.join(f"'{word}'" for word in words)
+    return f'did you mean {shown}?' if shown else ''
 
 
 def pip_install(*packages: str) -> str:

@@ -16,7 +16,7 @@
 
 from fret_monitor.bundle import yaml_tree
 from fret_monitor.bundle.yaml_text import scalar_text
-from fret_monitor.bundle.yaml_tree import Mapping, read_tree, Scalar
+from fret_monitor.bundle.yaml_tree import read_tree, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import Problems, Source, Text
 from hypothesis import assume, given, settings, strategies
 import pytest
@@ -89,9 +89,9 @@ def test_a_word_is_found_at_its_line_and_column(
     problems = Problems()
     tree = read_tree(Source('x', text), problems)
     assert not problems.errors
-    assert isinstance(tree, Mapping)
+    assert isinstance(tree, YamlMapping)
     value = tree.entries[0][1]
-    assert isinstance(value, Scalar)
+    assert isinstance(value, YamlScalar)
     at = value.value.index(word)
     span = value.text.at(at, at + len(word))
     assert (span.line, span.column) == (line, column)
@@ -109,11 +109,11 @@ def test_both_loaders_of_pyyaml_give_the_same_tree(monkeypatch: pytest.MonkeyPat
 
 def _shown(node: yaml_tree.Node | None) -> str:
     match node:
-        case Mapping():
+        case YamlMapping():
             return ', '.join(f'{_shown(key)}: {_shown(value)}' for key, value in node.entries)
-        case yaml_tree.Sequence():
+        case yaml_tree.YamlList():
             return ', '.join(_shown(item) for item in node.items)
-        case Scalar():
+        case YamlScalar():
             return f'{node.value!r} {node.text.offsets[0]} {node.style} {node.span.start}'
         case _:
             return repr(node)
