@@ -245,7 +245,7 @@ def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
 
 
 _SYNTAX = _lalr.Syntax('cocospec.lark', _CocospecBuilder(PRECEDENCE), ('formula', 'program'),
-                           _pattern(), _WORDS, _OPERATORS, _REFUSED, _FOREIGN, _WRITE, _explain)
+                       _pattern(), _WORDS, _OPERATORS, _REFUSED, _FOREIGN, _WRITE, _explain)
 
 
 def parse_cocospec(text: Text) -> Expression | Equations:

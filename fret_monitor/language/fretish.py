@@ -282,8 +282,8 @@ def _joined(chain: Sequence[Qualifier]) -> Expression:
 
 
 _SYNTAX = _lalr.Syntax('fretish.lark', _FretishBuilder(PRECEDENCE), ('sentence', 'definition'),
-                           _pattern(), {}, OPERATORS, {}, {}, fretish_help.WRITE,
-                           lambda text, lexemes, index: None)
+                       _pattern(), {}, OPERATORS, {}, {}, fretish_help.WRITE,
+                       lambda text, lexemes, index: None)
 
 
 def parse_fretish(text: Text) -> Sentence:
