@@ -217,7 +217,7 @@ def _explain_bracket(before: Lexeme, found: Lexeme) -> Diagnostic | None:
 
 _SYNTAX = _lalr.Syntax('smv.lark', _SmvBuilder(PRECEDENCE), ('start',), _pattern(r'\s'), _WORDS,
                        _OPERATORS, _REFUSED, _FOREIGN, _WRITE, _explain)
-                       _TAGGED = _pattern(r'\s|</?[bi]>')
+_TAGGED = _pattern(r'\s|</?[bi]>')
 
 
 def parse_smv(text: Text) -> Expression:
