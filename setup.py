@@ -26,18 +26,12 @@ from setuptools import find_packages, setup
 NAME = 'fret_monitor'
 SHARED = ('config', 'config/sros2', 'csrc', 'docs', 'examples', 'launch')
 
-# The releases the tests ran with, and what may replace them without a change of meaning.
-# rclpy alone has no middleware: rmw-fastrtps-cpp brings one. The messages are those of config/
-# and of the examples in docs/.
+# The releases that the tests ran with, and those that may replace them without a change of
+# meaning. `fastrtps` is the middleware, which rclpy alone does not have; the common interfaces
+# are std_msgs, sensor_msgs, visualization_msgs and the like.
 ROS_WHEELS = [
-    'ros-jazzy-diagnostic-msgs>=5.3,<6',
-    'ros-jazzy-geometry-msgs>=5.3,<6',
-    'ros-jazzy-nav-msgs>=5.3,<6',
-    'ros-jazzy-rclpy>=7.1.6,<7.2',
-    'ros-jazzy-rmw-fastrtps-cpp>=8.4,<8.5',
-    'ros-jazzy-sensor-msgs>=5.3,<6',
-    'ros-jazzy-std-msgs>=5.3,<6',
-    'ros-jazzy-std-srvs>=5.3,<6',
+    'ros-jazzy-common-interfaces>=5.3,<6',
+    'ros-jazzy-rclpy[fastrtps]>=7.1.6,<7.2',
 ]
 
 ROS_TEST_WHEELS = [

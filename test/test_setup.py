@@ -99,13 +99,33 @@ def test_nothing_is_left_half_made(
     assert not os.path.lexists(repository / '.venv')
 
 
-def test_without_ros_the_wheels_have_the_messages_of_the_examples() -> None:
+def requirements(name: str) -> list[str]:
+    """Return a list of setup.py."""
     script = ast.parse((ROOT / 'setup.py').read_text(encoding='utf-8'))
-    [wheels] = [ast.literal_eval(item.value) for item in script.body
-                if isinstance(item, ast.Assign) and ast.unparse(item.targets[0]) == 'ROS_WHEELS']
+    [found] = [item.value for item in script.body
+               if isinstance(item, ast.Assign) and ast.unparse(item.targets[0]) == name]
+    return [str(item) for item in ast.literal_eval(found)]
+
+
+def test_without_ros_all_common_messages_are_installed() -> None:
+    names = {re.split('[<>=]', wheel)[0] for wheel in requirements('ROS_WHEELS')}
+    assert names == {'ros-jazzy-common-interfaces', 'ros-jazzy-rclpy[fastrtps]'}
+
+
+@pytest.mark.skipif('ROS_DISTRO' in os.environ, reason='the messages are those of a ROS')
+@pytest.mark.parametrize('package', [
+    'actionlib_msgs', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs', 'sensor_msgs', 'shape_msgs',
+    'std_msgs', 'std_srvs', 'stereo_msgs', 'trajectory_msgs', 'visualization_msgs'])
+def test_a_common_message_is_found_in_a_wheel_environment(package: str) -> None:
+    folder = Path(sys.prefix) / 'share' / package
+    if not (Path(sys.prefix) / 'share' / 'common_interfaces').is_dir():
+        pytest.skip('an environment that was not made by `make setup`')
+    assert any(folder.glob('*/*.msg')) or any(folder.glob('*/*.srv'))
+
+
+def test_the_messages_of_the_examples_are_common_ones() -> None:
     examples = [*(ROOT / 'config').glob('*.yaml'), ROOT / 'docs' / 'bundle.md']
     used = {package for path in examples for package in re.findall(
         r'type: (\w+)/msg/', path.read_text(encoding='utf-8'))}
-    assert {'nav_msgs', 'sensor_msgs', 'geometry_msgs'} <= used
-    assert {f'ros-jazzy-{package.replace("_", "-")}' for package in used} <= {
-        wheel.partition('>')[0] for wheel in wheels}
+    assert {'nav_msgs', 'sensor_msgs', 'geometry_msgs'} <= used <= {
+        'diagnostic_msgs', 'geometry_msgs', 'nav_msgs', 'sensor_msgs', 'std_msgs'}

@@ -267,9 +267,12 @@ def _no_package(package: str, packages: set[str]) -> str:
 
 
 def _command(package: str) -> str:
-    """Return what installs a package of ROS, with pip where ROS itself came that way."""
-    name = f'ros-jazzy-{package.replace("_", "-")}'
-    return f'sudo apt install {name}' if os.environ.get('AMENT_PREFIX_PATH') else pip_install(name)
+    """Return what installs a package of ROS: pip if ROS itself came as wheels, else apt."""
+    distribution = os.environ.get('ROS_DISTRO') or 'jazzy'
+    name = f'ros-{distribution}-{package.replace("_", "-")}'
+    has_wheels = (Path(sys.prefix) / 'share' / 'rclpy').is_dir()
+    is_sourced = bool(os.environ.get('AMENT_PREFIX_PATH'))
+    return f'sudo apt install {name}' if is_sourced and not has_wheels else pip_install(name)
 
 
 def listed(names: Sequence[str]) -> str:

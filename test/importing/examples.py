@@ -84,7 +84,7 @@ DOCUMENT = {
     },
 }
 
-DATABASE = {
+DATABASE: dict[str, Any] = {
     'inputs': [
         {'name': 'speed', 'type': 'float',
          'connections': [{'scope': 'ros/message', 'topic': '/wheels/speed'}]},

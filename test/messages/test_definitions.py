@@ -388,13 +388,19 @@ def test_a_broken_definition_is_told_with_its_place(prefix: Path) -> None:
         find_message('pkg_a/msg/Broken', [prefix])
 
 
-@pytest.mark.parametrize('sourced, command', [
-    (True, 'sudo apt install ros-jazzy-nav-msgs'),
-    (False, f'{sys.executable} -m pip install ros-jazzy-nav-msgs')])
+@pytest.mark.parametrize('sourced, wheels, distribution, command', [
+    (True, False, '', 'sudo apt install ros-jazzy-nav-msgs'),
+    (True, False, 'kilted', 'sudo apt install ros-kilted-nav-msgs'),
+    (False, False, '', f'{sys.executable} -m pip install ros-jazzy-nav-msgs'),
+    (True, True, '', f'{sys.executable} -m pip install ros-jazzy-nav-msgs')])
 def test_a_package_that_is_not_installed_is_installed_as_ros_itself_was(
-        prefix: Path, monkeypatch: pytest.MonkeyPatch, sourced: bool, command: str) -> None:
+        prefix: Path, monkeypatch: pytest.MonkeyPatch, sourced: bool, wheels: bool,
+        distribution: str, command: str) -> None:
     monkeypatch.setattr('sys.prefix', str(prefix))
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(prefix) if sourced else '')
+    monkeypatch.setenv('ROS_DISTRO', distribution)
+    if wheels:
+        (prefix / 'share' / 'rclpy').mkdir()
     (prefix / 'share' / 'pkg_b').rename(prefix / 'share' / 'nav_msg')
     with pytest.raises(CompileError) as found:
         find_message('nav_msgs/msg/Odometry')
