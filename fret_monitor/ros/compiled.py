@@ -31,6 +31,7 @@ from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.model.policies import Policy
 from fret_monitor.native import load, Monitor, NativeError
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
+from fret_monitor.ros.bundle_files import where_searched
 from fret_monitor.ros.parameters import Origin, Refusal, Settings
 
 
@@ -105,7 +106,7 @@ def _refuse_slips(origin: Origin) -> None:
         listed = ', '.join(part.strip() for part in parts)
         raise Refusal(f"there is no file '{spec}'; for several bundles: -p spec:=\"[{listed}]\"")
     if not spec.is_absolute():
-        raise Refusal(f"there is no file '{spec}' in {Path.cwd()}")
+        raise Refusal(f"there is no file '{spec}' in {where_searched(spec)}")
 
 
 def _refuse_shared_handlers(origins: Sequence[Origin], manifests: Sequence[Manifest]) -> None:

@@ -37,6 +37,7 @@ from typing import Any, Protocol
 
 from fret_monitor.ros import qos
 from fret_monitor.ros.losses import Gaps, ReportedLosses
+from fret_monitor.ros.parameters import Refusal
 from fret_monitor.ros.periods import Throttle
 from fret_monitor.ros.rcl_subscription import RclSubscription
 
@@ -102,7 +103,7 @@ _Taken = tuple[int, tuple[int, int], bytes, '_Topic', bool]
 
 
 @dataclass(frozen=True)
-class Hearing:
+class PublisherStatus:
     """
     Who publishes on a topic, as far as is known.
 
@@ -140,9 +141,26 @@ class Feed:
 
         `fixed` is the part of the quality of service that is not chosen by who publishes
         (`qos.wanted_profile`).
+
+        Raises
+        ------
+        Refusal
+            if the middleware refuses, as it does a second type of a topic in one process.
         """
-        self._topics.append(
-            _Topic(self._node, name, message_type, message_class, deliver, fixed))
+        try:
+            topic = _Topic(self._node, name, message_type, message_class, deliver, fixed)
+        except _rclpy.RCLError as error:
+            raise Refusal(self._why_refused(name, message_type, error)) from None
+        self._topics.append(topic)
+
+    def _why_refused(self, name: str, message_type: str, error: Exception) -> str:
+        full_name = self._node.resolve_topic_name(name)
+        reason = f'cannot subscribe to {full_name} as {message_type}: '
+        known = dict(self._node.get_topic_names_and_types())
+        types = [item for item in known.get(full_name, ()) if item != message_type]
+        return reason + (
+            f'this process uses the topic with the type {", ".join(types)}, and can use it with '
+            'one type only' if types else str(error))
 
     def start(self) -> None:
         """Start delivering."""
@@ -162,9 +180,9 @@ class Feed:
                 self._guard.trigger_guard_condition()
                 self._thread.join()
 
-    def hearings(self) -> list[Hearing]:
+    def statuses(self) -> list[PublisherStatus]:
         """Return who is heard on each topic, in order of subscription."""
-        return [topic.hearing for topic in self._topics]
+        return [topic.status for topic in self._topics]
 
     @property
     def failure(self) -> BaseException | None:
@@ -270,7 +288,7 @@ class _Topic:
         else:
             self.receiver = deliver
         self._fixed = fixed
-        self.hearing = Hearing()
+        self.status = PublisherStatus()
         self._told: set[object] = set()
         self._known: set[bytes] = set()
         self._unnamed: dict[bytes, float] = {}  # publishers, and since when they are there
@@ -347,8 +365,9 @@ class _Topic:
         unheard = [item for item in same_type
                    if not qos.hears(self._current.qos_profile, item.qos_profile)]
         self._gaps.confirm(gids)
-        self.hearing = Hearing(len(same_type), tuple(sorted({_who(item) for item in unheard})),
-                               tuple(sorted({item.topic_type for item in others})), self._lost())
+        self.status = PublisherStatus(
+            len(same_type), tuple(sorted({_who(item) for item in unheard})),
+            tuple(sorted({item.topic_type for item in others})), self._lost())
         self._tell_lost()
         named = self._named(publishers)
         for item in others:
@@ -400,7 +419,7 @@ class _Topic:
         for retired in list(self._retired):
             item, receiver, until = retired
             is_assured = now >= until - _OVERLAP + _ASSURED and \
-                self._current.handle.get_publisher_count() >= self.hearing.publishers
+                self._current.handle.get_publisher_count() >= self.status.publishers
             if now >= until or is_assured:
                 self._retired.remove(retired)
                 self._destroy(item, receiver)
@@ -431,9 +450,9 @@ class _Topic:
         return max(self._gaps.lost, self._told_before + self._told_losses.total())
 
     def _tell_lost(self) -> None:
-        lost = self.hearing.lost - self._lost_told
+        lost = self.status.lost - self._lost_told
         if lost > 0 and self._throttle.passes():
-            self._lost_told = self.hearing.lost
+            self._lost_told = self.status.lost
             messages = 'message was' if lost == 1 else 'messages were'
             self._node.get_logger().warning(
                 f'{lost} {messages} lost on {self._current.topic_name} since the last such '

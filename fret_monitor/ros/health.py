@@ -27,9 +27,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from fret_monitor.model.manifest import ManifestRequirement, ManifestTopic
 from fret_monitor.model.policies import Stale
 from fret_monitor.ros.details import LEVELS
-from fret_monitor.ros.feed import Hearing
+from fret_monitor.ros.feed import PublisherStatus
 from fret_monitor.ros.periods import Schedule
-from fret_monitor.ros.silence import Silence, Silences, some
+from fret_monitor.ros.timeouts import Silence, some, TimeoutTracker
 from fret_monitor.runtime import SharedEvaluator
 
 from rclpy.node import Node
@@ -40,8 +40,9 @@ PERIOD = 1.0  # s
 class Health:
     """Publishes diagnostics while somebody listens."""
 
-    def __init__(self, node: Node, evaluator: SharedEvaluator, silences: Silences | None = None,
-                 schedule: Schedule | None = None, bundle: str = '') -> None:
+    def __init__(self, node: Node, evaluator: SharedEvaluator,
+                 timeouts: TimeoutTracker | None = None, schedule: Schedule | None = None,
+                 bundle: str = '') -> None:
         """
         Advertise the topic; whoever made this calls `publish` each `PERIOD`.
 
@@ -56,29 +57,29 @@ class Health:
         self._unusable = [0] * len(self._manifest.inputs)
         self._lost = [0] * len(self._manifest.topics)
         self._untold = 0
-        self._silences = silences
+        self._timeouts = timeouts
         self._schedule = schedule
         self._periods = (0, 0)  # late, missed
         self._bundle = bundle
         self._time = monotonic()
 
-    def publish(self, hearings: Sequence[Hearing]) -> None:
-        """Publish what is so now; `hearings` are who is heard on the topics, in their order."""
+    def publish(self, statuses: Sequence[PublisherStatus]) -> None:
+        """Publish what is so now; `statuses` are who is heard on the topics, in their order."""
         rates, unusable = list(self._rates()), self._newly_unusable()
-        lost, periods = list(self._newly_lost(hearings)), list(self._of_periods())
+        lost, periods = list(self._newly_lost(statuses)), list(self._of_periods())
         unpublished = list(self._of_untold())
         if not self._publisher.get_subscription_count():
             return
         array = DiagnosticArray()
         array.header.stamp = self._node.get_clock().now().to_msg()
-        silent = {item.index: item for item in self._silences.silent()} if self._silences else {}
+        silent = {item.index: item for item in self._timeouts.silent()} if self._timeouts else {}
         array.status = [
             *(self._of_requirement(index, item, silent)
               for index, item in enumerate(self._manifest.requirements)),
-            *(self._of_topic(index, hearing, rates[index], [
+            *(self._of_topic(index, status, rates[index], [
                 *self._of_silence(index, silent),
                 *self._of_messages(index, unusable, lost[index])])
-              for index, hearing in enumerate(hearings)),
+              for index, status in enumerate(statuses)),
             *periods, *unpublished]
         self._publisher.publish(array)
 
@@ -101,11 +102,11 @@ class Health:
                           for index in range(len(before))]
         return {index for index, count in enumerate(self._unusable) if count > before[index]}
 
-    def _newly_lost(self, hearings: Sequence[Hearing]) -> Iterator[int]:
+    def _newly_lost(self, statuses: Sequence[PublisherStatus]) -> Iterator[int]:
         """Yield how many messages of each topic were lost since the last time."""
-        for index, hearing in enumerate(hearings):
-            yield hearing.lost - self._lost[index]
-            self._lost[index] = hearing.lost
+        for index, status in enumerate(statuses):
+            yield status.lost - self._lost[index]
+            self._lost[index] = status.lost
 
     def _of_periods(self) -> Iterator[DiagnosticStatus]:
         if self._schedule is None:
@@ -176,24 +177,24 @@ class Health:
         if lost > 0:
             yield DiagnosticStatus.WARN, f'{lost} lost since the last report'
 
-    def _of_topic(self, index: int, hearing: Hearing, rate: float,
+    def _of_topic(self, index: int, status: PublisherStatus, rate: float,
                   troubles: Sequence[tuple[bytes, str]]) -> DiagnosticStatus:
         item = self._manifest.topics[index]
         counts = self._evaluator.topic_counts(index)
-        found = [*_troubles(item, hearing), *troubles]
-        if not hearing.publishers and not hearing.other_types:
+        found = [*_troubles(item, status), *troubles]
+        if not status.publishers and not status.other_types:
             found.append((DiagnosticStatus.WARN, 'no publisher'))
         names = {self._manifest.inputs[place].name: place for place in item.inputs}
-        silences = {f'silences {name}': self._silences.count(place)
-                    for name, place in names.items()} if self._silences else {}
+        silences = {f'silences {name}': self._timeouts.count(place)
+                    for name, place in names.items()} if self._timeouts else {}
         return self._status(
             f'topic {self._node.resolve_topic_name(item.name)}'
             f'{" for " if self._bundle else ""}{self._bundle}',
             max([level for level, _ in found], default=DiagnosticStatus.OK),
             '; '.join(message for _, message in found) or 'received', {
                 'received': counts.messages, 'rate': f'{rate:.1f}',
-                'undecodable': counts.undecodable, 'lost': hearing.lost,
-                'publishers': hearing.publishers,
+                'undecodable': counts.undecodable, 'lost': status.lost,
+                'publishers': status.publishers,
                 **{f'unusable {name}': self._unusable[place] for name, place in names.items()
                    if self._unusable[place]},
                 **{key: count for key, count in silences.items() if count is not None}})
@@ -206,16 +207,16 @@ class Health:
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])
 
 
-def _troubles(topic: ManifestTopic, hearing: Hearing) -> Iterator[tuple[bytes, str]]:
+def _troubles(topic: ManifestTopic, status: PublisherStatus) -> Iterator[tuple[bytes, str]]:
     """Yield what is wrong with who publishes, each with its level."""
-    if hearing.other_types:
+    if status.other_types:
         yield DiagnosticStatus.ERROR, (
-            f'a publisher of {", ".join(hearing.other_types)}, and not {topic.message_type}')
-    if hearing.unheard:
-        yield DiagnosticStatus.ERROR, f'not heard: {", ".join(hearing.unheard)}'
+            f'a publisher of {", ".join(status.other_types)}, and not {topic.message_type}')
+    if status.unheard:
+        yield DiagnosticStatus.ERROR, f'not heard: {", ".join(status.unheard)}'
 
 
-def describe_missing(evaluator: SharedEvaluator, hearings: Sequence[Hearing],
+def describe_missing(evaluator: SharedEvaluator, statuses: Sequence[PublisherStatus],
                      full_name: Callable[[str], str]) -> str | None:
     """
     Return which requirements wait for which topics; None if none does.
@@ -234,7 +235,7 @@ def describe_missing(evaluator: SharedEvaluator, hearings: Sequence[Hearing],
         if names:
             usable = 'usable ' if evaluator.topic_counts(index).messages else ''
             reasons.append(f'nothing {usable}received on {full_name(topic.name)} '
-                           f'({_publishers(topic, hearings[index])}) for {some(names)}')
+                           f'({_publishers(topic, statuses[index])}) for {some(names)}')
     return (f'{some([item.id for item in waiting])} {"is" if len(waiting) == 1 else "are"} '
             f'not evaluated yet: {some(reasons, "; ")}')
 
@@ -257,6 +258,6 @@ def _awaited_name(evaluator: SharedEvaluator, place: int) -> str:
     return name if evaluator.value(place) is None else f'{name} (it has its initial value)'
 
 
-def _publishers(topic: ManifestTopic, hearing: Hearing) -> str:
-    count = f'{hearing.publishers} publisher{"" if hearing.publishers == 1 else "s"}'
-    return f'{count} of {topic.message_type}' if hearing.other_types else count
+def _publishers(topic: ManifestTopic, status: PublisherStatus) -> str:
+    count = f'{status.publishers} publisher{"" if status.publishers == 1 else "s"}'
+    return f'{count} of {topic.message_type}' if status.other_types else count

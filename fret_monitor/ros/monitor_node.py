@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node that watches: what it is to do comes by parameters, the work is `BundleWatch`'s."""
+"""The node that watches: what it is to do comes by parameters, the work is `BundleSession`'s."""
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, ExitStack
@@ -20,9 +20,9 @@ import traceback
 from typing import Any
 
 from fret_monitor.ros.announcement import announcement, count
-from fret_monitor.ros.bundle_watch import BundleWatch
+from fret_monitor.ros.bundle_session import BundleSession
 from fret_monitor.ros.compiled import open_monitors, Opened
-from fret_monitor.ros.namesakes import Namesakes
+from fret_monitor.ros.duplicate_nodes import DuplicateNodes
 from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import MONITOR_PARAMETERS, Parameters, read_settings, Refusal
 
@@ -53,7 +53,7 @@ class MonitorNode(LifecycleNode):
             if parameters, bundles or libraries are not such that it can start by itself. Nothing
             is left.
         """
-        self._watches: list[BundleWatch] = []
+        self._watches: list[BundleSession] = []
         self._is_active = False
         self._is_starting = False
         self._failure: Exception | None = None
@@ -65,7 +65,7 @@ class MonitorNode(LifecycleNode):
 
     def _begin(self) -> None:
         self._declared = Parameters(self, MONITOR_PARAMETERS, self._why_fixed)
-        self._namesakes = Namesakes(self)
+        self._duplicate_nodes = DuplicateNodes(self)
         self.create_service(Trigger, '~/reset', self._reset)
         for service in self.services:
             if service.service_name.endswith('/change_state'):
@@ -133,16 +133,33 @@ class MonitorNode(LifecycleNode):
     def _configure(self) -> None:
         settings = read_settings(self._declared.values())
         opened = open_monitors(settings)
+        self._refuse_two_types(opened)
         with ExitStack() as undo:
             undo.callback(self._release)
             for item, name in zip(opened, _names(opened)):
                 self._watches.append(
-                    BundleWatch(self, item, hot_path=settings.hot_path, name=name))
+                    BundleSession(self, item, hot_path=settings.hot_path, name=name))
             undo.pop_all()
         self._warn([warning for item in opened for warning in item.warnings])
         self._warn(Overrides.of(self).unused([
             self.resolve_topic_name(topic.name)
             for watch in self._watches for topic in watch.manifest.topics]))
+
+    def _refuse_two_types(self, opened: Sequence[Opened]) -> None:
+        """Refuse two types for one topic: the middleware allows one in a process."""
+        types: dict[str, tuple[str, str]] = {}
+        problems = []
+        for item, bundle in zip(opened, _names(opened)):
+            for topic in item.monitor.manifest.topics:
+                name = self.resolve_topic_name(topic.name)
+                kind, first = types.setdefault(name, (topic.message_type, bundle))
+                if kind != topic.message_type and first != bundle:
+                    problems.append(
+                        f"the topic {name} has the type {kind} in the bundle '{first}' and "
+                        f"{topic.message_type} in '{bundle}': a process can use a topic with one "
+                        'type only; correct the type, or start a monitor for each bundle')
+        if problems:
+            raise Refusal(*problems)
 
     def _warn(self, warnings: Iterable[str]) -> None:
         for warning in warnings:
@@ -197,9 +214,12 @@ def _names(opened: Sequence[Opened]) -> list[str]:
         return ['']
     names: list[str] = []
     for item in opened:
-        stem = item.monitor.manifest.name
-        taken = sum(name.partition(' ')[0] == stem for name in names)
-        names.append(f'{stem} {taken + 1}' if taken else stem)
+        stem = name = item.monitor.manifest.name
+        number = 1
+        while name in names:
+            number += 1
+            name = f'{stem} {number}'
+        names.append(name)
     return names
 
 

@@ -28,6 +28,7 @@ from typing import Any
 
 from fret_monitor.model.diagnostics import did_you_mean
 from fret_monitor.model.policies import Policy
+from fret_monitor.ros.bundle_files import find_bundle
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.logging import LoggingSeverity
@@ -44,7 +45,8 @@ class Described:
     read_only: bool = False
 
 
-_SPEC = 'the bundle: a path, or a list of them to watch several'
+_SPEC = ("the bundle: a path, package://PKG/PATH, or the name of a file in this package's config "
+         'folder; or a list of them')
 _LIBRARY = ('the folder of a compiled bundle, instead of the bundle, or with it to be sure that '
             'it is of that; a list for several')
 _LOG_LEVEL = Described('', 'the least severity that this node logs: debug, info, warn, error or '
@@ -213,7 +215,8 @@ def _settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
 
 
 def _origins(given: Mapping[str, Any], problems: list[str]) -> tuple[Origin, ...]:
-    specs, libraries = _paths(given, 'spec', problems), _paths(given, 'library', problems)
+    specs = _specs(_texts(given, 'spec', problems), problems)
+    libraries = [Path(item).expanduser() for item in _texts(given, 'library', problems)]
     if specs and libraries and len(specs) != len(libraries):
         problems.append(
             f"parameters 'spec' and 'library' name {len(specs)} and {len(libraries)}: where both "
@@ -221,7 +224,17 @@ def _origins(given: Mapping[str, Any], problems: list[str]) -> tuple[Origin, ...
     return tuple(Origin(*pair) for pair in zip_longest(specs, libraries))
 
 
-def _paths(given: Mapping[str, Any], name: str, problems: list[str]) -> list[Path]:
+def _specs(texts: Sequence[str], problems: list[str]) -> list[Path]:
+    specs = []
+    for text in texts:
+        try:
+            specs.append(find_bundle(text))
+        except FileNotFoundError as error:
+            problems.append(str(error))
+    return specs
+
+
+def _texts(given: Mapping[str, Any], name: str, problems: list[str]) -> list[str]:
     value: Any = given.get(name) or ''
     listed: list[Any] = [value] if isinstance(value, str | bool | int | float) else list(value)
     wrong = [item for item in listed if not isinstance(item, str) or not item and listed != ['']]
@@ -230,7 +243,7 @@ def _paths(given: Mapping[str, Any], name: str, problems: list[str]) -> list[Pat
             f"parameter '{name}' is {listed if len(listed) > 1 else value!r}, and has to be a "
             f"path or a list of paths; quote it: -p '{name}:=\"{wrong[0]}\"'")
         return []
-    return [Path(item).expanduser() for item in listed if item]
+    return [item for item in listed if item]
 
 
 def _policy(given: Mapping[str, Any], problems: list[str]) -> Policy | None:

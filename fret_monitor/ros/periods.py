@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Steps that come with time: when one is due, which are late, which were missed (DESIGN 6).
+Timers in the node's time, and the count of periods that came late or never (docs/ros.md, Periods).
 
-The node's time is `/clock` where `use_sim_time` is set. Otherwise it is that of a clock that
-nobody sets: a correction of the system's time neither delays a step nor makes several of one.
+The node's time is `/clock` where `use_sim_time` is set, and a steady clock otherwise: a correction
+of the system time neither delays a step nor adds one.
 """
 
 from collections.abc import Callable
@@ -26,20 +26,21 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-_TELLING = 10.0  # s between two warnings about the same thing
-_PATIENCE = 5.0  # s until it is told that there is no time
+_REPEAT_S = 10.0  # between two log lines about the same thing
+_NO_TIME_S = 5.0  # until the log says that there is no `/clock`
+_READINGS = 10  # attempts to read a clock and a timer without being preempted in between
 
 
 class Throttle:
-    """Lets pass what is the first, or comes long enough after the one before."""
+    """Lets the first event pass, and then one each so many seconds."""
 
-    def __init__(self, seconds: float = _TELLING) -> None:
-        """Start with nothing passed yet."""
+    def __init__(self, seconds: float = _REPEAT_S) -> None:
+        """Start; nothing has passed yet."""
         self._seconds = seconds
         self._next = float('-inf')
 
     def passes(self) -> bool:
-        """Return whether this one may pass; if so, the others have to wait again."""
+        """Return whether this event may pass."""
         now = monotonic()
         if now < self._next:
             return False
@@ -51,60 +52,87 @@ class NodeTimer:
     """
     Calls back once a period of the node's time, in its executor.
 
-    What was missed is not made up for: whatever time did, one call follows. `use_sim_time` may
-    change meanwhile.
+    Missed periods are not made up for: however far time has gone, one call follows.
+    `use_sim_time` may change at any time.
     """
 
     def __init__(self, node: Node, period: float, callback: Callable[[int, int], None],
-                 purpose: str) -> None:
+                 on_clock_change: Callable[[], None], purpose: str) -> None:
         """
-        Start; `callback` takes the time and the next planned one (ns), by the same clock.
+        Start.
 
-        `purpose` says what waits if there is no time.
+        Parameters
+        ----------
+        node
+            whose time and executor it is.
+        period
+            in seconds.
+        callback
+            takes the time of the call and the time at which the next one is due (ns).
+        on_clock_change
+            called before the first callback in the time of another clock.
+        purpose
+            what waits while there is no time, for the log.
         """
         self._node = node
         self._purpose = purpose
         self._node_clock: Any = node.get_clock()  # a ROSClock, annotated as less in Jazzy
         self._period = period
         self._callback = callback
+        self._on_clock_change = on_clock_change
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._make()
-        self._patience = node.create_timer(_PATIENCE, self._tell_no_time, clock=self._steady)
+        self._no_time = node.create_timer(_NO_TIME_S, self._report_no_time, clock=self._steady)
 
-    def _tell_no_time(self) -> None:
-        self._patience.cancel()
+    def _report_no_time(self) -> None:
+        self._no_time.cancel()
         if self.now() == 0:
             self._node.get_logger().warning(
-                f'use_sim_time is set, and no time has come on /clock yet: {self._purpose} waits')
+                'use_sim_time is set, and no time was received on /clock yet: '
+                f'{self._purpose} waits')
 
     def _make(self) -> None:
         self._is_simulated = self._node_clock.ros_time_is_active
         self._clock = self._node_clock if self._is_simulated else self._steady
-        self._timer = self._node.create_timer(self._period, self._fire, clock=self._clock)
+        self._timer: Any = self._node.create_timer(self._period, self._fire, clock=self._clock)
 
     def now(self) -> int:
-        """Return the time (ns); 0 as long as nobody has published a `/clock` that is needed."""
+        """Return the time (ns); 0 while `use_sim_time` is set and no `/clock` was received."""
         return int(self._clock.now().nanoseconds)
 
     def _fire(self) -> None:
         if self._node_clock.ros_time_is_active != self._is_simulated:
             self._node.destroy_timer(self._timer)
             self._make()
-        now = self.now()
-        self._callback(now, now + self._timer.time_until_next_call())
+            self._on_clock_change()
+        self._callback(*self._read())
+
+    def _read(self) -> tuple[int, int]:
+        """
+        Return the time and that of the next call.
+
+        The two readings belong together only if the thread was not preempted between them, and
+        `/clock` did not advance.
+        """
+        for _ in range(_READINGS):
+            now = self.now()
+            remaining = self._timer.time_until_next_call()
+            if 4e-9 * (self.now() - now) < self._period:
+                break
+        return now, now + remaining
 
     def close(self) -> None:
-        """Call no more."""
+        """Stop calling."""
         self._node.destroy_timer(self._timer)
-        self._node.destroy_timer(self._patience)
+        self._node.destroy_timer(self._no_time)
 
 
 class Schedule:
     """
-    Counts what became of the periods; knows no clock.
+    Counts ticks and periods; reads no clock.
 
-    `ticks` happened; `late` of them by more than half a period; `missed` periods had none;
-    `restarts` are jumps of time back, after each of which the periods begin anew.
+    `late` ticks came more than half a period after they were due; `missed` periods had no tick;
+    `restarts` counts how often time went back.
     """
 
     def __init__(self, period: float) -> None:
@@ -112,57 +140,61 @@ class Schedule:
         self.period = period
         self.ticks = self.late = self.missed = self.restarts = 0
         self._nanoseconds = round(period * 1e9)
-        self._planned: int | None = None  # the tick that comes next
+        self._planned: int | None = None  # when the next tick is due
         self._last = 0  # the time of the last tick
-        self._untold: list[str] = []
-        self._told = (0, 0)
+        self._restart_reports: list[str] = []
+        self._reported = (0, 0)  # late, missed
         self._throttle = Throttle()
 
     def tick(self, now: int, following: int) -> None:
-        """Count a tick; `following` is when the next one is planned (ns)."""
+        """Count a tick; `following` is when the next one is due (ns)."""
         self.ticks += 1
-        slot = following - self._nanoseconds
+        due = following - self._nanoseconds
         if self._planned is not None:
-            periods = round((slot - self._planned) / self._nanoseconds)
+            periods = round((due - self._planned) / self._nanoseconds)
             self.missed += max(0, periods)
             if periods < 0:
                 self._restart(now)
-        self.late += 2 * (now - slot) > self._nanoseconds
-        # Before the first `/clock` there is no time, and none goes by.
+        self.late += 2 * (now - due) > self._nanoseconds
+        # No period passes before the first `/clock`.
         self._planned, self._last = (following if now > 0 else None), now
+
+    def change_clock(self) -> None:
+        """Begin the periods anew in the time of another clock; none is missed."""
+        self._planned = None
 
     def _restart(self, now: int) -> None:
         self.restarts += 1
-        self._untold.append(
-            f'time went back from {self._last / 1e9:.3f} s to {now / 1e9:.3f} s, and the periods '
-            'go on from there; values and past of the requirements are kept')
+        self._restart_reports.append(
+            f'time went back from {self._last / 1e9:.3f} s to {now / 1e9:.3f} s: the periods '
+            'continue from there; values and past of the requirements are kept')
 
-    def news(self) -> list[str]:
-        """Return what is to be told by now; what came late or not is told now and then."""
-        told, self._untold = self._untold[-1:], []
-        late, missed = self.late - self._told[0], self.missed - self._told[1]
+    def reports(self) -> list[str]:
+        """Return what to log now: the last restart, and now and then what was late or missed."""
+        lines, self._restart_reports = self._restart_reports[-1:], []
+        late, missed = self.late - self._reported[0], self.missed - self._reported[1]
         if (late or missed) and self._throttle.passes():
-            self._told = (self.late, self.missed)
-            told.append(f'of the periods of {self.period:g} s since the last such message, '
-                        f'{missed} were missed, which are no steps, and {late} came late by '
-                        'more than half a period')
-        return told
+            self._reported = (self.late, self.missed)
+            lines.append(f'periods of {self.period:g} s since the last such message: '
+                         f'{missed} missed (no step), {late} late by more than half a period')
+        return lines
 
 
 class Periods:
-    """Takes a step each period of a node's time, and tells what came late or not at all."""
+    """Takes a step each period of a node's time, and logs late and missed periods."""
 
     def __init__(self, node: Node, period: float, step: Callable[[], None]) -> None:
         """Start; `period` is in seconds."""
         self.schedule = Schedule(period)
         self._node = node
         self._step = step
-        self._timer = NodeTimer(node, period, self._tick, 'the policy periodic')
+        self._timer = NodeTimer(
+            node, period, self._tick, self.schedule.change_clock, 'the policy periodic')
 
     def _tick(self, now: int, following: int) -> None:
         self._step()
         self.schedule.tick(now, following)
-        for line in self.schedule.news():
+        for line in self.schedule.reports():
             self._node.get_logger().warning(line)
 
     def close(self) -> None:

@@ -18,12 +18,15 @@ from pathlib import Path
 from typing import Any
 
 from fret_monitor.ros import MonitorNode
+from fret_monitor.ros.hot_path import Middleware, Unavailable
 from fret_monitor.ros.rcl_subscription import RclSubscription
 import pytest
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.utilities import get_rmw_implementation_identifier
+from ros.harness import Partner
+from std_msgs.msg import Float32, Int32
 
 BUNDLE = """
 format: 1
@@ -32,6 +35,41 @@ inputs:
 requirements:
   - {id: R, ptltl: "x < 1.0"}
 """
+
+
+def test_a_topic_that_cannot_be_read_in_place_is_copied_and_no_other(
+    partner: Partner, stranger: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    if get_rmw_implementation_identifier() != 'rmw_fastrtps_cpp':
+        pytest.skip('only Fast DDS is read in place')
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE.replace('requirements:', """  y: {topic: y, type: std_msgs/msg/Int32}
+requirements:
+  - {id: S, ptltl: "y < 1"}"""), encoding='utf-8')
+    original = Middleware.class_in_place
+
+    def refuse(self: Middleware, kind: Any) -> Any:
+        if kind is Int32:
+            raise Unavailable('Int32 has no type support for Fast DDS')
+        return original(self, kind)
+
+    monkeypatch.setattr(Middleware, 'class_in_place', refuse)
+    node = MonitorNode(context=stranger.context, parameter_overrides=[
+        Parameter('spec', value=str(bundle)), Parameter('hot_path', value='on')])
+    try:
+        x, y = partner.publisher(Float32, 'x'), partner.publisher(Int32, 'y')
+        partner.listen('R', 'S')
+        partner.wait_for_listener(x, y)
+        x.publish(Float32(data=2.0))
+        partner.expect({'R': 1})  # `every_message`, but S waits for y
+        y.publish(Int32(data=2))
+        partner.expect({'R': 2, 'S': 1})
+    finally:
+        node.destroy_node()
+    logged = capfd.readouterr().err
+    assert 'messages on /y are copied before they are read: Int32 has no type support' in logged
+    assert 'messages are taken in C' in logged
 
 
 @pytest.mark.parametrize(('hot_path', 'is_in_place'), [('on', True), ('off', False)])

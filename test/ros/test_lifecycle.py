@@ -223,7 +223,7 @@ def test_an_error_of_ours_is_logged_and_leaves_the_node_to_be_configured_again(
         Parameter('spec', value=str(bundle)), Parameter('autostart', value=False)])
     try:
         with monkeypatch.context() as patch:
-            patch.setattr('fret_monitor.ros.bundle_watch.BundleWatch.start', fail)
+            patch.setattr('fret_monitor.ros.bundle_session.BundleSession.start', fail)
             assert node.trigger_configure().name == 'SUCCESS'
             assert node.trigger_activate().name == 'ERROR'
         assert 'RuntimeError: no paper in the printer' in capfd.readouterr().err

@@ -91,8 +91,8 @@ def test_a_queue_that_overflows_is_told(
         publisher.publish(Int32(data=number))
         wait_until(lambda: bool(got), 'the first one')
     go.set()
-    wait_until(lambda: feed.hearings()[0].lost > 0, 'losses')
-    assert len(got) + feed.hearings()[0].lost == 101
+    wait_until(lambda: feed.statuses()[0].lost > 0, 'losses')
+    assert len(got) + feed.statuses()[0].lost == 101
     feed.close()
     node.destroy_node()
     assert 'messages were lost on /x since the last such message' in capfd.readouterr().err

@@ -22,6 +22,7 @@ from typing import Any
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement, ManifestTopic
 from fret_monitor.model.policies import Policy, Report, Severity
 from fret_monitor.model.values import ValueType
+from fret_monitor.ros.feed import PublisherStatus
 import pytest
 from ros.harness import Partner, started, wait_until
 from std_msgs.msg import Bool, String
@@ -29,7 +30,6 @@ from std_msgs.msg import Bool, String
 diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
 sensor_msgs = pytest.importorskip('sensor_msgs.msg')
 health = pytest.importorskip('fret_monitor.ros.health')
-feed = pytest.importorskip('fret_monitor.ros.feed')
 
 SCAN = """
 format: 1
@@ -159,33 +159,33 @@ def a_manifest(count: int) -> Manifest:
         0, '', '', ())
 
 
-def missing(evaluator: Values, hearings: list[Any]) -> Any:
-    return health.describe_missing(evaluator, hearings, lambda name: f'/{name}')
+def missing(evaluator: Values, statuses: list[Any]) -> Any:
+    return health.describe_missing(evaluator, statuses, lambda name: f'/{name}')
 
 
 def test_nothing_is_missing_when_every_input_has_a_value() -> None:
-    assert missing(Values(a_manifest(2), {0: 0.0, 1: 0.0}), [feed.Hearing()] * 2) is None
+    assert missing(Values(a_manifest(2), {0: 0.0, 1: 0.0}), [PublisherStatus()] * 2) is None
 
 
 def test_only_who_waits_is_told_with_what_it_waits_for() -> None:
-    assert missing(Values(a_manifest(2), {0: 0.0}), [feed.Hearing(), feed.Hearing(2)]) == (
+    assert missing(Values(a_manifest(2), {0: 0.0}), [PublisherStatus(), PublisherStatus(2)]) == (
         "R-1 is not evaluated yet: nothing received on /x1 (2 publishers) for 'x1'")
 
 
 def test_an_input_that_nothing_reads_is_not_told() -> None:
     manifest = a_manifest(3)
     read = Manifest(**{**vars(manifest), 'requirements': manifest.requirements[:2]})
-    assert missing(Values(read, {0: 0.0, 1: 0.0}), [feed.Hearing()] * 3) is None
-    assert '/x2' not in missing(Values(read, {0: 0.0}), [feed.Hearing()] * 3)
+    assert missing(Values(read, {0: 0.0, 1: 0.0}), [PublisherStatus()] * 3) is None
+    assert '/x2' not in missing(Values(read, {0: 0.0}), [PublisherStatus()] * 3)
 
 
 def test_publishers_of_another_type_are_no_publishers_of_the_type() -> None:
-    told = missing(Values(a_manifest(1), {}), [feed.Hearing(0, (), ('std_msgs/msg/Int32',))])
+    told = missing(Values(a_manifest(1), {}), [PublisherStatus(0, (), ('std_msgs/msg/Int32',))])
     assert '(0 publishers of std_msgs/msg/Float32)' in told
 
 
 def test_of_many_the_first_five_are_named() -> None:
-    told = missing(Values(a_manifest(300), {}), [feed.Hearing()] * 300)
+    told = missing(Values(a_manifest(300), {}), [PublisherStatus()] * 300)
     assert told.startswith('R-0, R-1, R-2, R-3, R-4 and 295 more are not evaluated yet: ')
     assert told.endswith("on /x4 (0 publishers) for 'x4' and 295 more")
     assert 'x5' not in told

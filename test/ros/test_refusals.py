@@ -17,7 +17,9 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import fret_monitor
 from fret_monitor import build
+from fret_monitor.ros.bundle_files import config_folders, find_bundle
 from fret_monitor.ros.logger_node import LoggerNode
 from fret_monitor.ros.monitor_node import MonitorNode
 from fret_monitor.ros.parameters import Refusal
@@ -34,6 +36,7 @@ inputs:
 requirements:
   - {id: R1, ptltl: x < 0.5 & y > 3}
 """
+CONFIG = Path(fret_monitor.__file__).parents[1] / 'config'
 WRONG = BUNDLE.replace('y > 3', 'z > 3')
 
 
@@ -44,8 +47,8 @@ def context(partner: Partner) -> Iterator[Context]:
     assert partner.node.get_node_names() == ['partner']
 
 
-def write(folder: Path, text: str = BUNDLE) -> Path:
-    path = folder / 'bundle.yaml'
+def write(folder: Path, text: str = BUNDLE, name: str = 'bundle.yaml') -> Path:
+    path = folder / name
     path.write_text(text, encoding='utf-8')
     return path
 
@@ -114,10 +117,38 @@ def test_a_period_needs_the_policy_periodic_and_that_a_period(
 
 
 def test_a_bundle_that_is_not_there_is_told_by_its_name(context: Context, tmp_path: Path) -> None:
-    told = refusal(context, spec='no.yaml')
-    assert told == f"error: there is no file 'no.yaml' in {Path.cwd()}"
+    assert refusal(context, spec='no.yaml') == (
+        f"error: there is no file 'no.yaml' in "
+        f'{" nor in ".join(map(str, [Path.cwd(), *config_folders()]))}')
+    assert config_folders()[0] == CONFIG
     deep = '/'.join([str(tmp_path), *['folder'] * 30, 'no.yaml'])
     assert refusal(context, spec=deep) == f"error: there is no file '{deep}'"
+
+
+def test_a_bundle_of_this_package_is_found_by_its_name(
+    context: Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert find_bundle('quadrotor.yaml') == CONFIG / 'quadrotor.yaml'
+    assert find_bundle('package://fret_monitor/config/arm.yaml') == CONFIG / 'arm.yaml'
+    write(tmp_path, name='quadrotor.yaml')
+    assert find_bundle('quadrotor.yaml') == Path('quadrotor.yaml'), 'the nearer one'
+    assert find_bundle('config/arm.yaml') == Path('config/arm.yaml'), 'only a name is looked up'
+
+
+def test_a_bundle_of_another_package_is_found_in_its_share_folder(
+    context: Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    share = tmp_path / 'share' / 'my_robot'
+    (share / 'config').mkdir(parents=True)
+    bundle = write(share / 'config')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', f'{tmp_path / "empty"}:{tmp_path}')
+    assert find_bundle(f'package://my_robot/config/{bundle.name}') == bundle
+    assert refusal(context, spec='package://my_robot/no.yaml') == (
+        f"error: 'package://my_robot/no.yaml': there is no file 'no.yaml' in {share}")
+    assert refusal(context, spec='package://your_robot/no.yaml') == (
+        "error: 'package://your_robot/no.yaml': the package 'your_robot' is not installed, or its "
+        'workspace is not sourced')
 
 
 def test_several_bundles_in_a_word_are_told_how_to_be_written(context: Context) -> None:

@@ -15,11 +15,12 @@
 """Several bundles in one node, and several nodes in one graph."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
-from fret_monitor.ros import MonitorNode, Refusal
+from fret_monitor.ros import monitor_node, MonitorNode, Refusal
 import pytest
 from rclpy.parameter import Parameter
 from ros.harness import Partner, started, wait_until
@@ -187,3 +188,31 @@ def test_monitors_of_other_names_share_a_namespace_and_one_of_the_same_is_told(
             partner.expect({'R_1': 1, 'R_3': 2})
         assert 'there is another node' not in other.output
         assert 'Traceback' not in first.output
+
+
+def test_bundles_of_one_name_have_different_names_in_diagnostics() -> None:
+    opened = [SimpleNamespace(monitor=SimpleNamespace(manifest=SimpleNamespace(name=name)))
+              for name in ('a b', 'a b', 'a c', 'a b', 'a b 2')]
+    given: Any = opened
+    assert monitor_node._names(given) == ['a b', 'a b 2', 'a c', 'a b 3', 'a b 2 2']
+
+
+def test_one_topic_with_two_types_is_refused_with_both_bundles(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    first = write(tmp_path, 'first', FIRST)
+    second = write(tmp_path, 'second', SECOND.replace('Float32', 'Float64'))
+    assert refusal(partner, spec=[str(first), str(second)]) == (
+        "error: the topic /x has the type std_msgs/msg/Float32 in the bundle 'first' and "
+        "std_msgs/msg/Float64 in 'second': a process can use a topic with one type only; correct "
+        'the type, or start a monitor for each bundle')
+
+
+@pytest.mark.parametrize('hot_path', ['on', 'off'])
+def test_a_topic_that_the_process_uses_with_another_type_is_refused_with_both_types(
+    partner: Partner, tmp_path: Path, hot_path: str,
+) -> None:
+    bundle = write(tmp_path, 'bundle', FIRST.replace('topic: x', 'topic: /rosout'))
+    assert refusal(partner, spec=str(bundle), hot_path=hot_path) == (
+        'error: cannot subscribe to /rosout as std_msgs/msg/Float32: this process uses the topic '
+        'with the type rcl_interfaces/msg/Log, and can use it with one type only')

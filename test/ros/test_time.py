@@ -101,7 +101,7 @@ def test_steps_follow_the_clock_through_pauses_haste_and_jumps(
         simulator.jump(3600.0)
         found = since(before, operator.periods())
         assert found['ticks'] == 1 and found['missed'] in (35999, 36000)
-        node.wait_for('were missed, which are no steps')
+        node.wait_for('missed (no step)')
 
         before = operator.periods()
         now = simulator.jump(-4000.0)
@@ -116,7 +116,7 @@ def test_steps_follow_the_clock_through_pauses_haste_and_jumps(
 
 def test_without_a_clock_it_is_told_what_waits(partner: Partner, tmp_path: Path) -> None:
     with started('monitor', '-p', write(tmp_path, PERIODIC), *SIMULATED) as node:
-        node.wait_for('use_sim_time is set, and no time has come on /clock yet: the policy '
+        node.wait_for('use_sim_time is set, and no time was received on /clock yet: the policy '
                       'periodic waits')
 
 
@@ -129,7 +129,7 @@ def test_periods_that_a_stopped_process_missed_are_counted(
         node.process.send_signal(signal.SIGSTOP)
         sleep(3.0)  # the process sleeps, and no event can tell
         node.process.send_signal(signal.SIGCONT)
-        node.wait_for('were missed')
+        node.wait_for('missed (no step)')
         values = operator.wait_for('periods of bundle', b'\0', 'in time')
         assert int(values['missed']) - int(before['missed']) >= 25
         assert int(values['restarts']) == 0
@@ -165,7 +165,7 @@ def test_the_time_that_counts_may_change_while_the_monitor_runs(
 
 
 def silence(node: NodeProcess) -> int:
-    return node.output.count('nothing usable came on /x within the timeout of 1 s')
+    return node.output.count('no usable value on /x within the timeout of 1 s')
 
 
 @pytest.mark.parametrize('hot_path', ['on', 'off'])
@@ -190,8 +190,8 @@ def test_an_input_that_falls_silent_violates_what_reads_it_in_the_time_of_the_no
         # X has a value and XZ waits for z: both are told at once, and once.
         partner.expect({'X': 1, 'ONSET': 1, 'XZ': 1})
         assert silence(node) == 1
-        assert "for 'x': X, ONSET, XZ violated until it does" in node.output
-        assert "came on /y within the timeout of 1 s for 'y'" in node.output
+        assert "for 'x': X, ONSET, XZ violated until one comes" in node.output
+        assert "value on /y within the timeout of 1 s for 'y'" in node.output
         operator.wait_for('X', b'\2', 'violated: nothing comes of x')
         operator.wait_for('Y', b'\1', 'satisfied, on old values of y')
         values = operator.wait_for('topic /x', b'\2', 's of x')
@@ -209,7 +209,7 @@ def test_an_input_that_falls_silent_violates_what_reads_it_in_the_time_of_the_no
         operator.wait_for('X', b'\1', 'satisfied, on old values of x')  # nobody has looked yet
         simulator.go(0.5)
         operator.wait_for('X', b'\0', 'satisfied')
-        node.wait_for('/x speaks again after')
+        node.wait_for('values on /x again after')
         operator.wait_for('XZ', b'\1', 'no value yet of z')
         simulator.jump(3600.0)
         simulator.go(0.5)
@@ -230,7 +230,7 @@ def test_in_real_time_an_input_that_never_speaks_is_told_and_a_speaking_one_is_n
         partner.node.create_timer(0.1, lambda: y.publish(Float32(data=1.0)))
         operator.wait_for('X', b'\2', 'violated: nothing comes of x')
         operator.wait_for('Y', b'\0', 'satisfied')
-        node.wait_for("for 'x': X, ONSET, XZ violated until it does")
+        node.wait_for("for 'x': X, ONSET, XZ violated until one comes")
         before = node.output.count("s for 'y'")
         operator.wait(3)
         assert node.output.count("s for 'y'") == before <= 1  # at first, maybe

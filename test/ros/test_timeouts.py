@@ -18,10 +18,11 @@ import random
 
 from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.model.values import ValueType
-from fret_monitor.ros.silence import Silence, Silences
+from fret_monitor.ros.timeouts import Silence, TimeoutTracker
 import pytest
 
 SECOND = 10**9
+START = 100 * SECOND  # at 0 there is no time
 
 
 class Counters:
@@ -29,31 +30,31 @@ class Counters:
 
     def __init__(self, *timeouts: float | None) -> None:
         self.received = [0] * len(timeouts)
-        self.silences = Silences(
+        self.tracker = TimeoutTracker(
             [ManifestInput(f'x{index}', ValueType.BOOL, 't', 'any', (), (), None, timeout=timeout)
              for index, timeout in enumerate(timeouts)], self.received.__getitem__)
 
     def look(self, seconds: float) -> tuple[list[int], list[int]]:
         """Look at a time; return which inputs fell silent, and which spoke again."""
-        begun, ended = self.silences.look(round(seconds * SECOND))
+        begun, ended = self.tracker.check(START + round(seconds * SECOND))
         return [item.index for item in begun], [item.index for item in ended]
 
 
 def test_nothing_is_looked_for_without_a_timeout() -> None:
     counters = Counters(None, None)
-    assert counters.silences.period is None
+    assert counters.tracker.period is None
     assert counters.look(0) == counters.look(100) == ([], [])
-    assert counters.silences.count(0) is None
+    assert counters.tracker.count(0) is None
 
 
 def test_an_input_that_no_topic_feeds_is_not_watched() -> None:
     item = ManifestInput('x', ValueType.BOOL, None, None, (), (), None, timeout=1.0)
-    assert Silences([item], lambda index: 0).period is None
+    assert TimeoutTracker([item], lambda index: 0).period is None
 
 
 def test_the_shortest_timeout_says_how_often_to_look() -> None:
-    assert Counters(8.0, None, 2.0).silences.period == 0.2
-    assert Counters(0.001).silences.period == 0.005
+    assert Counters(8.0, None, 2.0).tracker.period == 0.2
+    assert Counters(0.001).tracker.period == 0.005
 
 
 @pytest.mark.parametrize('seed', range(20))
@@ -61,7 +62,7 @@ def test_a_silence_is_found_after_its_timeout_and_before_a_quarter_more(seed: in
     chance = random.Random(seed)
     timeout = chance.choice([0.1, 1.0, 60.0])
     counters = Counters(timeout, timeout * 1.5)
-    period = counters.silences.period
+    period = counters.tracker.period
     assert period is not None
     last, time, told = 0.0, 0.0, 0
     counters.look(time)
@@ -76,10 +77,10 @@ def test_a_silence_is_found_after_its_timeout_and_before_a_quarter_more(seed: in
             told += 1
             assert timeout <= time - last <= 1.25 * timeout
         assert (0 in ended) <= (last > planned - period)
-        is_silent = 0 in [item.index for item in counters.silences.silent()]
+        is_silent = 0 in [item.index for item in counters.tracker.silent()]
         assert is_silent or time - last < 1.25 * timeout
         assert not is_silent or time - last >= timeout
-    assert told == counters.silences.count(0)
+    assert told == counters.tracker.count(0)
     assert told > 5
 
 
@@ -89,7 +90,7 @@ def test_an_input_that_never_spoke_is_silent_since_the_first_look() -> None:
         assert counters.look(1000 + eighth / 8) == ([], [])
     assert counters.look(1001) == ([0], [])
     assert counters.look(1001.125) == ([], [])
-    assert counters.silences.silent() == [Silence(0, 0, 1125 * 10**6)]
+    assert counters.tracker.silent() == [Silence(0, 0, 1125 * 10**6)]
 
 
 def test_a_silence_is_told_once_and_so_is_its_end_with_how_long_it_was() -> None:
@@ -97,12 +98,12 @@ def test_a_silence_is_told_once_and_so_is_its_end_with_how_long_it_was() -> None
     found = [counters.look(eighth / 8) for eighth in range(17)]
     assert found.count(([0], [])) == 1 and found[8] == ([0], [])
     counters.received[0] += 1
-    begun, ended = counters.silences.look(2 * SECOND + SECOND // 8)
+    begun, ended = counters.tracker.check(START + 2 * SECOND + SECOND // 8)
     assert begun == [] and ended == [Silence(0, 0, 2 * SECOND)]
-    assert counters.silences.silent() == []
+    assert counters.tracker.silent() == []
     found = [counters.look(2 + eighth / 8) for eighth in range(2, 10)]
     assert found[-1] == ([0], []) and found.count(([], [])) == 7
-    assert counters.silences.count(0) == 2
+    assert counters.tracker.count(0) == 2
 
 
 @pytest.mark.parametrize('leap', [0.6, 1.0, 3600.0])
@@ -132,4 +133,19 @@ def test_time_that_goes_back_neither_makes_nor_ends_a_silence(back: float) -> No
     assert counters.look(times[-1] - back) == ([], [])
     assert counters.look(times[-1] - back + 0.125) == ([0], [])
     assert counters.look(500) == ([], [])
-    assert counters.silences.silent()[0].lasted == SECOND
+    assert counters.tracker.silent()[0].lasted == SECOND
+
+
+def test_a_time_of_another_clock_neither_makes_nor_prolongs_a_silence() -> None:
+    counters = Counters(1.0)
+    for eighth in range(9):
+        counters.look(eighth / 8)
+    lasted = counters.tracker.silent()[0].lasted
+    assert lasted == SECOND
+    counters.tracker.change_clock()
+    counters.tracker.check(0)  # no `/clock` yet
+    counters.tracker.check(0)
+    assert counters.tracker.check(2103 * SECOND) == ([], [])
+    counters.tracker.change_clock()
+    assert counters.look(0.125) == ([], [])
+    assert counters.tracker.silent()[0].lasted == lasted

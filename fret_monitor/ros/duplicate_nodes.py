@@ -20,7 +20,7 @@ from rclpy.node import Node
 _LOOKS = 10  # one a second; of two, the later one finds the other in this time
 
 
-class Namesakes:
+class DuplicateNodes:
     """Looks for nodes of the same full name, and warns of one once."""
 
     def __init__(self, node: Node) -> None:

@@ -29,7 +29,7 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.compiled import Opened
 from fret_monitor.ros.details import Details, DETAILS_TOPIC
-from fret_monitor.ros.feed import Deliver, Feed, Hearing, TopicReceiver
+from fret_monitor.ros.feed import Deliver, Feed, PublisherStatus, TopicReceiver
 from fret_monitor.ros.fields import message_class, MessageTypeError, why_unusable
 from fret_monitor.ros.handlers import handler_topic, Handlers
 from fret_monitor.ros.health import describe_missing, Health, PERIOD
@@ -38,7 +38,7 @@ from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import Refusal
 from fret_monitor.ros.periods import Periods
 from fret_monitor.ros.publisher_threads import DetailPublisher, HandlerPublisher
-from fret_monitor.ros.silence import SilenceWatch
+from fret_monitor.ros.timeouts import TimeoutTimer
 from fret_monitor.runtime import Evaluator, SharedEvaluator
 from fret_monitor.runtime.fields import Outcome, read_fields
 
@@ -51,7 +51,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 _PATIENCE = 5.0  # s until it is told what has not come at all
 
 
-class BundleWatch:
+class BundleSession:
     """
     Watches one bundle from each `start` to the next `stop`, on a node of somebody else.
 
@@ -129,17 +129,17 @@ class BundleWatch:
             undo.pop_all()
 
     def _start_timers(self) -> None:
-        silence = SilenceWatch(
+        timeouts = TimeoutTimer(
             self._node, self.manifest, lambda index: self._watch.input_counts(index).received,
             lambda index, received: self._watch.stale(index, received, self._now()))
-        self._running.callback(silence.close)
+        self._running.callback(timeouts.close)
         periods = None
         if self.opened.policy is Policy.PERIODIC:
             assert self.opened.period is not None
             periods = Periods(self._node, float(self.opened.period),
                               lambda: self._watch.tick(self._now()))
             self._running.callback(periods.close)
-        self._health = Health(self._node, self._watch, silence.silences,
+        self._health = Health(self._node, self._watch, timeouts.tracker,
                               None if periods is None else periods.schedule, self._name)
         self._running.callback(self._health.close)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -202,7 +202,7 @@ class BundleWatch:
                 else HotTopic(watch, middleware, index)
             kind = self._classes[topic.message_type]
             if middleware is not None and middleware.reads_in_place:
-                kind = middleware.class_in_place(kind)
+                kind = self._class_in_place(middleware, topic.name, kind)
             feed.subscribe(topic.name, topic.message_type, kind,
                            taker, self._overrides.apply(
                                self._node.resolve_topic_name(topic.name), dict(topic.qos)))
@@ -210,6 +210,16 @@ class BundleWatch:
         self._feed = feed
         # Not before: the first line takes rclpy a tenth of a second.
         self._node.get_logger().info(f'messages are taken {self._way}', once=True)
+
+    def _class_in_place(self, middleware: Middleware, topic: str, message_class: Any) -> Any:
+        """Return the class for reading in place; where there is none, the messages are copied."""
+        try:
+            return middleware.class_in_place(message_class)
+        except Unavailable as reason:
+            self._node.get_logger().info(
+                f'messages on {self._node.resolve_topic_name(topic)} are copied before they are '
+                f'read: {reason}')
+            return message_class
 
     def _middleware(self) -> Middleware | None:
         """Return what the hot path calls, None where the feed is to take the messages."""
@@ -267,14 +277,14 @@ class BundleWatch:
     def _now(self) -> int:
         return int(self._clock.now().nanoseconds)
 
-    def _hearings(self) -> Sequence[Hearing]:
-        return self._feed.hearings() if self._feed is not None else ()
+    def _statuses(self) -> Sequence[PublisherStatus]:
+        return self._feed.statuses() if self._feed is not None else ()
 
     def _tell_health(self) -> None:
         # In the executor, so that whoever spins the node is told.
         if self._feed is not None and self._feed.failure is not None:
             raise self._feed.failure
-        self._health.publish(self._hearings())
+        self._health.publish(self._statuses())
         self._tell_untold()
         for topic in range(len(self.manifest.topics)):
             if self._watch.topic_counts(topic).undecodable:
@@ -298,7 +308,7 @@ class BundleWatch:
 
     def _tell_missing(self) -> None:
         self._patience.cancel()
-        told = describe_missing(self._watch, self._hearings(), self._node.resolve_topic_name)
+        told = describe_missing(self._watch, self._statuses(), self._node.resolve_topic_name)
         if told is not None:
             self._node.get_logger().warning(told)
 
