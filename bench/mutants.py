@@ -32,11 +32,12 @@ import tempfile
 import time
 from typing import Any
 
+from bench.equivalence import verify_edited
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
 from fret_monitor.proving.c_source import Function, Program, shown
 from fret_monitor.proving.contracts import prove_function
 from fret_monitor.proving.monitor import ALL, Subject
-from fret_monitor.proving.verification import read_subject, settle, Settled
+from fret_monitor.proving.verification import read_subject, Settled
 from fret_monitor.smt.solver import Answer
 from pycparser import c_ast, CParser
 from pycparser.c_generator import CGenerator
@@ -296,7 +297,7 @@ def judged(subject: Subject, mutant: Mutant, seconds: float = _SECONDS) -> tuple
     changed = replace(subject, code=mutant.code)
     settled = None
     for group in [*range(len(subject.layouts)), ALL]:
-        settled = settle(changed, group, seconds)
+        settled = verify_edited(changed, group, seconds)
         if not settled.is_proved:
             example = settled.counterexample
             if example is None:

@@ -148,10 +148,6 @@ def _counts(certificate: Certificate) -> Iterator[str]:
     groups = len(found.groups) - 1
     yield (f'monitor       {_count(others)} of {len(others)} obligations proved, '
            f'{counted(groups, "step group")}')
-    opened = [str(item.group) for item in found.groups if item.is_opened and item.is_proved]
-    if opened:
-        yield (f'opened        groups {", ".join(opened)}: equal for every trace, though not cell '
-               'by cell')
 
 
 def _failures(found: Verification) -> Iterator[str]:

@@ -35,7 +35,7 @@ from fret_monitor.proving.execution import Contract, Machine, Memory, Reference,
 from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.cells import (
-    CounterCell, COUNTERS, HISTORY, line_fits, line_related, line_start, line_step, next_position,
+    CounterModel, COUNTERS, HISTORY, line_fits, line_related, line_start, line_step, next_position,
     ring_step, WIDTH,
 )
 from fret_monitor.smt.operators import check, claims
@@ -120,7 +120,7 @@ def cell_terms(name: str, state: Term, *arguments: Term) -> tuple[Term, Term]:
             t.term('cell_next', state.sort, everything, name))
 
 
-def _counter_contract(cell: CounterCell, bits: int) -> Contract:
+def _counter_contract(cell: CounterModel, bits: int) -> Contract:
     def contract(machine: Machine, arguments: Sequence[Value | Reference]) -> Result:
         place, bound, operands = _taken(arguments)
         wide = t.resized(bound, WIDTH, False)
@@ -269,7 +269,7 @@ def _prove_call(program: Program, name: str, item: _Pure, arguments: Sequence[Va
     return _settled(name, [t.same(found, wanted)], given, machine, seconds)
 
 
-def _prove_counter(cell: CounterCell, bits: int, program: Program, seconds: float) -> Proof:
+def _prove_counter(cell: CounterModel, bits: int, program: Program, seconds: float) -> Proof:
     """For every bound that fits: the start is right, and a step keeps right what was."""
     name, kind = f'fm_{cell.name}_u{bits}', Scalar('int', bits)
     counter, bound = _any('counter', kind), _any('bound', kind)

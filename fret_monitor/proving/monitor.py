@@ -33,8 +33,10 @@ from fret_monitor.proving.contracts import ARITHMETIC, CELLS, Proof
 from fret_monitor.proving.description import (
     wrong_in_description, wrong_types_of_inputs, wrong_types_of_state,
 )
-from fret_monitor.proving.execution import Machine, Memory, Path, places, Reference, sort_of
-from fret_monitor.proving.meaning import group_meaning, GroupMeaning, View
+from fret_monitor.proving.execution import (
+    Contract, Machine, Memory, Path, places, Reference, sort_of,
+)
+from fret_monitor.proving.group_contract import group_contract, GroupContract
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.solver import Answer, prove, shown_values
 from fret_monitor.smt.terms import Term
@@ -42,7 +44,7 @@ from fret_monitor.smt.terms import Term
 ALL = -1  # the functions that run all groups
 ANY = -2  # likewise, with the step as the description hands it out
 _TYPES = 'a field of another kind than the program needs'
-STATIC = ('description: ', 'inputs: ')  # what no trace shows
+_STATIC = ('description: ', 'inputs: ')  # what no trace shows
 
 
 @dataclass
@@ -57,6 +59,12 @@ class Outcome:
     def is_proved(self) -> bool:
         """Whether everything is."""
         return all(proof.answer is Answer.PROVED for proof in self.proofs)
+
+    @property
+    def has_behaviour_unproved(self) -> bool:
+        """Whether something is unproved that a trace could refute."""
+        return any(proof.answer is not Answer.PROVED and not proof.name.startswith(_STATIC)
+                   for proof in self.proofs)
 
 
 @dataclass(frozen=True)
@@ -126,19 +134,30 @@ def wrong_types(subject: Subject, group: int) -> list[Proof]:
     return [Proof(text, Answer.UNKNOWN, 0.0, _TYPES) for text in found]
 
 
-def prove_group(subject: Subject, group: int, view: View, seconds: float) -> Outcome:
-    """Prove a group, with its cells taken by contract or opened; `seconds` an obligation."""
+def prove_group(subject: Subject, group: int, seconds: float) -> Outcome:
+    """Prove a group, with its cells taken by contract; `seconds` is for each obligation."""
+    return prove_contract(
+        subject, group, seconds, lambda: group_contract(
+            subject.layouts[group], group, subject.state([group]), subject.signals()),
+        {**ARITHMETIC, **CELLS})
+
+
+def prove_contract(subject: Subject, group: int, seconds: float,
+                   contract: Callable[[], GroupContract],
+                   functions: Mapping[str, Contract]) -> Outcome:
+    """Prove that a group keeps a contract; `functions` are taken by contract, not read."""
     outcome = Outcome(group)
     before = time.perf_counter()
     try:
-        given, goals = _goals(subject, group, view)
+        wanted = contract()
+        goals = list(_goals(subject, group, wanted, functions))
     except (Unreadable, KeyError) as error:
         what = f'no {error.args[0]} in C' if isinstance(error, KeyError) else str(error)
         outcome.proofs.append(Proof(f'group {group}: read', Answer.UNKNOWN,
                                     time.perf_counter() - before, what))
         return outcome
     for name, goal in goals:
-        _settle(outcome, f'group {group}: {name}', goal, given, seconds)
+        _settle(outcome, f'group {group}: {name}', goal, wanted.system.invariants, seconds)
     return outcome
 
 
@@ -151,44 +170,38 @@ def _settle(outcome: Outcome, name: str, goal: Term, given: Sequence[Term],
     outcome.proofs.append(Proof(name, result.answer, result.seconds, detail))
 
 
-def _goals(subject: Subject, group: int,
-           view: View) -> tuple[list[Term], list[tuple[str, Term]]]:
-    contracts = {**ARITHMETIC, **CELLS} if view is View.CONTRACT else ARITHMETIC
+def _goals(subject: Subject, group: int, wanted: GroupContract,
+           functions: Mapping[str, Contract]) -> Iterator[tuple[str, Term]]:
     state, inputs = subject.state([group]), subject.inputs()
-    meaning = group_meaning(subject.layouts[group], group, state, subject.signals(), view)
-    reset = Machine(subject.code, state, contracts)
-    subject.call_reset(reset, group)
-    step = Machine(subject.code, {**state, **inputs}, contracts)
-    subject.call_step(step, group)
-    goals = [*_fits(meaning), *_starts(meaning, reset, state),
-             *_steps(subject, meaning, step, {**state, **inputs})]
-    return meaning.given, goals
-
-
-def _fits(meaning: GroupMeaning) -> Iterator[tuple[str, Term]]:
-    for name, is_wide in meaning.fits:
+    for name, is_wide in wanted.fits:
         yield f'{name} is wide enough', t.truth(is_wide)
+    reset = Machine(subject.code, state, functions)
+    subject.call_reset(reset, group)
+    yield from _starts(wanted, reset, state)
+    step = Machine(subject.code, {**state, **inputs}, functions)
+    subject.call_step(step, group)
+    yield from _steps(subject, wanted, step, {**state, **inputs})
 
 
-def _starts(meaning: GroupMeaning, machine: Machine,
+def _starts(wanted: GroupContract, machine: Machine,
             before: Memory) -> Iterator[tuple[str, Term]]:
-    for check in meaning.starts:
+    for check in wanted.starts:
         yield f'reset: {check.what}', check.holds(machine.memory)
     yield 'reset: nothing else is written', t.truth(machine.memory.keys() == before.keys())
     for condition in machine.conditions:
         yield f'defined: {condition.what}', condition.holds
 
 
-def _steps(subject: Subject, meaning: GroupMeaning, machine: Machine,
+def _steps(subject: Subject, wanted: GroupContract, machine: Machine,
            before: Memory) -> Iterator[tuple[str, Term]]:
-    memory = machine.memory
-    for number, wanted in meaning.verdicts.items():
+    memory, meant = machine.memory, wanted.system.verdicts
+    for number, verdict in meant.items():
         found = memory.get(('verdicts', number))
         name = f'verdict of {subject.program.properties[number].id}'
-        yield name, t.FALSE if found is None else t.same_truth(found, wanted)
-    for check in meaning.steps:
+        yield name, t.FALSE if found is None else t.same_truth(found, verdict)
+    for check in wanted.steps:
         yield f'step: {check.what}', check.holds(memory)
-    verdicts: set[Path] = {('verdicts', number) for number in meaning.verdicts}
+    verdicts: set[Path] = {('verdicts', number) for number in meant}
     others = memory.keys() - before.keys() - verdicts
     yield 'step: nothing else is written', t.truth(not others and _keeps_inputs(before, memory))
     for condition in machine.conditions:

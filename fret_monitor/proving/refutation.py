@@ -36,12 +36,12 @@ from fret_monitor.program.monitor_program import Delay
 from fret_monitor.proving.c_source import Unreadable
 from fret_monitor.proving.contracts import ARITHMETIC
 from fret_monitor.proving.execution import Machine
-from fret_monitor.proving.meaning import group_meaning, View
 from fret_monitor.proving.monitor import ALL, ANY, Subject
 from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.concrete import function_of
 from fret_monitor.smt.terms import Sort, Term
+from fret_monitor.smt.transition import transition_system
 from fret_monitor.traces.boundary import boundary_values
 
 _LONGEST = 200_000  # steps of a trace
@@ -76,10 +76,10 @@ class Runner:
         subject.call_reset(reset, group)
         step = Machine(subject.code, {**state, **inputs}, ARITHMETIC)
         subject.call_step(step, group)
-        meanings = [group_meaning(subject.layouts[number], number, {}, subject.signals(),
-                                  View.ALONE) for number in groups]
-        self.kept = [item for meaning in meanings for item in meaning.kept]
-        meant = {number: item for meaning in meanings for number, item in meaning.verdicts.items()}
+        systems = [transition_system(subject.layouts[number].group, subject.signals(),
+                                     f'meant.{number}') for number in groups]
+        self.kept = [item for system in systems for item in system.state]
+        meant = {number: item for system in systems for number, item in system.verdicts.items()}
         self.verdicts = sorted(meant)
         self.conditions = [*step.conditions, *reset.conditions]
         self.state = [*state.values(), *(item.now for item in self.kept)]

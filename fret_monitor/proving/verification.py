@@ -26,16 +26,13 @@ from fret_monitor.build import GeneratedMonitor
 from fret_monitor.native.cache import runtime_headers
 from fret_monitor.proving.c_source import read_program, Unreadable
 from fret_monitor.proving.contracts import Proof, prove_cells
-from fret_monitor.proving.exploration import explore
-from fret_monitor.proving.meaning import View
 from fret_monitor.proving.monitor import (
-    ALL, Outcome, prove_group, prove_whole, STATIC, Subject, wrong_types,
+    ALL, prove_group, prove_whole, Subject, wrong_types,
 )
 from fret_monitor.proving.refutation import Counterexample, find_counterexample
 from fret_monitor.smt.solver import Answer
 
-_QUICK = 0.3  # seconds that a search has before the cells are opened
-_SEARCH = 10.0  # and afterwards, at most
+_SEARCH_S = 10.0
 _FIELDS = '_fields.c'
 _RUNTIME = ('fret_cells.h', 'fret_monitor.h')
 
@@ -47,8 +44,6 @@ class Settled:
     group: int
     proofs: tuple[Proof, ...]
     counterexample: Counterexample | None
-    is_opened: bool
-    states: int = 0  # where all of them were looked at
 
     @property
     def is_proved(self) -> bool:
@@ -126,37 +121,12 @@ def cells_proved(headers: tuple[tuple[str, str], ...], seconds: float) -> tuple[
 
 
 def settle(subject: Subject, group: int, seconds: float) -> Settled:
-    """Prove a group, or what runs all of them, or find a trace that refutes it."""
+    """Prove a group, or what runs all of them; look for a trace where that fails."""
     wrong = wrong_types(subject, group)
     if wrong:
-        return Settled(group, tuple(wrong), None, False)
-    if group == ALL:
-        outcome = prove_whole(subject, seconds)
-        return _settled(subject, outcome, outcome, seconds)
-    by_contract = prove_group(subject, group, View.CONTRACT, seconds)
-    if by_contract.is_proved:
-        return Settled(group, tuple(by_contract.proofs), None, False)
-    found = find_counterexample(subject, group, by_contract.values, min(seconds, _QUICK))
-    if found is not None:
-        return Settled(group, tuple(by_contract.proofs), found, False)
-    opened = prove_group(subject, group, View.OPEN, seconds)
-    return _settled(subject, opened, by_contract, seconds)
-
-
-def _settled(subject: Subject, outcome: Outcome, former: Outcome, seconds: float) -> Settled:
-    is_opened = outcome is not former
-    if outcome.is_proved:
-        return Settled(outcome.group, tuple(outcome.proofs), None, is_opened)
-    if all(proof.name.startswith(STATIC) for proof in outcome.proofs
-           if proof.answer is not Answer.PROVED):
-        return Settled(outcome.group, tuple(outcome.proofs), None, is_opened)
-    seconds = min(seconds, _SEARCH)
-    explored = explore(subject, outcome.group, seconds) if outcome.group != ALL else None
-    if explored is not None and explored.counterexample is None:
-        before = sum(proof.seconds for proof in outcome.proofs)
-        proof = Proof(f'group {outcome.group}: all {explored.states} states that can be reached',
-                      Answer.PROVED, before)
-        return Settled(outcome.group, (proof,), None, is_opened, explored.states)
-    found = explored.counterexample if explored else find_counterexample(
-        subject, outcome.group, [*outcome.values, *former.values], seconds)
-    return Settled(outcome.group, tuple(outcome.proofs), found, is_opened)
+        return Settled(group, tuple(wrong), None)
+    outcome = prove_whole(subject, seconds) if group == ALL \
+        else prove_group(subject, group, seconds)
+    found = find_counterexample(subject, group, outcome.values, min(seconds, _SEARCH_S)) \
+        if outcome.has_behaviour_unproved else None
+    return Settled(group, tuple(outcome.proofs), found)

@@ -36,7 +36,7 @@ HISTORY = 64
 
 
 @dataclass(frozen=True)
-class CounterCell:
+class CounterModel:
     """
     A cell with one counter.
 
@@ -124,11 +124,11 @@ def _never(bound: Term, head: Term) -> Term:
 
 
 COUNTERS = {cell.name: cell for cell in (
-    CounterCell('once_within', 1, True, _after_bound, _once_within, _same_age, _below_half),
-    CounterCell('always_within', 1, True, _after_bound, _always_within, _same_age, _below_half),
-    CounterCell('since_within', 2, False, _after_bound, _since_within, _same_age, _below_half),
-    CounterCell('once_before', 1, False, _never, _once_before, _same_count, _below_end),
-    CounterCell('since_before', 2, False, _never, _since_before, _same_count, _below_end),
+    CounterModel('once_within', 1, True, _after_bound, _once_within, _same_age, _below_half),
+    CounterModel('always_within', 1, True, _after_bound, _always_within, _same_age, _below_half),
+    CounterModel('since_within', 2, False, _after_bound, _since_within, _same_age, _below_half),
+    CounterModel('once_before', 1, False, _never, _once_before, _same_count, _below_end),
+    CounterModel('since_before', 2, False, _never, _since_before, _same_count, _below_end),
 )}
 
 

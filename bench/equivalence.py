@@ -13,29 +13,52 @@
 # limitations under the License.
 
 """
-All states that C and program can reach together, where there are not too many.
+C that differs from what `compile` writes, and computes the same: proofs that need more.
 
-Where inputs matter only by finitely many comparisons, a step is one of finitely many, and so is
-the state (counters stop). Then every reachable pair of states is looked at: either a shortest
-trace is found on which the two differ, or there is none. This decides what no invariant of single
-cells can: changes of the C that make no difference for what the cells together can reach.
+Mutants that change nothing are found so. Generated C needs none of it: there, each cell is called
+as its contract says.
+
+1. The cells are opened: the C functions' bodies are run, and the C state need only stand for the
+   state of the transition system (a counter above its bound is as good as any other).
+2. Where inputs matter only by finitely many comparisons, and counters stop, a group and its C have
+   finitely many states. All that can be reached are looked at: either a shortest trace is found on
+   which the two differ, or there is none.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 import time
 from typing import Any
 
+from fret_monitor.program.layout import FieldKind, GroupLayout
+from fret_monitor.program.monitor_program import (
+    AlwaysWithin, Delay, OnceBefore, OnceWithin, SinceBefore, SinceWithin,
+)
 from fret_monitor.proving.c_source import Unreadable
-from fret_monitor.proving.monitor import Subject
-from fret_monitor.proving.refutation import Counterexample, is_text, Runner
+from fret_monitor.proving.contracts import ARITHMETIC, Proof
+from fret_monitor.proving.execution import Path
+from fret_monitor.proving.group_contract import Check, GroupContract, place_of, same_or_false
+from fret_monitor.proving.monitor import (
+    ALL, Outcome, prove_contract, prove_group, Subject, wrong_types,
+)
+from fret_monitor.proving.refutation import (
+    Counterexample, find_counterexample, is_text, Runner,
+)
+from fret_monitor.proving.verification import settle, Settled
 from fret_monitor.smt import terms as t
+from fret_monitor.smt.cells import line_related, WIDTH
 from fret_monitor.smt.concrete import function_of, NoValue
 from fret_monitor.smt.solver import Answer, prove
 from fret_monitor.smt.terms import Term
+from fret_monitor.smt.transition import (
+    counter_model, StateVariable, transition_system, TransitionSystem,
+)
 
+_QUICK_S = 0.3  # for a search before the cells are opened
+_SEARCH_S = 10.0
 _MOST_STATES = 200_000
 _MOST_ROWS = 64
+_RELATED = (FieldKind.COUNTER, FieldKind.LINE)
 _State = tuple[Any, ...]
 
 
@@ -49,6 +72,84 @@ class Exploration:
 
 class _Infinite(Exception):
     """Inputs matter by more than comparisons, or there are too many states or rows."""
+
+
+def verify_edited(subject: Subject, group: int, seconds: float) -> Settled:
+    """Prove a group, or what runs all of them, of C that may be edited; or refute it."""
+    wrong = wrong_types(subject, group)
+    if wrong:
+        return Settled(group, tuple(wrong), None)
+    if group == ALL:
+        return settle(subject, group, seconds)
+    by_contract = prove_group(subject, group, seconds)
+    if by_contract.is_proved:
+        return Settled(group, tuple(by_contract.proofs), None)
+    found = find_counterexample(subject, group, by_contract.values, min(seconds, _QUICK_S))
+    if found is not None:
+        return Settled(group, tuple(by_contract.proofs), found)
+    opened = _prove_opened(subject, group, seconds)
+    if not opened.has_behaviour_unproved:
+        return Settled(group, tuple(opened.proofs), None)
+    seconds = min(seconds, _SEARCH_S)
+    explored = explore(subject, group, seconds)
+    if explored is not None and explored.counterexample is None:
+        name = f'group {group}: all {explored.states} states that can be reached'
+        return Settled(group, (Proof(name, Answer.PROVED, 0.0),), None)
+    found = explored.counterexample if explored else find_counterexample(
+        subject, group, [*opened.values, *by_contract.values], seconds)
+    return Settled(group, tuple(opened.proofs), found)
+
+
+def _prove_opened(subject: Subject, group: int, seconds: float) -> Outcome:
+    """Prove a group with the bodies of the cells run, and their states related to numbers."""
+    return prove_contract(subject, group, seconds, lambda: _opened_contract(subject, group),
+                          ARITHMETIC)
+
+
+def _opened_contract(subject: Subject, group: int) -> GroupContract:
+    layout, memory = subject.layouts[group], subject.state([group])
+    system = transition_system(layout.group, subject.signals(), f'meant.{group}')
+    exact = {item.now: _read(layout, group, item)(memory) for item in system.state
+             if item.kind not in _RELATED}
+    if any(now.sort != found.sort for now, found in exact.items()):
+        raise Unreadable('a field of another size')
+    state = [replace(item, now=now, after=after) for item, now, after in zip(
+        system.state, t.substituted((item.now for item in system.state), exact),
+        t.substituted((item.after for item in system.state), exact), strict=True)]
+    verdicts = dict(zip(system.verdicts, t.substituted(system.verdicts.values(), exact)))
+    given = [*t.substituted(system.invariants, exact),
+             *(_related(layout, item, _read(layout, group, item)(memory), item.now)
+               for item in state if item.kind in _RELATED)]
+
+    def check(item: StateVariable, wanted: Term) -> Check:
+        read = _read(layout, group, item)
+        return Check(item.name, lambda after: _related(layout, item, read(after), wanted))
+
+    return GroupContract(TransitionSystem(verdicts, tuple(state), tuple(given)),
+                         tuple(check(item, item.after) for item in state),
+                         tuple(check(item, item.start) for item in state), ())
+
+
+def _read(layout: GroupLayout, group: int,
+          item: StateVariable) -> Callable[[Mapping[Path, Term]], Term]:
+    """Return what reads a state variable from memory; positions are as wide as numbers are."""
+    _, read = place_of(layout, group, item)
+    if item.kind is not FieldKind.POSITION:
+        return read
+    return lambda memory: t.resized(read(memory), 32, False)
+
+
+def _related(layout: GroupLayout, item: StateVariable, found: Term, meant: Term) -> Term:
+    """Return whether what C has stands for a value of the transition system."""
+    operation = layout.group.equations[item.number].operation if item.kind in _RELATED else None
+    match operation:
+        case Delay():
+            return line_related(found, meant, operation.steps)
+        case OnceWithin() | AlwaysWithin() | OnceBefore() | SinceWithin() | SinceBefore():
+            bound = t.number(operation.bound, WIDTH)
+            return counter_model(operation).related(found, meant, bound)
+        case _:
+            return same_or_false(found, meant)
 
 
 def explore(subject: Subject, group: int, seconds: float) -> Exploration | None:

@@ -1,0 +1,155 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The transition system of a group over the C's own state, with cells taken by contract.
+
+What a cell of several bits computes is then an unknown function of the C state, the same one that
+the contract of the C function gives; all else is the transition system as `smt` builds it. The
+places of the state in C come from the layout: if one is wrong, a proof fails.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from fret_monitor.program.layout import FieldKind, GroupLayout
+from fret_monitor.program.monitor_program import AlwaysWithin, CounterCell, Delay, OnceWithin
+from fret_monitor.proving.contracts import cell_terms
+from fret_monitor.proving.execution import Memory, Path
+from fret_monitor.smt import terms as t
+from fret_monitor.smt.cells import line_fits, WIDTH
+from fret_monitor.smt.terms import Sort, Term
+from fret_monitor.smt.transition import (
+    counter_model, counter_start, ring_start, StateVariable, SystemBuilder, TransitionSystem,
+)
+
+
+@dataclass(frozen=True)
+class Check:
+    """A condition on memory after a reset or a step."""
+
+    what: str
+    holds: Callable[[Memory], Term]
+
+
+@dataclass(frozen=True)
+class GroupContract:
+    """
+    What a step and a reset of a group must do.
+
+    After a step from a state in which the system's invariants hold, `steps` must hold, and after
+    a reset `starts`. `fits` says of each cell whether its field is wide enough.
+    """
+
+    system: TransitionSystem
+    steps: tuple[Check, ...]
+    starts: tuple[Check, ...]
+    fits: tuple[tuple[str, bool], ...]
+
+
+def state_path(group: int, name: str) -> Path:
+    """Return the place of a field of a group's state."""
+    return ('state', f'group_{group}', name)
+
+
+def group_contract(layout: GroupLayout, group: int, memory: Mapping[Path, Term],
+                   inputs: Mapping[int, Term]) -> GroupContract:
+    """
+    Return what a step of a group must do; `memory` holds the state before it.
+
+    Raises
+    ------
+    KeyError
+        if the C state lacks a field.
+    """
+    builder = _ContractBuilder(layout, group, memory, inputs)
+    system = builder.build()
+    places = [(item, *place_of(layout, group, item)) for item in system.state]
+    steps = [_check(what, read, item.after) for item, what, read in places]
+    starts = [_check(what, read, item.start) for item, what, read in places]
+    return GroupContract(system, tuple(steps), tuple(starts), tuple(builder.fits))
+
+
+def _check(what: str, read: Callable[[Memory], Term], wanted: Term) -> Check:
+    return Check(what, lambda memory: same_or_false(read(memory), wanted))
+
+
+def place_of(layout: GroupLayout, group: int,
+             item: StateVariable) -> tuple[str, Callable[[Mapping[Path, Term]], Term]]:
+    """Return the name of a state variable's place in C, and how to read it from memory."""
+    slot = layout.bits.get(item.number) if item.kind is FieldKind.FLAG else None
+    if slot is None:
+        path = state_path(group, item.name)
+        return item.name, lambda memory: memory[path]
+    name = f'{FieldKind.BITS.value}_{slot.word}'
+    packed, bit = state_path(group, name), slot.bit
+    return f'{name}, bit {bit}', lambda memory: t.bit(memory[packed], bit)
+
+
+def same_or_false(found: Term, wanted: Term) -> Term:
+    """Return whether two values are the same; those of different sorts are not."""
+    return t.same(found, wanted) if found.sort == wanted.sort else t.FALSE
+
+
+class _ContractBuilder(SystemBuilder):
+
+    def __init__(self, layout: GroupLayout, group: int, memory: Mapping[Path, Term],
+                 inputs: Mapping[int, Term]) -> None:
+        super().__init__(layout.group, inputs, '')
+        self._layout = layout
+        self._number = group
+        self._memory = memory
+        self.fits: list[tuple[str, bool]] = []
+
+    def current(self, kind: FieldKind, number: int, sort: Sort) -> Term:
+        found = self._field(kind, number)
+        if kind is FieldKind.POSITION:
+            self.fits.append((f'position_{number}', number <= 1 << found.sort[1]))
+        return found
+
+    def current_bit(self, index: int) -> Term:
+        slot = self._layout.bits.get(index)
+        if slot is None:
+            return self._field(FieldKind.FLAG, index)
+        return t.bit(self._field(FieldKind.BITS, slot.word), slot.bit)
+
+    def _field(self, kind: FieldKind, number: int) -> Term:
+        return self._memory[state_path(self._number, f'{kind.value}_{number}')]
+
+    def counter(self, index: int, operation: CounterCell, arguments: list[Term]) -> Term:
+        cell, counter = counter_model(operation), self._field(FieldKind.COUNTER, index)
+        bits, bound = counter.sort[1], operation.bound
+        out, after = cell_terms(f'{cell.name}.{bits}', counter, t.number(bound, bits), *arguments)
+        self.add(FieldKind.COUNTER, index, counter,
+                 t.resized(counter_start(operation), bits, False), after)
+        head = operation.head if isinstance(operation, OnceWithin | AlwaysWithin) else 0
+        self.fits.append((f'counter_{index}', cell.fits(t.number(bound, WIDTH), bits) is t.TRUE
+                          and 0 <= head <= bound + 1 and bound < 1 << 32))
+        return out
+
+    def line(self, index: int, operation: Delay, argument: Term) -> Term:
+        line = self._field(FieldKind.LINE, index)
+        bits, steps = line.sort[1], t.number(operation.steps, 32)
+        out, after = cell_terms(f'delay.{bits}', line, steps, argument)
+        start = t.number((1 << operation.steps) - 1 if operation.initial else 0, bits)
+        self.add(FieldKind.LINE, index, line, start, after)
+        self.fits.append((f'line_{index}', line_fits(steps, bits) is t.TRUE))
+        return out
+
+    def ring(self, index: int, operation: Delay, argument: Term) -> Term:
+        ring, start = self._field(FieldKind.RING, index), ring_start(operation)
+        out, after = cell_terms('delay_ring', ring, self.positions[operation.steps], argument)
+        self.add(FieldKind.RING, index, ring, start, after)
+        self.fits.append((f'ring_{index}', ring.sort == start.sort))
+        return out
