@@ -39,12 +39,12 @@ from fret_monitor.proving.contracts import ARITHMETIC, Proof
 from fret_monitor.proving.execution import Path
 from fret_monitor.proving.group_contract import Check, GroupContract, place_of, same_or_false
 from fret_monitor.proving.monitor import (
-    ALL, Outcome, prove_contract, prove_group, Subject, wrong_types,
+    ALL, GroupProofs, ProofSubject, prove_contract, prove_group, wrong_types,
 )
 from fret_monitor.proving.refutation import (
     Counterexample, find_counterexample, is_text, Runner,
 )
-from fret_monitor.proving.verification import settle, Settled
+from fret_monitor.proving.verification import GroupResult, verify_group
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.cells import line_related, WIDTH
 from fret_monitor.smt.concrete import function_of, NoValue
@@ -63,7 +63,7 @@ _State = tuple[Any, ...]
 
 
 @dataclass(frozen=True)
-class Exploration:
+class Explored:
     """What was found: a counterexample, or with None that there is none in so many states."""
 
     counterexample: Counterexample | None
@@ -74,39 +74,39 @@ class _Infinite(Exception):
     """Inputs matter by more than comparisons, or there are too many states or rows."""
 
 
-def verify_edited(subject: Subject, group: int, seconds: float) -> Settled:
+def verify_edited(subject: ProofSubject, group: int, seconds: float) -> GroupResult:
     """Prove a group, or what runs all of them, of C that may be edited; or refute it."""
     wrong = wrong_types(subject, group)
     if wrong:
-        return Settled(group, tuple(wrong), None)
+        return GroupResult(group, tuple(wrong), None)
     if group == ALL:
-        return settle(subject, group, seconds)
+        return verify_group(subject, group, seconds)
     by_contract = prove_group(subject, group, seconds)
     if by_contract.is_proved:
-        return Settled(group, tuple(by_contract.proofs), None)
+        return GroupResult(group, tuple(by_contract.proofs), None)
     found = find_counterexample(subject, group, by_contract.values, min(seconds, _QUICK_S))
     if found is not None:
-        return Settled(group, tuple(by_contract.proofs), found)
+        return GroupResult(group, tuple(by_contract.proofs), found)
     opened = _prove_opened(subject, group, seconds)
     if not opened.has_behaviour_unproved:
-        return Settled(group, tuple(opened.proofs), None)
+        return GroupResult(group, tuple(opened.proofs), None)
     seconds = min(seconds, _SEARCH_S)
     explored = explore(subject, group, seconds)
     if explored is not None and explored.counterexample is None:
         name = f'group {group}: all {explored.states} states that can be reached'
-        return Settled(group, (Proof(name, Answer.PROVED, 0.0),), None)
+        return GroupResult(group, (Proof(name, Answer.PROVED, 0.0),), None)
     found = explored.counterexample if explored else find_counterexample(
         subject, group, [*opened.values, *by_contract.values], seconds)
-    return Settled(group, tuple(opened.proofs), found)
+    return GroupResult(group, tuple(opened.proofs), found)
 
 
-def _prove_opened(subject: Subject, group: int, seconds: float) -> Outcome:
+def _prove_opened(subject: ProofSubject, group: int, seconds: float) -> GroupProofs:
     """Prove a group with the bodies of the cells run, and their states related to numbers."""
     return prove_contract(subject, group, seconds, lambda: _opened_contract(subject, group),
                           ARITHMETIC)
 
 
-def _opened_contract(subject: Subject, group: int) -> GroupContract:
+def _opened_contract(subject: ProofSubject, group: int) -> GroupContract:
     layout, memory = subject.layouts[group], subject.state([group])
     system = transition_system(layout.group, subject.signals(), f'meant.{group}')
     exact = {item.now: _read(layout, group, item)(memory) for item in system.state
@@ -152,7 +152,7 @@ def _related(layout: GroupLayout, item: StateVariable, found: Term, meant: Term)
             return same_or_false(found, meant)
 
 
-def explore(subject: Subject, group: int, seconds: float) -> Exploration | None:
+def explore(subject: ProofSubject, group: int, seconds: float) -> Explored | None:
     """Look at all reachable states of a group and its C; None if that cannot be done in time."""
     try:
         return _Explorer(subject, group, time.monotonic() + seconds).run()
@@ -162,7 +162,7 @@ def explore(subject: Subject, group: int, seconds: float) -> Exploration | None:
 
 class _Explorer:
 
-    def __init__(self, subject: Subject, group: int, until: float) -> None:
+    def __init__(self, subject: ProofSubject, group: int, until: float) -> None:
         self._runner = runner = Runner(subject, group)
         self._until = until
         if any(item.op not in ('constant', 'filled') for item in runner.starts):
@@ -181,7 +181,7 @@ class _Explorer:
         self._coarse += [(place, limit, None)
                          for place, limit in self._limits(subject, group).items()]
 
-    def _limits(self, subject: Subject, group: int) -> dict[int, int]:
+    def _limits(self, subject: ProofSubject, group: int) -> dict[int, int]:
         """Return above what all values of C's counters mean the same, where that is so."""
         runner, limits = self._runner, {}
         for place, item in enumerate(runner.state[:len(runner.state) - len(runner.kept)]):
@@ -199,7 +199,9 @@ class _Explorer:
         is_so = prove(goals, seconds=seconds).answer is Answer.PROVED
         return limits if is_so else {}
 
-    def _possible(self, subject: Subject) -> Iterator[tuple[tuple[bool, ...], tuple[Any, ...]]]:
+    def _possible(
+        self, subject: ProofSubject,
+    ) -> Iterator[tuple[tuple[bool, ...], tuple[Any, ...]]]:
         """Yield each way that the comparisons can come out, with inputs for which they do."""
         inputs = self._runner.inputs
         given = [t.relation('ult', item, t.number(len(signal.values), item.sort[1]))
@@ -218,7 +220,7 @@ class _Explorer:
                                              for atom, value in zip(self._atoms, truth))))
         raise _Infinite
 
-    def run(self) -> Exploration:
+    def run(self) -> Explored:
         runner, size = self._runner, len(self._runner.state)
         start = self._canonical(runner.begins[0])
         came_from: dict[_State, tuple[_State, int] | None] = {start: None}
@@ -233,13 +235,13 @@ class _Explorer:
                     found, meant, holds = runner.judged(values[size:])
                     if found != meant or not all(holds):
                         rows = [*self._way(state, came_from), row]
-                        return Exploration(runner.example(rows, values[size:]), len(came_from))
+                        return Explored(runner.example(rows, values[size:]), len(came_from))
                     after = self._canonical(values[:size])
                     if after not in came_from:
                         came_from[after] = (state, number)
                         following.append(after)
             waiting = following
-        return Exploration(None, len(came_from))
+        return Explored(None, len(came_from))
 
     def _canonical(self, values: Sequence[Any]) -> _State:
         state = list(values)

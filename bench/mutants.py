@@ -34,10 +34,10 @@ from typing import Any
 
 from bench.equivalence import verify_edited
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
-from fret_monitor.proving.c_source import Function, Program, shown
+from fret_monitor.proving.c_source import CFunction, CProgram, shown
 from fret_monitor.proving.contracts import prove_function
-from fret_monitor.proving.monitor import ALL, Subject
-from fret_monitor.proving.verification import read_subject, Settled
+from fret_monitor.proving.monitor import ALL, ProofSubject
+from fret_monitor.proving.verification import GroupResult, read_subject
 from fret_monitor.smt.solver import Answer
 from pycparser import c_ast, CParser
 from pycparser.c_generator import CGenerator
@@ -127,10 +127,10 @@ class Mutant:
     what: str
     kind: str
     function: str
-    code: Program
+    code: CProgram
 
 
-def mutants(code: Program, functions: Sequence[str]) -> Iterator[Mutant]:
+def mutants(code: CProgram, functions: Sequence[str]) -> Iterator[Mutant]:
     """Yield every mutant of some functions of a program."""
     for name in functions:
         function = code.functions[name]
@@ -144,7 +144,7 @@ def mutants(code: Program, functions: Sequence[str]) -> Iterator[Mutant]:
                          replace(code, functions={**code.functions, name: copy}))
 
 
-def sample(code: Program, functions: Sequence[str], count: int, seed: int = 0) -> list[Mutant]:
+def sample(code: CProgram, functions: Sequence[str], count: int, seed: int = 0) -> list[Mutant]:
     """Return some mutants, spread over the kinds of change; the same ones each time."""
     rng = Random(seed)
     by_kind: dict[str, list[Mutant]] = {}
@@ -158,13 +158,13 @@ def sample(code: Program, functions: Sequence[str], count: int, seed: int = 0) -
     return chosen[:count]
 
 
-def generated_functions(code: Program, prefix: str) -> list[str]:
+def generated_functions(code: CProgram, prefix: str) -> list[str]:
     """Return the functions of a monitor, but for its description."""
     return [name for name in code.functions
             if name.startswith(f'{prefix}_') and name != f'{prefix}_monitor']
 
 
-def _changes(function: Function, code: Program) -> Iterator[tuple[str, str, _Change]]:
+def _changes(function: CFunction, code: CProgram) -> Iterator[tuple[str, str, _Change]]:
     """Yield what can be changed in a function: kind, text, and what does it."""
     fields = _fields_of(function.body)
     for node in _nodes(function.body):
@@ -216,7 +216,7 @@ def _numbers(node: Any) -> Iterator[tuple[str, str, _Change]]:
         yield _setting('number', node, 'value', f'{other}{suffix}')
 
 
-def _calls(node: Any, code: Program, inside: str) -> Iterator[tuple[str, str, _Change]]:
+def _calls(node: Any, code: CProgram, inside: str) -> Iterator[tuple[str, str, _Change]]:
     name = node.name.name
     stem = name.removeprefix('fm_').rsplit('_', 1)
     other = f'fm_{_CELLS.get(stem[0], "")}_{stem[-1]}'
@@ -279,7 +279,7 @@ def printed(text: str, mutant: Mutant) -> str:
     return '\n'.join([*lines, CGenerator().visit(tree)])
 
 
-def subject_of(text: str, name: str = 'mutants') -> tuple[Subject, GeneratedMonitor]:
+def subject_of(text: str, name: str = 'mutants') -> tuple[ProofSubject, GeneratedMonitor]:
     """Return the C of a bundle, read back."""
     with tempfile.TemporaryDirectory(prefix='fret_monitor-') as folder:
         path = Path(folder) / f'{name}.yaml'
@@ -288,7 +288,8 @@ def subject_of(text: str, name: str = 'mutants') -> tuple[Subject, GeneratedMoni
     return read_subject(generated), generated
 
 
-def judged(subject: Subject, mutant: Mutant, seconds: float = _SECONDS) -> tuple[str, Settled]:
+def judged(subject: ProofSubject, mutant: Mutant,
+           seconds: float = _SECONDS) -> tuple[str, GroupResult]:
     """
     Say what became of a mutant: refuted, undefined, equivalent, or undecided.
 
@@ -307,7 +308,7 @@ def judged(subject: Subject, mutant: Mutant, seconds: float = _SECONDS) -> tuple
     return 'equivalent', settled
 
 
-def cell_functions(code: Program) -> list[str]:
+def cell_functions(code: CProgram) -> list[str]:
     """Return the functions of `fret_cells.h` whose mutants are looked at: narrow ones."""
     wanted = ('fm_bit', 'fm_signed', 'fm_next_position', 'fm_delay_ring')
     return [name for name in code.functions
@@ -315,7 +316,7 @@ def cell_functions(code: Program) -> list[str]:
             and not name.startswith(('fm_min', 'fm_max', 'fm_power'))]
 
 
-def judged_cell(code: Program, mutant: Mutant, seconds: float = _SECONDS) -> str:
+def judged_cell(code: CProgram, mutant: Mutant, seconds: float = _SECONDS) -> str:
     """Say what became of a mutant of a cell: equivalent, if all that stands on it is proved."""
     for name in _standing_on(code, mutant.function):
         proof = prove_function(mutant.code, name, seconds)
@@ -324,7 +325,7 @@ def judged_cell(code: Program, mutant: Mutant, seconds: float = _SECONDS) -> str
     return 'equivalent'
 
 
-def _standing_on(code: Program, function: str) -> list[str]:
+def _standing_on(code: CProgram, function: str) -> list[str]:
     """Return the functions that call a function, directly or not, and itself."""
     found = [function]
     for name in found:

@@ -29,7 +29,7 @@ from fret_monitor.native.folder import source_files
 
 if TYPE_CHECKING:
     from fret_monitor.proving.certificate import Certificate
-    from fret_monitor.proving.verification import Settled, Verification
+    from fret_monitor.proving.verification import GroupResult, Verification
 
 _NEEDED = {'z3': 'z3-solver', 'pycparser': 'pycparser'}
 
@@ -113,7 +113,7 @@ def _require_same_files(folder: Path, written: dict[str, str]) -> None:
                        help=how)
 
 
-def _first_trace(found: 'Verification') -> 'Settled | None':
+def _first_trace(found: 'Verification') -> 'GroupResult | None':
     return next((item for item in found.groups if item.counterexample is not None), None)
 
 

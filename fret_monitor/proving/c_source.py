@@ -55,7 +55,7 @@ class Unreadable(Exception):
 
 
 @dataclass(frozen=True)
-class Scalar:
+class ArithmeticType:
     """A number: `kind` is 'bool', 'int' or 'float'."""
 
     kind: str
@@ -91,21 +91,21 @@ class Pointer:
     target: 'Type | None'
 
 
-Type: TypeAlias = Scalar | Struct | Array | Pointer
+Type: TypeAlias = ArithmeticType | Struct | Array | Pointer
 
-BOOL = Scalar('bool', 8)
-INT = Scalar('int', 32, True)
-UNSIGNED = Scalar('int', 32)
-LONG = Scalar('int', 64, True)
-SIZE = Scalar('int', 64)
-FLOAT = Scalar('float', 32)
-DOUBLE = Scalar('float', 64)
+BOOL = ArithmeticType('bool', 8)
+INT = ArithmeticType('int', 32, True)
+UNSIGNED = ArithmeticType('int', 32)
+LONG = ArithmeticType('int', 64, True)
+SIZE = ArithmeticType('int', 64)
+FLOAT = ArithmeticType('float', 32)
+DOUBLE = ArithmeticType('float', 64)
 _MODELLED = {'const', 'extern', 'inline', 'static', 'typedef'}
 _WORDS = {'char': 8, 'short': 16, 'int': 32, 'long': 64}
 
 
 @dataclass(frozen=True)
-class Function:
+class CFunction:
     """A function: names and types of its parameters, what it returns (None: nothing), its body."""
 
     name: str
@@ -115,10 +115,10 @@ class Function:
 
 
 @dataclass(frozen=True)
-class Program:
+class CProgram:
     """What is in some C files together."""
 
-    functions: Mapping[str, Function]
+    functions: Mapping[str, CFunction]
     structs: Mapping[str, tuple[tuple[str, Type], ...]]
     constants: Mapping[str, int]
     types: Mapping[str, Type]
@@ -129,7 +129,7 @@ class Program:
 
     def _layout(self, kind: Type) -> tuple[int, int]:
         match kind:
-            case Scalar():
+            case ArithmeticType():
                 return kind.bits // 8, kind.bits // 8
             case Array():
                 size, alignment = self._layout(kind.item)
@@ -181,12 +181,12 @@ def _preprocessed(command: list[str], folder: Path) -> str:
     return done.stdout
 
 
-def read_program(sources: Mapping[str, str], headers: Mapping[str, str]) -> Program:
+def read_program(sources: Mapping[str, str], headers: Mapping[str, str]) -> CProgram:
     """Preprocess and parse some C files; errors as those of `preprocess` and `parse`."""
     return parse(preprocess(sources, headers))
 
 
-def parse(texts: Mapping[str, str]) -> Program:
+def parse(texts: Mapping[str, str]) -> CProgram:
     """
     Read preprocessed files.
 
@@ -195,13 +195,13 @@ def parse(texts: Mapping[str, str]) -> Program:
     Unreadable
         if a text is not C, or has types that monitors do not have.
     """
-    reader = _Reader()
+    reader = _CReader()
     for name, text in texts.items():
         try:
             reader.read(CParser().parse(text, name))
         except ParseError as error:
             raise Unreadable(str(error)) from None
-    return Program(reader.functions, reader.structs, reader.constants, reader.types)
+    return CProgram(reader.functions, reader.structs, reader.constants, reader.types)
 
 
 def shown(node: Any) -> str:
@@ -210,10 +210,10 @@ def shown(node: Any) -> str:
     return ' '.join(text.split())
 
 
-class _Reader:
+class _CReader:
 
     def __init__(self) -> None:
-        self.functions: dict[str, Function] = {}
+        self.functions: dict[str, CFunction] = {}
         self.structs: dict[str, tuple[tuple[str, Type], ...]] = {}
         self.constants: dict[str, int] = {}
         self.types: dict[str, Type] = {}
@@ -249,7 +249,7 @@ class _Reader:
         if self._texts.setdefault(item.decl.name, text) != text or \
                 (item.decl.name in self.functions and 'static' not in item.decl.storage):
             raise Unreadable(f'{item.decl.name} is defined twice')
-        self.functions[item.decl.name] = Function(item.decl.name, parameters, result, item.body)
+        self.functions[item.decl.name] = CFunction(item.decl.name, parameters, result, item.body)
 
     def _parameters(self, declared: Any) -> Iterator[tuple[str, Type]]:
         for each in declared.args.params if declared.args else ():
@@ -309,7 +309,7 @@ def named_type(names: list[str], types: Mapping[str, Type]) -> Type:
     if not sizes and 'unsigned' not in names:
         raise Unreadable(f'type {" ".join(names)}')
     bits = {8: 8, 16: 16}.get(min(sizes, default=32), max(sizes, default=32))
-    return Scalar('int', bits, 'unsigned' not in names)
+    return ArithmeticType('int', bits, 'unsigned' not in names)
 
 
 def _refuse_unmodelled(node: Any) -> None:

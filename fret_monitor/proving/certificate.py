@@ -28,7 +28,7 @@ from fret_monitor.logic.formula import BinaryOperator
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.program.monitor_program import ApplyBinary, MonitorProgram
 from fret_monitor.proving.contracts import Proof
-from fret_monitor.proving.verification import proved_files, Settled, Verification
+from fret_monitor.proving.verification import GroupResult, proved_files, Verification
 from fret_monitor.smt.solver import Answer, solver_version
 
 ASSUMED = (
@@ -159,7 +159,7 @@ def _failures(found: Verification) -> Iterator[str]:
         yield from _group_failures(item)
 
 
-def _group_failures(item: Settled) -> Iterator[str]:
+def _group_failures(item: GroupResult) -> Iterator[str]:
     failed = [proof for proof in item.proofs if proof.answer is not Answer.PROVED]
     for proof in failed[:_SHOWN]:
         yield f'not proved: {proof.name}'

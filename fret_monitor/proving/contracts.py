@@ -30,7 +30,7 @@ import time
 
 from fret_monitor.logic.formula import BinaryOperator, UnaryOperator
 from fret_monitor.model.values import ValueType
-from fret_monitor.proving.c_source import BOOL, Program, Scalar, Unreadable, UNSIGNED
+from fret_monitor.proving.c_source import ArithmeticType, BOOL, CProgram, Unreadable, UNSIGNED
 from fret_monitor.proving.execution import Contract, Machine, Memory, Reference, Result, Value
 from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
@@ -42,12 +42,12 @@ from fret_monitor.smt.operators import check, claims
 from fret_monitor.smt.solver import Answer, prove, shown_values
 from fret_monitor.smt.terms import Term
 
-_Attempt = Callable[[Program, float], 'Proof']
+_Attempt = Callable[[CProgram, float], 'Proof']
 
 COUNTER_BITS = (8, 16, 32)
 LINE_BITS = (8, 16, 32, 64)
 
-_I64, _U64 = Scalar('int', 64, True), Scalar('int', 64)
+_I64, _U64 = ArithmeticType('int', 64, True), ArithmeticType('int', 64)
 _INT64, _UINT64 = ValueType.INT64, ValueType.UINT64
 _BINARY = {'add': BinaryOperator.ADD, 'sub': BinaryOperator.SUB, 'mul': BinaryOperator.MUL,
            'div': BinaryOperator.DIV, 'mod': BinaryOperator.MOD}
@@ -68,8 +68,8 @@ class Proof:
 class _Pure:
     """A function without memory: types of its parameters, and what it computes."""
 
-    parameters: tuple[Scalar, ...]
-    result: Scalar
+    parameters: tuple[ArithmeticType, ...]
+    result: ArithmeticType
     compute: _Compute
 
 
@@ -153,7 +153,7 @@ def _ring_contract(machine: Machine, arguments: Sequence[Value | Reference]) -> 
     machine.require('delay_ring: the position is inside', inside)
     machine.load(place)
     out, after = cell_terms('delay_ring', ring, position, *operands)
-    machine.store(place, Value(Scalar('int', 8), t.number(0, 8)))  # noted as a write
+    machine.store(place, Value(ArithmeticType('int', 8), t.number(0, 8)))  # noted as a write
     machine.memory[place.path] = after
     return Value(BOOL, out)
 
@@ -176,13 +176,13 @@ CELLS: dict[str, Contract] = {
 
 # -- proofs ----------------------------------------------------------------------------------
 
-def prove_cells(program: Program, seconds: float) -> list[Proof]:
+def prove_cells(program: CProgram, seconds: float) -> list[Proof]:
     """Prove everything of `fret_cells.h` that has a contract, and the operators."""
     return [*_operators(seconds),
             *(attempt(program, seconds) for attempt in _attempts().values())]
 
 
-def prove_function(program: Program, name: str, seconds: float) -> Proof | None:
+def prove_function(program: CProgram, name: str, seconds: float) -> Proof | None:
     """Prove one function of `fret_cells.h`; None for one without a contract."""
     attempt = _attempts().get(name)
     return None if attempt is None else attempt(program, seconds)
@@ -211,7 +211,7 @@ def _operators(seconds: float) -> Iterator[Proof]:
         yield Proof(claim.name, result.answer, result.seconds)
 
 
-def _guarded(name: str, attempt: _Attempt, program: Program, seconds: float) -> Proof:
+def _guarded(name: str, attempt: _Attempt, program: CProgram, seconds: float) -> Proof:
     before = time.perf_counter()
     try:
         return attempt(program, seconds)
@@ -234,7 +234,7 @@ def _others(name: str) -> dict[str, Contract]:
     return {other: contract for other, contract in ARITHMETIC.items() if other != name}
 
 
-def _any(name: str, kind: Scalar) -> Value:
+def _any(name: str, kind: ArithmeticType) -> Value:
     sort = t.BOOL if kind.kind == 'bool' else t.word(kind.bits)
     return Value(kind, t.variable(name, sort))
 
@@ -246,7 +246,7 @@ def _called(machine: Machine, name: str, arguments: Sequence[Value | Reference])
     return found.term
 
 
-def _prove_pure(name: str, item: _Pure, program: Program, seconds: float) -> Proof:
+def _prove_pure(name: str, item: _Pure, program: CProgram, seconds: float) -> Proof:
     """For all arguments; of a division, apart for the divisors that are special."""
     arguments = [_any(letter, kind) for letter, kind in zip('abc', item.parameters)]
     if name not in ('fm_div_i64', 'fm_mod_i64'):
@@ -261,7 +261,7 @@ def _prove_pure(name: str, item: _Pure, program: Program, seconds: float) -> Pro
     return replace(worst, seconds=sum(each.seconds for each in proofs))
 
 
-def _prove_call(program: Program, name: str, item: _Pure, arguments: Sequence[Value],
+def _prove_call(program: CProgram, name: str, item: _Pure, arguments: Sequence[Value],
                 given: Sequence[Term], seconds: float) -> Proof:
     machine = Machine(program, {}, _others(name))
     found = _called(machine, name, arguments)
@@ -269,9 +269,9 @@ def _prove_call(program: Program, name: str, item: _Pure, arguments: Sequence[Va
     return _settled(name, [t.same(found, wanted)], given, machine, seconds)
 
 
-def _prove_counter(cell: CounterModel, bits: int, program: Program, seconds: float) -> Proof:
+def _prove_counter(cell: CounterModel, bits: int, program: CProgram, seconds: float) -> Proof:
     """For every bound that fits: the start is right, and a step keeps right what was."""
-    name, kind = f'fm_{cell.name}_u{bits}', Scalar('int', bits)
+    name, kind = f'fm_{cell.name}_u{bits}', ArithmeticType('int', bits)
     counter, bound = _any('counter', kind), _any('bound', kind)
     operands = [_any(letter, BOOL) for letter in 'pq'[:cell.operands]]
     number, head = (t.variable(word, t.word(WIDTH)) for word in ('number', 'head'))
@@ -289,8 +289,8 @@ def _prove_counter(cell: CounterModel, bits: int, program: Program, seconds: flo
     return _settled(name, goals, given, machine, seconds)
 
 
-def _prove_line(bits: int, program: Program, seconds: float) -> Proof:
-    name, kind = f'fm_delay_u{bits}', Scalar('int', bits)
+def _prove_line(bits: int, program: CProgram, seconds: float) -> Proof:
+    name, kind = f'fm_delay_u{bits}', ArithmeticType('int', bits)
     line, steps, p = _any('line', kind), _any('steps', UNSIGNED), _any('p', BOOL)
     history = t.variable('history', t.word(HISTORY))
     wide = t.resized(steps.term, HISTORY, False)
@@ -307,7 +307,7 @@ def _prove_line(bits: int, program: Program, seconds: float) -> Proof:
     return _settled(name, goals, given, machine, seconds)
 
 
-def _prove_ring(program: Program, seconds: float) -> Proof:
+def _prove_ring(program: CProgram, seconds: float) -> Proof:
     """
     Prove a ring of any length, and a place in it: `ago` tells p of some steps before.
 
@@ -321,7 +321,7 @@ def _prove_ring(program: Program, seconds: float) -> Proof:
     machine = Machine(program, memory, ARITHMETIC)
     p = _any('p', BOOL)
     out = _called(machine, 'fm_delay_ring',
-                  [Reference(('ring',), Scalar('int', 8), t.number(0, 64), size),
+                  [Reference(('ring',), ArithmeticType('int', 8), t.number(0, 64), size),
                    Value(UNSIGNED, position), p])
     after = machine.memory['ring',]
     following = next_position(position, length)
@@ -386,7 +386,7 @@ def _ring_bit(ring: Term, place: Term) -> Term:
     return t.bit(t.operation('lshr', byte, within), 0)
 
 
-def _prove_position(program: Program, seconds: float) -> Proof:
+def _prove_position(program: CProgram, seconds: float) -> Proof:
     machine = Machine(program, {}, ARITHMETIC)
     position, length = _any('position', UNSIGNED), _any('length', UNSIGNED)
     found = _called(machine, 'fm_next_position', [position, length])

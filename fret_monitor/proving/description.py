@@ -25,7 +25,7 @@ from typing import Any
 from fret_monitor.program.layout import FieldKind, GroupLayout, StateField
 from fret_monitor.program.monitor_program import MonitorProgram
 from fret_monitor.proving.c_source import (
-    Array, integer, Program, Scalar, shown, Struct, Type, Unreadable,
+    ArithmeticType, Array, CProgram, integer, shown, Struct, Type, Unreadable,
 )
 from fret_monitor.proving.execution import sort_of
 from fret_monitor.smt import numbers
@@ -35,7 +35,7 @@ _EXACT = (FieldKind.FLAG, FieldKind.NUMBER, FieldKind.FEEDBACK, FieldKind.WIRE)
 _ESCAPES = {'n': 10, 't': 9, '\\': 92, '"': 34, '?': 63}
 
 
-def wrong_in_description(code: Program, program: MonitorProgram,
+def wrong_in_description(code: CProgram, program: MonitorProgram,
                          layouts: tuple[GroupLayout, ...], prefix: str,
                          source_hash: str) -> list[str]:
     """
@@ -60,7 +60,7 @@ def wrong_in_description(code: Program, program: MonitorProgram,
             for name, value in wanted.items() if tables.get(name) != value]
 
 
-def wrong_types_of_inputs(code: Program, program: MonitorProgram, prefix: str) -> list[str]:
+def wrong_types_of_inputs(code: CProgram, program: MonitorProgram, prefix: str) -> list[str]:
     """Return which fields of the inputs have another type than the input."""
     fields = code.structs.get(f'{prefix}_inputs', ())
     wrong = [f'{name} is {kind}, not {signal.type.value}'
@@ -71,7 +71,7 @@ def wrong_types_of_inputs(code: Program, program: MonitorProgram, prefix: str) -
     return wrong
 
 
-def wrong_types_of_state(code: Program, layout: GroupLayout, tag: str) -> list[str]:
+def wrong_types_of_state(code: CProgram, layout: GroupLayout, tag: str) -> list[str]:
     """Return which fields of a group's state are of another kind than what they hold."""
     wanted = {f'{item.kind.value}_{item.number}': item for item in layout.fields}
     return [f'{name}: {shown_type(kind)}, where `compile` has {wanted[name].type.value}'
@@ -81,23 +81,23 @@ def wrong_types_of_state(code: Program, layout: GroupLayout, tag: str) -> list[s
 
 def _holds(kind: Type, wanted: StateField) -> bool:
     if wanted.kind is FieldKind.RING:
-        return isinstance(kind, Array) and kind.item == Scalar('int', 8)
+        return isinstance(kind, Array) and kind.item == ArithmeticType('int', 8)
     if wanted.kind in _EXACT:
         return _is(kind, wanted.type)
-    return isinstance(kind, Scalar) and kind.kind == 'int' and not kind.is_signed
+    return isinstance(kind, ArithmeticType) and kind.kind == 'int' and not kind.is_signed
 
 
 def shown_type(kind: Type) -> str:
     """Return a type as C has it, or nearly."""
-    return str(kind) if isinstance(kind, Scalar) else type(kind).__name__.lower()
+    return str(kind) if isinstance(kind, ArithmeticType) else type(kind).__name__.lower()
 
 
 def _is(kind: Any, wanted: Any) -> bool:
-    return isinstance(kind, Scalar) and sort_of(kind) == numbers.sort_of(wanted) \
+    return isinstance(kind, ArithmeticType) and sort_of(kind) == numbers.sort_of(wanted) \
         and (kind.kind != 'int' or kind.is_signed == wanted.is_signed)
 
 
-def _wanted(code: Program, program: MonitorProgram, layouts: tuple[GroupLayout, ...],
+def _wanted(code: CProgram, program: MonitorProgram, layouts: tuple[GroupLayout, ...],
             prefix: str, source_hash: str) -> Iterator[tuple[str, Any]]:
     fields = [name for name, _ in code.structs[f'{prefix}_inputs']]
     if program.signals:
@@ -128,7 +128,7 @@ def _wanted(code: Program, program: MonitorProgram, layouts: tuple[GroupLayout, 
         ('name', 'requirements'), prefix.encode(), source_hash.encode(), ('name', together)]
 
 
-def _value(node: Any, code: Program) -> Any:
+def _value(node: Any, code: CProgram) -> Any:
     """Return a constant initializer: lists, numbers, bytes, names."""
     match node:
         case c_ast.InitList():

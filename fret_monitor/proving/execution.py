@@ -29,10 +29,7 @@ import struct
 from typing import Any, NamedTuple, TypeAlias
 
 from fret_monitor.model.floats import to_float32, to_float64
-from fret_monitor.proving.c_source import (
-    Array, DOUBLE, FLOAT, Function, INT, integer, LONG, named_type, Pointer, Program, Scalar,
-    shown, SIZE, Struct, Type, Unreadable, UNSIGNED,
-)
+from fret_monitor.proving import c_source as c
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.terms import Sort, Term
 from pycparser import c_ast
@@ -40,7 +37,7 @@ from pycparser import c_ast
 Path: TypeAlias = tuple[str | int, ...]
 Memory: TypeAlias = dict[Path, Term]
 
-_BYTE = Scalar('int', 8)
+_BYTE = c.ArithmeticType('int', 8)
 _LONGEST_LOOP = 100_000
 _ARITHMETIC = {'+': ('add', 'fadd'), '-': ('sub', 'fsub'), '*': ('mul', 'fmul')}
 _BITWISE = {'&': 'bitand', '|': 'bitor', '^': 'bitxor'}
@@ -50,7 +47,7 @@ _RELATIONS = ('<', '<=', '>', '>=', '==', '!=')
 class Value(NamedTuple):
     """A number and its C type."""
 
-    type: Scalar
+    type: c.ArithmeticType
     term: Term
 
 
@@ -59,7 +56,7 @@ class Reference:
     """A pointer: to the object at `path`, or with an index to an element of the array there."""
 
     path: Path
-    type: Type
+    type: c.Type
     index: Term | None = None
     length: int = 0
 
@@ -86,27 +83,27 @@ _Locals: TypeAlias = dict[str, Any]
 _FELL_THROUGH = object()
 
 
-def sort_of(kind: Type) -> Sort:
+def sort_of(kind: c.Type) -> Sort:
     """Return the sort of what is stored as a type."""
     match kind:
-        case Scalar(kind='bool'):
+        case c.ArithmeticType(kind='bool'):
             return t.BOOL
-        case Scalar(kind='float', bits=bits):
+        case c.ArithmeticType(kind='float', bits=bits):
             return t.real(bits)
-        case Scalar(bits=bits):
+        case c.ArithmeticType(bits=bits):
             return t.word(bits)
-        case Array(item, length) if item == _BYTE:
+        case c.Array(item, length) if item == _BYTE:
             return t.ring(length)
         case _:
-            raise Unreadable(f'no value: {kind}')
+            raise c.Unreadable(f'no value: {kind}')
 
 
-def places(program: Program, kind: Type, path: Path = ()) -> Iterator[tuple[Path, Type]]:
+def places(program: c.CProgram, kind: c.Type, path: Path = ()) -> Iterator[tuple[Path, c.Type]]:
     """Yield where the scalars and rings of an object lie, and what they are."""
-    if isinstance(kind, Struct):
+    if isinstance(kind, c.Struct):
         for name, inner in program.structs[kind.tag]:
             yield from places(program, inner, (*path, name))
-    elif isinstance(kind, Array) and kind.item != _BYTE:
+    elif isinstance(kind, c.Array) and kind.item != _BYTE:
         for number in range(kind.length):
             yield from places(program, kind.item, (*path, number))
     else:
@@ -120,7 +117,7 @@ class Machine:
     `contracts` stand in for functions of these names.
     """
 
-    def __init__(self, program: Program, memory: Mapping[Path, Term],
+    def __init__(self, program: c.CProgram, memory: Mapping[Path, Term],
                  contracts: Mapping[str, Contract] | None = None) -> None:
         """Start with some memory."""
         self.memory: Memory = dict(memory)
@@ -129,7 +126,7 @@ class Machine:
         self._contracts = contracts or {}
         self._path = [t.TRUE]
         self._effects = [_Effects(set(), set())]
-        self._running: list[Function] = []
+        self._running: list[c.CFunction] = []
 
     def call(self, name: str, arguments: Sequence[Value | Reference]) -> Result:
         """Run a function, or use its contract."""
@@ -137,13 +134,13 @@ class Machine:
         if function is None:
             return self._library(name, arguments)
         if len(arguments) != len(function.parameters):
-            raise Unreadable(f'{name} takes {len(function.parameters)} arguments')
+            raise c.Unreadable(f'{name} takes {len(function.parameters)} arguments')
         passed = [self._passed(value, kind, name)
                   for (_, kind), value in zip(function.parameters, arguments, strict=True)]
         if name in self._contracts:
             return self._contracts[name](self, passed)
         if any(function is other for other in self._running):
-            raise Unreadable(f'{name} calls itself')
+            raise c.Unreadable(f'{name} calls itself')
         self._running.append(function)
         local: _Locals = {parameter: (kind, value) for (parameter, kind), value
                           in zip(function.parameters, passed, strict=True)}
@@ -151,20 +148,20 @@ class Machine:
         self._running.pop()
         if result is _FELL_THROUGH:
             if function.result is not None:
-                raise Unreadable(f'{name} may return nothing')
+                raise c.Unreadable(f'{name} may return nothing')
             return None
         return result if function.result is None else self._passed(result, function.result, name)
 
-    def _passed(self, value: Any, kind: Type, name: str) -> Value | Reference:
-        if isinstance(kind, Scalar):
+    def _passed(self, value: Any, kind: c.Type, name: str) -> Value | Reference:
+        if isinstance(kind, c.ArithmeticType):
             if not isinstance(value, Value):
-                raise Unreadable(f'{name}: a pointer where a number is wanted')
+                raise c.Unreadable(f'{name}: a pointer where a number is wanted')
             return self.converted(value, kind)
-        if not isinstance(value, Reference) or not isinstance(kind, Pointer):
-            raise Unreadable(f'{name}: not a pointer')
+        if not isinstance(value, Reference) or not isinstance(kind, c.Pointer):
+            raise c.Unreadable(f'{name}: not a pointer')
         return self._pointing(value, kind, name)
 
-    def _pointing(self, value: Reference, kind: Pointer, name: str) -> Reference:
+    def _pointing(self, value: Reference, kind: c.Pointer, name: str) -> Reference:
         if kind.target is not None and value.type != kind.target:
             self.require(f'{name}: a pointer to {value.type} taken for one to {kind.target}',
                          t.FALSE)
@@ -182,23 +179,23 @@ class Machine:
             self._memset(arguments)
             return None
         if name in ('pow', 'fmod', 'fmodf'):
-            kind = FLOAT if name == 'fmodf' else DOUBLE
+            kind = c.FLOAT if name == 'fmodf' else c.DOUBLE
             left, right = (self._passed(item, kind, name) for item in arguments)
             assert isinstance(left, Value) and isinstance(right, Value)
             return Value(kind, t.library(name.rstrip('f'), left.term, right.term))
-        raise Unreadable(f'{name} is not defined')
+        raise c.Unreadable(f'{name} is not defined')
 
     def _memset(self, arguments: Sequence[Value | Reference]) -> None:
         target, byte, count = arguments
         if not isinstance(target, Reference) or not isinstance(byte, Value) \
                 or not isinstance(count, Value) or not t.is_constant(count.term) \
                 or not t.is_constant(byte.term):
-            raise Unreadable('memset of something else than constants')
+            raise c.Unreadable('memset of something else than constants')
         size = self._program.size(target.type)
         if count.term.value > size:
             self.require('memset writes beyond the object', t.FALSE)
         if count.term.value != size or byte.term.value not in (0, 1):
-            raise Unreadable('memset with something else than all of an object and 0')
+            raise c.Unreadable('memset with something else than all of an object and 0')
         for path, kind in places(self._program, target.type, target.path):
             self.memory[path] = filled(kind, byte.term.value)
 
@@ -206,8 +203,8 @@ class Machine:
 
     def load(self, place: Reference) -> Value:
         """Read a number."""
-        if not isinstance(place.type, Scalar):
-            raise Unreadable(f'no number at {place.path}')
+        if not isinstance(place.type, c.ArithmeticType):
+            raise c.Unreadable(f'no number at {place.path}')
         path = self._element(place)
         self._effects[-1].reads.add(path)
         if path not in self.memory:
@@ -241,7 +238,7 @@ class Machine:
         if self.memory.get(place.path) is not None:
             return place.path
         if not t.is_constant(place.index):
-            raise Unreadable(f'{place.path}: an index that is not constant')
+            raise c.Unreadable(f'{place.path}: an index that is not constant')
         return (*place.path, place.index.value)
 
     # -- statements ---------------------------------------------------------------------------
@@ -267,7 +264,7 @@ class Machine:
         match item:
             case c_ast.Decl():
                 if item.storage:
-                    raise Unreadable(f'not modelled: {shown(item)[:80]}')
+                    raise c.Unreadable(f'not modelled: {c.shown(item)[:80]}')
                 kind = self._declared(item.type)
                 value = None if item.init is None else self._whole(item.init, local)
                 local[item.name] = (kind, None if value is None
@@ -280,7 +277,7 @@ class Machine:
             case _:
                 self._whole(item, local)
 
-    def _declared(self, node: Any) -> Type:
+    def _declared(self, node: Any) -> c.Type:
         return declared(node, self._program)
 
     def _branch(self, item: Any, rest: list[Any], local: _Locals) -> Any:
@@ -300,7 +297,7 @@ class Machine:
             other = self._run(no, local)
         for path in {*after, *self.memory}:
             if path not in after or path not in self.memory:
-                raise Unreadable(f'{path} is written in one of two cases')
+                raise c.Unreadable(f'{path} is written in one of two cases')
             self.memory[path] = t.choice(condition, after[path], self.memory[path])
         for name, (kind, value) in later.items():
             known = local.get(name, (kind, None))[1]
@@ -321,13 +318,13 @@ class Machine:
         for _ in range(_LONGEST_LOOP):
             condition = self._truth(item.cond, local)
             if not t.is_constant(condition):
-                raise Unreadable('a loop without a fixed bound')
+                raise c.Unreadable('a loop without a fixed bound')
             if not condition.value:
                 return
             if self._run([item.stmt], local) is not _FELL_THROUGH:
-                raise Unreadable('a return inside a loop')
+                raise c.Unreadable('a return inside a loop')
             self._whole(item.next, local)
-        raise Unreadable(f'a loop of more than {_LONGEST_LOOP} rounds')
+        raise c.Unreadable(f'a loop of more than {_LONGEST_LOOP} rounds')
 
     def _fills(self, item: Any, local: _Locals) -> bool:
         """Run `for (i = 0; i < N; ++i) {bytes[i] = constant;}` at once, N the length of bytes."""
@@ -341,11 +338,11 @@ class Machine:
                 stmt=c_ast.Compound(block_items=[c_ast.Assignment(
                     op='=', lvalue=c_ast.ArrayRef(name=array, subscript=c_ast.ID(name=index)),
                     rvalue=c_ast.Constant(value=byte))]),
-            ) if name == compared == counted == index and integer(zero) == 0:
+            ) if name == compared == counted == index and c.integer(zero) == 0:
                 place = self._place(array, local)
-                if isinstance(place.type, Array) and place.type.length == integer(limit) \
+                if isinstance(place.type, c.Array) and place.type.length == c.integer(limit) \
                         and place.type.item == _BYTE:
-                    self.memory[place.path] = t.filled(place.type.length, integer(byte) & 255)
+                    self.memory[place.path] = t.filled(place.type.length, c.integer(byte) & 255)
                     return True
         return False
 
@@ -371,7 +368,7 @@ class Machine:
             results.append(self._value(node, local))
             found = self._effects.pop()
             if found.writes & (total.reads | total.writes) or total.writes & found.reads:
-                self.require(f'{shown(node)}: touches what another operand does', t.FALSE)
+                self.require(f'{c.shown(node)}: touches what another operand does', t.FALSE)
             total.reads |= found.reads
             total.writes |= found.writes
         self._merge_effects(total)
@@ -383,7 +380,7 @@ class Machine:
     def _number(self, node: Any, local: _Locals) -> Value:
         found = self._value(node, local)
         if not isinstance(found, Value):
-            raise Unreadable(f'no number: {shown(node)}')
+            raise c.Unreadable(f'no number: {c.shown(node)}')
         return found
 
     def _value(self, node: Any, local: _Locals) -> Result:
@@ -411,7 +408,7 @@ class Machine:
             case c_ast.StructRef() | c_ast.ArrayRef():
                 return self._read(self._place(node, local))
             case _:
-                raise Unreadable(f'{type(node).__name__}: {shown(node)[:80]}')
+                raise c.Unreadable(f'{type(node).__name__}: {c.shown(node)[:80]}')
 
     def _named(self, name: str, local: _Locals) -> Result:
         if name in local:
@@ -421,19 +418,19 @@ class Machine:
                 return Value(kind, t.variable(f'unknown.{name}', sort_of(kind)))
             return value  # type: ignore[no-any-return]
         if name in self._program.constants:
-            return Value(INT, t.number(self._program.constants[name], 32))
+            return Value(c.INT, t.number(self._program.constants[name], 32))
         special = {'FM_NAN': float('nan'), 'FM_INFINITY': float('inf')}
         if name in special:
-            return Value(FLOAT, t.floating(special[name], 32))
-        raise Unreadable(f'{name} is not declared')
+            return Value(c.FLOAT, t.floating(special[name], 32))
+        raise c.Unreadable(f'{name} is not declared')
 
     def _read(self, place: Reference) -> Result:
         """Return what is at a place; an array becomes a pointer to its first element."""
-        if isinstance(place.type, Array):
+        if isinstance(place.type, c.Array):
             return Reference(place.path, place.type.item, t.number(0, 64), place.type.length)
-        if isinstance(place.type, Scalar):
+        if isinstance(place.type, c.ArithmeticType):
             return self.load(place)
-        raise Unreadable(f'{place.path} is no number')
+        raise c.Unreadable(f'{place.path} is no number')
 
     def _place(self, node: Any, local: _Locals) -> Reference:
         """Return where an expression lies in memory."""
@@ -446,25 +443,25 @@ class Machine:
                 if not isinstance(base, Reference) or base.index is None \
                         or index.type.kind != 'int' or base.index.op != 'constant' \
                         or base.index.value != 0:
-                    raise Unreadable(f'no element of an array: {shown(node)}')
+                    raise c.Unreadable(f'no element of an array: {c.shown(node)}')
                 # Whether it is inside is asked as the index is: of its own width.
                 return replace(base, index=self._promoted(index).term)
             case c_ast.UnaryOp(op='*'):
                 found = self._value(node.expr, local)
                 if isinstance(found, Reference):
                     return found
-        raise Unreadable(f'no place in memory: {shown(node)}')
+        raise c.Unreadable(f'no place in memory: {c.shown(node)}')
 
     def _field(self, node: Any, local: _Locals) -> Reference:
         base = self._value(node.name, local) if node.type == '->' \
             else self._place(node.name, local)
-        if not isinstance(base, Reference) or not isinstance(base.type, Struct) \
+        if not isinstance(base, Reference) or not isinstance(base.type, c.Struct) \
                 or base.index is not None:
-            raise Unreadable(f'no field: {shown(node)}')
+            raise c.Unreadable(f'no field: {c.shown(node)}')
         fields = dict(self._program.structs[base.type.tag])
         name = node.field.name
         if name not in fields:
-            raise Unreadable(f'struct {base.type.tag} has no {name}')
+            raise c.Unreadable(f'struct {base.type.tag} has no {name}')
         return Reference((*base.path, name), fields[name])
 
     def _assign(self, node: Any, local: _Locals) -> Result:
@@ -477,14 +474,14 @@ class Machine:
     def _put(self, node: Any, value: Value, local: _Locals) -> Value:
         if isinstance(node, c_ast.ID):
             kind = local[node.name][0] if node.name in local else None
-            if not isinstance(kind, Scalar):
-                raise Unreadable(f'{node.name} is no number')
+            if not isinstance(kind, c.ArithmeticType):
+                raise c.Unreadable(f'{node.name} is no number')
             value = self.converted(value, kind)
             local[node.name] = (kind, value)
             return value
         place = self._place(node, local)
-        if not isinstance(place.type, Scalar):
-            raise Unreadable(f'{shown(node)} is no number')
+        if not isinstance(place.type, c.ArithmeticType):
+            raise c.Unreadable(f'{c.shown(node)} is no number')
         value = self.converted(value, place.type)
         self.store(place, value)
         return value
@@ -496,36 +493,37 @@ class Machine:
             case '*':
                 return self._read(self._place(node, local))
             case 'sizeof':
-                return Value(SIZE, t.number(self._program.size(self._type(node.expr, local)), 64))
+                size = self._program.size(self._type(node.expr, local))
+                return Value(c.SIZE, t.number(size, 64))
             case '++' | 'p++':
                 before = self._number(node.expr, local)
-                after = self.binary('+', before, Value(INT, t.number(1, 32)), node)
+                after = self.binary('+', before, Value(c.INT, t.number(1, 32)), node)
                 stored = self._put(node.expr, after, local)
                 return stored if node.op == '++' else before
             case '!':
                 return _boolean(t.negation(self._truth(node.expr, local)))
             case '-' | '~':
                 return self._negative(node, self._promoted(self._number(node.expr, local)))
-        raise Unreadable(f'operator {node.op}')
+        raise c.Unreadable(f'operator {node.op}')
 
     def _negative(self, node: Any, value: Value) -> Value:
         if value.type.kind == 'float':
             if node.op == '~':
-                raise Unreadable('~ of a float')
+                raise c.Unreadable('~ of a float')
             return Value(value.type, t.unary('fneg', value.term))
         if node.op == '~':
             return Value(value.type, t.unary('complement', value.term))
         return self.binary('-', Value(value.type, t.number(0, value.type.bits)), value, node)
 
-    def _type(self, node: Any, local: _Locals) -> Type:
+    def _type(self, node: Any, local: _Locals) -> c.Type:
         match node:
             case c_ast.Typename():
                 return self._declared(node)
             case c_ast.UnaryOp(op='*', expr=c_ast.ID(name=name)) if name in local:
                 found = local[name][0]
-                if isinstance(found, Pointer) and found.target is not None:
+                if isinstance(found, c.Pointer) and found.target is not None:
                     return found.target
-        raise Unreadable(f'sizeof {shown(node)}')
+        raise c.Unreadable(f'sizeof {c.shown(node)}')
 
     def _shortened(self, node: Any, local: _Locals) -> Value:
         left = self._truth(node.left, local)
@@ -549,7 +547,7 @@ class Machine:
         with self._assuming(t.negation(condition)):
             no = self._number(node.iffalse, local)
         if memory != self.memory:
-            raise Unreadable(f'writes to memory in one of two cases: {shown(node)}')
+            raise c.Unreadable(f'writes to memory in one of two cases: {c.shown(node)}')
         kind = self.common(yes.type, no.type)
         return Value(kind, t.choice(condition, self.converted(yes, kind).term,
                                     self.converted(no, kind).term))
@@ -568,15 +566,15 @@ class Machine:
             return None
         kind = self._declared(node.to_type)
         found = self._value(node.expr, local)
-        if isinstance(found, Reference) and isinstance(kind, Pointer):
-            return self._pointing(found, kind, shown(node))
-        if isinstance(found, Value) and isinstance(kind, Scalar):
+        if isinstance(found, Reference) and isinstance(kind, c.Pointer):
+            return self._pointing(found, kind, c.shown(node))
+        if isinstance(found, Value) and isinstance(kind, c.ArithmeticType):
             return self.converted(found, kind)
-        raise Unreadable(f'cast: {shown(node)}')
+        raise c.Unreadable(f'cast: {c.shown(node)}')
 
     # -- numbers ------------------------------------------------------------------------------
 
-    def common(self, left: Scalar, right: Scalar) -> Scalar:
+    def common(self, left: c.ArithmeticType, right: c.ArithmeticType) -> c.ArithmeticType:
         """Return the type of the usual arithmetic conversions."""
         floats = [item for item in (left, right) if item.kind == 'float']
         if floats:
@@ -584,13 +582,13 @@ class Machine:
         pair = [promoted_type(left), promoted_type(right)]
         widest = max(item.bits for item in pair)
         is_signed = all(item.is_signed for item in pair if item.bits == widest)
-        return Scalar('int', widest, is_signed)
+        return c.ArithmeticType('int', widest, is_signed)
 
     def _promoted(self, value: Value) -> Value:
         return value if value.type.kind == 'float' \
             else self.converted(value, promoted_type(value.type))
 
-    def converted(self, value: Value, kind: Scalar) -> Value:
+    def converted(self, value: Value, kind: c.ArithmeticType) -> Value:
         """Convert as by assignment."""
         have, item = value
         if have == kind:
@@ -600,7 +598,7 @@ class Machine:
         if kind.kind == 'float':
             return Value(kind, self._as_float(have, item, kind.bits))
         if have.kind == 'float':
-            raise Unreadable(f'{have} converted to {kind}')
+            raise c.Unreadable(f'{have} converted to {kind}')
         if have.kind == 'bool':
             return Value(kind, t.from_truth(item, kind.bits))
         found = t.resized(item, kind.bits, have.is_signed)
@@ -613,7 +611,7 @@ class Machine:
             self.require(f'{have} converted to {kind}', fits)
         return Value(kind, found)
 
-    def _as_float(self, have: Scalar, item: Term, bits: int) -> Term:
+    def _as_float(self, have: c.ArithmeticType, item: Term, bits: int) -> Term:
         if have.kind == 'bool':
             return t.choice(item, t.floating(1.0, bits), t.floating(0.0, bits))
         return t.to_real(item, bits, have.is_signed)
@@ -621,7 +619,7 @@ class Machine:
     def binary(self, op: str, left: Any, right: Any, node: Any) -> Value:
         """Compute an infix operator on two numbers."""
         if not isinstance(left, Value) or not isinstance(right, Value):
-            raise Unreadable(f'arithmetic on pointers: {shown(node)}')
+            raise c.Unreadable(f'arithmetic on pointers: {c.shown(node)}')
         if op in ('<<', '>>'):
             return self._shift(op, self._promoted(left), self._promoted(right), node)
         kind = self.common(left.type, right.type)
@@ -634,9 +632,9 @@ class Machine:
             return Value(kind, self._computed(op, a, b, kind, node))
         if op in ('/', '%'):
             return Value(kind, self._divided(op, a, b, kind, node))
-        raise Unreadable(f'operator {op} of {kind}')
+        raise c.Unreadable(f'operator {op} of {kind}')
 
-    def _computed(self, op: str, a: Term, b: Term, kind: Scalar, node: Any) -> Term:
+    def _computed(self, op: str, a: Term, b: Term, kind: c.ArithmeticType, node: Any) -> Term:
         word, real = _ARITHMETIC[op]
         if kind.kind == 'float':
             return t.operation(real, a, b)
@@ -645,20 +643,20 @@ class Machine:
             wide = 2 * kind.bits if op == '*' else kind.bits + 1
             exact = t.operation(word, t.resized(a, wide, True), t.resized(b, wide, True))
             fits = t.relation('equal', exact, t.resized(found, wide, True))
-            self.require(f'{shown(node)}: signed overflow', fits)
+            self.require(f'{c.shown(node)}: signed overflow', fits)
         return found
 
-    def _divided(self, op: str, a: Term, b: Term, kind: Scalar, node: Any) -> Term:
+    def _divided(self, op: str, a: Term, b: Term, kind: c.ArithmeticType, node: Any) -> Term:
         if kind.kind == 'float':
             if op == '%':
-                raise Unreadable('% of floats')
+                raise c.Unreadable('% of floats')
             return t.operation('fdiv', a, b)
         zero = t.relation('equal', b, t.number(0, kind.bits))
-        self.require(f'{shown(node)}: division by zero', t.negation(zero))
+        self.require(f'{c.shown(node)}: division by zero', t.negation(zero))
         if kind.is_signed:
             least = t.relation('equal', a, t.number(1 << (kind.bits - 1), kind.bits))
             minus = t.relation('equal', b, t.number(-1, kind.bits))
-            self.require(f'{shown(node)}: signed overflow',
+            self.require(f'{c.shown(node)}: signed overflow',
                          t.negation(t.conjunction(least, minus)))
         return t.operation(('s' if kind.is_signed else 'u') + ('div' if op == '/' else 'rem'),
                            a, b)
@@ -666,18 +664,18 @@ class Machine:
     def _shift(self, op: str, left: Value, right: Value, node: Any) -> Value:
         kind, a = left
         if kind.kind != 'int' or right.type.kind != 'int':
-            raise Unreadable(f'shift of a float: {shown(node)}')
+            raise c.Unreadable(f'shift of a float: {c.shown(node)}')
         inside = t.relation('ult', right.term, t.number(kind.bits, right.type.bits))
-        self.require(f'{shown(node)}: shift by more than there are bits', inside)
+        self.require(f'{c.shown(node)}: shift by more than there are bits', inside)
         count = t.resized(right.term, kind.bits, False)
         found = t.operation('shl' if op == '<<' else 'lshr', a, count)
         if kind.is_signed:
             is_natural = t.negation(t.relation('slt', a, t.number(0, kind.bits)))
-            self.require(f'{shown(node)}: shift of a negative number', is_natural)
+            self.require(f'{c.shown(node)}: shift of a negative number', is_natural)
             if op == '<<':
                 back = t.relation('equal', t.operation('lshr', found, count), a)
                 fits = t.negation(t.relation('slt', found, t.number(0, kind.bits)))
-                self.require(f'{shown(node)}: signed overflow', t.conjunction(back, fits))
+                self.require(f'{c.shown(node)}: signed overflow', t.conjunction(back, fits))
         return Value(kind, found)
 
 
@@ -698,7 +696,7 @@ def _is_small(op: str, a: Term, b: Term) -> bool:
     return need < width and max(bits(a), bits(b)) < width
 
 
-def _related(op: str, a: Term, b: Term, kind: Scalar) -> Term:
+def _related(op: str, a: Term, b: Term, kind: c.ArithmeticType) -> Term:
     if op in ('>', '>='):
         a, b, op = b, a, op.replace('>', '<')
     if op in ('==', '!='):
@@ -709,7 +707,7 @@ def _related(op: str, a: Term, b: Term, kind: Scalar) -> Term:
 
 
 def _boolean(item: Term) -> Value:
-    return Value(INT, t.from_truth(item, 32))
+    return Value(c.INT, t.from_truth(item, 32))
 
 
 def _either(condition: Term, one: Any, other: Any) -> Any:
@@ -719,24 +717,24 @@ def _either(condition: Term, one: Any, other: Any) -> Any:
         if one.type != other.type:
             kind = max((one.type, other.type), key=lambda item: item.bits)
             if {one.type.kind, other.type.kind} != {'int'} and one.type.kind != other.type.kind:
-                raise Unreadable('two cases give values of different types')
+                raise c.Unreadable('two cases give values of different types')
             one, other = (Value(kind, _widened(item, kind)) for item in (one, other))
         return Value(one.type, t.choice(condition, one.term, other.term))
-    raise Unreadable('two cases of different kinds')
+    raise c.Unreadable('two cases of different kinds')
 
 
-def _widened(value: Value, kind: Scalar) -> Term:
+def _widened(value: Value, kind: c.ArithmeticType) -> Term:
     if kind.kind == 'float':
         return t.to_real(value.term, kind.bits)
     return t.resized(value.term, kind.bits, value.type.is_signed)
 
 
-def promoted_type(kind: Scalar) -> Scalar:
+def promoted_type(kind: c.ArithmeticType) -> c.ArithmeticType:
     """Return the type after integer promotion."""
-    return INT if kind.kind == 'bool' or (kind.kind == 'int' and kind.bits < 32) else kind
+    return c.INT if kind.kind == 'bool' or (kind.kind == 'int' and kind.bits < 32) else kind
 
 
-def filled(kind: Type, byte: int) -> Term:
+def filled(kind: c.Type, byte: int) -> Term:
     """Return what bytes that are all alike, 0 or 1, stand for."""
     sort = sort_of(kind)
     if sort[0] == 'ring':
@@ -756,19 +754,19 @@ def is_void(node: Any) -> bool:
     return isinstance(inner, c_ast.IdentifierType) and inner.names == ['void']
 
 
-def declared(node: Any, program: Program) -> Type:
+def declared(node: Any, program: c.CProgram) -> c.Type:
     """Return the type of a declaration inside a function, or of a type name."""
     match node:
         case c_ast.TypeDecl() | c_ast.Typename():
             return declared(node.type, program)
         case c_ast.PtrDecl():
-            return Pointer(None if is_void(node.type) else declared(node.type, program))
+            return c.Pointer(None if is_void(node.type) else declared(node.type, program))
         case c_ast.Struct():
-            return Struct(node.name)
+            return c.Struct(node.name)
         case c_ast.IdentifierType():
-            return named_type(node.names, program.types)
+            return c.named_type(node.names, program.types)
         case _:
-            raise Unreadable(f'type {shown(node)[:80]}')
+            raise c.Unreadable(f'type {c.shown(node)[:80]}')
 
 
 def literal(node: Any) -> Value:
@@ -777,26 +775,26 @@ def literal(node: Any) -> Value:
     if 'int' in node.type:
         return _whole_literal(text)
     if node.type not in ('float', 'double'):
-        raise Unreadable(f'literal {text[:80]}')
+        raise c.Unreadable(f'literal {text[:80]}')
     is_single = text[-1] in 'fF'
-    kind = FLOAT if is_single else DOUBLE
+    kind = c.FLOAT if is_single else c.DOUBLE
     try:
         exact = Fraction(text.rstrip('fF'))
     except ValueError:
-        raise Unreadable(f'literal {text[:80]}') from None
+        raise c.Unreadable(f'literal {text[:80]}') from None
     value = to_float32(exact) if is_single else to_float64(exact)
     return Value(kind, t.floating(value, kind.bits))
 
 
 def _whole_literal(text: str) -> Value:
-    value = integer(text)
+    value = c.integer(text)
     suffix = text[len(text.rstrip('uUlL')):].lower()
-    candidates = (UNSIGNED, SIZE) if 'u' in suffix else (INT, LONG)
+    candidates = (c.UNSIGNED, c.SIZE) if 'u' in suffix else (c.INT, c.LONG)
     is_hex = text[:2].lower() == '0x'
     if is_hex and 'u' not in suffix:
-        candidates = (INT, UNSIGNED, LONG, SIZE)  # type: ignore[assignment]
+        candidates = (c.INT, c.UNSIGNED, c.LONG, c.SIZE)  # type: ignore[assignment]
     for kind in candidates:
         limit = 1 << (kind.bits - kind.is_signed)
         if value < limit and not ('l' in suffix and kind.bits < 64):
             return Value(kind, t.number(value, kind.bits))
-    raise Unreadable(f'literal {text} is too large')
+    raise c.Unreadable(f'literal {text} is too large')

@@ -28,7 +28,7 @@ from typing import Any
 
 from fret_monitor.program.layout import GroupLayout
 from fret_monitor.program.monitor_program import MonitorProgram
-from fret_monitor.proving.c_source import BOOL, Program, Struct, Unreadable
+from fret_monitor.proving.c_source import BOOL, CProgram, Struct, Unreadable
 from fret_monitor.proving.contracts import ARITHMETIC, CELLS, Proof
 from fret_monitor.proving.description import (
     wrong_in_description, wrong_types_of_inputs, wrong_types_of_state,
@@ -48,7 +48,7 @@ _STATIC = ('description: ', 'inputs: ')  # what no trace shows
 
 
 @dataclass
-class Outcome:
+class GroupProofs:
     """The proofs of a group, or of what runs all of them (`group` is ALL), and what refutes."""
 
     group: int
@@ -68,10 +68,10 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Subject:
+class ProofSubject:
     """What is proved: C, the program it is to be, and what the C's names begin with."""
 
-    code: Program
+    code: CProgram
     program: MonitorProgram
     layouts: tuple[GroupLayout, ...]
     prefix: str
@@ -118,7 +118,7 @@ class Subject:
         return f'{self.prefix}_group_{group}_{verb}' if group >= 0 else f'{self.prefix}_{verb}'
 
 
-def wrong_types(subject: Subject, group: int) -> list[Proof]:
+def wrong_types(subject: ProofSubject, group: int) -> list[Proof]:
     """
     Return a failed proof for each field that cannot hold what it is to hold; ALL: of all groups.
 
@@ -134,7 +134,7 @@ def wrong_types(subject: Subject, group: int) -> list[Proof]:
     return [Proof(text, Answer.UNKNOWN, 0.0, _TYPES) for text in found]
 
 
-def prove_group(subject: Subject, group: int, seconds: float) -> Outcome:
+def prove_group(subject: ProofSubject, group: int, seconds: float) -> GroupProofs:
     """Prove a group, with its cells taken by contract; `seconds` is for each obligation."""
     return prove_contract(
         subject, group, seconds, lambda: group_contract(
@@ -142,11 +142,11 @@ def prove_group(subject: Subject, group: int, seconds: float) -> Outcome:
         {**ARITHMETIC, **CELLS})
 
 
-def prove_contract(subject: Subject, group: int, seconds: float,
+def prove_contract(subject: ProofSubject, group: int, seconds: float,
                    contract: Callable[[], GroupContract],
-                   functions: Mapping[str, Contract]) -> Outcome:
+                   functions: Mapping[str, Contract]) -> GroupProofs:
     """Prove that a group keeps a contract; `functions` are taken by contract, not read."""
-    outcome = Outcome(group)
+    outcome = GroupProofs(group)
     before = time.perf_counter()
     try:
         wanted = contract()
@@ -161,7 +161,7 @@ def prove_contract(subject: Subject, group: int, seconds: float,
     return outcome
 
 
-def _settle(outcome: Outcome, name: str, goal: Term, given: Sequence[Term],
+def _settle(outcome: GroupProofs, name: str, goal: Term, given: Sequence[Term],
             seconds: float) -> None:
     result = prove([goal], given, seconds=seconds)
     detail = shown_values(result.values)
@@ -170,7 +170,7 @@ def _settle(outcome: Outcome, name: str, goal: Term, given: Sequence[Term],
     outcome.proofs.append(Proof(name, result.answer, result.seconds, detail))
 
 
-def _goals(subject: Subject, group: int, wanted: GroupContract,
+def _goals(subject: ProofSubject, group: int, wanted: GroupContract,
            functions: Mapping[str, Contract]) -> Iterator[tuple[str, Term]]:
     state, inputs = subject.state([group]), subject.inputs()
     for name, is_wide in wanted.fits:
@@ -192,7 +192,7 @@ def _starts(wanted: GroupContract, machine: Machine,
         yield f'defined: {condition.what}', condition.holds
 
 
-def _steps(subject: Subject, wanted: GroupContract, machine: Machine,
+def _steps(subject: ProofSubject, wanted: GroupContract, machine: Machine,
            before: Memory) -> Iterator[tuple[str, Term]]:
     memory, meant = machine.memory, wanted.system.verdicts
     for number, verdict in meant.items():
@@ -212,9 +212,9 @@ def _keeps_inputs(before: Memory, after: Memory) -> bool:
     return all(after[path] is value for path, value in before.items() if path[0] == 'inputs')
 
 
-def prove_whole(subject: Subject, seconds: float) -> Outcome:
+def prove_whole(subject: ProofSubject, seconds: float) -> GroupProofs:
     """Prove that what runs all groups does what theirs do in order, and is described so."""
-    outcome = Outcome(ALL)
+    outcome = GroupProofs(ALL)
     before = time.perf_counter()
     try:
         for name, goal in _whole_goals(subject):
@@ -225,7 +225,7 @@ def prove_whole(subject: Subject, seconds: float) -> Outcome:
     return outcome
 
 
-def _positions(subject: Subject) -> list[Term]:
+def _positions(subject: ProofSubject) -> list[Term]:
     """Return what is known of the positions in rings, in all groups."""
     found = []
     for path, item in subject.state(range(len(subject.layouts))).items():
@@ -236,7 +236,7 @@ def _positions(subject: Subject) -> list[Term]:
     return found
 
 
-def _whole_goals(subject: Subject) -> Iterator[tuple[str, Term]]:
+def _whole_goals(subject: ProofSubject) -> Iterator[tuple[str, Term]]:
     groups = range(len(subject.layouts))
     state, inputs = subject.state(groups), subject.inputs()
     contracts = {**ARITHMETIC, **CELLS}

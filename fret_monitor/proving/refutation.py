@@ -36,7 +36,7 @@ from fret_monitor.program.monitor_program import Delay
 from fret_monitor.proving.c_source import Unreadable
 from fret_monitor.proving.contracts import ARITHMETIC
 from fret_monitor.proving.execution import Machine
-from fret_monitor.proving.monitor import ALL, ANY, Subject
+from fret_monitor.proving.monitor import ALL, ANY, ProofSubject
 from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.concrete import function_of
@@ -68,7 +68,7 @@ class Counterexample:
 class Runner:
     """The C of a group (or of all) and the program side by side, as terms and to be run."""
 
-    def __init__(self, subject: Subject, group: int) -> None:
+    def __init__(self, subject: ProofSubject, group: int) -> None:
         """Run a reset and a step of both; raises `Unreadable` and `KeyError`."""
         groups = [group] if group >= 0 else range(len(subject.layouts))
         state, inputs = subject.state(groups), subject.inputs()
@@ -156,7 +156,7 @@ def _zero(sort: Sort) -> Any:
     return bytes(size) if kind == 'ring' else {'bool': False, 'word': 0, 'real': 0.0}[kind]
 
 
-def find_counterexample(subject: Subject, group: int, values: Sequence[Mapping[Term, Any]],
+def find_counterexample(subject: ProofSubject, group: int, values: Sequence[Mapping[Term, Any]],
                         seconds: float) -> Counterexample | None:
     """
     Look for a trace on which a group (ALL: any) goes wrong, for some seconds.
@@ -171,7 +171,7 @@ def find_counterexample(subject: Subject, group: int, values: Sequence[Mapping[T
     return None
 
 
-def _find(subject: Subject, group: int, values: Sequence[Mapping[Term, Any]],
+def _find(subject: ProofSubject, group: int, values: Sequence[Mapping[Term, Any]],
           seconds: float) -> Counterexample | None:
     until = time.monotonic() + seconds
     try:
@@ -206,7 +206,7 @@ def _shrunk(runner: Runner, rows: list[_Row]) -> Counterexample:
     return runner.example(rows, found[1])
 
 
-def _traces(subject: Subject, group: int,
+def _traces(subject: ProofSubject, group: int,
             values: Sequence[Mapping[Term, Any]]) -> Iterator[list[_Row]]:
     """Yield traces of runs, short ones first; the same ones each time."""
     rng = Random(0)
@@ -230,7 +230,7 @@ def _traces(subject: Subject, group: int,
         yield rows
 
 
-def _bounds(subject: Subject, group: int) -> set[int]:
+def _bounds(subject: ProofSubject, group: int) -> set[int]:
     found: set[int] = set()
     for number, layout in enumerate(subject.layouts):
         if group in (ALL, ANY, number):
@@ -242,7 +242,7 @@ def _bounds(subject: Subject, group: int) -> set[int]:
     return found
 
 
-def _pools(subject: Subject, values: Sequence[Mapping[Term, Any]]) -> list[list[Any]]:
+def _pools(subject: ProofSubject, values: Sequence[Mapping[Term, Any]]) -> list[list[Any]]:
     """Return for each input some values, as terms have them."""
     pools = []
     for item, signal, known in zip(subject.inputs().values(), subject.program.signals,
@@ -275,7 +275,7 @@ def _stored(value: Any, signal: Signal) -> Any:
     return bool(value)
 
 
-def to_csv(subject: Subject, example: Counterexample) -> str:
+def to_csv(subject: ProofSubject, example: Counterexample) -> str:
     """Return the trace as `simulate` reads it; without a step, a row of a column for nothing."""
     signals = subject.program.signals
     text = io.StringIO()

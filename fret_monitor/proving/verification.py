@@ -26,9 +26,7 @@ from fret_monitor.build import GeneratedMonitor
 from fret_monitor.native.cache import runtime_headers
 from fret_monitor.proving.c_source import read_program, Unreadable
 from fret_monitor.proving.contracts import Proof, prove_cells
-from fret_monitor.proving.monitor import (
-    ALL, prove_group, prove_whole, Subject, wrong_types,
-)
+from fret_monitor.proving.monitor import ALL, ProofSubject, prove_group, prove_whole, wrong_types
 from fret_monitor.proving.refutation import Counterexample, find_counterexample
 from fret_monitor.smt.solver import Answer
 
@@ -38,7 +36,7 @@ _RUNTIME = ('fret_cells.h', 'fret_monitor.h')
 
 
 @dataclass(frozen=True)
-class Settled:
+class GroupResult:
     """What became of a group (or of what runs all): proofs, and a trace where they fail."""
 
     group: int
@@ -56,8 +54,8 @@ class Verification:
     """All that was asked of a bundle, and the answers."""
 
     cells: tuple[Proof, ...]
-    groups: tuple[Settled, ...]
-    subject: Subject | None
+    groups: tuple[GroupResult, ...]
+    subject: ProofSubject | None
     unreadable: str
     seconds: float
 
@@ -80,7 +78,7 @@ def proved_files(generated: GeneratedMonitor) -> dict[str, str]:
             **{name: text for name, text in module.sources if not name.endswith(_FIELDS)}}
 
 
-def read_subject(generated: GeneratedMonitor) -> Subject:
+def read_subject(generated: GeneratedMonitor) -> ProofSubject:
     """
     Read the C of a monitor.
 
@@ -95,8 +93,8 @@ def read_subject(generated: GeneratedMonitor) -> Subject:
     code = read_program({name: text for name, text in files.items() if name.endswith('.c')},
                         {name: text for name, text in files.items() if name.endswith('.h')})
     module = generated.module
-    return Subject(code, generated.program, generated.layouts,
-                   module.symbol.removesuffix('_monitor'), module.source_hash)
+    return ProofSubject(code, generated.program, generated.layouts,
+                        module.symbol.removesuffix('_monitor'), module.source_hash)
 
 
 def verify(generated: GeneratedMonitor, *, seconds: float = 30.0) -> Verification:
@@ -108,7 +106,7 @@ def verify(generated: GeneratedMonitor, *, seconds: float = 30.0) -> Verificatio
         return Verification((), (), None, str(error), time.perf_counter() - before)
     files = proved_files(generated)
     cells = cells_proved(tuple((name, files[name]) for name in _RUNTIME), seconds)
-    groups = tuple(settle(subject, group, seconds)
+    groups = tuple(verify_group(subject, group, seconds)
                    for group in [*range(len(subject.layouts)), ALL])
     return Verification(cells, groups, subject, '', time.perf_counter() - before)
 
@@ -120,13 +118,13 @@ def cells_proved(headers: tuple[tuple[str, str], ...], seconds: float) -> tuple[
     return tuple(prove_cells(code, seconds))
 
 
-def settle(subject: Subject, group: int, seconds: float) -> Settled:
+def verify_group(subject: ProofSubject, group: int, seconds: float) -> GroupResult:
     """Prove a group, or what runs all of them; look for a trace where that fails."""
     wrong = wrong_types(subject, group)
     if wrong:
-        return Settled(group, tuple(wrong), None)
+        return GroupResult(group, tuple(wrong), None)
     outcome = prove_whole(subject, seconds) if group == ALL \
         else prove_group(subject, group, seconds)
     found = find_counterexample(subject, group, outcome.values, min(seconds, _SEARCH_S)) \
         if outcome.has_behaviour_unproved else None
-    return Settled(group, tuple(outcome.proofs), found)
+    return GroupResult(group, tuple(outcome.proofs), found)

@@ -22,7 +22,7 @@ from typing import Any
 
 from differential.compiled import clang, compile_c, gcc
 from fret_monitor.model.floats import to_float32
-from fret_monitor.proving.c_source import read_program, Scalar, Struct, Unreadable
+from fret_monitor.proving.c_source import ArithmeticType, read_program, Struct, Unreadable
 from fret_monitor.proving.execution import Machine, Memory, Reference, sort_of, Value
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.concrete import function_of
@@ -114,7 +114,8 @@ def test_terms_compute_what_compiled_c_does(compiler: Any, tmp_path: Path) -> No
         inputs = [t.variable(name, sort_of(kind)) for name, kind in zip('ab', types)]
         machine = Machine(program, {})
         found = machine.call(f'f{number}', [
-            Value(kind, item) for kind, item in zip(types, inputs) if isinstance(kind, Scalar)])
+            Value(kind, item) for kind, item in zip(types, inputs)
+            if isinstance(kind, ArithmeticType)])
         assert isinstance(found, Value)
         compute = function_of([found.term], inputs)
         for _ in range(200):
@@ -145,7 +146,7 @@ def test_what_c_leaves_undefined_is_a_condition_that_fails(text: str, said: str)
     program = read_program({'f.c': INCLUDES + text}, {})
     memory: Memory = {('s', 'x'): t.variable('x', t.ring(4) if '[4]' in text else t.word(8))}
     arguments = [
-        Value(kind, t.variable(name, sort_of(kind))) if isinstance(kind, Scalar)
+        Value(kind, t.variable(name, sort_of(kind))) if isinstance(kind, ArithmeticType)
         else Reference(('s',), Struct('s'))
         for name, kind in program.functions['f'].parameters]
     machine = Machine(program, memory)
@@ -167,7 +168,7 @@ def test_what_c_leaves_undefined_is_a_condition_that_fails(text: str, said: str)
 def test_what_is_not_such_c_is_refused(text: str) -> None:
     with pytest.raises(Unreadable):
         program = read_program({'f.c': text}, {})
-        Machine(program, {}).call('f', [Value(Scalar('int', 32, True),
+        Machine(program, {}).call('f', [Value(ArithmeticType('int', 32, True),
                                               t.variable('a', t.word(32)))])
 
 

@@ -32,8 +32,8 @@ from fret_monitor.logic.formula import Formula, Variable
 from fret_monitor.model.diagnostics import Source, Text
 from fret_monitor.model.values import ValueType
 from fret_monitor.program import layout
-from fret_monitor.proving.monitor import ALL, Subject
-from fret_monitor.proving.verification import read_subject, settle, Settled
+from fret_monitor.proving.monitor import ALL, ProofSubject
+from fret_monitor.proving.verification import GroupResult, read_subject, verify_group
 from fret_monitor.smt.solver import Answer
 from proving.workbench import exchanged
 import pytest
@@ -49,9 +49,10 @@ def generated(formulas: list[Formula]) -> GeneratedMonitor:
     return generate_monitor(Reading(specify(formulas), (), '', ()))
 
 
-def settled(monitor: GeneratedMonitor, old: str = '', new: str = '',
-            seconds: float = 10.0,
-            verify: Callable[[Subject, int, float], Settled] = settle) -> list[Settled]:
+def settled(
+    monitor: GeneratedMonitor, old: str = '', new: str = '', seconds: float = 10.0,
+    verify: Callable[[ProofSubject, int, float], GroupResult] = verify_group,
+) -> list[GroupResult]:
     """Prove a monitor, with a part of its C exchanged; the cells are proved elsewhere."""
     if old:
         monitor = exchanged(monitor, monitor.module.sources[0][0], old, new)
@@ -59,7 +60,7 @@ def settled(monitor: GeneratedMonitor, old: str = '', new: str = '',
     return [verify(subject, group, seconds) for group in [*range(len(subject.layouts)), ALL]]
 
 
-def failures(found: list[Settled]) -> list[str]:
+def failures(found: list[GroupResult]) -> list[str]:
     return [f'{proof.name}: {proof.answer.value} {proof.detail}' for item in found
             for proof in item.proofs if proof.answer is not Answer.PROVED]
 

@@ -29,7 +29,7 @@ from fret_monitor.logic.formula import Variable
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.cache import runtime_headers
 from fret_monitor.proving.c_source import preprocess, Struct
-from fret_monitor.proving.monitor import Subject
+from fret_monitor.proving.monitor import ProofSubject
 from fret_monitor.proving.refutation import Counterexample
 from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
@@ -59,7 +59,7 @@ def random_rows(monitor: GeneratedMonitor) -> list[list[Any]]:
     return [list(row) for row in zip(*(trace[item.name] for item in inputs))]
 
 
-def last_verdicts(source: str, subject: Subject, group: int | None, rows: list[list[Any]],
+def last_verdicts(source: str, subject: ProofSubject, group: int | None, rows: list[list[Any]],
                   folder: Path) -> list[bool]:
     """Compile C that stands by itself, run a group or all, and return its last verdicts."""
     compiler = gcc()
@@ -83,7 +83,7 @@ def last_verdicts(source: str, subject: Subject, group: int | None, rows: list[l
     return list(verdicts)
 
 
-def rows_of(subject: Subject, example: Counterexample) -> list[list[Any]]:
+def rows_of(subject: ProofSubject, example: Counterexample) -> list[list[Any]]:
     kinds = [signal.type for signal in subject.program.signals]
     return [[plain(value, kind) for value, kind in zip(row, kinds)] for row in example.rows]
 

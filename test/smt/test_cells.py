@@ -17,7 +17,7 @@
 from dataclasses import replace
 
 from fret_monitor.native.cache import runtime_headers
-from fret_monitor.proving.c_source import Program, read_program
+from fret_monitor.proving.c_source import CProgram, read_program
 from fret_monitor.proving.contracts import CELLS, prove_function
 from fret_monitor.proving.verification import cells_proved
 from fret_monitor.smt.operators import check, claims
@@ -29,7 +29,7 @@ HEADERS = tuple((name, text) for name, text in runtime_headers().items()
                 if name in ('fret_cells.h', 'fret_monitor.h'))
 
 
-def program(old: str = '', new: str = '') -> Program:
+def program(old: str = '', new: str = '') -> CProgram:
     """Return the cells, with a part of their text exchanged."""
     headers = dict(HEADERS)
     assert old in headers['fret_cells.h']
