@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`import FILE... [-o BUNDLE]`: a bundle of what a team has in FRET or Ogma."""
+"""`import FILE... [-o BUNDLE]`: make a bundle from files of FRET or Ogma."""
 
 from argparse import _SubParsersAction, ArgumentParser, Namespace
 from pathlib import Path
@@ -24,21 +24,21 @@ from fret_monitor.model.diagnostics import counted
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     """Add the verb to the command line."""
-    parser = verbs.add_parser('import', help='make a bundle of a FRET project or an Ogma set-up')
+    parser = verbs.add_parser('import', help='make a bundle from a FRET project or an Ogma set-up')
     parser.add_argument('files', metavar='FILE', nargs='+', type=Path,
                         help="FRET's project, component specification or Lustre; Ogma's variable "
                              'database; a list of names and topics')
     parser.add_argument('-o', '--output', metavar='BUNDLE',
-                        help='the bundle to write; a folder for a bundle of each component; '
-                             'without it, a bundle goes to standard output')
+                        help='the bundle to write, or a folder for a bundle of each component; '
+                             'default: standard output')
     parser.add_argument('--component', metavar='NAME',
                         help='which component, if there are several')
-    parser.add_argument('--force', action='store_true', help='write over a bundle that is there')
+    parser.add_argument('--force', action='store_true', help='overwrite an existing bundle')
     parser.set_defaults(run=run)
 
 
 def run(options: Namespace) -> int:
-    """Import; 0 if there are bundles, however much is left to do."""
+    """Import; 0 if there are bundles, even with manual tasks left."""
     if options.output is None:
         return _print(options)
     output = Path(options.output)
@@ -46,16 +46,16 @@ def run(options: Namespace) -> int:
     found = import_bundles(options.files, output, options.component, is_folder=is_folder)
     write_bundles(found, force=options.force, read=options.files)
     for item in found:
-        _tell(item, f'{item.path}: ')
+        _print_notes(item, f'{item.path}: ')
         print(f'{item.path}: {_summary(item)}')
     return 0
 
 
 def _print(options: Namespace) -> int:
-    """Print the only bundle, and nothing else; what there is to say goes to standard error."""
+    """Print the only bundle to standard output, and everything else to standard error."""
     [item] = import_bundles(options.files, Path('bundle.yaml'), options.component)
     print(item.text, end='')
-    _tell(item, '')
+    _print_notes(item, '')
     if item.traces:
         names = ', '.join(str(path) for path, _ in item.traces)
         print(f'not written without -o: {names}', file=sys.stderr)
@@ -63,7 +63,7 @@ def _print(options: Namespace) -> int:
     return 0
 
 
-def _tell(item: Imported, place: str) -> None:
+def _print_notes(item: Imported, place: str) -> None:
     for warning in item.warnings:
         print(warning.render(), file=sys.stderr)
     if item.draft.todo:

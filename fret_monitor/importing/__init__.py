@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What teams have in FRET and Ogma, as bundles."""
+"""Import projects of FRET and set-ups of Ogma as bundles."""
 
 from fret_monitor.importing.bundles import import_bundles, Imported, write_bundles
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From files of FRET and Ogma to bundles: nothing is written before all has been read."""
+"""Import files of FRET and Ogma as bundles; nothing is written before all files are read."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 import csv
@@ -41,9 +41,9 @@ _MOST_LISTED = 20
 @dataclass(frozen=True)
 class Imported:
     """
-    A bundle that is not yet written: its file, its text, and what goes beside it.
+    A bundle that is not yet written: its path and its text.
 
-    `traces` are the files that show where wordings differ, with their texts.
+    `traces` are further files, with their texts: traces on which two wordings differ.
     """
 
     path: Path
@@ -56,14 +56,14 @@ class Imported:
 def import_bundles(paths: Sequence[Path], output: Path, component: str | None = None,
                    *, is_folder: bool = False) -> list[Imported]:
     """
-    Make the bundle of the files' component, or with `is_folder` one of each, in that folder.
+    Make the bundle of the component in the files, or with `is_folder` one of each component.
 
-    What is in no bundle is told in the warnings of the first.
+    The warnings of the first bundle include those about what is in no bundle.
 
     Raises
     ------
     CompileError
-        if a file cannot be read, or no bundle can be made of what is in them.
+        if a file cannot be read, or no bundle can be made.
     """
     problems = Problems()
     files = read_files(paths, problems)
@@ -80,10 +80,10 @@ def import_bundles(paths: Sequence[Path], output: Path, component: str | None = 
         except CompileError as error:
             failed.append((item, error))
     if not found:
-        raise CompileError([told for _, reason in failed for told in reason.diagnostics])
+        raise CompileError([item for _, error in failed for item in error.diagnostics])
     for item, reason in failed:
         problems.extend(_not_made(item, reason))
-    if len(found) == len(files.components):  # of the others it is not known what they have
+    if len(found) == len(files.components):  # others might use the names
         problems.extend(_unknown(files.connections, found))
     warnings = (*problems.warnings, *found[0].warnings)
     return [replace(found[0], warnings=warnings), *found[1:]]
@@ -91,21 +91,21 @@ def import_bundles(paths: Sequence[Path], output: Path, component: str | None = 
 
 def _not_chosen(components: Iterable[Component],
                 chosen: Sequence[Component]) -> Iterator[Diagnostic]:
-    """Tell what the files have beside the component that was chosen."""
+    """Report the components in the files that were not chosen."""
     others = [item for item in components if item not in chosen]
     named = [f'{item.full_name} ({counted(len(item.requirements), "requirement")})'
              for item in others if item.name]
     if named:
-        yield Diagnostic(f'not of {chosen[0].full_name}, and left out: {", ".join(named)}',
+        yield Diagnostic(f'left out, as not part of {chosen[0].full_name}: {", ".join(named)}',
                          level=Level.WARNING)
     yield from (_unnamed(item) for item in others if not item.name)
 
 
 def _not_made(component: Component, error: CompileError) -> Iterator[Diagnostic]:
-    """Tell why there is no bundle of a component, while there are others."""
+    """Report why there is no bundle of a component."""
     yield from (replace(item, level=Level.WARNING) for item in error.diagnostics)
     yield _unnamed(component) if not component.name else Diagnostic(
-        f"no bundle of '{component.full_name}': none of its requirements can be monitored: "
+        f"no bundle for '{component.full_name}', as no requirement can be monitored: "
         f'{_ids(component)}', level=Level.WARNING)
 
 
@@ -128,7 +128,7 @@ def _unknown(connections: Mapping[str, Connection],
 
 
 def _unnamed(component: Component) -> Diagnostic:
-    return Diagnostic(f'without a component, and in no bundle: {_ids(component)}',
+    return Diagnostic(f'in no bundle, because they have no component: {_ids(component)}',
                       help="a sentence names its component before 'shall'", level=Level.WARNING)
 
 
@@ -137,7 +137,7 @@ def _ids(component: Component) -> str:
 
 
 def _targets(components: Sequence[Component], folder: Path) -> list[Path]:
-    """Return a file for each component: of its name, with the project's where two have it."""
+    """Return a file name for each component; with the project's name if two share a name."""
     names = [_file_name(item.name) for item in components]
     found: dict[str, None] = {}
     for item, name in zip(components, names, strict=True):
@@ -156,9 +156,8 @@ def _imported(found: Draft, path: Path, problems: Problems) -> Imported:
     different = [item for one in found.comparisons for item in differences(one)]
     traces = [_trace_file(path, item, number) for number, item in enumerate(different)]
     for item, trace in zip(different, traces, strict=True):
-        _tell(item, trace, problems)
-    told = tuple(_told(different, traces))
-    whole = replace(found, todo=(*found.todo, *told))
+        _warn(item, trace, problems)
+    whole = replace(found, todo=(*found.todo, *_tasks(different, traces)))
     text = emit(whole)
     _read_back(text, whole, path)
     return Imported(path, text, whole,
@@ -170,21 +169,21 @@ def _trace_file(path: Path, item: Difference, number: int) -> Path:
     return path.with_name(f'{path.stem}.{_file_name(item.id)}.{number + 1}.csv')
 
 
-def _tell(item: Difference, trace: Path, problems: Problems) -> None:
+def _warn(item: Difference, trace: Path, problems: Problems) -> None:
     words = ('true', 'false') if item.verdict else ('false', 'true')
     problems.warning(
         f"'{item.id}': two wordings differ at step {item.step} of the trace {trace.name}", None,
-        '', f'{item.first}: {words[0]}\n{item.other}: {words[1]}\nthe bundle has the first')
+        '', f'{item.first}: {words[0]}\n{item.other}: {words[1]}\nthe bundle contains the first')
 
 
-def _told(different: Sequence[Difference], traces: Sequence[Path]) -> Iterator[str]:
+def _tasks(different: Sequence[Difference], traces: Sequence[Path]) -> Iterator[str]:
     for item, trace in zip(different, traces, strict=True):
-        yield (f"'{item.id}': decide which is meant; {item.first} and {item.other} differ on "
+        yield (f"'{item.id}': decide which one is right; {item.first} and {item.other} differ on "
                f'{trace.name}, at step {item.step}')
 
 
 def _csv(item: Difference, whole: Draft) -> str:
-    """Return a trace as `simulate` reads it: a column for each input of the bundle."""
+    """Return a trace in the format of `simulate`: a column for each input of the bundle."""
     text = StringIO()
     writer = csv.writer(text, lineterminator='\n')
     signals = [entry.signal for entry in whole.inputs]
@@ -200,7 +199,7 @@ def _cell(value: Value) -> str:
 
 
 def _read_back(text: str, whole: Draft, path: Path) -> None:
-    """See that our own reader finds in the bundle what was put into it."""
+    """Parse the bundle again and compare it with the draft."""
     bundle = parse_bundle(Source(str(path), text), path.parent)
     written = [(item.id, item.text, item.title, item.rationale) for item in whole.requirements]
     read = [(item.id.value, item.text.value, item.title, item.rationale)
@@ -213,7 +212,7 @@ def _read_back(text: str, whole: Draft, path: Path) -> None:
 def write_bundles(found: Sequence[Imported], *, force: bool = False,
                   read: Sequence[Path] = ()) -> None:
     """
-    Write bundles and traces; nothing if a bundle is there already, unless `force` is set.
+    Write bundles and traces; write nothing if a bundle exists, unless `force` is set.
 
     Raises
     ------

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Whether the wordings of a requirement agree: their verdicts on random traces, by the reference.
+Compare the wordings of a requirement: their verdicts on random traces, by the reference evaluator.
 
-FRET writes a formula beside each sentence, and people change one of them. Traces are short and
-many, and some as long as the longest bound; numbers are those of the formulas and their
-neighbours, so that comparisons fall either way; values last, so that conditions are met. Agreement
-on them is no proof; a difference is one, and comes with the trace that shows it.
+FRET writes formulas beside each sentence, and users edit one of them. Most traces are short, some
+are longer than the longest bound. Values come from the numbers in the formulas and their
+neighbours, so that comparisons are true and false, and stay for several steps, so that conditions
+hold long enough. Equal verdicts prove nothing; a difference comes with the trace that shows it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -37,7 +37,7 @@ from fret_monitor.model.values import ValueType
 _SHORT_TRACES = 40
 _SHORT = 24
 _LONG_TRACES = 40
-_FEW = 4  # steps that short traces hold often enough
+_FEW = 4  # bounds up to this many steps need no long traces
 _LONGEST = 400
 _MOST_WORK = 4_000_000  # nodes times steps times steps looked back at
 
@@ -64,7 +64,7 @@ class Difference:
 
 
 def differences(comparison: Comparison) -> list[Difference]:
-    """Return how each further wording differs from the first, on random traces of its own."""
+    """Return a difference for each further wording that differs from the first."""
     (label, first), *others = comparison.properties
     found = (_difference(comparison.id, label, first, other, item) for other, item in others
              if item.formula is not first.formula or item.feedback or first.feedback)
@@ -94,7 +94,7 @@ def _first_difference(roots: Sequence[Formula], trace: dict[str, list[Value]],
 
 
 def _traces(nodes: Sequence[Formula], random: Random) -> Iterator[dict[str, list[Value]]]:
-    """Yield traces of the variables among some nodes; fewer for formulas that cost more."""
+    """Yield traces of the variables among the nodes; fewer if evaluation is expensive."""
     variables = [node for node in nodes if isinstance(node, Variable)]
     if not variables:
         yield {'': [False] * _SHORT}
@@ -117,7 +117,7 @@ def _bounds(nodes: Sequence[Formula]) -> Iterator[int]:
 
 
 def _numbers(nodes: Sequence[Formula]) -> list[float]:
-    """Return the numbers that formulas hold, and their neighbours."""
+    """Return the numbers in the formulas, and their neighbours."""
     found = {float(node.value) for node in nodes if isinstance(node, Constant)
              and node.type is not ValueType.BOOL and math.isfinite(float(node.value))}
     return sorted({near for value in (*found, 0.0) for near in (value - 1, value, value + 1)})
@@ -125,7 +125,7 @@ def _numbers(nodes: Sequence[Formula]) -> list[float]:
 
 def _column(variable: Variable, numbers: Sequence[float], steps: int,
             random: Random) -> list[Value]:
-    """Return values that last for a while, some columns longer than others."""
+    """Return values that stay for several steps, in some columns longer than in others."""
     lasts = random.choice((0.2, 0.7, 0.95))
     column = [_value(variable.type, numbers, random)]
     while len(column) < steps:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A component as FRET and Ogma know it, whatever file it came from: variables and requirements.
+A component of FRET or Ogma, whatever file it came from: variables and requirements.
 
-The readers of files make a `Component`, nothing in it is checked: formulas and types are texts in
-the words of the tool that wrote them. `Wording` is one way in which a property was written down.
+The readers of files make a `Component` and check nothing in it: formulas and types are texts as
+the other tool wrote them. A requirement can have several wordings: a sentence and formulas.
 """
 
 from dataclasses import dataclass
@@ -25,17 +25,17 @@ from enum import Enum
 from fret_monitor.bundle.bundle import Language
 
 
-class Role(Enum):
-    """What a variable is for its component."""
+class VariableRole(Enum):
+    """What a variable is in its component."""
 
-    INPUT = 'input'  # or an output: a monitor reads both
+    INPUT = 'input'  # inputs and outputs: a monitor reads both
     INTERNAL = 'internal variable'
     MODE = 'mode'
     FUNCTION = 'function'
 
 
 def bare(name: str) -> str:
-    """Return a name without the quotes that FRET keeps around one with blanks in it."""
+    """Return a name without the quotes that FRET writes around a name with blanks."""
     is_quoted = len(name) > 2 and name[0] == name[-1] == '"'
     return name[1:-1] if is_quoted else name
 
@@ -55,17 +55,17 @@ class Wording:
 
 @dataclass(frozen=True)
 class ComponentVariable:
-    """A variable; `type` as written, '' if it is not; `assignments` give its value, if any."""
+    """A variable; `type` is '' if the file has none; `assignments` are wordings of its value."""
 
     name: str
-    role: Role
+    role: VariableRole
     type: str = ''
     assignments: tuple[Wording, ...] = ()
 
 
 @dataclass(frozen=True)
 class ComponentRequirement:
-    """A requirement; `variables` and `modes` are the names that FRET found in it."""
+    """A requirement; `modes` are the names that FRET found to be modes in it."""
 
     id: str
     wordings: tuple[Wording, ...]
@@ -79,7 +79,7 @@ class Component:
     """
     A component; `project` is '' where the file does not say one.
 
-    `files` are the names of the files it was found in, without folders.
+    `files` are the names, without folders, of the files that describe it.
     """
 
     name: str
@@ -90,5 +90,5 @@ class Component:
 
     @property
     def full_name(self) -> str:
-        """The name with its project, which tells two of one name apart."""
+        """The name with its project: two projects may have components of one name."""
         return f'{self.project}/{self.name}' if self.project else self.name

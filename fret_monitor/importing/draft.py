@@ -13,17 +13,18 @@
 # limitations under the License.
 
 """
-What a bundle of a component will hold: inputs with their topics, definitions, requirements.
+What the bundle of a component will contain: inputs with their topics, definitions, requirements.
 
-A component and the connections go in, a `Draft` comes out. Whatever cannot be used is left out
-with a warning and an entry in the list of what is to be done by hand; the rest is checked by the
-same `specify` that reads a bundle, so that what is written is read. Of the wordings of a
-requirement the first that has a meaning is taken; the others are there to be compared with it.
+A component and the connections go in, a `Draft` comes out. What cannot be used is left out, with
+a warning and an entry in the list of manual tasks. The rest is checked by the same `specify` that
+elaborates a bundle, so the written bundle is valid. Of the wordings of a requirement, the first
+with a meaning goes into the bundle; the others are compared with it.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, count
+from typing import TypeAlias
 
 from fret_monitor.bundle.bundle import (
     Bundle, ConstantEntry, Definition, InputEntry, Language, Requirement,
@@ -33,10 +34,10 @@ from fret_monitor.elaboration.graph import components, is_cyclic
 from fret_monitor.elaboration.signals import input_declaration
 from fret_monitor.elaboration.types_by_use import TypesByUse
 from fret_monitor.importing.component import (
-    bare, Component, ComponentRequirement, ComponentVariable, Role,
+    bare, Component, ComponentRequirement, ComponentVariable, VariableRole,
 )
-from fret_monitor.importing.readings import (
-    look_at, names_in, read_wording, Reading, rename, uses,
+from fret_monitor.importing.parsed_wording import (
+    add_uses, names_in, parse_wording, ParsedWording, rename, used_names,
 )
 from fret_monitor.importing.topics import Connection
 from fret_monitor.importing.type_names import message_for, plain_type
@@ -72,7 +73,7 @@ class DraftDefinition:
 
 @dataclass(frozen=True)
 class DraftRequirement:
-    """A requirement with the wording taken; `title` holds the sentence if that was not."""
+    """A requirement in its first usable wording; `title` is the sentence if that is not it."""
 
     id: str
     language: Language
@@ -83,7 +84,7 @@ class DraftRequirement:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The wordings of one requirement that have a meaning, the one taken first."""
+    """The wordings of one requirement that have a meaning; the bundle has the first."""
 
     id: str
     properties: tuple[tuple[str, Property], ...]
@@ -92,10 +93,10 @@ class Comparison:
 @dataclass(frozen=True)
 class Draft:
     """
-    All of a bundle to be.
+    The content of a bundle.
 
-    `left_out` are requirements with the reason; `todo` is what is to be done by hand, in a line
-    each, in which a line break starts what to paste.
+    `left_out` are requirements with the reason. `todo` are manual tasks: the first line is the
+    task, the further lines are text to paste. `renamed` are reserved names, with their new names.
     """
 
     component: str
@@ -114,7 +115,7 @@ class Draft:
 def draft(component: Component, connections: Mapping[str, Connection],
           problems: Problems) -> Draft:
     """
-    Decide what the bundle of a component holds; what is odd is told as warnings.
+    Decide what the bundle of a component contains; add warnings to `problems`.
 
     Raises
     ------
@@ -124,44 +125,48 @@ def draft(component: Component, connections: Mapping[str, Connection],
     return _Drafter(component, connections, problems).draft()
 
 
+_Usable: TypeAlias = tuple[ParsedWording, Property]
+"""A wording with its meaning."""
+
+
 class _Drafter:
-    """Takes one component apart, and puts the bundle together."""
+    """Sorts one component into the parts of a bundle."""
 
     def __init__(self, component: Component, connections: Mapping[str, Connection],
                  problems: Problems) -> None:
         self._component = component
         self._connections = connections
         self._problems = problems
-        self._readings = [[read_wording(item) for item in requirement.wordings]
+        self._readings = [[parse_wording(item) for item in requirement.wordings]
                           for requirement in component.requirements]
-        self._assignments = {fret_name(item.name): [read_wording(one) for one in item.assignments]
+        self._assignments = {fret_name(item.name): [parse_wording(one) for one in item.assignments]
                              for item in component.variables}
         self._renamed: dict[str, str] = {}
         self._rename_reserved()
         self._todo: list[str] = []
         self._missing: dict[str, str] = {}
         self._constants: dict[str, tuple[str, str]] = {}
-        self._definitions: dict[str, tuple[str, Reading]] = {}
+        self._definitions: dict[str, tuple[str, ParsedWording]] = {}
         self._inputs: dict[str, ComponentVariable] = {}
         self._types = TypesByUse()
-        self._failed: dict[Reading, list[Diagnostic]] = {}
+        self._failed: dict[ParsedWording, list[Diagnostic]] = {}
         self._instead: dict[tuple[str, str, str], list[str]] = {}
 
     def draft(self) -> Draft:
         self._sort_variables()
         self._close_cycles()
-        self._look_at_types()
-        self._declare_the_rest()
+        self._infer_types()
+        self._add_undeclared()
         inputs = {key: self._input(item) for key, item in self._inputs.items()}
         meanings = self._meanings(inputs)
-        taken = [self._taken(requirement, readings, meanings) for requirement, readings
-                 in zip(self._component.requirements, self._readings, strict=True)]
-        self._refuse_nothing(taken)
-        used = self._used(taken)
-        left_out = list(self._left_out(taken))
-        self._tell_requirements(left_out)
+        usable = [self._usable(requirement, readings, meanings) for requirement, readings
+                  in zip(self._component.requirements, self._readings, strict=True)]
+        self._refuse_empty(usable)
+        used = self._used(usable)
+        left_out = list(self._left_out(usable))
+        self._list_requirements(left_out)
         self._todo += [task for key, task in self._missing.items() if key in used]
-        self._tell_inputs([item for key, item in inputs.items() if key in used])
+        self._list_inputs([item for key, item in inputs.items() if key in used])
         return Draft(
             component=self._component.name,
             files=self._component.files,
@@ -170,19 +175,19 @@ class _Drafter:
             definitions=tuple(_definition(name, reading)
                               for name, reading in self._definitions.values()),
             requirements=tuple(self._written(requirement, readings[0]) for requirement, readings
-                               in zip(self._component.requirements, taken, strict=True)
+                               in zip(self._component.requirements, usable, strict=True)
                                if readings),
             left_out=tuple(left_out),
             unused=tuple(item.name for key, item in inputs.items() if key not in used),
             renamed=tuple(self._renamed.items()),
             todo=tuple(self._todo),
-            comparisons=tuple(self._comparisons(taken)),
+            comparisons=tuple(self._comparisons(usable)),
         )
 
     # Names
 
     def _rename_reserved(self) -> None:
-        """Give names that are operators in a bundle (`pre`, `H`) other names, wherever used."""
+        """Rename what is an operator in a bundle (`pre`, `H`) wherever it is used as a name."""
         readings = [*chain(*self._readings, *self._assignments.values())]
         names = {fret_name(name): name for reading in readings for name in names_in(reading)}
         taken = {*names, *(fret_name(item.name) for item in self._component.variables)}
@@ -193,7 +198,7 @@ class _Drafter:
         self._renamed = {names[key]: name for key, name in new.items()}
         for old, name in self._renamed.items():
             fault = name_fault(bare(old))
-            self._problems.warning(f"'{bare(old)}' is called '{name}' in the bundle", None, '',
+            self._problems.warning(f"'{bare(old)}' is named '{name}' in the bundle", None, '',
                                    fault.reason if fault else '')
         self._readings = [[rename(one, new) for one in items] for items in self._readings]
         self._assignments = {new.get(key, key): [rename(one, new) for one in items]
@@ -208,27 +213,27 @@ class _Drafter:
                 for item in self._component.requirements))
 
     def _sort_variables(self) -> None:
-        """Tell constants, definitions and inputs apart."""
+        """Sort the variables into constants, definitions and inputs."""
         for item in self._component.variables:
             name = written_name(item.name)
-            if item.role is Role.FUNCTION:
+            if item.role is VariableRole.FUNCTION:
                 continue
             if name is None:
                 fault = name_fault(item.name)
                 self._problems.warning(f'the variable {shown(item.name)} is left out', None,
                                        fault.reason if fault else '', 'rename it in FRET')
-            elif not self._assigned(item, name):
+            elif not self._take_value(item, name):
                 self._inputs[fret_name(item.name)] = replace(item, name=name)
 
-    def _assigned(self, item: ComponentVariable, name: str) -> bool:
-        """Take a variable that has a value as a constant or a definition."""
+    def _take_value(self, item: ComponentVariable, name: str) -> bool:
+        """Add a variable with a value as a constant or a definition; False if it has none."""
         readings = self._assignments[fret_name(item.name)]
         found = next((reading for reading in readings if reading.tree), None)
         key = fret_name(item.name)
         if found is None:
             for reading in readings[:1]:
                 self._warn(reading.diagnostics)
-            if readings or item.role is Role.INTERNAL:
+            if readings or item.role is VariableRole.INTERNAL:
                 self._undefined(item, name)
             return False
         number = _number(found.wording.text)
@@ -239,8 +244,8 @@ class _Drafter:
         return True
 
     def _close_cycles(self) -> None:
-        """Make equations of the definitions that look at one another's past, or their own."""
-        used = {key: uses(reading) for key, (_, reading) in self._definitions.items()}
+        """Turn definitions that use their own past, or one another's, into equations."""
+        used = {key: used_names(reading) for key, (_, reading) in self._definitions.items()}
         graph = {key: [other for other in names if other in used] for key, names in used.items()}
         for group in components(graph):
             if is_cyclic(group, graph):
@@ -257,10 +262,10 @@ class _Drafter:
             f"'{name}' is {_article(item.role)}, and {why}: define it, or map it to a topic"
             f'\ndefinitions:\n  {name}: ...')
 
-    def _look_at_types(self) -> None:
+    def _infer_types(self) -> None:
         for item in self._inputs.values():
             kind = plain_type(item.type) or plain_type(self._connection(item.name).type)
-            if item.role is Role.MODE:
+            if item.role is VariableRole.MODE:
                 self._types.declare(item.name, ValueType.BOOL)
             elif kind:
                 self._types.declare(item.name, kind)
@@ -268,16 +273,16 @@ class _Drafter:
             is_truth = number in ('true', 'false')
             self._types.declare(key, ValueType.BOOL if is_truth else ValueType.FLOAT64)
         for key, (_, reading) in self._definitions.items():
-            look_at(reading, key, self._types)
+            add_uses(reading, key, self._types)
         for readings in self._readings:
             for reading in readings:
-                look_at(reading, '', self._types)
+                add_uses(reading, '', self._types)
         for requirement in self._component.requirements:
             for name in requirement.modes:
                 self._types.declare(name, ValueType.BOOL)
 
-    def _declare_the_rest(self) -> None:
-        """Make inputs of the names that are used and that no file declares."""
+    def _add_undeclared(self) -> None:
+        """Make inputs of the names that are used but not declared by any file."""
         known = {*self._constants, *self._definitions, *self._inputs}
         readings = [item for items in self._readings for item in items]
         readings += [item for _, item in self._definitions.values()]
@@ -285,7 +290,7 @@ class _Drafter:
             for name in _undeclared(reading, known):
                 known.add(fret_name(name))
                 self._inputs[fret_name(name)] = ComponentVariable(
-                    written_name(name) or name, Role.INPUT)
+                    written_name(name) or name, VariableRole.INPUT)
 
     def _connection(self, name: str) -> Connection:
         return self._connections.get(fret_name(name)) or Connection(name)
@@ -293,7 +298,7 @@ class _Drafter:
     # Inputs
 
     def _input(self, item: ComponentVariable) -> DraftInput:
-        """Give an input its topic and type, as far as they are known."""
+        """Return an input with its topic and type, as far as they are known."""
         link = self._connection(item.name)
         kind = self._value_type(item, link)
         if link.topic is None:
@@ -302,7 +307,7 @@ class _Drafter:
         entry = _entry(item.name, message, link.field)
         problems = Problems()
         signal, _ = input_declaration(entry, find_message, problems)
-        self._tell_message(item.name, link, problems.errors)
+        self._list_message_error(item.name, link, problems.errors)
         return DraftInput(item.name, message, link.topic, link.field,
                           signal or _signal(item.name, kind))
 
@@ -310,67 +315,68 @@ class _Drafter:
         return (plain_type(item.type) or plain_type(link.type)
                 or self._types.type_of(item.name) or ValueType.FLOAT64)
 
-    def _tell_message(self, name: str, link: Connection,
-                      errors: Sequence[Diagnostic]) -> None:
+    def _list_message_error(self, name: str, link: Connection,
+                            errors: Sequence[Diagnostic]) -> None:
         for error in errors[:1]:
             hint = '\n' + error.help if error.help else ''
             self._todo.append(f"the input '{name}' on {link.topic}: {error.title}{hint}")
 
-    def _tell_requirements(self, left_out: Sequence[tuple[ComponentRequirement, str]]) -> None:
-        """List the requirements that are missing, or not as a person wrote them."""
+    def _list_requirements(self, left_out: Sequence[tuple[ComponentRequirement, str]]) -> None:
+        """List the requirements that are left out, or in another wording than the first."""
         reasons: dict[str, list[str]] = {}
         for item, reason in left_out:
             reasons.setdefault(reason, []).append(item.id)
         for reason, ids in reasons.items():
-            self._todo.append(f'not monitored ({reason}), and a comment only: {", ".join(ids)}')
+            self._todo.append(f'not monitored ({reason}), only a comment: {", ".join(ids)}')
         for (written, taken, reason), ids in self._instead.items():
-            self._todo.append(f"'{taken}' is taken, since the '{written}' cannot be used "
+            self._todo.append(f"'{taken}' is used, because the '{written}' cannot be "
                               f'({reason}): {", ".join(ids)}')
 
-    def _tell_inputs(self, inputs: Sequence[DraftInput]) -> None:
-        """List the inputs without a topic, and those whose types are a guess."""
+    def _list_inputs(self, inputs: Sequence[DraftInput]) -> None:
+        """List the inputs without a topic, and those whose types are guesses."""
         missing = [item for item in inputs if item.topic is None]
         if missing:
             lines = [f'  {item.name}: {{topic: ..., type: {message_for(item.signal.type)}}}'
                      + (f'   # {link.note}' if (link := self._connection(item.name)).note else '')
                      for item in missing]
-            self._todo.append('\n'.join([f'no file says on what topic {_these(missing)}; write it '
-                                         'in the place of the type:', *lines]))
+            self._todo.append('\n'.join([f'no file gives the topic of {_these(missing)}; replace '
+                                         'the type by:', *lines]))
         guessed = [item for item in inputs if not self._is_typed(item)]
         if guessed:
-            self._todo.append('no file gives the type, and this is a guess: ' + ', '.join(
-                f'{item.name} ({item.signal.type.value})' for item in guessed))
+            types = ', '.join(f'{item.name} ({item.signal.type.value})' for item in guessed)
+            self._todo.append(f'no file gives the type of {_these(guessed)}; guessed from the '
+                              f'use: {types}')
         for item in inputs:
             if item.topic and self._connection(item.name).message_type is None:
                 self._todo.append(
-                    f"the message type of {item.topic} ('{item.name}') is a guess: {item.type}")
+                    f"the message type of {item.topic} ('{item.name}') is guessed: {item.type}")
 
     def _is_typed(self, item: DraftInput) -> bool:
         """Whether a file gives the type of an input, or it is a mode."""
         link, known = self._connection(item.name), self._inputs.get(fret_name(item.name))
         is_declared = known is not None and (
-            known.role is Role.MODE or plain_type(known.type) is not None)
+            known.role is VariableRole.MODE or plain_type(known.type) is not None)
         return is_declared or link.message_type is not None or plain_type(link.type) is not None
 
     # Meanings
 
-    def _meanings(self, inputs: dict[str, DraftInput]) -> dict[Reading, Property]:
-        """Give all wordings their meaning; what has none is taken out, with what is wrong."""
+    def _meanings(self, inputs: dict[str, DraftInput]) -> dict[ParsedWording, Property]:
+        """Return the meaning of each wording that has one; keep the errors of the others."""
         active = {reading: f'{number}' for number, reading in enumerate(
             item for items in self._readings for item in items if item.tree)}
         while active:
             try:
                 specification, _ = specify(self._bundle(active, inputs))
             except CompileError as error:
-                self._take_out(error, active, inputs)
+                self._remove_wrong(error, active, inputs)
             else:
                 properties = {item.id: item for item in specification.properties}
                 return {reading: properties[number] for reading, number in active.items()}
         return {}
 
-    def _take_out(self, error: CompileError, active: dict[Reading, str],
-                  inputs: dict[str, DraftInput]) -> None:
-        """Take out what has a mistake; a definition that has one becomes an input."""
+    def _remove_wrong(self, error: CompileError, active: dict[ParsedWording, str],
+                      inputs: dict[str, DraftInput]) -> None:
+        """Remove wordings with errors; turn definitions with errors into inputs."""
         wrong: dict[Source, list[Diagnostic]] = {}
         for item in error.diagnostics:
             wrong.setdefault(item.span.source if item.span else Source('', ''), []).append(item)
@@ -389,7 +395,8 @@ class _Drafter:
         if before == len(active) + len(self._definitions):
             raise error
 
-    def _bundle(self, active: Mapping[Reading, str], inputs: Mapping[str, DraftInput]) -> Bundle:
+    def _bundle(self, active: Mapping[ParsedWording, str],
+                inputs: Mapping[str, DraftInput]) -> Bundle:
         return Bundle(
             name=self._component.name,
             sources=(),
@@ -413,51 +420,51 @@ class _Drafter:
 
     # Requirements
 
-    def _taken(self, requirement: ComponentRequirement, readings: Sequence[Reading],
-               meanings: Mapping[Reading, Property]) -> list[tuple[Reading, Property]]:
-        """Return the wordings that have a meaning, and tell of those that have none."""
+    def _usable(self, requirement: ComponentRequirement, readings: Sequence[ParsedWording],
+                meanings: Mapping[ParsedWording, Property]) -> list[_Usable]:
+        """Return the wordings that have a meaning; warn about the others."""
         found = [(item, meanings[item]) for item in readings if item in meanings]
         failed = [item for item in readings if item not in meanings]
         for item in failed if found else failed[:1]:
-            self._warn(self._told(item)[:1])
+            self._warn(self._diagnostics_of(item)[:1])
         if failed and found and failed[0] is readings[0]:
             self._instead.setdefault(
                 (failed[0].language.value, found[0][0].language.value, self._reason(failed[0])),
                 []).append(requirement.id)
         return found
 
-    def _told(self, reading: Reading) -> Sequence[Diagnostic]:
+    def _diagnostics_of(self, reading: ParsedWording) -> Sequence[Diagnostic]:
         return reading.diagnostics or self._failed.get(reading, ())
 
-    def _reason(self, reading: Reading) -> str:
-        told = self._told(reading)
-        return told[0].title if told else 'it is empty'
+    def _reason(self, reading: ParsedWording) -> str:
+        diagnostics = self._diagnostics_of(reading)
+        return diagnostics[0].title if diagnostics else 'it is empty'
 
-    def _left_out(self, taken: Sequence[Sequence[tuple[Reading, Property]]]
+    def _left_out(self, usable: Sequence[Sequence[_Usable]]
                   ) -> Iterator[tuple[ComponentRequirement, str]]:
         for requirement, readings, found in zip(
-                self._component.requirements, self._readings, taken, strict=True):
+                self._component.requirements, self._readings, usable, strict=True):
             if not found:
                 yield requirement, (self._reason(readings[0]) if readings
                                     else 'it has no formula')
 
-    def _refuse_nothing(self, taken: Iterable[Sequence[tuple[Reading, Property]]]) -> None:
-        if any(taken):
+    def _refuse_empty(self, usable: Iterable[Sequence[_Usable]]) -> None:
+        if any(usable):
             return
-        told = [item for readings in self._readings for reading in readings[:1]
-                for item in self._told(reading)[:1]]
-        if told:
-            raise CompileError([replace(item, level=Level.ERROR) for item in told])
+        errors = [item for readings in self._readings for reading in readings[:1]
+                  for item in self._diagnostics_of(reading)[:1]]
+        if errors:
+            raise CompileError([replace(item, level=Level.ERROR) for item in errors])
         refuse(f"no requirement of '{self._component.name}' has a formula or a sentence")
 
-    def _used(self, taken: Iterable[Sequence[tuple[Reading, Property]]]) -> set[str]:
-        """Return the keys of all names that what is written uses."""
-        readings = [found[0][0] for found in taken if found]
+    def _used(self, usable: Iterable[Sequence[_Usable]]) -> set[str]:
+        """Return the keys of all names that the bundle uses."""
+        readings = [found[0][0] for found in usable if found]
         readings += [reading for _, reading in self._definitions.values()]
-        return {key for reading in readings for key in uses(reading)}
+        return {key for reading in readings for key in used_names(reading)}
 
     def _written(self, requirement: ComponentRequirement,
-                 found: tuple[Reading, Property]) -> DraftRequirement:
+                 found: _Usable) -> DraftRequirement:
         reading = found[0]
         sentence = next((item.text for item in requirement.wordings
                          if item.languages == (Language.FRETISH,)), '')
@@ -466,9 +473,9 @@ class _Drafter:
         return DraftRequirement(requirement.id, reading.language, reading.wording.text, title,
                                 requirement.rationale)
 
-    def _comparisons(self, taken: Sequence[Sequence[tuple[Reading, Property]]]
+    def _comparisons(self, usable: Sequence[Sequence[_Usable]]
                      ) -> Iterator[Comparison]:
-        for requirement, found in zip(self._component.requirements, taken, strict=True):
+        for requirement, found in zip(self._component.requirements, usable, strict=True):
             if len(found) > 1:
                 yield Comparison(requirement.id, tuple(
                     (reading.wording.label, meaning) for reading, meaning in found))
@@ -478,7 +485,7 @@ class _Drafter:
 
 
 def written_name(name: str) -> str | None:
-    """Return a name as a bundle has it, in quotes if it must be; None if it cannot be one."""
+    """Return a name as a bundle writes it, quoted if necessary; None if it cannot be a name."""
     inner = bare(name)
     if inner == name and name_fault(name) is None:
         return name
@@ -487,7 +494,7 @@ def written_name(name: str) -> str | None:
 
 
 def free_name(name: str, taken: set[str]) -> str:
-    """Return a name for a bundle, made of one that it cannot have, and add it to the taken."""
+    """Return a valid, unused name in place of a reserved one, and add it to `taken`."""
     base = f'{bare(name)}_value'
     found = next(free for free in chain([base], (f'{base}_{number}' for number in count(2)))
                  if free not in taken)
@@ -495,12 +502,12 @@ def free_name(name: str, taken: set[str]) -> str:
     return found
 
 
-def _undeclared(reading: Reading, known: set[str]) -> Iterator[str]:
+def _undeclared(reading: ParsedWording, known: set[str]) -> Iterator[str]:
     yield from (name for name in names_in(reading) if fret_name(name) not in known)
 
 
 def _number(text: str) -> str | None:
-    """Return a number, true or false as a bundle has it; None for any other expression."""
+    """Return a number, true or false as a bundle writes it; None for other expressions."""
     word = text.strip()
     while word.startswith('(') and word.endswith(')') and '(' not in word[1:]:
         word = word[1:-1].strip()
@@ -512,22 +519,22 @@ def _number(text: str) -> str | None:
     return mended if number_fault(mended) is None else None
 
 
-def _equations(texts: Sequence[str], reading: Reading) -> Reading:
-    """Return the reading of some equations, of which the last is what is meant."""
-    found = read_wording(replace(reading.wording, languages=(Language.COCOSPEC,),
-                                 text=' '.join(texts)))
+def _equations(texts: Sequence[str], reading: ParsedWording) -> ParsedWording:
+    """Return equations as one wording; the last equation is the definition's own."""
+    found = parse_wording(replace(reading.wording, languages=(Language.COCOSPEC,),
+                                  text=' '.join(texts)))
     return found if found.tree else reading
 
 
-def _definition(name: str, reading: Reading) -> DraftDefinition:
+def _definition(name: str, reading: ParsedWording) -> DraftDefinition:
     return DraftDefinition(name, reading.language, reading.wording.text)
 
 
 def _these(inputs: Sequence[DraftInput]) -> str:
-    return 'these inputs come' if len(inputs) > 1 else 'this input comes'
+    return 'these inputs' if len(inputs) > 1 else 'this input'
 
 
-def _article(role: Role) -> str:
+def _article(role: VariableRole) -> str:
     return f'an {role.value}' if role.value[0] in 'aeiou' else f'a {role.value}'
 
 

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-A draft as the YAML of a bundle: written for people, and so that our own reader reads it back.
+The YAML text of a draft, for people to read and for `parse_bundle` to parse.
 
-Every text is written in the plainest form that keeps it: a word as it is, a short text in quotes,
-a long one folded over lines, notes of several lines as they stand, all else in double quotes
-with escapes. What is to be done by hand stands at the end, in comments.
+Each text is written in the simplest form that preserves it: a word plain, a short text quoted, a
+long one folded, several lines as a literal block, anything else in double quotes with escapes.
+Manual tasks are comments at the end.
 """
 
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ from fret_monitor.importing.draft import Draft, DraftDefinition, DraftInput, Dra
 _WIDTH = 96
 _WORD = re.compile(r'[A-Za-z_/~][A-Za-z0-9_./~%-]*')
 _NUMBER = re.compile(r'-?[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?')
-# What other readers of YAML take for a truth value, or for nothing.
+# Other YAML parsers read these as Booleans or null.
 _NOT_WORDS = frozenset({'y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false', 'null', '~'})
 _UNSAFE = re.compile('[^\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd'
                      '\U00010000-\U0010ffff]')
@@ -92,7 +92,7 @@ def _requirement(item: DraftRequirement) -> Iterator[str]:
 
 
 def _entry(key: str, text: str, is_text: bool = False) -> Iterator[str]:
-    """Yield a key with a text, folded or as it stands where it is long."""
+    """Yield a key with a text, on several lines if it is long."""
     inner = ' ' * (len(key) - len(key.lstrip()) + 2)
     if len(key) + len(text) + 2 <= _WIDTH and not _UNSAFE.search(text):
         yield key + scalar(text, is_text)
@@ -100,7 +100,7 @@ def _entry(key: str, text: str, is_text: bool = False) -> Iterator[str]:
         yield f'{key}>-'
         yield from wrap(text, _WIDTH, initial_indent=inner, subsequent_indent=inner,
                         break_long_words=False, break_on_hyphens=False)
-    elif _can_stand(text):
+    elif _can_be_literal(text):
         yield f'{key}|-'
         yield from (inner + line if line else '' for line in text.split('\n'))
     else:
@@ -108,19 +108,19 @@ def _entry(key: str, text: str, is_text: bool = False) -> Iterator[str]:
 
 
 def _can_fold(text: str) -> bool:
-    """Whether folding loses nothing: one line, with single blanks between its words."""
+    """Whether folding preserves a text: one line, with single blanks between words."""
     return not _UNSAFE.search(text) and text == ' '.join(text.split())
 
 
-def _can_stand(text: str) -> bool:
-    """Whether lines can be written as they are."""
+def _can_be_literal(text: str) -> bool:
+    """Whether a literal block preserves a text."""
     lines = text.split('\n')
     return len(lines) > 1 and not any(_UNSAFE.search(line) for line in lines) and not (
         lines[0].startswith(' ') or not lines[0] or not lines[-1].strip())
 
 
 def scalar(text: str, is_text: bool = False) -> str:
-    """Return a text on one line, quoted where YAML asks for it, or always with `is_text`."""
+    """Return a text on one line, quoted if YAML requires it, or always with `is_text`."""
     is_plain = _WORD.fullmatch(text) and text.lower() not in _NOT_WORDS and text[0] != '~'
     if is_plain and not is_text:
         return text
@@ -132,7 +132,7 @@ def scalar(text: str, is_text: bool = False) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Return a text in double quotes, with escapes for all that is no plain character."""
+    """Return a text in double quotes, with special characters escaped."""
     return '"' + ''.join(_escape(char) for char in text) + '"'
 
 
@@ -151,7 +151,7 @@ def _escape(char: str) -> str:
 # Comments
 
 def _comment(text: str) -> str:
-    """Return a text for a comment: one line, without what is no character of YAML."""
+    """Return a text as one line of a comment, without characters that YAML forbids."""
     return _UNSAFE.sub(' ', ' '.join(text.split()))
 
 

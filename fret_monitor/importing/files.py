@@ -13,12 +13,13 @@
 # limitations under the License.
 
 """
-The files of an import: what each of them is, and what they say together.
+Read the files of an import and merge what they say about each component.
 
-A file is known by what is in it, not by its name. Several files may speak of one component: a
-project, its specification and its Lustre then give one component, whose requirements have the
-wordings of all. Requirements that only share an id, or a handler, get ids of their own. One
-without a component (FRET could not read its sentence) belongs to the only one of its project.
+The content of a file decides what it is, not its name. Several files may describe one component:
+from a project, its specification and its Lustre comes one component, whose requirements have the
+wordings of all three. Different requirements with one id, or one handler, get new ids. A
+requirement without a component (FRET could not parse its sentence) is added to the component of
+its project, if there is only one.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -46,7 +47,7 @@ _LONGEST_ID = 100
 
 @dataclass(frozen=True)
 class Files:
-    """All that was read: the components, and the connections by `fret_name` of their inputs."""
+    """The components in the files, and the connections by the `fret_name` of their inputs."""
 
     components: tuple[Component, ...]
     connections: dict[str, Connection]
@@ -54,12 +55,12 @@ class Files:
 
 def read_files(paths: Sequence[Path], problems: Problems) -> Files:
     """
-    Read all files and put together what belongs together.
+    Read all files and merge what they say about each component.
 
     Raises
     ------
     CompileError
-        if a file cannot be read, is none of those known, or no requirement is in any.
+        if a file cannot be read or is of an unknown kind, or no file has a requirement.
     """
     components: list[Component] = []
     connections: dict[str, Connection] = {}
@@ -68,7 +69,7 @@ def read_files(paths: Sequence[Path], problems: Problems) -> Files:
         components += found
         for item in links:
             _connect(item, connections, path.name, problems)
-    merged = tuple(_told_apart(item, problems) for item in _settled(_merged(components)))
+    merged = tuple(_with_unique_ids(item, problems) for item in _with_owners(_merged(components)))
     if not any(item.requirements for item in merged):
         refuse('there is no requirement in ' + ', '.join(shown(str(path)) for path in paths),
                help=f'give {_KINDS}')
@@ -84,7 +85,7 @@ def _read(path: Path, problems: Problems) -> tuple[list[Component], list[Connect
         return read_lustre(source, path.name, problems), []
     if is_list(source.text):
         return [], read_list(source, path.name, problems)
-    refuse(f'{shown(str(path))} is nothing that can be imported',
+    refuse(f'{shown(str(path))} is not a file that can be imported',
            Span(source, 0, 1) if content else None,
            'begins here' if content else '', f'give {_KINDS}')
 
@@ -98,14 +99,14 @@ def _read_json(source: Source, path: Path,
         return read_project(value, source, path.name), []
     if is_specification(value):
         return read_specification(value, path.name, path.stem, problems), []
-    refuse(f'{shown(str(path))} is JSON, but no export of FRET or Ogma',
+    refuse(f'{shown(str(path))} is JSON, but not an export of FRET or Ogma',
            Span(source, 0, 1), "no 'requirements' with a 'reqid', no 'Requirements', no 'inputs'",
            f'give {_KINDS}')
 
 
 def _connect(item: Connection, connections: dict[str, Connection], file: str,
              problems: Problems) -> None:
-    """Add a connection; what a later file says of the same input counts where it says more."""
+    """Add a connection; a later file only completes what an earlier one says of an input."""
     key = fret_name(item.name)
     known = connections.get(key)
     if known is not None and known.topic and item.topic and known.topic != item.topic:
@@ -121,10 +122,10 @@ def _connect(item: Connection, connections: dict[str, Connection], file: str,
             known.file or item.file, known.place or item.place)
 
 
-# What several files say of one component.
+# Merging what several files say about one component.
 
 def _merged(components: Iterable[Component]) -> list[Component]:
-    """Join components of one name, if at most one project has it."""
+    """Merge components of one name, if at most one project has a component of that name."""
     found: dict[tuple[str, str], Component] = {}
     for item in sorted(components, key=lambda item: not item.project):
         same = [key for key in found if key[1] == item.name]
@@ -135,16 +136,16 @@ def _merged(components: Iterable[Component]) -> list[Component]:
     return list(found.values())
 
 
-def _settled(components: Sequence[Component]) -> Iterator[Component]:
-    """Give requirements without a component to that of their project, if it has only one."""
-    settled = list(components)
+def _with_owners(components: Sequence[Component]) -> Iterator[Component]:
+    """Add requirements without a component to the only component of their project, if any."""
+    owners = list(components)
     for item in components:
-        named = [place for place, one in enumerate(settled)
+        named = [place for place, one in enumerate(owners)
                  if one.name and one.requirements and one.project in ('', item.project)]
         if not item.name and len(named) == 1:
-            settled[named[0]] = _joined(settled[named[0]], item)
-            settled.remove(item)
-    yield from settled
+            owners[named[0]] = _joined(owners[named[0]], item)
+            owners.remove(item)
+    yield from owners
 
 
 def _joined(first: Component, second: Component) -> Component:
@@ -153,8 +154,8 @@ def _joined(first: Component, second: Component) -> Component:
                    files=tuple(dict.fromkeys(first.files + second.files)))
 
 
-def _told_apart(component: Component, problems: Problems) -> Component:
-    """Join what is one requirement or variable, and give all others ids of their own."""
+def _with_unique_ids(component: Component, problems: Problems) -> Component:
+    """Merge entries for one requirement or variable; give different requirements unique ids."""
     requirements: list[ComponentRequirement] = []
     places: dict[str, list[int]] = {}
     for item in component.requirements:
@@ -175,7 +176,7 @@ def _sentences(item: ComponentRequirement) -> set[str]:
 
 
 def _is_same(first: ComponentRequirement, second: ComponentRequirement) -> bool:
-    """Whether two requirements are one: the same id, and no other sentence."""
+    """Whether two requirements are one: they share the id and do not differ in the sentence."""
     if first.id != second.id:
         return False
     sentences = _sentences(first), _sentences(second)
@@ -201,9 +202,9 @@ def _with_ids(requirements: Iterable[ComponentRequirement],
         handlers.add(handler_name(name))
         if name != item.id:
             problems.warning(
-                f'the requirement {shown(item.id)} is called {shown(name)} in the bundle', None,
-                '', 'ids and the handlers made of them are to be told apart: '
-                "letters, digits and '_' count")
+                f'the requirement {shown(item.id)} has the id {shown(name)} in the bundle', None,
+                '', 'handler names must be unique: they keep only the letters and digits of an '
+                "id, and '_' for the rest")
         yield replace(item, id=name)
 
 
@@ -221,7 +222,7 @@ def _free_id(name: str, handlers: set[str]) -> str:
 
 
 def _variables(variables: Iterable[ComponentVariable]) -> Iterator[ComponentVariable]:
-    """Yield each variable once, with what any of its entries says."""
+    """Yield each variable once, merged from all its entries."""
     found: dict[str, ComponentVariable] = {}
     for item in variables:
         known = found.setdefault(fret_name(item.name), item)
@@ -233,16 +234,16 @@ def _variables(variables: Iterable[ComponentVariable]) -> Iterator[ComponentVari
     yield from found.values()
 
 
-# Which of them are imported.
+# Choosing a component.
 
 def choose(components: Sequence[Component], name: str | None) -> Component:
     """
-    Return the component that is asked for, or the only one that has a name.
+    Return the component with the given name, or the only one that has a name.
 
     Raises
     ------
     CompileError
-        if there are several, or none of that name.
+        if several components fit, or none.
     """
     named = [item for item in components if item.name]
     full = [item.full_name for item in named]
@@ -253,7 +254,7 @@ def choose(components: Sequence[Component], name: str | None) -> Component:
     if not fitting:
         refuse(f'there is no component {shown(name or "")}',
                help=did_you_mean(name or '', full) or 'there are ' + ', '.join(full))
-    refuse(f'there are {len(fitting)} components, and a bundle is of one: '
+    refuse(f'there are {len(fitting)} components, but a bundle is for one: '
            + ', '.join(item.full_name for item in fitting),
            help=f'choose one: --component {fitting[0].full_name}\n'
-                'or name a folder, for a bundle of each: -o bundles/')
+                'or write a bundle for each into a folder: -o bundles/')

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-What FRET exports as JSON, and what Ogma reads: projects and component specifications.
+Projects and component specifications: the JSON that FRET exports and Ogma reads.
 
-A project is a list of requirements (old) or has `requirements` and `variables`; it holds all
-components of one project or more. A component specification is an object with the component's
-name and, in it, internal variables, other variables and requirements; Ogma's users write such
-files with other keys as well, which its JSON formats describe.
+A project is a list of requirements (old versions), or an object with `requirements` and
+`variables`; it may contain several components. A component specification is an object with a
+component's name, under which are its internal variables, other variables and requirements. Ogma's
+JSON formats allow other keys for them, which users do write.
 """
 
 from collections.abc import Iterator
@@ -26,13 +26,16 @@ import re
 
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.importing.component import (
-    Component, ComponentRequirement, ComponentVariable, Role, Wording,
+    Component, ComponentRequirement, ComponentVariable, VariableRole, Wording,
 )
 from fret_monitor.importing.json_text import items, mapping, names, text
 from fret_monitor.model.diagnostics import Problems, refuse, Source, Span
 
 _TAG = re.compile(r'</?(?:b|i|em|strong|br)\s*/?>', re.IGNORECASE)
-_ROLES = {'internal': Role.INTERNAL, 'mode': Role.MODE, 'function': Role.FUNCTION}
+_ROLES = {
+    'internal': VariableRole.INTERNAL, 'mode': VariableRole.MODE,
+    'function': VariableRole.FUNCTION,
+}
 _EITHER = (Language.PTLTL, Language.COCOSPEC)
 _INTERNAL = ('Internal_variables', 'internal_variables')
 _OTHER = ('Other_variables', 'external_variables', 'Input_variables', 'Output_variables')
@@ -49,7 +52,7 @@ _RESULTS = ('result_type', 'result_formula')
 
 def plain(formula: str) -> str:
     """Return a formula on one line, without the HTML that old versions of FRET put into it."""
-    # Not html.unescape: it takes `&not` for a sign, with no semicolon behind it.
+    # Not html.unescape: it replaces `&not` even where no semicolon follows.
     cleaned = _TAG.sub('', formula)
     for entity, char in (('&lt;', '<'), ('&gt;', '>'), ('&amp;', '&')):
         cleaned = cleaned.replace(entity, char)
@@ -100,14 +103,14 @@ def _owner(item: dict[str, object]) -> tuple[str, str]:
 
 
 def component_in(sentence: str) -> str:
-    """Return the word before 'shall', which mostly is the component."""
+    """Return the word before 'shall', usually the component; '' if there is none."""
     match = re.search(r'(\w+)\s+shall\b', sentence)
     return match[1] if match else ''
 
 
 def _variable(item: dict[str, object], file: str) -> ComponentVariable:
     name = text(item, 'variable_name')
-    role = _ROLES.get(text(item, 'idType').lower(), Role.INPUT)
+    role = _ROLES.get(text(item, 'idType').lower(), VariableRole.INPUT)
     return ComponentVariable(name, role, text(item, 'dataType'), tuple(_assignments(
         item, f'{file}, {name}', ('modeRequirement', 'assignment'), ('smvAssignment',),
         ('copilotAssignment',))))
@@ -125,7 +128,7 @@ def _assignments(item: dict[str, object], label: str, lustre: tuple[str, ...],
 def _requirement(item: dict[str, object], source: Source, file: str) -> ComponentRequirement:
     name = text(item, 'reqid', '_id')
     if not name:
-        refuse('a requirement has no id', Span(source, 0, 1), "every one has a 'reqid' in FRET")
+        refuse('a requirement has no id', Span(source, 0, 1), "FRET writes a 'reqid' for each")
     semantics = mapping(item.get('semantics'))
     wordings = _wordings(f'{file}, {name}', text(item, 'fulltext'),
                          text(semantics, 'ptExpanded', 'pt'), text(semantics, 'CoCoSpecCode'))
@@ -152,7 +155,7 @@ def _is_placeholder(text: str) -> bool:
 # Component specifications.
 
 def _specifications(value: object, stem: str) -> Iterator[tuple[str, dict[str, object]]]:
-    """Yield names and contents: under their names, or one alone that has none."""
+    """Yield names and contents; the file's stem names a component that has no name."""
     content = mapping(value)
     if _is_specified(content):
         yield stem, content
@@ -163,7 +166,7 @@ def _specifications(value: object, stem: str) -> Iterator[tuple[str, dict[str, o
 
 
 def _is_specified(content: dict[str, object]) -> bool:
-    """Whether there are requirements with names, or variables and room for requirements."""
+    """Whether there are requirements with names, or lists of variables."""
     requirements = _all(content, _REQUIREMENTS)
     if requirements:
         return any(text(item, *_IDS) for item in requirements)
@@ -172,7 +175,7 @@ def _is_specified(content: dict[str, object]) -> bool:
 
 def read_specification(value: object, file: str, stem: str,
                        problems: Problems) -> list[Component]:
-    """Return the components that are specified; what of them has no place here is told."""
+    """Return the components of a file; add warnings to `problems` for what is ignored."""
     return [_component(name, content, file, problems)
             for name, content in _specifications(value, stem)]
 
@@ -182,9 +185,10 @@ def _component(name: str, content: dict[str, object], file: str,
     requirements = tuple(_specified(item, file, number, problems)
                          for number, item in enumerate(_all(content, _REQUIREMENTS), 1))
     variables = [_internal(item, file) for item in _all(content, _INTERNAL)]
-    variables += [ComponentVariable(text(item, 'name', 'id'), Role.INPUT, text(item, 'type'))
-                  for item in _all(content, _OTHER)]
-    variables += [ComponentVariable(text(item, 'name', 'id'), Role.FUNCTION)
+    variables += [
+        ComponentVariable(text(item, 'name', 'id'), VariableRole.INPUT, text(item, 'type'))
+        for item in _all(content, _OTHER)]
+    variables += [ComponentVariable(text(item, 'name', 'id'), VariableRole.FUNCTION)
                   for item in _all(content, _FUNCTIONS)]
     return Component(component_name(name, requirements), '',
                      tuple(item for item in variables if item.name), requirements, (file,))
@@ -196,9 +200,9 @@ def _all(content: dict[str, object], keys: tuple[str, ...]) -> list[dict[str, ob
 
 def component_name(name: str, requirements: tuple[ComponentRequirement, ...]) -> str:
     """
-    Return the name of a component as sentences have it.
+    Return the name of a component as its sentences write it.
 
-    FRET adds 'Spec' to it in the files that it writes; what people write by hand may have any.
+    FRET appends 'Spec' in the files that it exports; files written by hand may use any name.
     """
     sentences = [item.text for requirement in requirements for item in requirement.wordings
                  if item.languages == (Language.FRETISH,)]
@@ -212,7 +216,7 @@ def component_name(name: str, requirements: tuple[ComponentRequirement, ...]) ->
 
 def _internal(item: dict[str, object], file: str) -> ComponentVariable:
     name = text(item, 'name', 'id')
-    return ComponentVariable(name, Role.INTERNAL, text(item, 'type'), tuple(_assignments(
+    return ComponentVariable(name, VariableRole.INTERNAL, text(item, 'type'), tuple(_assignments(
         item, f'{file}, {name}', ('assignmentLustre',), ('assignmentSMV',),
         ('assignmentCopilot', 'meaning', 'expression'))))
 
@@ -225,7 +229,7 @@ def _specified(item: dict[str, object], file: str, number: int,
     if dropped:
         problems.warning(
             f"{label}: {' and '.join(map(repr, dropped))} left out", None, '',
-            'a handler is an empty message: what it announces is in copilot/violations')
+            'a handler is an empty message; the details are on copilot/violations')
     wordings = list(_wordings(label, text(item, 'fretish'), text(item, 'ptLTL', 'ptExpanded'),
                               text(item, 'CoCoSpecCode')))
     formula = text(item, 'formula', 'expression')
@@ -233,6 +237,6 @@ def _specified(item: dict[str, object], file: str, number: int,
         wordings.append(Wording(_EITHER, plain(formula), f'{label}, formula'))
     if text(item, 'PCTL'):
         problems.warning(f'{label}: its probability is left out', None, '',
-                         'a monitor sees one run, and one run has no probability')
+                         'a monitor sees a single run, which has no probability')
     return ComponentRequirement(name, tuple(wordings), text(item, 'text', 'description'),
                                 text(item, 'rationale'))

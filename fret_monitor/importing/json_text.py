@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-JSON as other tools wrote it: read with the place of what is wrong, and looked into with care.
+JSON of other tools: parsed with the places of errors, and accessed without exceptions.
 
-What is missing or of another shape than expected is None or empty here: exports differ from
-version to version, and the readers say what they cannot do without.
+A value that is missing or has an unexpected type reads as empty: exports differ from version to
+version. The callers refuse a file that lacks what they need.
 """
 
 import json
@@ -31,12 +31,12 @@ _MOST_DIGITS = 1000
 
 def read_json(source: Source) -> object:
     """
-    Return what a JSON text holds.
+    Return the value of a JSON text.
 
     Raises
     ------
     CompileError
-        if it is no JSON, with the place; if it is nested too deeply.
+        if it is not JSON, or nested too deeply.
     """
     try:
         found: object = json.loads(source.text, parse_constant=_no_constant, parse_int=_whole)
@@ -45,13 +45,13 @@ def read_json(source: Source) -> object:
         place = min(error.pos, len(source.text))
         refuse('this is not JSON', Span(source, place, place + 1), _label(error.msg))
     except _NoNumber as error:
-        refuse(f'this is not JSON: {error} is no number of it', Span(source, 0, 1))
+        refuse(f'this is not JSON: {error} is not a number in JSON', Span(source, 0, 1))
     except RecursionError:
         refuse('this JSON is nested too deeply', Span(source, 0, 1), 'begins here')
 
 
 class _NoNumber(Exception):
-    """NaN or an infinity, which Python's reader takes and JSON does not have."""
+    """NaN or an infinity, which Python's parser accepts although JSON has neither."""
 
 
 def _no_constant(text: str) -> NoReturn:
@@ -67,17 +67,17 @@ def _label(message: str) -> str:
 
 
 def mapping(value: object) -> dict[str, object]:
-    """Return a value that is an object, else an empty one."""
+    """Return a value if it is an object, else an empty one."""
     return value if isinstance(value, dict) else {}
 
 
 def items(value: object) -> list[dict[str, object]]:
-    """Return those items of a list that are objects."""
+    """Return the objects in a list; none if the value is not a list."""
     return [item for item in value if isinstance(item, dict)] if isinstance(value, list) else []
 
 
 def text(item: dict[str, object], *keys: str) -> str:
-    """Return the first text under one of the keys that is not blank, else an empty one."""
+    """Return the text under the first of the keys that has one that is not blank, or ''."""
     for key in keys:
         value = item.get(key)
         if isinstance(value, str) and value.strip():
@@ -86,11 +86,11 @@ def text(item: dict[str, object], *keys: str) -> str:
 
 
 def names(value: object) -> list[str]:
-    """Return the texts in a list, or in a list's only item."""
+    """Return the texts in a list; none if the value is not a list."""
     return [clean(item) for item in value if isinstance(item, str)] if (
         isinstance(value, list)) else []
 
 
 def clean(value: str) -> str:
-    """Replace what no file in UTF-8 holds: halves of characters that JSON can escape."""
+    """Replace lone surrogates, which JSON can escape and UTF-8 cannot encode."""
     return value.encode('utf-8', 'replace').decode('utf-8')

@@ -15,10 +15,10 @@
 """
 Lustre files as FRET writes them: contracts, with local variables, guarantees and modes.
 
-A contract stands in a comment of its own (`(*@contract NAME (...) returns (...); let ... tel *)`)
-or, as Kind 2 has it, as `contract NAME ...`. Each guarantee and each assumption is a requirement;
-FRET's sentence stands in the comment before it. What a mode ensures is required while it holds.
-The nodes of FRET's library around it (H, O, S ...) are known to `cocospec` and are passed over.
+A contract is a comment of its own (`(*@contract NAME (...) returns (...); let ... tel *)`) or, in
+Kind 2, `contract NAME ...`. Each guarantee and each assumption is a requirement; the comment
+before it has FRET's sentence. What a mode ensures is required while the mode holds. The nodes of
+FRET's library (H, O, S ...) in the same file are skipped: `cocospec` has these operators.
 """
 
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ from typing import NoReturn
 
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.importing.component import (
-    Component, ComponentRequirement, ComponentVariable, Role, Wording,
+    Component, ComponentRequirement, ComponentVariable, VariableRole, Wording,
 )
 from fret_monitor.importing.fret import component_name
 from fret_monitor.model.diagnostics import Problems, refuse, Source, Span
@@ -44,7 +44,7 @@ _PROPERTIES = ('guarantee', 'assume')
 
 
 def is_lustre(text: str) -> bool:
-    """Whether a text has a contract in it, or a node at least."""
+    """Whether a text contains a contract or a node."""
     return _CONTRACT.search(text) is not None or re.search(
         r'^\s*node\s+\w+\s*\(.*?\)\s*returns\b', text, re.MULTILINE | re.DOTALL) is not None
 
@@ -59,7 +59,7 @@ class _Token:
 
 @dataclass
 class _Contract:
-    """What has been read of a contract so far."""
+    """A contract, as far as it has been read."""
 
     name: str
     label: str
@@ -76,17 +76,17 @@ def read_lustre(source: Source, file: str, problems: Problems) -> list[Component
     CompileError
         if there is no contract, or one cannot be read.
     """
-    reader = _Reader(source, file, problems)
+    reader = _ContractReader(source, file, problems)
     found = list(reader.contracts())
     if not found:
-        refuse(f"'{file}' has no contract", Span(source, 0, 1), 'nodes, but no requirement',
+        refuse(f"'{file}' has no contract", Span(source, 0, 1), 'nodes, but no requirements',
                'FRET writes one: (*@contract NAME (...) returns (...); let guarantee ... tel *)')
     return [Component(component_name(item.name, tuple(item.requirements)), '',
                       tuple(item.variables), tuple(item.requirements), (file,))
             for item in found]
 
 
-class _Reader:
+class _ContractReader:
     """Reads the contracts of one file, a token at a time."""
 
     def __init__(self, source: Source, file: str, problems: Problems) -> None:
@@ -100,7 +100,7 @@ class _Reader:
         self._comment = ''
 
     def contracts(self) -> Iterator[_Contract]:
-        """Yield all contracts; what stands between them is passed over."""
+        """Yield all contracts; skip what is between them."""
         while self._next < len(self._tokens):
             token = self._tokens[self._next]
             self._next += 1
@@ -145,7 +145,7 @@ class _Reader:
 
     def _contract(self, opening: _Token) -> _Contract:
         if self._peek().text in (*_PROPERTIES, 'var', 'const', 'mode', 'import', 'weakly'):
-            refuse('a contract inside a node is not read',
+            refuse('a contract inside a node is not supported',
                    Span(self._source, opening.start, opening.end), 'it has no name',
                    'write it as FRET does: contract NAME (inputs) returns (outputs); let ... tel')
         name = self._name("the contract's name")
@@ -169,7 +169,7 @@ class _Reader:
             while self._expect(',', ':').text == ',':
                 found.append(self._name('a variable'))
             kind = self._name('a type')
-            yield from (ComponentVariable(name, Role.INPUT, kind) for name in found)
+            yield from (ComponentVariable(name, VariableRole.INPUT, kind) for name in found)
             if self._peek().text != ')':
                 self._expect(';')
         self._take()
@@ -189,8 +189,8 @@ class _Reader:
                 pass
             case 'import':
                 self._problems.warning(
-                    f"'{self._file}': what it imports is not read",
-                    Span(self._source, token.start, token.end), '', 'name that file as well')
+                    f"'{self._file}': the imported contract is not read",
+                    Span(self._source, token.start, token.end), '', 'give that file as well')
                 self._expression()
             case _:
                 self._refuse(token, "'var', 'guarantee', 'assume', 'mode' or 'tel' was expected")
@@ -204,10 +204,10 @@ class _Reader:
             kind = self._name('a type')
             self._expect('=')
         wording = Wording((Language.COCOSPEC,), self._expression(), f'{self._file}, {name}')
-        contract.variables.append(ComponentVariable(name, Role.INTERNAL, kind, (wording,)))
+        contract.variables.append(ComponentVariable(name, VariableRole.INTERNAL, kind, (wording,)))
 
     def _property(self, contract: _Contract, comment: str) -> None:
-        """Read `"FSM-001" expression;`, with FRET's sentence from the comment before it."""
+        """Read `"FSM-001" expression;` and FRET's sentence from the comment before it."""
         name = self._id(f'{contract.name}_{len(contract.requirements) + 1}')
         label = f'{self._file}, {name}'
         wordings = [Wording((Language.COCOSPEC,), self._expression(), label)]
@@ -221,7 +221,7 @@ class _Reader:
         return self._take().text[1:-1] if self._peek().kind == 'STRING' else default
 
     def _mode(self, contract: _Contract) -> None:
-        """Read `name (require p; ensure q; );`: ensured is q while p."""
+        """Read `name (require p; ensure q; );`: q is required while p holds."""
         name = self._name("the mode's name")
         self._expect('(')
         requires: list[str] = []
@@ -245,7 +245,7 @@ class _Reader:
         contract.requirements.append(ComponentRequirement(name, (wording,)))
 
     def _expression(self) -> str:
-        """Take all up to the next ';', and that."""
+        """Read up to the next ';' and return the text before it."""
         parts: list[_Token] = []
         while (token := self._take()).text != ';':
             if token.kind in ('END', 'CLOSE') or token.text in ('tel', 'guarantee'):
@@ -256,7 +256,7 @@ class _Reader:
         return self._joined(parts)
 
     def _joined(self, parts: list[_Token]) -> str:
-        """Return what stands in the file, without comments and on one line."""
+        """Return tokens as the file writes them, without comments and on one line."""
         text = parts[0].text
         for before, part in pairwise(parts):
             text += ('' if before.end == part.start else ' ') + part.text

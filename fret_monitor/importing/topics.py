@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Where inputs come from: Ogma's variable databases, and lists of names and topics.
+Ogma's variable databases, and lists of names and topics: the topics of inputs.
 
-Both give a `Connection` for a name. A database says for each input the topic, for each topic its
-message type, and for some the field; a list has a line an input: name, topic and, if they are
-known, message type and field.
+Both give a `Connection` for each name. A database has the topic of each input, the message type of
+each topic, and sometimes the field. A list has one line for each input: name, topic and, if they
+are known, message type and field.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ import re
 
 from fret_monitor.importing.json_text import items, mapping, text
 from fret_monitor.model.diagnostics import Problems, Source, Span
-from fret_monitor.model.names import Fault, shown, topic_fault, type_fault
+from fret_monitor.model.names import shown, topic_fault, type_fault
 
 _ROS = ('ros/message', 'ros', 'ros2', 'ros2/message')
 _LINE = re.compile(r'[^\s,;]+')
@@ -38,11 +38,11 @@ _MOST_COLUMNS = 4
 @dataclass(frozen=True)
 class Connection:
     """
-    What feeds an input; None where it is not known.
+    The topic of an input; None for what is not known.
 
-    `type` is what the database says of the input itself, in C's words; `message_type` the ROS
-    type of the topic. `note` says why there is no topic, `file` which file names the input,
-    and `place` where, if that is a list.
+    `type` is the C type that a database gives the input; `message_type` is the ROS type of the
+    topic. `note` is the reason if there is no topic. `file` names the input; `place` is where, in
+    a list.
     """
 
     name: str
@@ -63,7 +63,7 @@ def is_database(value: object) -> bool:
 
 
 def read_database(value: object, file: str, problems: Problems) -> list[Connection]:
-    """Return the connections of a database; those that are none of ROS have no topic."""
+    """Return the connections of a database; inputs that are not on ROS have no topic."""
     content = mapping(value)
     topics = {text(item, 'topic'): _message_type(text(item, 'type'))
               for item in items(content.get('topics')) if text(item, 'scope') in _ROS}
@@ -90,11 +90,12 @@ def _connection(item: dict[str, object], topics: dict[str, str], fields: dict[st
 
 
 def _usable(found: Connection, file: str, problems: Problems, place: Span | None) -> Connection:
-    """Leave out the topic and type that ROS would refuse, and tell them."""
+    """Remove a topic or type that ROS would refuse, with a warning."""
     kind_fault = type_fault(found.message_type) if found.message_type else None
     for fault in (topic_fault(found.topic) if found.topic else None, kind_fault):
         if fault:
-            _tell(fault, found.name, file, problems, place)
+            problems.warning(f"{file}: '{found.name}' cannot be mapped like this: {fault.reason}",
+                             place, '', fault.help)
     return Connection(
         found.name,
         None if found.topic and topic_fault(found.topic) else found.topic,
@@ -103,18 +104,13 @@ def _usable(found: Connection, file: str, problems: Problems, place: Span | None
         found.field, found.type, found.note, file, place)
 
 
-def _tell(fault: Fault, name: str, file: str, problems: Problems, place: Span | None) -> None:
-    problems.warning(f"{file}: '{name}' cannot be mapped like this: {fault.reason}", place, '',
-                     fault.help)
-
-
 def _message_type(name: str) -> str:
     """Return `pkg/msg/Name` for C++'s `pkg::msg::Name`."""
     return re.sub(r'::|\.', '/', name.strip().removeprefix('::'))
 
 
 def is_list(content: str) -> bool:
-    """Whether a text has a name, and at most three words more, in each of its lines."""
+    """Whether each line of a text is a name with at most three further words."""
     lines = [_LINE.findall(line) for line in _lines(content) if line.strip()]
     return any(lines) and all(
         len(words) <= _MOST_COLUMNS and _NAME.match(words[0]) for words in lines if words)

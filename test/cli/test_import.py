@@ -41,9 +41,9 @@ def test_what_is_left_to_do_is_told_and_the_bundle_passes_check(
     assert main(['import', str(file), '-o', str(bundle)]) == 0
     said = capsys.readouterr()
     assert said.out == f'{bundle}: 3 requirements, 3 inputs (3 without a topic)\n'
-    assert f'{bundle}: to do by hand (1):\n- no file says on what topic' in said.err
+    assert f'{bundle}: to do by hand (1):\n- no file gives the topic' in said.err
     assert '\n        armed: {topic: ..., type: std_msgs/msg/Bool}\n' in said.err
-    assert '# TO DO (1):\n# - no file says on what topic' in bundle.read_text()
+    assert '# TO DO (1):\n# - no file gives the topic' in bundle.read_text()
     assert main(['check', str(bundle)]) == 0
 
 
@@ -80,7 +80,7 @@ def test_without_output_the_bundle_goes_to_standard_output(
     assert main(['import', str(file)]) == 0
     said = capsys.readouterr()
     assert said.out == (tmp_path / 'rover.yaml').read_text()
-    assert said.err.startswith('to do by hand (1):\n- no file says on what topic')
+    assert said.err.startswith('to do by hand (1):\n- no file gives the topic')
     assert said.err.endswith('\n3 requirements, 3 inputs (3 without a topic)\n')
     assert sorted(path.name for path in tmp_path.iterdir()) == ['moon.json', 'rover.yaml']
 
@@ -118,7 +118,7 @@ def test_a_sentence_that_is_none_does_not_spoil_a_folder(
     assert main(['import', str(file), '-o', f'{tmp_path}/bundles/']) == 0
     assert sorted(path.name for path in (tmp_path / 'bundles').iterdir()) == [
         'arm.yaml', 'rover.yaml']
-    assert 'warning: without a component, and in no bundle: R-3' in capsys.readouterr().err
+    assert 'warning: in no bundle, because they have no component: R-3' in capsys.readouterr().err
 
 
 def test_a_file_that_is_no_export_is_refused_and_nothing_is_written(

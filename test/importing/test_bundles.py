@@ -60,7 +60,7 @@ def test_an_old_export_without_variables_shows_what_it_means_by_its_use(tmp_path
     assert found.draft.component == 'pump'
     assert {item.name: item.type for item in found.draft.inputs} == {
         'on': 'bool', 'level': 'float64', 'this': 'float64', 'other': 'float64'}
-    assert any('is a guess: on (bool)' in item for item in found.draft.todo)
+    assert any('guessed from the use: on (bool)' in item for item in found.draft.todo)
     meaning(found)
 
 
@@ -111,7 +111,7 @@ def test_lustre_gives_guarantees_modes_and_local_variables(tmp_path: Path) -> No
     assert {item.name: item.text for item in draft.definitions} == {
         'last': '0.0 -> pre speed', 'fast': 'speed > top and not armed'}
     assert draft.constants == (('top', '2.5'),)
-    assert any('R-assumption' in item and "'cocospec' is taken" in item for item in draft.todo)
+    assert any('R-assumption' in item and "'cocospec' is used" in item for item in draft.todo)
     meaning(found)
 
 
@@ -129,7 +129,7 @@ def test_a_list_gives_topics_and_a_guess_of_their_types(tmp_path: Path) -> None:
     assert [(item.topic, item.type) for item in found.draft.inputs] == [
         ('/wheels/speed', 'std_msgs/msg/Float64')]
     assert found.draft.todo == (
-        "the message type of /wheels/speed ('speed') is a guess: std_msgs/msg/Float64",)
+        "the message type of /wheels/speed ('speed') is guessed: std_msgs/msg/Float64",)
     meaning(found)
 
 
@@ -139,8 +139,8 @@ def test_a_type_that_a_file_gives_is_no_guess(tmp_path: Path) -> None:
     assert found.draft.todo == ()
     found = imported(tmp_path, rover_json=rover, list_txt='speed speed\n')
     assert [item.partition(':')[0] for item in found.draft.todo] == [
-        'no file gives the type, and this is a guess',
-        "the message type of speed ('speed') is a guess"]
+        'no file gives the type of this input; guessed from the use',
+        "the message type of speed ('speed') is guessed"]
 
 
 def test_a_name_in_a_list_that_nobody_has_is_told_with_its_line(tmp_path: Path) -> None:
@@ -221,7 +221,7 @@ def test_a_formula_is_taken_where_the_sentence_is_none(tmp_path: Path) -> None:
     [item] = found.draft.requirements
     assert (item.language, item.text) == (Language.PTLTL, '(H (speed < 3))')
     assert item.title == 'It may not speed'
-    assert any("'ptltl' is taken, since the 'fretish'" in task for task in found.draft.todo)
+    assert any("'ptltl' is used, because the 'fretish'" in task for task in found.draft.todo)
 
 
 def test_wordings_that_differ_are_told_with_the_trace(tmp_path: Path) -> None:
@@ -332,19 +332,19 @@ def test_a_bundle_that_is_there_is_not_written_over(tmp_path: Path) -> None:
     ('{"requirements": [', '1:19: error: this is not JSON'),
     ('{"requirements": [{"reqid": }]}', '1:29: error: this is not JSON'),
     ('[' * 100_000, 'nested too deeply'),
-    ('{"a": NaN}', 'NaN is no number'),
-    ('{"requirements": [{"a": 1}]}', 'no export of FRET or Ogma'),
-    ('[1, 2]', 'no export of FRET or Ogma'),
+    ('{"a": NaN}', 'NaN is not a number'),
+    ('{"requirements": [{"a": 1}]}', 'not an export of FRET or Ogma'),
+    ('[1, 2]', 'not an export of FRET or Ogma'),
     ('{"inputs": [], "topics": []}', 'there is no requirement in'),
     ('{"C": {"Requirements": [], "Other_variables": []}}', 'there is no requirement in'),
-    ('', 'is nothing that can be imported'),
-    ('a b c d e f', 'is nothing that can be imported'),
-    ('%PDF-1.4', 'is nothing that can be imported'),
+    ('', 'is not a file that can be imported'),
+    ('a b c d e f', 'is not a file that can be imported'),
+    ('%PDF-1.4', 'is not a file that can be imported'),
     ('node f(x: bool) returns (y: bool);\nlet y = x; tel', 'has no contract'),
     ('contract c (x: bool) returns (y: bool);\nlet guarantee x', "';' is missing"),
     ('contract c (x: bool) returns (y: bool);\nlet guarantee ; tel', 'there is no expression'),
     ('contract c (x bool) returns (y: bool);', "',' or ':' was expected"),
-    ('(*@contract guarantee "a" x; *)', 'a contract inside a node is not read')])
+    ('(*@contract guarantee "a" x; *)', 'a contract inside a node is not supported')])
 def test_what_cannot_be_imported_is_refused_with_a_reason(tmp_path: Path, content: str,
                                                           told: str) -> None:
     assert told in refused(tmp_path, odd_json=content)
@@ -441,8 +441,8 @@ def test_a_folder_takes_what_can_be_monitored_and_the_rest_is_told(tmp_path: Pat
     found = import_bundles(written(tmp_path, many_json=project), tmp_path / 'all', is_folder=True)
     assert [item.path.name for item in found] == ['rover.yaml', 'lander.yaml']
     titles = [item.title for item in found[0].warnings]
-    assert "no bundle of 'Moon/arm': none of its requirements can be monitored: S" in titles
-    assert 'without a component, and in no bundle: R-3' in titles
+    assert "no bundle for 'Moon/arm', as no requirement can be monitored: S" in titles
+    assert 'in no bundle, because they have no component: R-3' in titles
     assert "there is no function 'sin'" in titles
     assert found[1].warnings == ()
 
@@ -464,14 +464,14 @@ def test_what_is_not_of_the_chosen_component_is_told(tmp_path: Path, is_folder: 
         'L-1', 'lander shall always satisfy r', component='lander')]})
     [found] = import_bundles(paths, tmp_path / 'b', 'Moon/rover', is_folder=is_folder)
     assert [item.title for item in found.warnings] == [
-        'not of Moon/rover, and left out: Moon/lander (3 requirements), Mars/rover '
+        'left out, as not part of Moon/rover: Moon/lander (3 requirements), Mars/rover '
         '(1 requirement)',
-        'without a component, and in no bundle: R-3']
+        'in no bundle, because they have no component: R-3']
 
 
 def test_components_to_choose_from_have_names(tmp_path: Path) -> None:
     told = refused(tmp_path, many_json={'requirements': [STRAY, *SEVERAL['requirements']]})
-    assert 'there are 3 components, and a bundle is of one: Moon/rover, Moon/lander' in told
+    assert 'there are 3 components, but a bundle is for one: Moon/rover, Moon/lander' in told
     assert 'Moon/,' not in told
 
 
@@ -557,7 +557,7 @@ def test_a_name_that_is_reserved_here_gets_another(tmp_path: Path) -> None:
         ('fast', 'speed > Z_value')]
     assert '# Renamed: pre is pre_value_2, H is H_value' in found.text
     titles = [item.title for item in found.warnings]
-    assert "'pre' is called 'pre_value_2' in the bundle" in titles
+    assert "'pre' is named 'pre_value_2' in the bundle" in titles
     assert "no input is called 'pre'" not in titles
     meaning(found)
 
@@ -584,7 +584,7 @@ def test_a_type_that_fret_does_not_know_is_a_guess(tmp_path: Path, type: str) ->
     project = {'requirements': [requirement('A', 'rover shall always satisfy speed < 3 & armed')],
                'variables': [variable('speed', 'Input', type), variable('armed', 'Input', 'bool')]}
     found = imported(tmp_path, moon_json=project)
-    [guess] = [item for item in found.draft.todo if 'guess' in item]
+    [guess] = [item for item in found.draft.todo if 'guessed' in item]
     assert guess.endswith(': speed (float64)')
 
 

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Formulas as our own parsers read them: the tree of each wording, and the names in it.
+The wordings of requirements, parsed: the tree of each, and the names in it.
 
-FRET's sentence comes first among the wordings of a requirement, then its past-time MTL, then its
-CoCoSpec. A wording that cannot be read keeps the diagnostics, to be told as warnings: another
-wording may do.
+FRET's sentence is the first wording of a requirement, then come its past-time MTL and its
+CoCoSpec. A wording that cannot be parsed keeps its diagnostics: they become warnings if another
+wording can be used.
 """
 
 from collections.abc import Iterator, Mapping
@@ -37,8 +37,8 @@ Tree: TypeAlias = Expression | Equations | Sentence
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
-    """A wording in the language that reads it; `tree` is None where none does."""
+class ParsedWording:
+    """A wording in the language that parses it; `tree` is None if none does."""
 
     wording: Wording
     language: Language
@@ -47,20 +47,20 @@ class Reading:
     diagnostics: tuple[Diagnostic, ...] = ()
 
 
-def read_wording(wording: Wording) -> Reading:
-    """Read a wording in the first of its languages that takes it."""
+def parse_wording(wording: Wording) -> ParsedWording:
+    """Parse a wording in the first of its languages that accepts it."""
     text = Text.whole(Source(wording.label, wording.text))
-    failed: list[Reading] = []
+    failed: list[ParsedWording] = []
     for language in wording.languages:
         try:
-            return Reading(wording, language, text, read_formula(language, text))
+            return ParsedWording(wording, language, text, read_formula(language, text))
         except CompileError as error:
-            failed.append(Reading(wording, language, text, None, error.diagnostics))
+            failed.append(ParsedWording(wording, language, text, None, error.diagnostics))
     return failed[0]
 
 
 def expressions(tree: Tree) -> Iterator[tuple[Expression, str]]:
-    """Yield the expressions of a tree, each with its name ('' for one that is true or false)."""
+    """Yield the expressions of a tree, each with its name ('' for a Boolean without one)."""
     match tree:
         case Equations():
             yield from ((item.expression, item.name) for item in tree.equations)
@@ -73,7 +73,7 @@ def expressions(tree: Tree) -> Iterator[tuple[Expression, str]]:
 
 
 def _free_names(tree: Tree) -> Iterator[Name]:
-    """Yield the names that a tree uses and does not define itself, but for FTP."""
+    """Yield the names that a tree uses and does not define, except FTP."""
     own = {item.name for item in tree.equations} if isinstance(tree, Equations) else set()
     for expression, _ in expressions(tree):
         for node in postorder(expression):
@@ -81,14 +81,14 @@ def _free_names(tree: Tree) -> Iterator[Name]:
                 yield node
 
 
-def names_in(reading: Reading) -> Iterator[str]:
-    """Yield the names that a reading uses and does not define itself, but for FTP."""
+def names_in(reading: ParsedWording) -> Iterator[str]:
+    """Yield the names that a wording uses and does not define, except FTP."""
     if reading.tree is not None:
         yield from (node.text for node in _free_names(reading.tree))
 
 
-def rename(reading: Reading, names: Mapping[str, str]) -> Reading:
-    """Return a reading with other names in its text; `names` has them by their `fret_name`."""
+def rename(reading: ParsedWording, names: Mapping[str, str]) -> ParsedWording:
+    """Return a wording with other names in its text; `names` maps a `fret_name` to the new."""
     if reading.tree is None:
         return reading
     places = {node.span: names[fret_name(node.text)] for node in _free_names(reading.tree)
@@ -96,11 +96,11 @@ def rename(reading: Reading, names: Mapping[str, str]) -> Reading:
     text = reading.wording.text
     for span, name in sorted(places.items(), key=lambda item: item[0].start, reverse=True):
         text = text[:span.start] + name + text[span.end:]
-    return read_wording(replace(reading.wording, text=text)) if places else reading
+    return parse_wording(replace(reading.wording, text=text)) if places else reading
 
 
-def look_at(reading: Reading, name: str, types: TypesByUse) -> None:
-    """Add what a reading shows of types; `name` is what it defines, '' for a property."""
+def add_uses(reading: ParsedWording, name: str, types: TypesByUse) -> None:
+    """Add the uses of names in a wording; `name` is what it defines, '' for a property."""
     if reading.tree is None or isinstance(reading.tree, Equations):
         return
     for expression, _ in expressions(reading.tree):
@@ -110,6 +110,6 @@ def look_at(reading: Reading, name: str, types: TypesByUse) -> None:
             types.add_property(expression)
 
 
-def uses(reading: Reading) -> set[str]:
-    """Return the keys of the names that a reading uses."""
+def used_names(reading: ParsedWording) -> set[str]:
+    """Return the names that a wording uses, as `fret_name` spells them."""
     return {fret_name(name) for name in names_in(reading)}
