@@ -23,7 +23,8 @@ from fractions import Fraction
 import hashlib
 from pathlib import Path
 
-from fret_monitor.bundle.bundle import Bundle, survey_bundle
+from fret_monitor.bundle.bundle import Bundle
+from fret_monitor.bundle.reader import survey_bundle
 from fret_monitor.codegen.describe import describe
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.elaboration.elaborate import specify

@@ -50,14 +50,14 @@ LACKS_SPACE = re.compile(r'[ ]*(?:-[ ]+)*([A-Za-z_]\w*):(?=[^\s/:])[^\r\n]*')
 _KEY_LINE = re.compile(r'[ ]+([A-Za-z_]\w*)(?=:(?:[ ]|$))')
 
 
-def tell_lacking_space(match: re.Match[str], span: Span, problems: Problems) -> None:
+def report_lacking_space(match: re.Match[str], span: Span, problems: Problems) -> None:
     """Tell of `key:value`, which `LACKS_SPACE` matches, at its place."""
     key, value = match[0][match.start(1):].split(':', 1)
     problems.error("a space is missing after the ':'", span, 'YAML takes this for a text',
                    f'{key}: {value.strip()}')
 
 
-def tell_misread(source: Source, start: int, problems: Problems) -> None:
+def report_misread(source: Source, start: int, problems: Problems) -> None:
     """Tell that the value that starts at `start` needs quotes, with the line to paste."""
     written = value_as_written(source, start)
     first = source.text[start]
@@ -200,19 +200,19 @@ class Repair:
                                  'use spaces here')
         return match is not None
 
-    def _lacks_space(self, error: yaml.YAMLError, place: int) -> bool:
+    def _lacks_space(self, error: yaml.YAMLError, at: int) -> bool:
         """Tell `key:value` in the line above, which is a text and no key."""
         if 'mapping values' not in str(error):
             return False
-        number = self._line(place) - 1
+        number = self._line(at) - 1
         while number > 0 and not self._source.line(number).strip():
             number -= 1
         match = LACKS_SPACE.match(self._source.line(number)) if number else None
         if match is None:
             return False
         start = self._source.line_start(number)
-        tell_lacking_space(match, Span(self._source, start + match.start(1), start + match.end()),
-                           self._problems)
+        place = Span(self._source, start + match.start(1), start + match.end())
+        report_lacking_space(match, place, self._problems)
         return True
 
     def _value_starts(self, error: yaml.YAMLError, place: int,
@@ -279,7 +279,7 @@ class Repair:
                 f'the text begins in line {self._line(start)}',
                 'put the text in quotes, or correct the indentation of this line')
         else:
-            tell_misread(self._source, start, self._problems)
+            report_misread(self._source, start, self._problems)
 
     def _is_too_deep(self, start: int, place: int) -> bool:
         """Tell a key that is indented deeper than the one above, whose one word takes it in."""

@@ -25,13 +25,13 @@ from fractions import Fraction
 from typing import TypeVar
 
 from fret_monitor.bundle.yaml_repair import (
-    LACKS_SPACE, quoted_line, tell_lacking_space, value_as_written,
+    LACKS_SPACE, quoted_line, report_lacking_space, value_as_written,
 )
 from fret_monitor.bundle.yaml_tree import Node, Unread, YamlList, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import (
     close_matches, did_you_mean, Problems, Span, suggestion, Text,
 )
-from fret_monitor.model.names import exact, number_fault, shown
+from fret_monitor.model.names import exact, Fault, number_fault, shown
 
 _Choice = TypeVar('_Choice', bound=Enum)
 
@@ -57,7 +57,7 @@ class Shape:
         self._elsewhere = elsewhere or {}
         self._has_swallowed = any(isinstance(node, Unread) and node.has_swallowed
                                   for _, node in mapping.entries)
-        self.is_cut = _tell_comma(mapping, self._known, problems)
+        self.is_cut = _report_comma(mapping, self._known, problems)
         if not self.is_cut:
             for key, _ in mapping.entries:
                 self._look_at(key, slips or {})
@@ -68,7 +68,7 @@ class Shape:
         spaceless = LACKS_SPACE.fullmatch(key.value) if not key.style else None
         if spaceless and spaceless[1] in self._known:
             self._meant.add(spaceless[1])
-            tell_lacking_space(spaceless, key.span, self._problems)
+            report_lacking_space(spaceless, key.span, self._problems)
             return
         meant: list[str] = []
         help_ = self._elsewhere.get(key.value)
@@ -114,7 +114,7 @@ class Shape:
         words = [item.value for item in kind]
         if text.value in words:
             return kind(text.value)
-        tell_choice(text, key, words, self._problems)
+        report_choice(text, key, words, self._problems)
         return default
 
     def positive(self, key: str, unit: str, least: Fraction, most: Fraction) -> Fraction | None:
@@ -138,7 +138,7 @@ class Shape:
         return None
 
 
-def _tell_comma(mapping: YamlMapping, known: tuple[str, ...], problems: Problems) -> bool:
+def _report_comma(mapping: YamlMapping, known: tuple[str, ...], problems: Problems) -> bool:
     """Tell a value in braces that was cut at its comma: the rest became a key without value."""
     if not mapping.is_flow:
         return False
@@ -187,15 +187,32 @@ def mapping_of(node: Node | None, what: str, problems: Problems,
         return YamlMapping((), False, node.span)
     plain = node.value if isinstance(node, YamlScalar) and not node.style else ''
     if node is not None and (match := LACKS_SPACE.fullmatch(plain)):
-        tell_lacking_space(match, node.span, problems)
+        report_lacking_space(match, node.span, problems)
     elif node is not None and not isinstance(node, Unread):
         problems.error(f'{what} holds keys with values', node.span,
                        f'this is {kind_of(node)}', help)
     return None
 
 
-def tell_choice(text: Text, key: str, words: Iterable[str], problems: Problems) -> None:
+def report_choice(text: Text, key: str, words: Iterable[str], problems: Problems) -> None:
     """Tell a word that is none of those that can be chosen."""
     words = list(words)
     problems.error(f"{shown(text.value)} is no choice for '{key}'", text.span,
                    'one of ' + ', '.join(words), did_you_mean(text.value, words))
+
+
+def is_empty(node: Node) -> bool:
+    """Return whether nothing was written here."""
+    return isinstance(node, YamlScalar) and node.is_missing
+
+
+def line_of(text: Text, here: Span) -> str:
+    """Say in which line a text stands, with its file where that is another."""
+    file = '' if text.source is here.source else f'{text.source.name}, '
+    return f'{file}line {text.span.line}'
+
+
+def report_fault(fault: Fault | None, text: Text, problems: Problems) -> None:
+    """Report why a text cannot be used, if there is a reason."""
+    if fault is not None:
+        problems.error(fault.reason, text.span, help=fault.help)

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 import re
 from typing import Protocol, TypeAlias
 
-from fret_monitor.bundle.yaml_repair import Repair, tell_misread
+from fret_monitor.bundle.yaml_repair import Repair, report_misread
 from fret_monitor.bundle.yaml_text import scalar_text
 from fret_monitor.model.diagnostics import Problems, Source, Span, Text
 from fret_monitor.model.names import shown
@@ -265,7 +265,7 @@ class _TreeBuilder:
             self.problems.error('a bundle has no aliases', span,
                                 f"stands for what '&{event.anchor}' marks", 'write it out')
         else:
-            tell_misread(self.source, span.start, self.problems)
+            report_misread(self.source, span.start, self.problems)
         return Unread(span)
 
     def _marked(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> Node:
@@ -282,7 +282,7 @@ class _TreeBuilder:
                                 Span(self.source, span.start, span.start + len(mark)),
                                 'remove it')
         else:
-            tell_misread(self.source, span.start, self.problems)
+            report_misread(self.source, span.start, self.problems)
         return Unread(span)
 
 

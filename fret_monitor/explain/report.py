@@ -26,7 +26,8 @@ from pathlib import Path
 import textwrap
 
 from fret_monitor.build import Reading
-from fret_monitor.bundle.bundle import Language, survey_bundle
+from fret_monitor.bundle.bundle import Language
+from fret_monitor.bundle.reader import survey_bundle
 from fret_monitor.explain import sentence as fretish
 from fret_monitor.explain.goals import goals
 from fret_monitor.explain.timeline import drawn, Timeline, timeline

@@ -20,7 +20,8 @@ from dataclasses import dataclass, replace
 from io import StringIO
 from pathlib import Path
 
-from fret_monitor.bundle.bundle import handler_name, parse_bundle
+from fret_monitor.bundle.bundle import handler_name
+from fret_monitor.bundle.reader import parse_bundle
 from fret_monitor.importing.compare import Difference, differences
 from fret_monitor.importing.component import Component
 from fret_monitor.importing.draft import Draft, draft

@@ -26,7 +26,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fret_monitor.bundle.bundle import handler_name, Language, read_source
+from fret_monitor.bundle.bundle import handler_name, Language
+from fret_monitor.bundle.source_file import read_source
 from fret_monitor.importing.component import Component, ComponentRequirement, ComponentVariable
 from fret_monitor.importing.fret import (
     is_project, is_specification, read_project, read_specification,

@@ -128,7 +128,7 @@ def _refuse_shared_handlers(origins: Sequence[Origin], manifests: Sequence[Manif
 def _place(origin: Origin, requirement: ManifestRequirement) -> str:
     """Return where a requirement is written, as exactly as can be said."""
     if origin.spec is not None:
-        from fret_monitor.bundle.bundle import survey_bundle
+        from fret_monitor.bundle.reader import survey_bundle
         bundle = survey_bundle(origin.spec, Problems())
         for item in bundle.requirements if bundle else ():
             if item.id.value == requirement.id:

@@ -19,9 +19,9 @@ import os
 from pathlib import Path
 import time
 
-from fret_monitor.bundle.bundle import (
-    Bundle, Language, MAX_BYTES, parse_bundle, read_bundle, survey_bundle,
-)
+from fret_monitor.bundle.bundle import Bundle, Language
+from fret_monitor.bundle.reader import parse_bundle, read_bundle, survey_bundle
+from fret_monitor.bundle.source_file import MAX_BYTES
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Problems, Source
 from fret_monitor.model.policies import Policy, Report, Severity, Stale
 import golden

@@ -20,7 +20,7 @@ from pathlib import Path
 from random import Random
 
 from fret.sentences import formalise, INPUTS, parse, sentence_for
-from fret_monitor.bundle.bundle import read_bundle
+from fret_monitor.bundle.reader import read_bundle
 from fret_monitor.cli.main import main
 from fret_monitor.elaboration.durations import steps_of
 from fret_monitor.elaboration.elaborate import elaborate, scope_of, specify
@@ -37,8 +37,7 @@ from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import by_place, CompileError, Problems, Source, Text
 from fret_monitor.model.values import ValueType
 import golden
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from oracle import KEYS
 import pytest
 

@@ -17,7 +17,7 @@ from fractions import Fraction
 from pathlib import Path
 import time
 
-from fret_monitor.bundle.bundle import parse_bundle, survey_bundle
+from fret_monitor.bundle.reader import parse_bundle, survey_bundle
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.logic.formula import (
     ALWAYS, Binary, BinaryOperator, Constant, Formula, Historically, Once, postorder, Variable,

@@ -16,9 +16,9 @@
 
 from pathlib import Path
 
-from facts import FOLDER
-from facts import path as facts_path
-from fret_monitor.bundle.bundle import Language, read_bundle
+from facts import FOLDER, path as facts_path
+from fret_monitor.bundle.bundle import Language
+from fret_monitor.bundle.reader import read_bundle
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.importing import import_bundles, Imported, write_bundles
 from fret_monitor.model.diagnostics import CompileError

@@ -17,7 +17,8 @@
 from pathlib import Path
 from typing import Any
 
-from fret_monitor.bundle.bundle import Language, read_bundle
+from fret_monitor.bundle.bundle import Language
+from fret_monitor.bundle.reader import read_bundle
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.importing import bundles, import_bundles, Imported, write_bundles
 from fret_monitor.importing.draft import Draft

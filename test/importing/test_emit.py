@@ -16,13 +16,13 @@
 
 from pathlib import Path
 
-from fret_monitor.bundle.bundle import Language, parse_bundle
+from fret_monitor.bundle.bundle import Language
+from fret_monitor.bundle.reader import parse_bundle
 from fret_monitor.importing.component import ComponentRequirement
 from fret_monitor.importing.draft import Draft, DraftDefinition, DraftRequirement
 from fret_monitor.importing.emit import emit
 from fret_monitor.model.diagnostics import Source
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 ODD = st.text(st.characters(codec='utf-8'), min_size=1).filter(str.strip)
 PLAIN = st.text('ab |&#:-"\'\\{}[]<>%@!,?*\n\t', min_size=1, max_size=200).filter(str.strip)

@@ -1,0 +1,217 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Reads the inputs of a bundle: one mapping of keys each, and what inputs on one topic must share.
+
+`read_input` returns an `InputEntry` even if some of its keys were refused; `damaged` names those.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from fractions import Fraction
+
+from fret_monitor.bundle.bundle import InputEntry, ValueEntry
+from fret_monitor.bundle.declared_name import DeclaredName
+from fret_monitor.bundle.yaml_shape import (
+    line_of, mapping_of, report_choice, report_fault, Shape, text_of,
+)
+from fret_monitor.bundle.yaml_tree import Node, Unread, YamlMapping, YamlScalar
+from fret_monitor.model.diagnostics import Problems, Text
+from fret_monitor.model.names import (
+    exact, Fault, is_integer, looks_like_number, name_fault, number_fault, PLAIN_TYPES, shown,
+    topic_fault, type_fault,
+)
+from fret_monitor.model.policies import Stale
+
+INPUT_KEYS = ('topic', 'type', 'field', 'initial', 'values', 'qos', 'timeout', 'stale')
+_SHORTEST_TIMEOUT_S = Fraction(1, 10 ** 3)
+_LONGEST_TIMEOUT_S = Fraction(10 ** 9)
+_QOS = {
+    'reliability': ('reliable', 'best_effort'),
+    'durability': ('volatile', 'transient_local'),
+    'history': ('keep_last', 'keep_all'),
+    'depth': (),
+}
+
+
+def read_input(name: DeclaredName, mapping: YamlMapping, problems: Problems) -> InputEntry:
+    shape = Shape(mapping, 'an input', INPUT_KEYS, problems,
+                  {'message': 'type', 'message_type': 'type', 'msg': 'type', 'path': 'field'})
+    faults = {key: Problems() for key in ('values', 'qos')}
+    entry = InputEntry(
+        name=name.text,
+        topic=_checked(shape, 'topic', topic_fault, problems),
+        type=_checked(shape, 'type', type_fault, problems),
+        field=shape.text('field'),
+        initial=shape.text('initial'),
+        values=tuple(_values(shape.node('values'), faults['values'])),
+        qos=tuple(_qos(shape.node('qos'), faults['qos'])),
+        timeout=shape.positive('timeout', 'seconds', _SHORTEST_TIMEOUT_S, _LONGEST_TIMEOUT_S),
+        stale=_stale(shape, problems),
+    )
+    damaged = {key for key in INPUT_KEYS if shape.is_cut or not shape.lacks(key) and (
+        shape.key(key) is None or getattr(entry, key) is None)}
+    for key, found in faults.items():
+        problems.extend(found.errors)
+        damaged.update([key] if found.errors or isinstance(shape.node(key), Unread) else ())
+    damaged |= _check_input(entry, shape, problems)
+    places = tuple((key, node.span if isinstance(node, YamlScalar) else written.span)
+                   for key, _ in _TOPIC_ASPECTS
+                   if (node := shape.node(key)) and (written := shape.key(key)))
+    return replace(entry, damaged=frozenset(damaged), places=places)
+
+
+def _checked(shape: Shape, key: str, find_fault: Callable[[str], Fault | None],
+             problems: Problems) -> Text | None:
+    text = shape.text(key)
+    fault = find_fault(text.value) if text is not None else None
+    if text is not None:
+        report_fault(fault, text, problems)
+    return text if fault is None else None
+
+
+def _check_input(entry: InputEntry, shape: Shape, problems: Problems) -> set[str]:
+    """Look at what the keys of an input need of one another; return those that were refused."""
+    damaged = set()
+    if shape.lacks('type'):
+        damaged.add('type')
+        problems.error(
+            f'the input {shown(entry.name.value)} has no type', entry.name.span,
+            help='type: float64' if shape.lacks('topic') else 'type: std_msgs/msg/Float32')
+    if entry.field and entry.type and entry.type.value in PLAIN_TYPES:
+        damaged.add('field')
+        problems.error(f"'{entry.type.value}' has no fields", entry.field.span,
+                       'a field of nothing', "remove 'field', or name a message type")
+    stale = shape.key('stale')
+    if stale and shape.lacks('timeout'):
+        problems.error("'stale' needs a 'timeout'", stale.span, 'stale after how long?',
+                       'timeout: 0.5   # seconds')
+    return damaged
+
+
+def _stale(shape: Shape, problems: Problems) -> Stale | None:
+    text = shape.text('stale')
+    words = [stale.value for stale in Stale]
+    if text is not None and text.value not in words:
+        report_choice(text, 'stale', words, problems)
+        return None
+    return Stale(text.value) if text else None
+
+
+def _values(node: Node | None, problems: Problems) -> Iterator[ValueEntry]:
+    mapping = mapping_of(node, "'values'", problems, 'values: {IDLE: 0, LANDING: 1}')
+    if mapping is None:
+        return
+    if not mapping.entries:
+        problems.error("'values' names no value", mapping.span,
+                       help='values: {IDLE: 0, LANDING: 1}')
+    found = [entry for key, item in mapping.entries if (entry := _value(key, item, problems))]
+    _check_values(found, problems)
+    yield from found
+
+
+def _value(key: YamlScalar, node: Node, problems: Problems) -> ValueEntry | None:
+    """Read one name of a value: what is in quotes, or no number, is a string."""
+    report_fault(name_fault(key.value), key.text, problems)
+    if isinstance(node, YamlScalar) and node.style:
+        return ValueEntry(key.text, node.text, is_string=True)
+    text = text_of(node, f'the value {shown(key.value)}', problems)
+    if text is None:
+        return None
+    is_string = not looks_like_number(text.value)
+    if not is_string and not is_integer(text.value):
+        fault = number_fault(text.value)
+        problems.error('a value with a name is a whole number or a string', text.span,
+                       'this is neither', fault.help if fault and fault.help else
+                       f'{key.value}: "{text.value}"   # if it is a string')
+    return ValueEntry(key.text, text, is_string)
+
+
+def _check_values(entries: list[ValueEntry], problems: Problems) -> None:
+    firsts: dict[str | Fraction, ValueEntry] = {}
+    for item in entries:
+        if item.is_string != entries[0].is_string:
+            first = entries[0].name.value
+            problems.error("'values' are all numbers, or all strings", item.value.span,
+                           f'unlike {shown(first)}')
+            return
+        number = None if item.is_string else exact(item.value.value)
+        same = firsts.setdefault(item.value.value if number is None else number, item)
+        if same is not item:
+            kind = 'string' if item.is_string else 'number'
+            problems.error(f'two names for one {kind}', item.value.span,
+                           f'{shown(same.name.value)} stands for it already')
+
+
+def _qos(node: Node | None, problems: Problems) -> Iterator[tuple[Text, Text]]:
+    mapping = mapping_of(node, "'qos'", problems, 'qos: {reliability: best_effort, depth: 10}')
+    if mapping is None:
+        return
+    shape = Shape(mapping, "'qos'", _QOS, problems)
+    for key, words in _QOS.items():
+        name, text = shape.key(key), shape.text(key)
+        if name is None or text is None:
+            continue
+        if words and text.value not in words:
+            report_choice(text, key, words, problems)
+        elif not words and not (is_integer(text.value) and 0 < _whole(text.value) < 2 ** 31):
+            problems.error(f"'{key}' is a number of messages, at least 1", text.span)
+        else:
+            yield name.text, text
+
+
+def _whole(text: str) -> int:
+    return int(text) if len(text) < 20 else 0
+
+
+def check_topics(inputs: Iterable[InputEntry], problems: Problems) -> None:
+    """Hold together what inputs on one topic say of it."""
+    first: dict[str, InputEntry] = {}
+    for item in inputs:
+        if item.topic is not None:
+            _check_topic(item, item.topic, first.setdefault(item.topic.value, item), problems)
+
+
+def _check_topic(item: InputEntry, topic: Text, first: InputEntry,
+                 problems: Problems) -> None:
+    for key, aspect in _TOPIC_ASPECTS:
+        if key not in item.damaged | first.damaged and aspect(item) != aspect(first):
+            place = dict(item.places).get(key, topic.span)
+            problems.error(
+                f"inputs on one topic must agree in '{key}'", place,
+                f'{shown(first.name.value)} in {line_of(first.name, place)} '
+                f'says {_said(first, key)}, {shown(item.name.value)} {_said(item, key)}')
+
+
+def _qos_of(item: InputEntry) -> object:
+    return sorted((key.value, value.value) for key, value in item.qos)
+
+
+def _said(item: InputEntry, key: str) -> str:
+    """Return what is written under a key of an input."""
+    place = dict(item.places).get(key)
+    if place is None:
+        return 'nothing'
+    if key == 'qos':
+        return ', '.join(f'{name.value}: {value.value}' for name, value in item.qos) or 'nothing'
+    return shown(place.source.text[place.start:place.end])[1:-1]
+
+
+_TOPIC_ASPECTS: tuple[tuple[str, Callable[[InputEntry], object]], ...] = (
+    ('type', lambda item: item.type.value if item.type else None),
+    ('qos', _qos_of),
+    ('timeout', lambda item: item.timeout),
+    ('stale', lambda item: item.stale or Stale.WARN),
+)

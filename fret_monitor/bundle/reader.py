@@ -1,0 +1,348 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Reads a bundle with its `signals` files: YAML in, a frozen `Bundle` out.
+
+`read_bundle` raises one `CompileError` with all problems of all files. `survey_bundle` returns
+what can be used of a bundle that has problems, so that the problems of its formulas can be
+reported in the same run.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+import os
+from pathlib import Path
+
+from fret_monitor.bundle.bundle import Bundle, ConstantEntry, Definition, InputEntry
+from fret_monitor.bundle.declared_name import declared_name, DeclaredName
+from fret_monitor.bundle.formulas import read_definition
+from fret_monitor.bundle.inputs import check_topics, INPUT_KEYS, read_input
+from fret_monitor.bundle.requirements import read_requirements
+from fret_monitor.bundle.source_file import read_source
+from fret_monitor.bundle.yaml_shape import (
+    is_empty, line_of, mapping_of, report_choice, report_fault, Shape, text_of,
+)
+from fret_monitor.bundle.yaml_tree import (
+    Node, read_tree, Unread, YamlList, YamlMapping, YamlScalar,
+)
+from fret_monitor.model.diagnostics import CompileError, Problems, Source, Span, Text
+from fret_monitor.model.names import (
+    fret_name, LONGEST_PATH, name_fault, number_fault, quoted_name_fault, shown,
+)
+from fret_monitor.model.policies import Policy
+
+FORMAT = '1'
+
+_SHORTEST_PERIOD_S = Fraction(1, 10 ** 9)  # ROS counts time in nanoseconds
+_LONGEST_PERIOD_S = Fraction(10 ** 9)
+_SIGNALS_KEYS = ('format', 'title', 'description', 'constants', 'inputs')
+_BUNDLE_KEYS = (
+    'format', 'component', 'title', 'description', 'signals', 'constants', 'inputs',
+    'definitions', 'evaluation', 'report', 'severity', 'requirements')
+_ELSEWHERE = dict.fromkeys(
+    ('policy', 'period', 'rate'),
+    'it belongs under evaluation, as in\nevaluation: {policy: periodic, period: 0.1}')
+_EXAMPLE = """\
+format: 1
+inputs:
+  speed: {topic: speed, type: std_msgs/msg/Float32}
+requirements:
+  - id: R1
+    ptltl: "H (speed <= 2.0)\""""
+_SIGNALS_EXAMPLE = 'inputs:\n  speed: {topic: speed, type: std_msgs/msg/Float32}'
+
+
+def read_bundle(path: Path) -> Bundle:
+    """
+    Read a bundle from a file, with its `signals` files.
+
+    Raises
+    ------
+    CompileError
+        with all problems of all files, if there are any.
+    """
+    problems = Problems()
+    bundle = survey_bundle(path, problems)
+    problems.raise_errors()
+    assert bundle is not None, 'a bundle that cannot be read has a problem'
+    return bundle
+
+
+def parse_bundle(source: Source, directory: Path) -> Bundle:
+    """
+    Read a bundle from a text; `signals` files are looked for in `directory`.
+
+    Raises
+    ------
+    CompileError
+        with all problems of all files, if there are any.
+    """
+    problems = Problems()
+    bundle = _BundleReader(directory, problems).bundle(source)
+    problems.raise_errors()
+    assert bundle is not None, 'a bundle that cannot be read has a problem'
+    return bundle
+
+
+def survey_bundle(path: Path, problems: Problems, *,
+                  needs_period: bool = True) -> Bundle | None:
+    """
+    Read what can be used of a bundle, and add what is wrong with it to `problems`.
+
+    The names that were declared but cannot be used are in `Bundle.unreadable`: formulas that use
+    them have no problem of their own, unless what was refused of an input does not matter to
+    them. Returns None where nothing can be used. A bundle with the policy periodic has to say a
+    period unless that is given otherwise: without `needs_period`.
+    """
+    try:
+        source = read_source(path)
+    except CompileError as error:
+        problems.extend(error.diagnostics)
+        return None
+    return _BundleReader(path.parent, problems, needs_period).bundle(source)
+
+
+class _BundleReader:
+    """Reads one bundle: what it finds goes into the bundle or, told, into the problems."""
+
+    def __init__(self, directory: Path, problems: Problems, needs_period: bool = True) -> None:
+        self._directory = directory
+        self._problems = problems
+        self._needs_period = needs_period
+        self._declared: dict[str, Text] = {}
+        self._unreadable: set[str] = set()
+
+    def bundle(self, source: Source) -> Bundle | None:
+        """Read a bundle, None where nothing of it can be used."""
+        mapping = self._root(source, 'the bundle', _EXAMPLE)
+        if mapping is None or not self._has_format(mapping, is_required=True):
+            return None
+        shape = Shape(mapping, 'a bundle', _BUNDLE_KEYS, self._problems, elsewhere=_ELSEWHERE)
+        read = self._contents(source, shape)
+        shared = self._signals(source, shape)
+        definitions = tuple(self._definitions(shape))
+        inputs = (*read.inputs, *(item for part in shared for item in part.inputs))
+        check_topics(inputs, self._problems)
+        return replace(
+            read,
+            sources=(source, *(part.sources[0] for part in shared)),
+            constants=(*read.constants, *(item for part in shared for item in part.constants)),
+            inputs=inputs,
+            definitions=definitions,
+            requirements=tuple(read_requirements(shape, self._problems)),
+            unreadable=frozenset(self._unreadable),
+        )
+
+    def _root(self, source: Source, what: str, example: str) -> YamlMapping | None:
+        problems = Problems()
+        root = read_tree(source, problems)
+        self._problems.extend(problems.errors)
+        if isinstance(root, YamlMapping):
+            return root
+        if root is None and not problems.errors or root is not None and is_empty(root):
+            self._problems.error(f'{what} is empty', Span(source, 0, 0),
+                                 help=f'it begins like this:\n{example}')
+        elif root is not None:
+            mapping_of(root, what, self._problems, f'it begins like this:\n{example}')
+        return None
+
+    def _has_format(self, mapping: YamlMapping, is_required: bool) -> bool:
+        """Return whether this is a format we read; of another nothing more can be said."""
+        for key, node in mapping.entries:
+            if key.value == 'format':
+                text = text_of(node, "'format'", self._problems)
+                if text is not None and text.value != FORMAT:
+                    self._problems.error(f'format {shown(text.value)} is not known', text.span,
+                                         f'this version reads format {FORMAT}', 'format: 1')
+                return text is None or text.value == FORMAT
+        if is_required:
+            self._problems.error("the bundle does not say its 'format'", mapping.span,
+                                 'write this line first', 'format: 1')
+        return True
+
+    def _contents(self, source: Source, shape: Shape) -> Bundle:
+        """Read all but signals, definitions and requirements."""
+        policy, period = self._evaluation(shape)
+        return Bundle(
+            name=Path(source.name).stem,
+            sources=(source,),
+            component=shape.text('component'),
+            title=shape.free_text('title'),
+            description=shape.free_text('description'),
+            constants=tuple(self._constants(shape)),
+            inputs=tuple(self._inputs(shape)),
+            definitions=(),
+            policy=policy,
+            period=period,
+            requirements=(),
+        )
+
+    def _evaluation(self, shape: Shape) -> tuple[Policy, Fraction | None]:
+        node = shape.node('evaluation')
+        mapping = mapping_of(node, "'evaluation'", self._problems, 'policy: every_message')
+        if mapping is None:
+            return Policy.EVERY_MESSAGE, None
+        part = Shape(mapping, "'evaluation'", ('policy', 'period', 'rate'), self._problems)
+        text = part.text('policy')
+        words = [policy.value for policy in Policy]
+        if text is not None and text.value not in words:
+            report_choice(text, 'policy', words, self._problems)
+        is_known = part.lacks('policy') or text is not None and text.value in words
+        policy = Policy(text.value) if text and is_known else Policy.EVERY_MESSAGE
+        key = shape.key('evaluation')
+        return policy, self._period(part, key.span if key else part.span, policy, is_known)
+
+    def _period(self, part: Shape, place: Span, policy: Policy,
+                is_known: bool) -> Fraction | None:
+        """Read `period` or `rate`; both are read so that both are checked."""
+        period = part.positive('period', 'seconds', _SHORTEST_PERIOD_S, _LONGEST_PERIOD_S)
+        rate = part.positive('rate', 'steps a second (Hz)', 1 / _LONGEST_PERIOD_S,
+                             1 / _SHORTEST_PERIOD_S)
+        keys = [key for key in (part.key('period'), part.key('rate')) if key]
+        if len(keys) == 2:
+            self._problems.error("'period' and 'rate' say the same", keys[1].span,
+                                 f"'{keys[0].value}' is there already", 'remove one of them')
+        elif keys and is_known and policy is not Policy.PERIODIC:
+            self._problems.error(
+                f"'{keys[0].value}' goes with the policy periodic only", keys[0].span,
+                f'the policy is {policy.value}', 'policy: periodic')
+        elif (part.lacks('period', 'rate') and policy is Policy.PERIODIC
+              and self._needs_period):
+            self._problems.error("the policy periodic needs a 'period' or a 'rate'", place,
+                                 help='period: 0.1   # seconds')
+        if policy is not Policy.PERIODIC:
+            return None
+        return 1 / rate if rate is not None else period
+
+    def _constants(self, shape: Shape) -> Iterator[ConstantEntry]:
+        for name, node in self._named(shape, 'constants', 'cc_t: 15.0'):
+            problems = Problems()
+            self._declare(name, problems)
+            text = text_of(node, f'the constant {shown(name.value)}', problems)
+            if text is not None and text.value.lower() not in ('true', 'false'):
+                report_fault(number_fault(text.value), text, problems)
+            if self._is_usable(name, node, problems) and text is not None:
+                yield ConstantEntry(name.text, text)
+
+    def _named(self, shape: Shape, key: str,
+               example: str) -> Iterator[tuple[DeclaredName, Node]]:
+        """Yield what stands under `constants`, `inputs` or `definitions`."""
+        mapping = mapping_of(shape.node(key), f"'{key}'", self._problems, example)
+        for name, node in mapping.entries if mapping else ():
+            yield declared_name(name), node
+
+    def _declare(self, name: DeclaredName, problems: Problems) -> None:
+        """Take a name; two may not differ in FRET's spelling only (`a.b` and `a_DOT_b`)."""
+        fault = (quoted_name_fault if name.is_quoted else name_fault)(name.value)
+        first = self._declared.setdefault(fret_name(name.value), name.text)
+        if fault is not None:
+            problems.error(fault.reason, name.span, 'not a name', fault.help)
+        elif first is not name.text:
+            problems.error(
+                f'{shown(name.value)} is declared twice', name.span,
+                f'first in {line_of(first, name.span)}', 'choose another name for one of them')
+
+    def _is_usable(self, name: DeclaredName, node: Node, problems: Problems) -> bool:
+        """Pass on the problems of an entry; return whether it has none."""
+        self._problems.extend(problems.errors)
+        is_usable = not problems.errors and not isinstance(node, Unread)
+        if not is_usable:
+            self._unreadable.add(name.value)
+        return is_usable
+
+    def _inputs(self, shape: Shape) -> Iterator[InputEntry]:
+        inputs = list(self._named(
+            shape, 'inputs', 'speed: {topic: speed, type: std_msgs/msg/Float32}'))
+        for (name, node), (following, after) in zip(inputs, [*inputs[1:], *inputs[-1:]]):
+            if isinstance(node, YamlScalar) and name.value in INPUT_KEYS:
+                self._report_outdented(name)
+                continue
+            problems = Problems()
+            if (is_empty(node) and isinstance(after, YamlScalar)
+                    and following.value in INPUT_KEYS):
+                self._unreadable.add(name.value)
+                continue
+            self._declare(name, problems)
+            damaged = {'name'} if problems.errors else set()
+            what = f'the input {shown(name.value)}'
+            mapping = mapping_of(node, what, problems,
+                                 f'{name.value}: {{topic: speed, type: std_msgs/msg/Float32}}')
+            entry = read_input(name, mapping, problems) if mapping else None
+            self._is_usable(name, node, problems)
+            if entry is not None:
+                yield replace(entry, damaged=entry.damaged | damaged)
+
+    def _report_outdented(self, name: DeclaredName) -> None:
+        """Tell a key of an input that stands beside the input's name."""
+        self._problems.error(
+            f"'{name.value}' is a key of an input, and no input", name.span,
+            'not indented under the name of one', 'indent it deeper than the name of its input')
+        self._unreadable.add(name.value)
+
+    def _definitions(self, shape: Shape) -> Iterator[Definition]:
+        for name, node in self._named(shape, 'definitions', 'fast: speed > 2.0'):
+            problems = Problems()
+            self._declare(name, problems)
+            language, text = read_definition(name, node, problems)
+            if self._is_usable(name, node, problems) and text is not None:
+                yield Definition(name.text, language, text)
+
+    def _signals(self, source: Source, shape: Shape) -> list[Bundle]:
+        """Read the `signals` files, each as a bundle that has inputs and constants only."""
+        found: list[Bundle] = []
+        read = {Path(source.name).resolve()}
+        for text in self._signals_names(shape.node('signals')):
+            path = self._directory / text.value
+            if _resolved(path) in read:
+                self._problems.error('this file is read already', text.span)
+                continue
+            read.add(_resolved(path))
+            part = self._signals_file(path, text)
+            if part is not None:
+                found.append(part)
+        return found
+
+    def _signals_names(self, node: Node | None) -> Iterator[Text]:
+        nodes = node.items if isinstance(node, YamlList) else (node,) if node else ()
+        for item in nodes:
+            text = text_of(item, "a file of 'signals'", self._problems)
+            if text is not None:
+                yield text
+
+    def _signals_file(self, path: Path, text: Text) -> Bundle | None:
+        if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
+            # A bundle that names a pipe would have a start wait for ever.
+            self._problems.error(f'{shown(str(path), LONGEST_PATH)} is not a regular file',
+                                 text.span)
+            return None
+        try:
+            source = read_source(path)
+        except CompileError as error:
+            for item in error.diagnostics:
+                self._problems.extend([item if item.span else replace(item, span=text.span)])
+            return None
+        mapping = self._root(source, 'the signals file', _SIGNALS_EXAMPLE)
+        if mapping is None or not self._has_format(mapping, is_required=False):
+            return None
+        return self._contents(
+            source, Shape(mapping, 'a signals file', _SIGNALS_KEYS, self._problems))
+
+
+def _resolved(path: Path) -> Path:
+    try:
+        return path.resolve()
+    except (OSError, ValueError, RuntimeError):
+        return path

@@ -1,0 +1,120 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Reads the list of requirements: each with an id, one formula, and the bundle's defaults."""
+
+from collections.abc import Iterator
+
+from fret_monitor.bundle.bundle import Language, Requirement
+from fret_monitor.bundle.formulas import FORMULA_KEYS, FORMULA_SLIPS, read_one_formula
+from fret_monitor.bundle.yaml_shape import kind_of, mapping_of, report_fault, Shape
+from fret_monitor.bundle.yaml_tree import Node, Unread, YamlList, YamlMapping, YamlScalar
+from fret_monitor.model.diagnostics import Problems, Source, Text
+from fret_monitor.model.names import handler_fault, shown
+from fret_monitor.model.policies import Report, Severity
+
+_REQUIREMENT_KEYS = ('id', *FORMULA_KEYS, 'title', 'rationale', 'report', 'severity')
+_NO_TEXT = Text('', Source('', ''), [0])
+
+
+def read_requirements(shape: Shape, problems: Problems) -> Iterator[Requirement]:
+    node = shape.node('requirements')
+    report = shape.choice('report', Report, Report.EVERY_STEP)
+    severity = shape.choice('severity', Severity, Severity.ERROR)
+    ids: dict[str, Requirement] = {}
+    handlers: dict[str, Requirement] = {}
+    for item in _requirement_nodes(shape, node, problems):
+        found = _requirement(item, report, severity, problems)
+        if found is not None:
+            _check_id(found, ids, handlers, problems)
+            if found.text is not _NO_TEXT:
+                yield found
+
+
+def _requirement_nodes(shape: Shape, node: Node | None,
+                       problems: Problems) -> Iterator[YamlMapping]:
+    if isinstance(node, YamlList) and node.items:
+        for item in node.items:
+            mapping = _requirement_node(item, problems)
+            if mapping is not None:
+                yield mapping
+    elif isinstance(node, YamlList) or isinstance(node, YamlScalar) and node.is_missing or (
+            node is None and shape.lacks('requirements')):
+        problems.error('a bundle has at least one requirement',
+                       node.span if node else shape.span, 'there is none',
+                       'requirements:\n  - id: R1\n    ptltl: "H (speed <= 2.0)"')
+    elif node is not None and not isinstance(node, Unread):
+        problems.error("'requirements' is a list", node.span, f'this is {kind_of(node)}',
+                       '- id: R1\n  ptltl: "H (speed <= 2.0)"')
+
+
+def _check_id(item: Requirement, ids: dict[str, Requirement],
+              handlers: dict[str, Requirement], problems: Problems) -> None:
+    same = ids.setdefault(item.id.value, item)
+    clash = handlers.setdefault(item.handler, item)
+    if same is not item:
+        problems.error(f'the id {shown(item.id.value)} is given twice', item.id.span,
+                       f'first in line {same.id.span.line}')
+    elif clash is not item:
+        problems.error(
+            f'two ids give one handler, {shown(item.handler)}', item.id.span,
+            f'{shown(clash.id.value)} in line {clash.id.span.line} gives it too',
+            "letters, digits and '_' tell ids apart; other characters do not")
+
+
+def _requirement_node(node: Node, problems: Problems) -> YamlMapping | None:
+    if isinstance(node, YamlScalar) and node.is_missing:
+        problems.error('this requirement is empty', node.span,
+                       help='- id: R1\n  ptltl: "H (speed <= 2.0)"')
+        return None
+    return mapping_of(node, 'a requirement', problems,
+                      '- id: R1\n  ptltl: "H (speed <= 2.0)"')
+
+
+def _requirement(mapping: YamlMapping, report: Report, severity: Severity,
+                 problems: Problems) -> Requirement | None:
+    """
+    Read a requirement, with the bundle's `report` and `severity` where it has none.
+
+    Returns None without an id, and `_NO_TEXT` for a formula that cannot be used.
+    """
+    shape = Shape(mapping, 'a requirement', _REQUIREMENT_KEYS, problems, FORMULA_SLIPS)
+    name = _id(shape, problems)
+    what = f'the requirement {shown(name.value)}' if name else 'this requirement'
+    place = name.span if name else shape.span
+    language, text = read_one_formula(shape, what, place, problems)
+    found = Requirement(
+        id=name or _NO_TEXT,
+        language=language,
+        text=text or _NO_TEXT,
+        title=shape.free_text('title'),
+        rationale=shape.free_text('rationale'),
+        report=shape.choice('report', Report, report),
+        severity=shape.choice('severity', Severity, severity),
+    )
+    return found if name else None
+
+
+def _id(shape: Shape, problems: Problems) -> Text | None:
+    if shape.lacks('id'):
+        problems.error("a requirement has an 'id'", shape.span, 'this one has none', 'id: R1')
+    text = shape.text('id')
+    if text is None:
+        return None
+    if not text.value.isprintable() or text.value != text.value.strip():
+        problems.error('an id is one line, with no blank at its ends', text.span)
+        return None
+    found = Requirement(text, Language.PTLTL, text, '', '', Report.EVERY_STEP, Severity.ERROR)
+    report_fault(handler_fault(found.handler), text, problems)
+    return text
