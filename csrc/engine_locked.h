@@ -12,38 +12,35 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-
-/// engine_locked.h: what hot_path.c needs of a engine beyond engine.h: to take a message, read it where
-/// it lies, and deliver it without letting another one pass in between.
+/// engine_locked.h: what takes messages needs of an engine beyond engine.h: to take a message, read
+/// it where it lies, and deliver it, with no other message in between.
 
 #ifndef ENGINE_LOCKED_H_
 #define ENGINE_LOCKED_H_
 
 #include "engine.h"
 
+/// Hold and release the engine's mutex. It is not recursive: with it held, only the functions here
+/// may be called.
 void fm_engine_lock(struct fm_engine * engine);
 void fm_engine_unlock(struct fm_engine * engine);
 
-/// How the messages of a topic are read.
+/// How the messages of a topic are read. Constant; needs no lock. `topic` is in range.
 const struct fm_reader * fm_engine_reader(const struct fm_engine * engine, uint32_t topic);
 
-/// A message that was read: the fields, by the topic's inputs, if it is decoded; its bytes, where
-/// anything of it cannot be used.
+/// A message that was read: the fields, in the order of the topic's inputs, if it is decoded; its
+/// bytes, where any field cannot be used.
 struct fm_reading
 {
   const struct fm_field * fields;
   const uint8_t * message;
   size_t size;
   bool is_decoded;
-  uint64_t thrown;  // so many the middleware may have thrown away since the last one, at most
 };
 
-/// fm_engine_message behind the reading, for whoever holds the lock.
+/// As fm_engine_message, of a message that was read, with the lock held. `topic` is in range.
 uint32_t fm_engine_deliver_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin);
-
-/// Count a message of which there is nothing to read, for whoever holds the lock.
-void fm_engine_undecodable_locked(struct fm_engine * engine, uint32_t topic);
 
 #endif  // ENGINE_LOCKED_H_

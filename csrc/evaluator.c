@@ -817,6 +817,14 @@ bool fm_evaluator_has_value(const struct fm_evaluator * evaluator, uint32_t inpu
   return input < evaluator->monitor->n_inputs && evaluator->inputs[input].has_value;
 }
 
+bool fm_evaluator_value(const struct fm_evaluator * evaluator, uint32_t input, void * out)
+{
+  if (input < evaluator->monitor->n_inputs) {
+    memcpy(out, evaluator->inputs[input].place, size_of(evaluator->inputs[input].type));
+  }
+  return fm_evaluator_has_value(evaluator, input);
+}
+
 bool fm_evaluator_is_stale(const struct fm_evaluator * evaluator, uint32_t input)
 {
   return input < evaluator->monitor->n_inputs && evaluator->inputs[input].stale;

@@ -116,7 +116,7 @@ def _lines(data: Path) -> Iterator[tuple[str, int, int]]:
     for line in done.stdout.splitlines():
         for file in json.loads(line)['files'] if line.startswith('{') else ():
             name = Path(file['file']).name
-            if (CSRC / name).is_file():
+            if any(CSRC.rglob(name)):
                 yield from ((name, item['line_number'], item['count']) for item in file['lines'])
 
 

@@ -29,7 +29,7 @@ asked for within a day. One that a process has loaded stays whole for it, remove
 """
 
 import atexit
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
@@ -48,11 +48,14 @@ import time
 from fret_monitor.native.compiler import (
     COMPILE_FLAGS, compile_library, Compiler, find_compiler, LIBRARIES, LINK_FLAGS, TIMEOUT,
 )
-from fret_monitor.native.errors import CacheError, CompilerError, NativeError
+from fret_monitor.native.errors import CacheError, CompilerError, LibraryError, NativeError
 from fret_monitor.native.monitor import is_cut_short
 
 #: The evaluator, and what feeds it from the middleware: one library.
-EVALUATOR_SOURCES = ('evaluator.c', 'engine.c', 'hot_path.c')
+EVALUATOR_SOURCES = (
+    'evaluator.c', 'handover.c', 'outbox.c', 'engine.c',
+    'ros/receiver.c', 'ros/in_place.c', 'ros/announcer.c',
+)
 
 _SEAL = 'seal.json'
 _UNFINISHED = '.building-'
@@ -78,7 +81,7 @@ def build_library(
     name
         the library's file is `libNAME.so`; letters, digits and `_`.
     headers
-        file name to text of the headers they include; those of csrc when None.
+        file name to text of the headers they include; `runtime_headers` when None.
     compiler
         None for what `find_compiler` finds.
     timeout
@@ -97,14 +100,48 @@ def build_library(
         if the folder of built libraries could be written by somebody else.
     """
     compiler = compiler or find_compiler()
-    files = {**(runtime_headers() if headers is None else headers), **sources}
+    texts = {**(runtime_headers() if headers is None else headers), **sources}
+    files = {file: text.encode() for file, text in texts.items()}
     build = _Build(files, tuple(sources), f'lib{name}.so', compiler, timeout)
-    return build.kept() or build.make()
+    entry = _Entry(build.key(), build.library, build.fill, _warn_once)
+    return entry.kept() or entry.make()
+
+
+def private_copy(library: Path) -> Path:
+    """
+    Copy a library to a place of its own, under a name of its content, to be opened there.
+
+    The file may then be overwritten or removed while it is in use, and a file of other content at
+    the same path is opened as another library. The copy is kept as built libraries are, or until
+    this process ends where nothing can be kept.
+
+    Raises
+    ------
+    LibraryError
+        if the file cannot be read, or no copy can be written.
+    """
+    try:
+        content = library.read_bytes()
+    except OSError as error:
+        raise LibraryError(f'cannot read {library}: {error.strerror or error}') from None
+
+    def fill(folder: Path) -> None:
+        (folder / library.name).write_bytes(content)
+
+    entry = _Entry(sha256(content).hexdigest(), library.name, fill)
+    try:
+        return entry.kept() or entry.make()
+    except CacheError:
+        pass  # somebody else can write there
+    try:
+        return entry.make_for_now('others can write there')
+    except CacheError as error:
+        raise LibraryError(str(error)) from None
 
 
 @cache
-def _tell_once(root: Path, reason: str) -> None:
-    """Warn of a folder that is done without: by several libraries, as a rule."""
+def _warn_once(root: Path, reason: str) -> None:
+    """Warn once of a folder that cannot be written, for all libraries that are built."""
     _log.warning(
         '%s cannot be written (%s): the library is built for this run only, and every start will '
         'compile again: make it writable, make room, or set ROS_HOME to another folder',
@@ -166,16 +203,24 @@ def forget(dates: Mapping[Path, float], most: int) -> None:
 
 
 def runtime_headers() -> dict[str, str]:
-    """Return the headers of csrc that generated C stands on, by file name."""
+    """Return the headers of csrc that generated C may include, by file name."""
     return {file.name: file.read_text(encoding='utf-8')
             for file in sorted(csrc_directory().glob('*.h'))}
 
 
+def evaluator_files() -> dict[str, str]:
+    """Return the sources of the evaluator's library and all headers, by file name."""
+    sources = (csrc_directory() / name for name in EVALUATOR_SOURCES)
+    return {file.name: file.read_text(encoding='utf-8')
+            for file in (*sorted(csrc_directory().rglob('*.h')), *sources)}
+
+
 def evaluator_library() -> Path:
     """Return the library of the evaluator and what is around it; errors as `build_library`."""
-    files = (csrc_directory() / name for name in EVALUATOR_SOURCES)
-    return build_library(
-        {file.name: file.read_text(encoding='utf-8') for file in files}, name='fm_evaluator')
+    files = evaluator_files()
+    headers = {name: text for name, text in files.items() if name.endswith('.h')}
+    return build_library({name: text for name, text in files.items() if name not in headers},
+                         headers=headers, name='fm_evaluator')
 
 
 @cache
@@ -215,45 +260,82 @@ def cache_directory() -> Path:
 
 
 class _Build:
-    """One library to be had: what it is made of, and where it belongs."""
+    """What a library is built from."""
 
     def __init__(
-        self, files: Mapping[str, str], sources: tuple[str, ...], library: str,
+        self, files: Mapping[str, bytes], sources: tuple[str, ...], library: str,
         compiler: Compiler, timeout: float,
     ) -> None:
-        self._files = {file: text.encode() for file, text in files.items()}
+        self.library = library
+        self._files = files
         self._sources = sources
-        self._library = library
         self._compiler = compiler
         self._timeout = timeout
+
+    def key(self) -> str:
+        """Return a name for all that decides what the library is."""
+        decisive = [
+            {file: sha256(text).hexdigest() for file, text in sorted(self._files.items())},
+            self._sources, self.library, self._compiler.identity,
+            COMPILE_FLAGS, LINK_FLAGS, LIBRARIES, platform.machine(), sys.platform]
+        return sha256(json.dumps(decisive).encode()).hexdigest()
+
+    def fill(self, folder: Path) -> None:
+        """Write the sources to a folder and compile them there."""
+        for file, text in self._files.items():
+            (folder / file).write_bytes(text)
+        compile_library(
+            self._compiler, self._sources, self.library, folder=folder, timeout=self._timeout)
+        for made in folder.glob('*.o'):
+            made.unlink()
+        _refuse_garbage(folder / self.library, self._compiler)
+
+
+class _Entry:
+    """A folder of the cache with one library: its name, and how to fill it."""
+
+    def __init__(self, key: str, library: str, fill: Callable[[Path], None],
+                 warn: Callable[[Path, str], None] | None = None) -> None:
+        self._library = library
+        self._fill = fill
+        self._warn = warn
         self._root = cache_directory()
-        self._folder = self._root / self._key()
+        self._folder = self._root / key
 
     def kept(self) -> Path | None:
-        """Return the library if it was built before and is whole."""
+        """Return the library if it is there and whole; note its use."""
         try:
             _refuse_foreign(self._root)
         except OSError:
             return None  # there is no such folder, or we cannot see it
-        return self._folder / self._library if self._is_whole() else None
+        library = self._folder / self._library
+        return library if is_kept(library) else None
 
     def make(self) -> Path:
-        """Build the library where it is kept or, where nothing can be, in a private folder."""
+        """Make the library where it is kept or, where nothing can be, in a private folder."""
         try:
             return self._make_kept()
         except OSError as error:
-            return self._make_for_now(error.strerror or str(error))
+            return self.make_for_now(error.strerror or str(error))
         except CompilerError:
             if not _is_full(self._root):
                 raise
-            return self._make_for_now('the disk is full')
+            return self.make_for_now('the disk is full')
 
-    def _key(self) -> str:
-        decisive = [
-            {file: sha256(text).hexdigest() for file, text in sorted(self._files.items())},
-            self._sources, self._library, self._compiler.identity,
-            COMPILE_FLAGS, LINK_FLAGS, LIBRARIES, platform.machine(), sys.platform]
-        return sha256(json.dumps(decisive).encode()).hexdigest()
+    def make_for_now(self, reason: str) -> Path:
+        """Make the library in a private folder, until the process ends."""
+        if self._warn is not None:
+            self._warn(self._root, reason)
+        try:
+            folder = Path(tempfile.mkdtemp(prefix='fret_monitor-'))
+            atexit.register(shutil.rmtree, folder, ignore_errors=True)
+            self._complete(folder)
+        except OSError as error:
+            raise CacheError(
+                f'there is no place to put a library: neither {self._root} ({reason}) nor '
+                f'{error.filename or "a temporary folder"} ({error.strerror or error}) can be '
+                'written: make room, or set ROS_HOME or TMPDIR to another folder') from None
+        return folder / self._library
 
     def _make_kept(self) -> Path:
         self._root.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -261,47 +343,25 @@ class _Build:
         _sweep(self._root)
         unfinished = Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=self._root))
         try:
-            self._fill(unfinished)
+            self._complete(unfinished)
             self._publish(unfinished)
         finally:
             shutil.rmtree(unfinished, ignore_errors=True)
         _evict(self._root)
         return self._folder / self._library
 
-    def _make_for_now(self, reason: str) -> Path:
-        _tell_once(self._root, reason)
-        try:
-            folder = Path(tempfile.mkdtemp(prefix='fret_monitor-'))
-            atexit.register(shutil.rmtree, folder, ignore_errors=True)
-            self._fill(folder)
-        except OSError as error:
-            raise CacheError(
-                f'there is no place to build a library: neither {self._root} ({reason}) nor '
-                f'{error.filename or "a temporary folder"} ({error.strerror or error}) can be '
-                'written: make room, or set ROS_HOME or TMPDIR to another folder') from None
-        return folder / self._library
-
-    def _fill(self, folder: Path) -> None:
-        for file, text in self._files.items():
-            (folder / file).write_bytes(text)
-        compile_library(
-            self._compiler, self._sources, self._library, folder=folder, timeout=self._timeout)
-        for made in folder.glob('*.o'):
-            made.unlink()
-        _refuse_garbage(folder / self._library, self._compiler)
+    def _complete(self, folder: Path) -> None:
+        self._fill(folder)
         (folder / self._library).chmod(0o755)  # with a umask of 002 a group could write it
         seal = json.dumps(_seal(folder / self._library))
         (folder / _SEAL).write_text(seal, encoding='utf-8')
 
-    def _is_whole(self) -> bool:
-        return is_kept(self._folder / self._library)
-
     def _publish(self, unfinished: Path) -> None:
-        """Give the finished folder its name, unless another process was as good meanwhile."""
+        """Give the finished folder its name, unless another process did so meanwhile."""
         try:
             unfinished.rename(self._folder)
         except OSError:
-            if self._is_whole():
+            if is_kept(self._folder / self._library):
                 return
             # What is there is damaged. It is moved out of the way, not emptied in its place.
             damaged = unfinished.with_name(f'{unfinished.name}-damaged')

@@ -20,7 +20,7 @@ A robot opens it without parser or compiler.
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import os
 from pathlib import Path
 import shutil
@@ -28,9 +28,7 @@ import tempfile
 
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.manifest import Manifest, ManifestError
-from fret_monitor.native.cache import (
-    csrc_directory, evaluator_library, EVALUATOR_SOURCES, runtime_headers,
-)
+from fret_monitor.native.cache import evaluator_files, evaluator_library, private_copy
 from fret_monitor.native.errors import LibraryError
 
 MANIFEST_FILE = 'manifest.json'
@@ -45,6 +43,18 @@ class CompiledFolder:
     manifest: Manifest
     library: Path
     evaluator: Path
+
+    def private(self) -> 'CompiledFolder':
+        """
+        Return it with copies of the libraries, which can be opened while the folder changes.
+
+        Raises
+        ------
+        LibraryError
+            if a library cannot be read, or copied.
+        """
+        return replace(self, library=private_copy(self.library),
+                       evaluator=private_copy(self.evaluator))
 
 
 def library_file(manifest: Manifest) -> str:
@@ -161,9 +171,7 @@ def _others(place: Path) -> Iterator[Path]:
 
 def source_files(generated: Mapping[str, str]) -> dict[str, str]:
     """Return all C of the folder `src` by file name: what is generated, and the hand-written."""
-    written = {name: (csrc_directory() / name).read_text(encoding='utf-8')
-               for name in EVALUATOR_SOURCES}
-    return {**runtime_headers(), **written, **generated}
+    return {**evaluator_files(), **generated}
 
 
 def _write_sources(folder: Path, generated: Mapping[str, str]) -> None:

@@ -47,15 +47,22 @@ _dlopen, _dlsym, _dlclose, _dlerror = (
 class Library:
     """A shared library, open for as long as this object lives. Its names stay its own."""
 
-    def __init__(self, path: Path) -> None:
-        """Open it; raises `LibraryError` if it is missing or no library for this machine."""
-        self.path = path
+    def __init__(self, path: Path, *, origin: Path | None = None) -> None:
+        """
+        Open it; errors name `origin`, where `path` is a copy of that.
+
+        Raises
+        ------
+        LibraryError
+            if it is missing or no library for this machine.
+        """
+        self.path = origin or path
         if is_cut_short(path):
-            raise LibraryError(f'cannot load {path}: the file is cut short')
+            raise LibraryError(f'cannot load {self.path}: the file is cut short')
         # With a slash in it, so that no other folder is searched.
         handle = _dlopen(os.fsencode(os.path.abspath(path)), _FLAGS)
         if handle == ffi.NULL:
-            raise LibraryError(f'cannot load {path}: {_reason()}')
+            raise LibraryError(f'cannot load {self.path}: {_reason()}')
         self._handle = ffi.gc(handle, _dlclose)
 
     def find(self, symbol: str) -> CData:
@@ -118,7 +125,7 @@ class Monitor:
         return int(self.pointer.state_bytes)
 
 
-def load(library: Path, manifest: Manifest) -> Monitor:
+def load(library: Path, manifest: Manifest, *, origin: Path | None = None) -> Monitor:
     """
     Load the compiled bundle that a manifest describes.
 
@@ -128,18 +135,20 @@ def load(library: Path, manifest: Manifest) -> Monitor:
         the shared library of the generated C.
     manifest
         what was written with it; `manifest.symbol` is where the library is entered.
+    origin
+        what `library` is a copy of, to be named in errors.
 
     Raises
     ------
     LibraryError
         if the library cannot be loaded, or is not the one of this manifest.
     """
-    opened = Library(library)
+    opened = Library(library, origin=origin)
     enter = ffi.cast('const struct fm_monitor * (*)(void)', opened.find(manifest.symbol))
     monitor = Monitor(manifest, opened, enter(), _readers(opened, manifest))
     for difference in _differences(monitor):
         raise LibraryError(
-            f'{library} does not fit its manifest ({difference}): compile the bundle again')
+            f'{opened.path} does not fit its manifest ({difference}): compile the bundle again')
     return monitor
 
 
@@ -170,14 +179,14 @@ class CompiledMonitor:
 
 def load_evaluator(library: Path) -> CData:
     """
-    Load the evaluator, `csrc/evaluator.c`; its functions are the attributes of what is returned.
+    Load the evaluator's library; its functions are the attributes of what is returned.
 
     Raises
     ------
     LibraryError
         if it cannot be loaded, or is no evaluator of this version.
     """
-    Library(library).find('fm_evaluator_rows')
+    Library(library).find('fm_engine_create')
     # It stays: a thread of the middleware may be in it when Python lets go of everything.
     return ffi.dlopen(os.path.abspath(library), _FLAGS | ffi.RTLD_NODELETE)
 

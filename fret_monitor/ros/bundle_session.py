@@ -33,7 +33,8 @@ from fret_monitor.ros.feed import Deliver, Feed, PublisherStatus, TopicReceiver
 from fret_monitor.ros.fields import message_class, MessageTypeError, why_unusable
 from fret_monitor.ros.handlers import handler_topic, Handlers
 from fret_monitor.ros.health import describe_missing, Health, PERIOD
-from fret_monitor.ros.hot_path import Announcer, find_middleware, HotTopic, Middleware, Unavailable
+from fret_monitor.ros.hot_path import Announcer, find_middleware, HotTopic, Middleware
+from fret_monitor.ros.loaded import Unavailable
 from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import Refusal
 from fret_monitor.ros.periods import Periods
@@ -81,6 +82,7 @@ class BundleSession:
         self._advertised = ExitStack()
         self._running = ExitStack()
         self._feed: Feed | None = None
+        self._handler_publisher: HandlerPublisher | None = None
         self._told: set[int | str] = set()  # inputs and topics of which something odd was told
         refuse_inputs_off_ros(self.manifest)
         self._classes = _message_classes(self.manifest)
@@ -131,13 +133,12 @@ class BundleSession:
     def _start_timers(self) -> None:
         timeouts = TimeoutTimer(
             self._node, self.manifest, lambda index: self._watch.input_counts(index).received,
-            lambda index, received: self._watch.stale(index, received, self._now()))
+            self._stale)
         self._running.callback(timeouts.close)
         periods = None
         if self.opened.policy is Policy.PERIODIC:
             assert self.opened.period is not None
-            periods = Periods(self._node, float(self.opened.period),
-                              lambda: self._watch.tick(self._now()))
+            periods = Periods(self._node, float(self.opened.period), self._tick)
             self._running.callback(periods.close)
         self._health = Health(self._node, self._watch, timeouts.tracker,
                               None if periods is None else periods.schedule, self._name)
@@ -146,6 +147,19 @@ class BundleSession:
         self._keep(self._node.create_timer(PERIOD, self._tell_health, clock=steady))
         self._patience = self._node.create_timer(_PATIENCE, self._tell_missing, clock=steady)
         self._keep(self._patience)
+
+    def _stale(self, index: int, received: int) -> None:
+        self._watch.stale(index, received, self._now())
+        self._publish_due()
+
+    def _tick(self) -> None:
+        self._watch.tick(self._now())
+        self._publish_due()
+
+    def _publish_due(self) -> None:
+        """Publish what is violated; the announcer does, where C takes the messages."""
+        if self._handler_publisher is not None:
+            self._handler_publisher.publish_due()
 
     def _keep(self, timer: Timer) -> None:
         self._running.callback(self._node.destroy_timer, timer)
@@ -169,9 +183,9 @@ class BundleSession:
         self._watch.reset()
         return len(self.manifest.groups)
 
-    # Where subscriptions, evaluator and publishers are connected. What is begun first ends last:
-    # no subscription, then no watch, then the threads that publish what was due. Each of them
-    # closes the watch before it waits, for who is interrupted half-way.
+    # Where subscriptions, evaluator and publishers are connected. What begins first ends last: the
+    # threads that publish outlive the subscriptions. Each of them closes the evaluator before it
+    # waits, so that an interrupted `stop` leaves no thread waiting.
 
     def _connect(self) -> None:
         middleware = self._middleware()
@@ -188,9 +202,10 @@ class BundleSession:
     def _connect_through(self, middleware: Middleware | None) -> None:
         watch = self._watch
         self._follow_clock(middleware)
+        self._handler_publisher = None
         if middleware is None:
-            outlet = HandlerPublisher(watch, self._handlers)
-            self._running.callback(outlet.end)
+            self._handler_publisher = HandlerPublisher(watch, self._handlers)
+            self._running.callback(self._handler_publisher.close)
         else:
             announcer = Announcer(watch, middleware, self._handlers.publishers)
             self._running.callback(announcer.join)
@@ -198,7 +213,7 @@ class BundleSession:
         feed = Feed(self._node)
         self._running.callback(feed.close)
         for index, topic in enumerate(self.manifest.topics):
-            taker: Deliver | TopicReceiver = self._delivery(index, outlet) if middleware is None \
+            taker: Deliver | TopicReceiver = self._delivery(index) if middleware is None \
                 else HotTopic(watch, middleware, index)
             kind = self._classes[topic.message_type]
             if middleware is not None and middleware.reads_in_place:
@@ -261,14 +276,14 @@ class BundleSession:
         self._keep(self._node.create_timer(
             PERIOD, follow, clock=Clock(clock_type=ClockType.STEADY_TIME)))
 
-    def _delivery(self, topic: int, outlet: HandlerPublisher) -> Deliver:
+    def _delivery(self, topic: int) -> Deliver:
         """Return the callback for a topic where Python takes the messages."""
         watch = self._watch
 
         def deliver(data: bytes, received: int, _: int) -> None:
             stamp = self._now() if self._clock.ros_time_is_active else received
             watch.message(topic, data, stamp)
-            outlet.announce_now()
+            self._publish_due()
 
         return deliver
 

@@ -180,8 +180,10 @@ def _open_library(settings: Settings, origin: Origin, directory: Path) -> Opened
     folder = open_folder(directory)
     _refuse_other_bundle(origin.spec, directory, folder.manifest)
     policy = _policy_of(settings, folder.manifest)
-    return Opened(load(folder.library, folder.manifest), folder.evaluator, policy,
-                  folder.manifest.period, f'compiled before, in {directory}', ())
+    private = folder.private()  # which the folder's next version does not disturb
+    monitor = load(private.library, folder.manifest, origin=folder.library)
+    return Opened(monitor, private.evaluator, policy, folder.manifest.period,
+                  f'compiled before, in {directory}', ())
 
 
 def _refuse_other_bundle(spec: Path | None, directory: Path, manifest: Manifest) -> None:

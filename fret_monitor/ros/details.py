@@ -16,8 +16,7 @@
 What is told of a violation beside that it happened: `copilot/violations` (DESIGN 8).
 
 A detail says which requirement, at which step and time, on which values. It is built only while
-somebody listens, and published just before the handler's message, so that who hears both in
-order has it at hand.
+somebody listens, and published when it is made; the handler's message does not wait for it.
 """
 
 from dataclasses import dataclass

@@ -19,8 +19,10 @@ It listens to the handlers of the same bundle, so that it can run anywhere in th
 at all.
 """
 
+from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from threading import Condition, Thread
+from time import monotonic
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -33,6 +35,7 @@ from fret_monitor.ros.feed import Deliver, Feed
 from fret_monitor.ros.fields import UNDECODABLE
 from fret_monitor.ros.handlers import handler_topic
 from fret_monitor.ros.overrides import Overrides
+from fret_monitor.ros.pairing import Pairing, ReceivedViolation
 from fret_monitor.ros.parameters import LOGGER_PARAMETERS, Parameters, read_settings
 from fret_monitor.ros.qos import VIOLATION_REQUEST
 
@@ -42,27 +45,6 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Empty
 
 _CHECK = 1.0  # s
-_TOGETHER = 3 * 10**8
-"""The most between the sending of a detail and of its violation (ns): they are sent in a row."""
-
-
-@dataclass
-class Heard:
-    """What was heard of a requirement; the times (ns) are the sender's."""
-
-    detail: Detail | None = None
-    detail_sent: int = 0
-    violation_sent: int = 0
-
-    def keep(self, detail: Detail, sent: int) -> None:
-        """Keep the detail of a violation that is to come; of one that was told, it is too late."""
-        if not 0 < self.violation_sent - sent <= _TOGETHER:
-            self.detail, self.detail_sent = detail, sent
-
-    def take(self, sent: int) -> Detail | None:
-        """Return the detail of a violation, if it is here."""
-        detail, self.detail, self.violation_sent = self.detail, None, sent
-        return detail if 0 <= sent - self.detail_sent <= _TOGETHER else None
 
 
 class LoggerNode(Node):
@@ -79,7 +61,11 @@ class LoggerNode(Node):
         """
         super().__init__(node_name, **options)
         self._feed = Feed(self)
-        self._heard: dict[str, Heard] = {}
+        self._pairing = Pairing()
+        self._changed = Condition()  # guards the pairing
+        self._is_over = False
+        self._reports: dict[str, Callable[[ReceivedViolation], None]] = {}
+        self._thread = Thread(target=self._report_all, name='reports', daemon=True)
         with ExitStack() as undo:
             undo.callback(self.destroy_node)
             self._begin()
@@ -91,15 +77,20 @@ class LoggerNode(Node):
             raise self._feed.failure
 
     def destroy_node(self) -> None:
-        """End the feed, then the node."""
+        """End the feed, report what it has received, then end the node."""
         self._feed.close()
+        with self._changed:
+            self._is_over = True
+            self._changed.notify()
+        if self._thread.is_alive():
+            self._thread.join()
         super().destroy_node()
 
     def _begin(self) -> None:
         settings = read_settings(Parameters(self, LOGGER_PARAMETERS).values())
         requirements = [requirement for manifest in open_manifests(settings)
                         for requirement in manifest.requirements]
-        self._heard = {requirement.id: Heard() for requirement in requirements}
+        self._reports = {item.id: self._report(item) for item in requirements}
         overrides = Overrides.of(self)
 
         def request(name: str) -> dict[str, str | int]:
@@ -109,44 +100,68 @@ class LoggerNode(Node):
                              self._keep_details, request(DETAILS_TOPIC))
         for requirement in requirements:
             name = handler_topic(requirement)
-            self._feed.subscribe(name, 'std_msgs/msg/Empty', Empty, self._report(requirement),
+            self._feed.subscribe(name, 'std_msgs/msg/Empty', Empty, self._receive(requirement),
                                  request(name))
         self._feed.start()
+        self._thread.start()
         self.create_timer(_CHECK, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(
             f'listening for violations of {counted(len(requirements), "requirement")}: '
             + ', '.join(requirement.id for requirement in requirements[:10])
             + (', ...' if len(requirements) > 10 else ''))
 
-    def _report(self, requirement: ManifestRequirement) -> Deliver:
+    def _receive(self, requirement: ManifestRequirement) -> Deliver:
         """Return the callback for a handler."""
-        sentence = ' '.join((requirement.title or requirement.text).split())
         uses_received = not self.get_parameter('use_sim_time').value
-        heard = self._heard[requirement.id]
-        # One call site a severity: rclpy remembers the severity of each.
-        log = self._error if requirement.severity is Severity.ERROR else self._warn
 
-        def report(_: bytes, received: int, sent: int) -> None:
-            detail = heard.take(sent)
-            if detail is not None:
-                stamp, values = detail.stamp, f' {_shown(detail)}'
-            else:
-                now = received if uses_received else self.get_clock().now().nanoseconds
-                stamp, values = now / 1e9, ''
-            log(f'{requirement.id} violated at {stamp:.3f}: {sentence}{values}')
+        def receive(_: bytes, received: int, sent: int) -> None:
+            if not uses_received:
+                received = self.get_clock().now().nanoseconds
+            with self._changed:
+                self._pairing.add_violation(requirement.id, received, sent, monotonic())
+                self._changed.notify()
 
-        return report
+        return receive
 
     def _keep_details(self, data: bytes, _: int, sent: int) -> None:
-        """Keep step, time and values of violations whose own messages come next."""
+        """Keep step, time and values of violations."""
         try:
             array = deserialize_message(data, DiagnosticArray)
         except UNDECODABLE:
-            return  # anybody may publish anything; the violations are told all the same
+            return  # anybody may publish anything; the violations are logged all the same
         for status in array.status:
-            heard, detail = self._heard.get(status.name), read_detail(status)
-            if heard is not None and detail is not None:
-                heard.keep(detail, sent)
+            detail = read_detail(status)
+            if status.name in self._reports and detail is not None:
+                with self._changed:
+                    self._pairing.add_detail(status.name, detail, sent)
+                    self._changed.notify()
+
+    def _report_all(self) -> None:
+        """Log violations when their details are there, until the node is destroyed."""
+        while True:
+            with self._changed:
+                now = float('inf') if self._is_over else monotonic()
+                violation, due = self._pairing.take(now), self._pairing.next_due
+                if violation is None:
+                    if self._is_over:
+                        return
+                    self._changed.wait(None if due is None else max(0.0, due - now))
+            if violation is not None:
+                self._reports[violation.requirement](violation)
+
+    def _report(self, requirement: ManifestRequirement) -> Callable[[ReceivedViolation], None]:
+        """Return what logs the violations of a requirement."""
+        sentence = ' '.join((requirement.title or requirement.text).split())
+        # One call site a severity: rclpy remembers the severity of each.
+        log = self._error if requirement.severity is Severity.ERROR else self._warn
+
+        def report(violation: ReceivedViolation) -> None:
+            detail = violation.detail
+            stamp = violation.received / 1e9 if detail is None else detail.stamp
+            values = '' if detail is None else f' {_shown(detail)}'
+            log(f'{requirement.id} violated at {stamp:.3f}: {sentence}{values}')
+
+        return report
 
     def _error(self, text: str) -> None:
         self.get_logger().error(text)

@@ -13,72 +13,56 @@
 # limitations under the License.
 
 """
-The threads that empty the queues of a watch: who delivers a message never publishes.
+Publishing what an evaluator has queued: violations and details.
 
-C publishes the handlers where the hot path is (`hot_path.Announcer`); here is the thread that does
-it otherwise, and the one that publishes details while somebody listens.
+Where C takes the messages, a thread of C publishes the violations (`hot_path.Announcer`). Where
+Python takes them, the thread that delivered a message publishes what it violates, so that delivery
+cannot outrun publishing. Details have a thread of their own in both cases.
 """
 
-from threading import Event, Thread
+from threading import Event, Lock, Thread
 
 from fret_monitor.ros import native_lifetimes
 from fret_monitor.ros.details import Details
 from fret_monitor.ros.handlers import Handlers
-from fret_monitor.runtime import SharedEvaluator, Violation, ViolationDetail
+from fret_monitor.runtime import SharedEvaluator, ViolationDetail
 
-_PATIENCE = 200  # ms; the end of the watch wakes a thread at once
-_LOOKS = 0.1  # s between two looks whether somebody listens, where no event tells
+_WAIT_MS = 200  # closing the evaluator wakes a thread at once
+_POLL_S = 0.1  # between two checks for a listener, where the middleware gives no event
 
 
 class HandlerPublisher:
-    """Publishes the violations of a watch from a thread in Python."""
+    """Publishes violations in the threads that step the evaluator."""
 
-    def __init__(self, watch: SharedEvaluator, handlers: Handlers) -> None:
-        """Start the thread."""
-        self._watch = watch
+    def __init__(self, evaluator: SharedEvaluator, handlers: Handlers) -> None:
+        """Publish nothing before the first call of `publish_due`."""
+        self._evaluator = evaluator
         self._handlers = handlers
-        self._thread = Thread(target=self._run, name='handlers', daemon=True)
-        native_lifetimes.keep(self)
-        self._thread.start()
+        self._order = Lock()
 
-    def end(self) -> None:
-        """Close the watch, and wait until all is published."""
-        self._watch.close()
-        if self._thread.is_alive():
-            self._thread.join()
-        native_lifetimes.release(self)
+    def publish_due(self) -> None:
+        """Publish all violations in the queue, in order; from any thread."""
+        # One thread at a time: what is taken first is published first.
+        with self._order:
+            while violations := self._evaluator.take(0):
+                for violation in violations:
+                    try:
+                        self._handlers.announce(violation)
+                    except RuntimeError:  # the context was shut down
+                        self._evaluator.count_unpublished(1)
 
-    def announce_now(self) -> None:
-        """Publish in the caller's thread what may go out: who brings messages is not faster."""
-        while violations := self._watch.take(0):
-            self._announce(violations)
-
-    def _run(self) -> None:
-        while violations := self._next():
-            self._announce(violations)
-
-    def _announce(self, violations: list[Violation]) -> None:
-        for violation in violations:
-            try:
-                self._handlers.announce(violation)
-            except RuntimeError:  # the context was shut down
-                self._watch.count_unpublished(1)
-
-    def _next(self) -> list[Violation]:
-        """Return what is to be announced; nothing once the watch is closed and empty."""
-        while True:
-            is_closed = self._watch.is_closed
-            violations = self._watch.take(_PATIENCE)
-            if violations or is_closed:
-                return violations
+    def close(self) -> None:
+        """Close the evaluator and publish what is left."""
+        self._evaluator.close()
+        self.publish_due()
 
 
 class DetailPublisher:
     """Publishes the details of violations while somebody listens."""
 
-    def __init__(self, watch: SharedEvaluator, details: Details) -> None:
+    def __init__(self, evaluator: SharedEvaluator, details: Details) -> None:
         """Start the thread."""
-        self._watch = watch
+        self._evaluator = evaluator
         self._details = details
         self._is_over = Event()
         self._thread = Thread(target=self._run, name='details', daemon=True)
@@ -86,8 +70,8 @@ class DetailPublisher:
         self._thread.start()
 
     def end(self) -> None:
-        """Close the watch, and wait until all is published."""
-        self._watch.close()
+        """Close the evaluator and wait until all is published; a second call does nothing."""
+        self._evaluator.close()
         self._is_over.set()
         self._details.listening.set()
         if self._thread.is_alive():
@@ -97,13 +81,13 @@ class DetailPublisher:
     def _run(self) -> None:
         while not self._is_over.is_set():
             are_wanted = self._are_wanted()
-            self._watch.want_details(are_wanted)
+            self._evaluator.want_details(are_wanted)
             if not are_wanted:
-                self._details.listening.wait(_LOOKS)
+                self._details.listening.wait(_POLL_S)
                 self._details.listening.clear()
-            elif (detail := self._watch.take_detail(_PATIENCE)) is not None:
+            elif (detail := self._evaluator.take_detail(_WAIT_MS)) is not None:
                 self._publish(detail)
-        while (detail := self._watch.take_detail(0)) is not None:
+        while (detail := self._evaluator.take_detail(0)) is not None:
             self._publish(detail)
 
     def _are_wanted(self) -> bool:

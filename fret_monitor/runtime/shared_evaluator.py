@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-An evaluator that several threads share, fed with serialized messages: `csrc/engine.c`.
+The engine of `csrc/engine.c`: an evaluator that several threads share, fed with messages.
 
-Its mutex lies in C and is held only inside a call, so that nobody who holds it waits for Python's
-interpreter lock. It knows no ROS.
+Its mutex lies in C and is held only inside a call, so that no thread that holds it waits for
+Python's interpreter lock. It knows no ROS.
 """
 
 from dataclasses import dataclass
@@ -31,14 +31,14 @@ from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, RequirementCounts, TopicCounts, Violation,
 )
 
-MOST_DETAILS = 100
-"""Details of a requirement in a second; the rest is counted."""
+MOST_DETAILS_PER_S = 100
+"""Details of a requirement in a second; the others are counted."""
 
 _BATCH = 64
 
 
 class Receipt(Enum):
-    """What became of a message."""
+    """What became of a message; the values are those of `enum fm_receipt`."""
 
     RECEIVED = 0
     UNDECODABLE = 1
@@ -62,14 +62,14 @@ class ViolationDetail:
 
 class SharedEvaluator:
     """
-    Takes messages, keeps what is to be announced in queues.
+    Takes messages, and queues violations and details of them.
 
-    All methods may be called from any thread. The evaluator is the watch's alone from now on.
+    All methods may be called from any thread, unless they say otherwise.
     """
 
     def __init__(self, evaluator: Evaluator) -> None:
         """
-        Take an evaluator over.
+        Share an evaluator, which nobody else may call any more.
 
         Raises
         ------
@@ -110,7 +110,7 @@ class SharedEvaluator:
         return self._monitor
 
     def close(self) -> None:
-        """Ignore what comes from now on, and wake who waits; they empty the queues and end."""
+        """Ignore messages from now on, and end waiting once the queues are empty."""
         self._library.fm_engine_close(self.pointer)
 
     @property
@@ -147,7 +147,7 @@ class SharedEvaluator:
         self._library.fm_engine_tick(self.pointer, stamp)
 
     def stale(self, index: int, received: int, stamp: int) -> None:
-        """Tell that an input is silent, of which `received` values have come (`evaluator.h`)."""
+        """Take an input for stale, unless more than `received` values came (`evaluator.h`)."""
         self._library.fm_engine_stale(self.pointer, index, received, stamp)
 
     def is_stale(self, index: int) -> bool:
@@ -167,7 +167,7 @@ class SharedEvaluator:
         self._library.fm_engine_use_clock(self.pointer, now, clock)
 
     def begin_handover(self, topic: int, *, has_history: bool) -> None:
-        """Expect of a new subscription what the old one brings too (`engine.h`)."""
+        """Recognise messages that an old and a new subscription receive (`handover.h`)."""
         self._library.fm_engine_begin_handover(self.pointer, topic, has_history)
 
     def end_handover(self, topic: int) -> None:
@@ -175,17 +175,17 @@ class SharedEvaluator:
         self._library.fm_engine_end_handover(self.pointer, topic)
 
     def take(self, milliseconds: int) -> list[Violation]:
-        """Return what is to be announced, in order; wait for it so long."""
+        """Return violations, oldest first; wait for one so long. One thread at a time."""
         batch: Any = ffi.new('struct fm_violation[]', _BATCH)
         count = self._library.fm_engine_take(self.pointer, batch, _BATCH, milliseconds)
         return [Violation(item.requirement, item.step, item.stamp) for item in batch[0:count]]
 
     def want_details(self, are_wanted: bool) -> None:
-        """Keep details from now on, or no longer."""
-        self._library.fm_engine_want_details(self.pointer, are_wanted, MOST_DETAILS)
+        """Keep details from now on, or drop them."""
+        self._library.fm_engine_want_details(self.pointer, are_wanted, MOST_DETAILS_PER_S)
 
     def take_detail(self, milliseconds: int) -> ViolationDetail | None:
-        """Return the next detail; wait for it so long. One thread calls this."""
+        """Return the next detail; wait for it so long. One thread at a time."""
         detail: Any = ffi.cast('struct fm_detail *', self._detail)
         if not self._library.fm_engine_take_detail(self.pointer, detail, milliseconds):
             return None
@@ -215,16 +215,16 @@ class SharedEvaluator:
         return None
 
     def lost(self, topic: int) -> int:
-        """Return how many messages of a topic were sent and never came (`engine.h`)."""
+        """Return how many messages of a topic were sent and never received."""
         return int(self._library.fm_engine_lost(self.pointer, topic))
 
     @property
     def unpublished(self) -> int:
-        """Violations that nobody was told of: nobody took them, or could publish them."""
+        """Violations that were not published (`engine.h`)."""
         return int(self._library.fm_engine_unpublished(self.pointer))
 
     def count_unpublished(self, more: int) -> None:
-        """Count violations that were taken, and could not be published."""
+        """Count violations that were taken and could not be published."""
         self._library.fm_engine_count_unpublished(self.pointer, more)
 
     def value(self, index: int) -> bool | int | float | None:

@@ -23,7 +23,8 @@
 
 #define _GNU_SOURCE
 
-#include "hot_path.h"
+#include "announcer.h"
+#include "receiver.h"
 
 #include <pthread.h>
 #include <stdio.h>
@@ -317,7 +318,7 @@ static struct fm_receiver * renew(
   }
   put(topic, 1 - place, NULL);
   empty(before, old);
-  fm_receiver_stop(before);
+  CHECK(fm_receiver_stop(before));
   fm_engine_end_handover(engine, t);
   free_subscription(old);
   return receiver;
@@ -400,7 +401,7 @@ int main(void)
   }
   for (uint32_t t = 0; t < N_TOPICS; ++t) {
     empty(receivers[t], topics[t].subscriptions[N_RENEWALS % 2]);
-    fm_receiver_stop(receivers[t]);
+    CHECK(fm_receiver_stop(receivers[t]));
     free_subscription(topics[t].subscriptions[N_RENEWALS % 2]);
   }
   fm_engine_close(engine);

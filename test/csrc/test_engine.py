@@ -27,8 +27,9 @@ import pytest
 
 HERE = Path(__file__).parent
 SOURCES = [csrc_directory() / name for name in EVALUATOR_SOURCES]
+INCLUDES = [f'-I{csrc_directory()}', f'-I{csrc_directory() / "ros"}']
 
-# What csrc/hot_path.h declares of the middleware, and what its headers call that.
+# What csrc/ros declares of the middleware, and what its headers call that.
 STRUCTS = {
     'fm_allocator': ('rcutils_allocator_t', {
         'allocate': 'allocate', 'deallocate': 'deallocate', 'reallocate': 'reallocate',
@@ -69,14 +70,15 @@ def run(*command: object) -> 'subprocess.CompletedProcess[str]':
 
 
 @pytest.mark.parametrize('sanitizer', ['thread', 'address,undefined'])
-def test_threads(tmp_path: Path, sanitizer: str) -> None:
+@pytest.mark.parametrize('name', ['engine_threads', 'receivers'])
+def test_threads(tmp_path: Path, name: str, sanitizer: str) -> None:
     gcc = shutil.which('gcc')
     if gcc is None:
         pytest.skip('no gcc')
-    program = tmp_path / 'engine_threads'
+    program = tmp_path / name
     built = run(gcc, '-std=c99', '-O1', '-g', *WARNINGS, f'-fsanitize={sanitizer}',
-                '-fno-sanitize-recover=undefined', f'-I{csrc_directory()}', *SOURCES,
-                HERE / 'engine_threads.c', '-o', program, '-pthread')
+                '-fno-sanitize-recover=undefined', *INCLUDES, *SOURCES, HERE / f'{name}.c',
+                '-o', program, '-pthread')
     if built.returncode != 0 and 'cannot find' in built.stdout:
         pytest.skip('this gcc has no such sanitizer')
     assert (built.returncode, built.stdout) == (0, '')
@@ -89,20 +91,20 @@ def test_threads(tmp_path: Path, sanitizer: str) -> None:
 def test_as_many_messages_are_lost_as_were_dropped(tmp_path: Path, seed: int) -> None:
     for compiler in compilers():
         program = tmp_path / 'losses'
-        built = run(*compiler, '-std=c99', '-O1', *WARNINGS, f'-I{csrc_directory()}',
-                    HERE / 'losses.c', '-o', program)
+        built = run(*compiler, '-std=c99', '-O1', *WARNINGS, *INCLUDES, HERE / 'losses.c',
+                    csrc_directory() / 'handover.c', '-o', program)
         assert (built.returncode, built.stdout) == (0, '')
         done = run(program, seed)
         assert (done.returncode, done.stdout) == (0, '')
 
 
-@pytest.mark.parametrize('standard', ['c99', 'c11'])
+@pytest.mark.parametrize('standard', ['c99', 'gnu11'])
 @pytest.mark.parametrize('level', ['-O0', '-O2', '-O3'])
 @pytest.mark.parametrize('compiler', compilers())
 def test_no_compiler_has_anything_to_say(
         tmp_path: Path, compiler: tuple[str, ...], level: str, standard: str) -> None:
     for source in SOURCES:
-        done = run(*compiler, f'-std={standard}', level, *WARNINGS, '-c', source,
+        done = run(*compiler, f'-std={standard}', level, *WARNINGS, *INCLUDES, '-c', source,
                    '-o', tmp_path / 'object.o')
         assert (done.returncode, done.stdout) == (0, '')
 
@@ -119,7 +121,7 @@ def include_flags() -> list[str]:
 
 def test_structs_and_functions_are_those_of_the_middleware(tmp_path: Path) -> None:
     lines = ['#include <rmw/rmw.h>', '#include <rcutils/error_handling.h>',
-             '#include "hot_path.h"']
+             '#include "in_place.h"']
     for ours, (theirs, fields) in STRUCTS.items():
         lines.append(f'_Static_assert(sizeof(struct {ours}) == sizeof({theirs}), "{ours}");')
         for mine, other in fields.items():
@@ -137,6 +139,26 @@ def test_structs_and_functions_are_those_of_the_middleware(tmp_path: Path) -> No
         lines.append(f'int call_{field}(void) {{return (int){FUNCTIONS[field]}({arguments});}}')
     source = tmp_path / 'same.c'
     source.write_text('\n'.join(lines) + '\n', encoding='utf-8')
-    done = run(*compilers()[0], '-std=c11', f'-I{csrc_directory()}', *include_flags(), '-Wno-all',
+    done = run(*compilers()[0], '-std=c11', *INCLUDES, *include_flags(), '-Wno-all',
                '-w', '-c', source, '-o', tmp_path / 'same.o')
+    assert (done.returncode, done.stdout) == (0, '')
+
+
+def test_the_callbacks_of_a_type_support_are_those_of_fast_dds(tmp_path: Path) -> None:
+    ours = ('message_namespace', 'message_name', 'cdr_serialize', 'cdr_deserialize',
+            'get_serialized_size', 'max_serialized_size', 'key_callbacks')
+    theirs = ('message_namespace_', 'message_name_', *ours[2:])
+    lines = ['#include <rosidl_typesupport_fastrtps_cpp/message_type_support.h>',
+             '#include "in_place.h"',
+             'using Theirs = message_type_support_callbacks_t;',
+             'static_assert(sizeof(fm_type_callbacks) == sizeof(Theirs), "size");']
+    for mine, other in zip(ours, theirs):
+        lines.append(f'static_assert(offsetof(fm_type_callbacks, {mine}) == '
+                     f'offsetof(Theirs, {other}), "{mine}");')
+    source = tmp_path / 'same.cpp'
+    source.write_text('\n'.join(lines) + '\n', encoding='utf-8')
+    flags = include_flags()
+    prefix = Path(flags[0].removeprefix('-isystem')).parent
+    done = run(sys.executable, '-m', 'ziglang', 'c++', '-std=c++17', *INCLUDES, *flags,
+               f'-isystem{prefix}', '-w', '-c', source, '-o', tmp_path / 'same.o')
     assert (done.returncode, done.stdout) == (0, '')

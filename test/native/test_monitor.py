@@ -148,7 +148,7 @@ def test_a_library_without_the_symbol_is_told() -> None:
 
 
 def test_a_monitor_is_no_evaluator() -> None:
-    with pytest.raises(LibraryError, match="does not export 'fm_evaluator_rows'"):
+    with pytest.raises(LibraryError, match="does not export 'fm_engine_create'"):
         load_evaluator(library())
 
 

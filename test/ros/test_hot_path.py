@@ -18,7 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from fret_monitor.ros import MonitorNode
-from fret_monitor.ros.hot_path import Middleware, Unavailable
+from fret_monitor.ros.hot_path import Middleware
+from fret_monitor.ros.in_place import KNOWN, loaded_versions, refuse_unknown_versions
+from fret_monitor.ros.loaded import Unavailable
 from fret_monitor.ros.rcl_subscription import RclSubscription
 import pytest
 import rclpy
@@ -100,3 +102,20 @@ def test_a_subscription_is_read_in_place_on_the_hot_path_alone(
     finally:
         node.destroy_node()
         context.try_shutdown()
+
+
+def test_messages_are_read_in_place_with_known_versions_alone() -> None:
+    if get_rmw_implementation_identifier() != 'rmw_fastrtps_cpp':
+        pytest.skip('only Fast DDS is read in place')
+    context = rclpy.Context()
+    rclpy.init(context=context)  # loads the middleware
+    found = loaded_versions()
+    context.try_shutdown()
+    refuse_unknown_versions(found)
+    assert found.keys() == KNOWN.keys()
+    for name in KNOWN:
+        for other in ('9.9.9', f'{KNOWN[name]}1.0'):
+            with pytest.raises(Unavailable, match=f'{name} {KNOWN[name]}, not with {other}'):
+                refuse_unknown_versions({**found, name: other})
+    with pytest.raises(Unavailable, match='not with unknown'):
+        refuse_unknown_versions({})

@@ -21,7 +21,7 @@ from time import sleep
 from typing import Any
 
 from fret_monitor.ros.details import Detail
-from fret_monitor.ros.logger_node import Heard
+from fret_monitor.ros.pairing import Pairing
 from fret_monitor.start import manifest_of
 import pytest
 from rclpy.publisher import Publisher
@@ -112,22 +112,47 @@ def test_what_no_monitor_says_is_passed_over(
         assert lines(node, 2)[1] == '12.346: x < 0.5 [step 2: x = 0.7]'
 
 
-def test_a_detail_is_told_with_the_violation_it_was_sent_with_in_any_order() -> None:
-    one, two = Detail(1, 0.5, ()), Detail(2, 0.6, ())
-    heard = Heard()
-    heard.keep(one, sent=10)
-    assert (heard.take(sent=11), heard.take(sent=12)) == (one, None)
-    heard.keep(one, sent=9)  # late: that violation was told without
-    assert heard.take(sent=13) is None
-    heard.keep(two, sent=14)
-    heard.keep(one, sent=8)
-    assert heard.take(sent=15) == two
+MS = 10**6  # ns
 
 
-def test_a_violation_from_a_clock_far_ahead_makes_no_detail_late() -> None:
-    heard = Heard(violation_sent=10**15)
-    heard.keep(Detail(1, 0.5, ()), sent=10)
-    assert heard.take(sent=11) == Detail(1, 0.5, ())
+def paired(pairing: Pairing, now: float = 1e9) -> list[int | None]:
+    """Return the steps of all violations that are due, None where there is no detail."""
+    found = iter(lambda: pairing.take(now), None)
+    return [item.detail.step if item.detail is not None else None for item in found]
+
+
+@pytest.mark.parametrize('detail_comes_first', [False, True])
+def test_a_violation_is_reported_with_its_detail_in_any_order(detail_comes_first: bool) -> None:
+    pairing = Pairing()
+    for step in range(5):
+        sent = 1000 * step * MS
+        detail = Detail(step, sent / 1e9, ())
+        if detail_comes_first:
+            pairing.add_detail('R', detail, sent + MS)
+        pairing.add_violation('R', 0, sent + 2 * MS, now=0.0)
+        if not detail_comes_first:
+            pairing.add_detail('R', detail, sent + 3 * MS)
+    assert paired(pairing, now=0.0) == [0, 1, 2, 3, 4]
+
+
+def test_a_violation_waits_for_its_detail_for_a_moment_only() -> None:
+    pairing = Pairing()
+    pairing.add_violation('R', 0, 10, now=0.0)
+    assert paired(pairing, now=0.2) == []
+    assert pairing.next_due == 0.3
+    assert paired(pairing, now=0.4) == [None]
+    pairing.add_detail('R', Detail(0, 0.0, ()), 10)  # too late
+    pairing.add_violation('R', 0, 1000 * MS, now=1.0)
+    assert paired(pairing, now=1.5) == [None]
+
+
+def test_details_that_were_suppressed_shift_none_to_another_violation() -> None:
+    pairing = Pairing()
+    for step in range(200):
+        pairing.add_violation('R', 0, step * MS + 10, now=0.0)
+    pairing.add_detail('R', Detail(150, 0.150, ()), 151 * MS)
+    pairing.add_detail('Q', Detail(3, 0.0, ()), 151 * MS)  # of another requirement
+    assert paired(pairing) == [*[None] * 150, 150, *[None] * 49]
 
 
 def test_a_detail_whose_violation_never_came_is_dropped(

@@ -51,11 +51,11 @@ def test_what_a_context_that_ended_does_not_publish_is_counted(
     context = Context()
     context.init(args=[], domain_id=domain)
     node = Node('fret_monitor', context=context)
-    outlet = HandlerPublisher(watch, Handlers(node, watch.monitor.manifest))
+    publisher = HandlerPublisher(watch, Handlers(node, watch.monitor.manifest))
     context.shutdown()
     for _ in range(3):
         watch.message(0, A_MESSAGE, received=0)
-    outlet.end()
+    publisher.close()
     assert watch.unpublished == 3
 
 

@@ -1,0 +1,196 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// outbox.c: see outbox.h for the contract.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include "outbox.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#define FIRST_CAPACITY 64u
+#define MOST_VIOLATIONS (1u << 20)
+#define MOST_DETAILS 1024u
+#define DETAIL_MEMORY_BYTES (4u << 20)
+
+// How many details of a requirement this second has seen.
+struct fm_quota
+{
+  int64_t second;
+  uint32_t used;
+  uint64_t suppressed;
+};
+
+bool fm_outbox_init(struct fm_outbox * outbox, const struct fm_monitor * monitor)
+{
+  memset(outbox, 0, sizeof(*outbox));
+  outbox->monitor = monitor;
+  outbox->violations = calloc(FIRST_CAPACITY, sizeof(*outbox->violations));
+  outbox->quotas = calloc(monitor->n_requirements + (size_t)1, sizeof(*outbox->quotas));
+  outbox->capacity = FIRST_CAPACITY;
+  return outbox->violations != NULL && outbox->quotas != NULL;
+}
+
+void fm_outbox_free(struct fm_outbox * outbox)
+{
+  free(outbox->violations);
+  free(outbox->quotas);
+  free(outbox->details);
+}
+
+// ---- violations --------------------------------------------------------------------------------
+
+static uint32_t place_of(const struct fm_outbox * outbox, uint32_t k)
+{
+  return (outbox->begin + k) & (outbox->capacity - 1u);
+}
+
+static bool grow(struct fm_outbox * outbox)
+{
+  const uint32_t capacity = 2u * outbox->capacity;
+  struct fm_violation * violations =
+    capacity > MOST_VIOLATIONS ? NULL : malloc(capacity * sizeof(*violations));
+  if (violations == NULL) {
+    return false;
+  }
+  for (uint32_t k = 0; k < outbox->n_violations; ++k) {
+    violations[k] = outbox->violations[place_of(outbox, k)];
+  }
+  free(outbox->violations);
+  outbox->violations = violations;
+  outbox->begin = 0;
+  outbox->capacity = capacity;
+  return true;
+}
+
+static void add_violation(struct fm_outbox * outbox, const struct fm_violation * violation)
+{
+  if (outbox->n_violations == outbox->capacity && !grow(outbox)) {
+    outbox->unpublished += 1;
+    return;
+  }
+  outbox->violations[place_of(outbox, outbox->n_violations)] = *violation;
+  outbox->n_violations += 1;
+}
+
+uint32_t fm_outbox_take(struct fm_outbox * outbox, struct fm_violation * out, uint32_t room)
+{
+  const uint32_t n = outbox->n_violations < room ? outbox->n_violations : room;
+  for (uint32_t k = 0; k < n; ++k) {
+    out[k] = outbox->violations[place_of(outbox, k)];
+  }
+  outbox->begin = place_of(outbox, n);
+  outbox->n_violations -= n;
+  return n;
+}
+
+// ---- details -----------------------------------------------------------------------------------
+
+static int64_t monotonic_seconds(void)
+{
+  struct timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return (int64_t)now.tv_sec;
+}
+
+static bool is_within_limit(const struct fm_outbox * outbox, struct fm_quota * quota)
+{
+  const int64_t second = monotonic_seconds();
+  if (second != quota->second) {
+    quota->second = second;
+    quota->used = 0;
+  }
+  return quota->used < outbox->most_details_per_s && outbox->n_details < outbox->detail_slots;
+}
+
+static void write_flags(
+  uint8_t * flags, const struct fm_monitor * monitor, const struct fm_evaluator * evaluator)
+{
+  for (uint32_t i = 0; i < monitor->n_inputs; ++i) {
+    const unsigned has_value = fm_evaluator_has_value(evaluator, i) ? 1u : 0u;
+    const unsigned is_stale = fm_evaluator_is_stale(evaluator, i) ? 2u : 0u;
+    flags[i] = (uint8_t)(has_value | is_stale);
+  }
+}
+
+static void add_detail(
+  struct fm_outbox * outbox, const struct fm_violation * violation,
+  const struct fm_evaluator * evaluator)
+{
+  struct fm_quota * quota = &outbox->quotas[violation->requirement];
+  if (!is_within_limit(outbox, quota)) {
+    quota->suppressed += 1;
+    return;
+  }
+  const struct fm_detail detail = {*violation, quota->suppressed};
+  const size_t inputs_bytes = (size_t)outbox->monitor->inputs_bytes;
+  const uint32_t place = (outbox->detail_begin + outbox->n_details) % outbox->detail_slots;
+  uint8_t * slot = outbox->details + place * outbox->detail_slot_bytes;
+  memcpy(slot, &detail, sizeof(detail));
+  memcpy(slot + sizeof(detail), fm_evaluator_inputs(evaluator), inputs_bytes);
+  write_flags(slot + sizeof(detail) + inputs_bytes, outbox->monitor, evaluator);
+  quota->used += 1;
+  outbox->n_details += 1;
+}
+
+void fm_outbox_add(
+  struct fm_outbox * outbox, const struct fm_violation * violation,
+  const struct fm_evaluator * evaluator)
+{
+  add_violation(outbox, violation);
+  if (outbox->wants_details) {
+    add_detail(outbox, violation, evaluator);
+  }
+}
+
+static size_t detail_bytes(const struct fm_outbox * outbox)
+{
+  const struct fm_monitor * monitor = outbox->monitor;
+  return sizeof(struct fm_detail) + (size_t)monitor->inputs_bytes + monitor->n_inputs;
+}
+
+static bool make_details(struct fm_outbox * outbox)
+{
+  outbox->detail_slot_bytes = (detail_bytes(outbox) + 15u) & ~(size_t)15u;
+  const size_t slots = DETAIL_MEMORY_BYTES / outbox->detail_slot_bytes + 1u;
+  outbox->detail_slots = slots > MOST_DETAILS ? MOST_DETAILS : (uint32_t)slots;
+  outbox->details = malloc(outbox->detail_slots * outbox->detail_slot_bytes);
+  return outbox->details != NULL;
+}
+
+void fm_outbox_want_details(
+  struct fm_outbox * outbox, bool are_wanted, uint32_t most_per_s)
+{
+  outbox->most_details_per_s = most_per_s;
+  outbox->wants_details = are_wanted && (outbox->details != NULL || make_details(outbox));
+  if (!outbox->wants_details) {
+    outbox->n_details = 0;  // a later listener must not receive old details
+  }
+}
+
+bool fm_outbox_take_detail(struct fm_outbox * outbox, struct fm_detail * out)
+{
+  if (outbox->n_details == 0) {
+    return false;
+  }
+  memcpy(
+    out, outbox->details + outbox->detail_begin * outbox->detail_slot_bytes,
+    detail_bytes(outbox));
+  outbox->detail_begin = (outbox->detail_begin + 1u) % outbox->detail_slots;
+  outbox->n_details -= 1;
+  return true;
+}

@@ -1,0 +1,83 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// outbox.h: violations and details on their way out.
+///
+/// Two queues: violations, which are never suppressed, and details of them, which are kept only
+/// while they are wanted and are limited.
+///
+/// Not thread-safe: the caller holds a mutex. The caller owns the struct; its memory is the
+/// outbox's own.
+
+#ifndef OUTBOX_H_
+#define OUTBOX_H_
+
+#include "evaluator.h"
+
+/// One violation in detail, followed in memory by the values of the inputs (the module's struct),
+/// and by a byte for each input: 1 where it has a value, and 2 more where it is stale.
+struct fm_detail
+{
+  struct fm_violation violation;
+  uint64_t suppressed;  // details of this requirement that were left out so far
+};
+
+struct fm_quota;
+
+struct fm_outbox
+{
+  const struct fm_monitor * monitor;
+  struct fm_violation * violations;  // a ring; the capacity is a power of two
+  uint32_t begin;
+  uint32_t n_violations;
+  uint32_t capacity;
+  uint64_t unpublished;        // violations that were dropped or could not be published
+  struct fm_quota * quotas;    // by requirement
+  uint8_t * details;           // a ring of slots
+  size_t detail_slot_bytes;
+  uint32_t detail_slots;
+  uint32_t detail_begin;
+  uint32_t n_details;
+  uint32_t most_details_per_s;
+  bool wants_details;
+};
+
+/// Make an empty outbox. False if memory is short; fm_outbox_free is to be called all the same.
+/// O(requirements).
+bool fm_outbox_init(struct fm_outbox * outbox, const struct fm_monitor * monitor);
+
+/// Free its memory. A zeroed outbox may be freed. O(1).
+void fm_outbox_free(struct fm_outbox * outbox);
+
+/// Queue a violation, and a detail of it if details are wanted and within their limit; the values
+/// are those that the evaluator has now. Amortised O(1) and O(inputs) for a detail; allocates when
+/// the queue grows. Beyond 2^20 violations, or without memory, it is counted as unpublished.
+void fm_outbox_add(
+  struct fm_outbox * outbox, const struct fm_violation * violation,
+  const struct fm_evaluator * evaluator);
+
+/// Take up to `room` violations, oldest first. Returns their number. O(room).
+uint32_t fm_outbox_take(struct fm_outbox * outbox, struct fm_violation * out, uint32_t room);
+
+/// Keep details from now on, at most so many a second of a requirement and 1024 in all; the others
+/// are counted (fm_detail.suppressed). Where none are wanted, those in the queue are dropped.
+/// Allocates 4 MiB at most, once; without memory no details are kept. O(1).
+void fm_outbox_want_details(
+  struct fm_outbox * outbox, bool are_wanted, uint32_t most_per_s);
+
+/// Take the oldest detail: fm_detail, the inputs (monitor->inputs_bytes), the flags
+/// (monitor->n_inputs). Returns whether there was one. O(bytes of the inputs).
+bool fm_outbox_take_detail(struct fm_outbox * outbox, struct fm_detail * out);
+
+#endif  // OUTBOX_H_

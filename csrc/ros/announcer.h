@@ -1,0 +1,47 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// announcer.h: one thread that publishes the violations of an engine. A thread of its own, since
+/// publishing inside the middleware's callback hung at the end of a process.
+
+#ifndef ANNOUNCER_H_
+#define ANNOUNCER_H_
+
+#include "engine.h"
+#include "middleware.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct fm_announcer;
+
+/// Start a thread that publishes a std_msgs/msg/Empty for each violation of the engine, in order.
+/// It is the one thread that takes from the engine. `publishers`: rmw_publisher_t, one for each
+/// requirement in the manifest's order; copied. A violation whose publisher fails is counted
+/// (fm_engine_unpublished). The engine, the middleware and the publishers outlive the announcer.
+/// NULL if no thread can be made, or memory is short. O(n_publishers); from any thread.
+FM_EXPORT struct fm_announcer * fm_announcer_start(
+  struct fm_engine * engine, const struct fm_middleware * middleware, void * const * publishers,
+  uint32_t n_publishers);
+
+/// Wait for the thread, which ends when the engine is closed and all is published; free it. From
+/// any thread but its own, once.
+FM_EXPORT void fm_announcer_join(struct fm_announcer * announcer);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif  // ANNOUNCER_H_

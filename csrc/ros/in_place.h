@@ -1,0 +1,88 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// in_place.h: messages that are read where the middleware has them, without a copy.
+///
+/// A subscription is made with a type support that differs from the message's own in one function:
+/// instead of making a message of the serialized bytes, Fast DDS calls fm_in_place_read with the
+/// object of Fast CDR that holds them. This relies on private layouts of rmw_fastrtps_cpp and Fast
+/// CDR, and is to be used only with the versions that fret_monitor/ros/in_place.py lists. With
+/// others, messages are copied.
+
+#ifndef IN_PLACE_H_
+#define IN_PLACE_H_
+
+#include "middleware.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// message_type_support_callbacks_t of rosidl_typesupport_fastrtps_cpp.
+struct fm_type_callbacks
+{
+  const char * message_namespace;
+  const char * message_name;
+  void * cdr_serialize;
+  bool (* cdr_deserialize)(void * cdr, void * message);
+  void * get_serialized_size;
+  void * max_serialized_size;
+  void * key_callbacks;
+};
+
+/// rosidl_message_type_support_t.
+struct fm_type_support
+{
+  const char * typesupport_identifier;
+  const struct fm_type_callbacks * data;
+  const struct fm_type_support * (* func)(
+    const struct fm_type_support * handle, const char * identifier);
+  void * get_type_hash_func;
+  void * get_type_description_func;
+  void * get_type_description_sources_func;
+};
+
+/// A type support whose messages are read in place. `support` comes first: a pointer to it is a
+/// pointer to all. It must not move or be freed as long as the middleware may use it.
+struct fm_in_place_type
+{
+  struct fm_type_support support;            // what a subscription is made with
+  const struct fm_type_support * original;   // of rosidl_typesupport_c
+  struct fm_type_support fast;               // that of Fast DDS, except for its callbacks
+  struct fm_type_callbacks callbacks;
+  void * spare[8];                           // NULL: a longer struct ends in no callbacks
+};
+
+/// Find where Fast CDR keeps what it reads, from objects that its own constructors make:
+/// FastBuffer(char *, size_t) and Cdr(FastBuffer &, Endianness, CdrVersion). Returns false if they
+/// are not as expected. O(1). One thread at a time for one `found`.
+FM_EXPORT bool fm_in_place_find(
+  void (* make_buffer)(void * self, char * data, size_t size),
+  void (* make_cdr)(void * self, void * buffer, int endianness, int version),
+  struct fm_in_place * found);
+
+/// Make a type support from a message's own (of rosidl_typesupport_c), which must outlive it.
+/// Returns false if the message has none for Fast DDS. O(1). One thread at a time for one `made`.
+FM_EXPORT bool fm_in_place_make(
+  const struct fm_type_support * original, struct fm_in_place_type * made);
+
+/// Called by Fast DDS to deserialize a message: reads the fields for an fm_receiver, which is what
+/// the receiver passed to take_message. Returns true.
+FM_EXPORT bool fm_in_place_read(void * cdr, void * receiver);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif  // IN_PLACE_H_

@@ -1,0 +1,327 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// receiver.c: see receiver.h for the contract.
+///
+/// Locks. The middleware calls `on_message` with locks of its own for that subscription held, and
+/// `on_message` then locks the engine's mutex. Taking locks the same locks of the middleware. So a
+/// thread outside a callback must not take with the engine's mutex held: it would wait for the
+/// callback, which waits for the mutex. `fm_receiver_drain` sets a flag under the mutex that keeps
+/// callbacks from taking, and takes without the mutex.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include "receiver.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "engine_locked.h"
+#include "receiver_reading.h"
+
+#define MOST_IN_CALLBACK 64u  // messages: other topics wait for the mutex meanwhile
+#define MOST_DRAINED 1000u    // messages
+#define QUIET_POLLS 16u       // of which one drains
+
+struct fm_receiver
+{
+  struct fm_engine * engine;
+  const struct fm_middleware * middleware;
+  void * subscription;
+  // Of the thread that takes: a callback under the mutex, or the drain.
+  struct fm_serialized message;  // as taken; where it is read in place, a copy of what is unusable
+  struct fm_field * fields;
+  struct fm_reading reading;
+  uint32_t topic;
+  bool is_in_place;
+  // Guarded by the engine's mutex.
+  bool is_retired;
+  bool is_stopped;
+  bool is_draining;
+  bool is_awaited;    // a callback came while it was drained
+  bool is_behind;     // the last callback or drain stopped at its limit
+  bool probes;        // the next callback takes more than it is notified of
+  bool was_notified;  // a callback came since the last poll
+  uint32_t quiet;     // polls since the last callback
+};
+
+// ---- reading -----------------------------------------------------------------------------------
+
+static void * allocate(size_t size, void * state)
+{
+  (void)state;
+  return malloc(size);
+}
+
+static void deallocate(void * pointer, void * state)
+{
+  (void)state;
+  free(pointer);
+}
+
+static void * reallocate(void * pointer, size_t size, void * state)
+{
+  (void)state;
+  return realloc(pointer, size);
+}
+
+static void * zero_allocate(size_t count, size_t size, void * state)
+{
+  (void)state;
+  return calloc(count, size);
+}
+
+static const struct fm_reader * reader_of(const struct fm_receiver * receiver)
+{
+  return fm_engine_reader(receiver->engine, receiver->topic);
+}
+
+static bool all_are_read(const struct fm_field * fields, uint32_t n)
+{
+  for (uint32_t k = 0; k < n; ++k) {
+    if (fields[k].outcome != FM_FIELD_READ) {
+      return false;
+    }
+  }
+  return true;
+}
+
+static void copy_message(struct fm_serialized * copy, const uint8_t * message, size_t size)
+{
+  copy->length = 0;
+  if (size > copy->capacity) {
+    uint8_t * room = realloc(copy->buffer, size);
+    if (room == NULL) {
+      return;
+    }
+    copy->buffer = room;
+    copy->capacity = size;
+  }
+  if (size > 0) {
+    memcpy(copy->buffer, message, size);
+  }
+  copy->length = size;
+}
+
+static void read_fields(struct fm_receiver * receiver, const uint8_t * message, size_t size)
+{
+  receiver->reading.is_decoded = reader_of(receiver)->read(message, size, receiver->fields);
+}
+
+const struct fm_in_place * fm_receiver_in_place(const struct fm_receiver * receiver)
+{
+  return &receiver->middleware->in_place;
+}
+
+void fm_receiver_read(struct fm_receiver * receiver, const uint8_t * message, size_t size)
+{
+  read_fields(receiver, message, size);
+  if (!receiver->reading.is_decoded ||
+    !all_are_read(receiver->fields, reader_of(receiver)->n_inputs))
+  {
+    copy_message(&receiver->message, message, size);
+  }
+}
+
+// ---- taking ------------------------------------------------------------------------------------
+
+enum result
+{
+  EMPTY,    // nothing is waiting, or the middleware fails
+  TAKEN,
+  DROPPED   // the middleware dropped what was waiting: it had no CDR header
+};
+
+static enum result take(struct fm_receiver * receiver, struct fm_message_info * info)
+{
+  const struct fm_middleware * middleware = receiver->middleware;
+  bool taken = false;
+  receiver->reading.is_decoded = false;
+  const int result = receiver->is_in_place ?
+    middleware->take_message(receiver->subscription, receiver, &taken, info, NULL) :
+    middleware->take(receiver->subscription, &receiver->message, &taken, info, NULL);
+  const bool has_error = middleware->has_error();
+  if (has_error) {
+    middleware->forget_error();
+  }
+  if (result != 0 || !taken) {
+    return result == 0 && has_error ? DROPPED : EMPTY;
+  }
+  if (!receiver->is_in_place) {
+    read_fields(receiver, receiver->message.buffer, receiver->message.length);
+  }
+  receiver->reading.message = receiver->message.buffer;
+  receiver->reading.size = receiver->message.length;
+  return TAKEN;
+}
+
+static void deliver_locked(struct fm_receiver * receiver, const struct fm_message_info * info)
+{
+  const struct fm_origin origin = {
+    info->received_timestamp, info->source_timestamp, info->publication_sequence_number,
+    info->gid, receiver->is_retired};
+  (void)fm_engine_deliver_locked(receiver->engine, receiver->topic, &receiver->reading, &origin);
+}
+
+// Take as many as the middleware has notified of: to ask whether there is one more costs a tenth
+// of a message, and a later one has a callback of its own.
+static void take_locked(struct fm_receiver * receiver, size_t count)
+{
+  struct fm_padded_info padded;
+  const bool takes_all = receiver->is_behind || receiver->probes;
+  const size_t most = takes_all || count > MOST_IN_CALLBACK ? MOST_IN_CALLBACK : count;
+  enum result result = TAKEN;
+  for (size_t k = 0; k < most && result != EMPTY; ++k) {
+    result = take(receiver, &padded.info);
+    if (result == TAKEN) {
+      deliver_locked(receiver, &padded.info);
+    }
+  }
+  receiver->is_behind = result != EMPTY && (takes_all || count > most);
+  receiver->probes = false;
+}
+
+// Called in a thread of the middleware.
+static void on_message(const void * user_data, size_t count)
+{
+  struct fm_receiver * receiver = (struct fm_receiver *)user_data;
+  if (receiver->middleware->has_error()) {
+    receiver->middleware->forget_error();  // somebody else's: the thread may be a publisher's
+  }
+  fm_engine_lock(receiver->engine);
+  receiver->was_notified = true;
+  if (receiver->is_draining) {
+    receiver->is_awaited = true;
+  } else if (!receiver->is_stopped) {
+    take_locked(receiver, count);
+  }
+  fm_engine_unlock(receiver->engine);
+}
+
+// Returns whether draining is over: nothing came while the queue was found empty, or it has taken
+// enough. What is left then is for the next callback or poll.
+static bool end_draining(struct fm_receiver * receiver, bool is_enough)
+{
+  fm_engine_lock(receiver->engine);
+  const bool is_over = is_enough || !receiver->is_awaited;
+  receiver->is_behind = is_enough;
+  receiver->is_awaited = false;
+  receiver->is_draining = !is_over;
+  fm_engine_unlock(receiver->engine);
+  return is_over;
+}
+
+static void drain(struct fm_receiver * receiver)
+{
+  struct fm_padded_info padded;
+  uint32_t left = MOST_DRAINED;
+  receiver->middleware->forget_error();  // one that this thread may have had before
+  do {
+    enum result result = EMPTY;
+    while (left > 0 && (result = take(receiver, &padded.info)) != EMPTY) {
+      left -= 1;
+      if (result == TAKEN) {
+        fm_engine_lock(receiver->engine);
+        deliver_locked(receiver, &padded.info);
+        fm_engine_unlock(receiver->engine);
+      }
+    }
+  } while (!end_draining(receiver, left == 0));
+}
+
+// ---- life --------------------------------------------------------------------------------------
+
+static void free_receiver(struct fm_receiver * receiver)
+{
+  free(receiver->message.buffer);
+  free(receiver->fields);
+  free(receiver);
+}
+
+struct fm_receiver * fm_receiver_start(
+  struct fm_engine * engine, const struct fm_middleware * middleware, void * subscription,
+  uint32_t topic, bool is_in_place)
+{
+  struct fm_receiver * receiver = calloc(1, sizeof(*receiver));
+  if (receiver == NULL) {
+    return NULL;
+  }
+  receiver->engine = engine;
+  receiver->middleware = middleware;
+  receiver->subscription = subscription;
+  receiver->topic = topic;
+  receiver->is_in_place = is_in_place;
+  receiver->message.allocator =
+    (struct fm_allocator) {allocate, deallocate, reallocate, zero_allocate, NULL};
+  receiver->fields = calloc(reader_of(receiver)->n_inputs + 1u, sizeof(*receiver->fields));
+  receiver->reading.fields = receiver->fields;
+  receiver->is_draining = true;  // the middleware may call back at once, from within `listen`
+  if (receiver->fields == NULL || middleware->listen(subscription, on_message, receiver) != 0) {
+    middleware->forget_error();
+    free_receiver(receiver);
+    return NULL;
+  }
+  drain(receiver);
+  return receiver;
+}
+
+void fm_receiver_drain(struct fm_receiver * receiver)
+{
+  fm_engine_lock(receiver->engine);
+  receiver->is_draining = true;
+  fm_engine_unlock(receiver->engine);
+  drain(receiver);
+}
+
+// Messages of this topic wait while it is drained, and one of another topic may overtake them:
+// a quiet topic is drained seldom, therefore.
+static bool begin_poll(struct fm_receiver * receiver)
+{
+  fm_engine_lock(receiver->engine);
+  const bool is_quiet = !receiver->was_notified;
+  const bool is_due = receiver->is_behind || (is_quiet && receiver->quiet % QUIET_POLLS == 0);
+  receiver->quiet = is_quiet ? receiver->quiet + 1u : 0;
+  receiver->probes = receiver->probes || !is_quiet;
+  receiver->was_notified = false;
+  receiver->is_draining = is_due;
+  fm_engine_unlock(receiver->engine);
+  return is_due;
+}
+
+void fm_receiver_poll(struct fm_receiver * receiver)
+{
+  if (begin_poll(receiver)) {
+    drain(receiver);
+  }
+}
+
+void fm_receiver_retire(struct fm_receiver * receiver)
+{
+  fm_engine_lock(receiver->engine);
+  receiver->is_retired = true;
+  fm_engine_unlock(receiver->engine);
+}
+
+bool fm_receiver_stop(struct fm_receiver * receiver)
+{
+  if (receiver->middleware->listen(receiver->subscription, NULL, NULL) != 0) {
+    receiver->middleware->forget_error();
+    fm_engine_lock(receiver->engine);
+    receiver->is_stopped = true;
+    fm_engine_unlock(receiver->engine);
+    return false;
+  }
+  free_receiver(receiver);
+  return true;
+}

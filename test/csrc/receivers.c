@@ -1,0 +1,181 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+
+/// receivers.c: a receiver with a queue that is long, and a middleware that does not let go.
+
+#include "receiver.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static int failures = 0;
+
+#define CHECK(condition) check((condition), #condition, __LINE__)
+
+static void check(bool condition, const char * text, int line)
+{
+  if (!condition) {
+    printf("line %d: not so: %s\n", line, text);
+    failures += 1;
+  }
+}
+
+// ---- a middleware with one subscription --------------------------------------------------------
+
+struct subscription
+{
+  uint64_t sent;
+  uint64_t taken;
+  fm_on_message callback;
+  const void * user_data;
+  bool is_stubborn;  // it does not forget its callback
+};
+
+static int listen(void * subscription, fm_on_message callback, const void * user_data)
+{
+  struct subscription * self = subscription;
+  if (callback == NULL && self->is_stubborn) {
+    return 1;
+  }
+  self->callback = callback;
+  self->user_data = user_data;
+  return 0;
+}
+
+static int take(
+  const void * subscription, struct fm_serialized * message, bool * taken,
+  struct fm_message_info * info, void * allocation)
+{
+  struct subscription * self = (struct subscription *)(uintptr_t)subscription;
+  (void)message;
+  (void)allocation;
+  memset(info, 0, sizeof(struct fm_padded_info));  // as a middleware of a later version may
+  *taken = self->taken < self->sent;
+  self->taken += *taken ? 1u : 0u;
+  info->publication_sequence_number = self->taken;
+  return 0;
+}
+
+static int publish(const void * publisher, const void * message, void * allocation)
+{
+  (void)publisher;
+  (void)message;
+  (void)allocation;
+  return 0;
+}
+
+static void forget_error(void) {}
+static bool has_error(void) {return false;}
+
+static const struct fm_middleware middleware = {
+  take, listen, publish, forget_error, has_error, NULL, {0, 0, 0}};
+
+static void send(struct subscription * subscription, uint64_t count)
+{
+  subscription->sent += count;
+  subscription->callback(subscription->user_data, (size_t)count);
+}
+
+// ---- an engine that counts ---------------------------------------------------------------------
+
+static const struct fm_monitor monitor = {
+  FM_ABI, 0, 0, 0, 8, 8, NULL, NULL, NULL, "m", "", NULL};
+static const struct fm_topic topics[] = {{NULL, 0}};
+
+static bool read_message(const uint8_t * message, size_t size, struct fm_field * fields)
+{
+  (void)message;
+  (void)size;
+  (void)fields;
+  return true;
+}
+
+static const struct fm_reader reader[] = {{read_message, 0}};
+static const struct fm_readers readers = {FM_ABI, 1, reader};
+
+static void * memory;
+
+static struct fm_engine * make_engine(void)
+{
+  const struct fm_evaluator_options evaluator = {&monitor, topics, 1, FM_EVERY_MESSAGE, NULL};
+  memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
+  const struct fm_engine_options options = {
+    fm_evaluator_init(memory, &evaluator), &monitor, &readers, topics, 1};
+  return fm_engine_create(&options);
+}
+
+static uint64_t received(struct fm_engine * engine)
+{
+  return fm_engine_topic_counts(engine, 0).messages;
+}
+
+static void a_callback_takes_a_bounded_number_and_nothing_is_left(void)
+{
+  struct subscription subscription = {0, 0, NULL, NULL, false};
+  struct fm_engine * engine = make_engine();
+  struct fm_receiver * receiver = fm_receiver_start(engine, &middleware, &subscription, 0, false);
+  send(&subscription, 1000);
+  const uint64_t most = received(engine);
+  CHECK(0 < most && most < 200);
+  send(&subscription, 1);
+  CHECK(received(engine) == 2 * most);  // the next callback takes more than its own
+  fm_receiver_poll(receiver);
+  CHECK(received(engine) == 1001);
+  send(&subscription, 1);
+  CHECK(received(engine) == 1002);
+  CHECK(fm_receiver_stop(receiver));
+  CHECK(fm_engine_lost(engine, 0) == 0);
+  fm_engine_destroy(engine);
+  free(memory);
+}
+
+static void a_poll_goes_on_where_a_drain_stopped(void)
+{
+  struct subscription subscription = {2500, 0, NULL, NULL, false};
+  struct fm_engine * engine = make_engine();
+  struct fm_receiver * receiver = fm_receiver_start(engine, &middleware, &subscription, 0, false);
+  CHECK(received(engine) == 1000);
+  fm_receiver_poll(receiver);
+  CHECK(received(engine) == 2000);
+  fm_receiver_poll(receiver);
+  CHECK(received(engine) == 2500);
+  CHECK(fm_receiver_stop(receiver));
+  fm_engine_destroy(engine);
+  free(memory);
+}
+
+static void a_callback_that_is_not_forgotten_does_no_harm(void)
+{
+  struct subscription subscription = {0, 0, NULL, NULL, true};
+  struct fm_engine * engine = make_engine();
+  struct fm_receiver * receiver = fm_receiver_start(engine, &middleware, &subscription, 0, false);
+  send(&subscription, 1);
+  CHECK(!fm_receiver_stop(receiver));
+  send(&subscription, 1);
+  CHECK(received(engine) == 1);
+  subscription.is_stubborn = false;  // only a test can end it then
+  CHECK(fm_receiver_stop(receiver));
+  fm_engine_destroy(engine);
+  free(memory);
+}
+
+int main(void)
+{
+  a_callback_takes_a_bounded_number_and_nothing_is_left();
+  a_poll_goes_on_where_a_drain_stopped();
+  a_callback_that_is_not_forgotten_does_no_harm();
+  return failures == 0 ? 0 : 1;
+}
