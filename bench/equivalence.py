@@ -41,9 +41,7 @@ from fret_monitor.proving.group_contract import Check, GroupContract, place_of, 
 from fret_monitor.proving.monitor import (
     ALL, GroupProofs, ProofSubject, prove_contract, prove_group, wrong_types,
 )
-from fret_monitor.proving.refutation import (
-    Counterexample, find_counterexample, is_text, Runner,
-)
+from fret_monitor.proving.refutation import Counterexample, find_counterexample, Runner
 from fret_monitor.proving.verification import GroupResult, verify_group
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.cells import line_related, WIDTH
@@ -205,7 +203,7 @@ class _Explorer:
         """Yield each way that the comparisons can come out, with inputs for which they do."""
         inputs = self._runner.inputs
         given = [t.relation('ult', item, t.number(len(signal.values), item.sort[1]))
-                 for item, signal in zip(inputs, subject.program.signals) if is_text(signal)]
+                 for item, signal in zip(inputs, subject.program.signals) if signal.is_string]
         compute = function_of(self._atoms, inputs)
         for _ in range(_MOST_ROWS):
             result = prove([t.FALSE], given, seconds=max(0.1, self._until - time.monotonic()))

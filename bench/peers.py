@@ -49,7 +49,7 @@ from fret_monitor.native.cache import csrc_directory
 from fret_monitor.native.compiler import COMPILE_FLAGS, find_compiler, LIBRARIES, LINK_FLAGS
 from fret_monitor.native.monitor import Library, Monitor
 from fret_monitor.traces.benchmark import Inputs, lasting_inputs, random_inputs, StepTimer
-from fret_monitor.traces.boundary import boundary_values
+from fret_monitor.traces.boundary import both_sides
 
 HASKELL = Path(__file__).resolve().parent / 'copilot'
 COMPARED = 20_000  # steps
@@ -86,7 +86,7 @@ class Ours:
 
     def inputs(self) -> Iterator[tuple[str, Inputs]]:
         """Yield the rows that are stepped through."""
-        values = boundary_values(self.generated.program)
+        values = both_sides(self.generated.program)
         yield 'random', random_inputs(self.monitor, values)
         yield 'long-lasting', lasting_inputs(self.monitor, values)
 

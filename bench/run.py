@@ -40,7 +40,7 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.native.cache import build_library
 from fret_monitor.native.monitor import Library, Monitor
 from fret_monitor.traces.benchmark import Inputs, lasting_inputs, random_inputs, StepTimer
-from fret_monitor.traces.boundary import boundary_values
+from fret_monitor.traces.boundary import both_sides
 
 HERE = Path(__file__).resolve().parent
 ROUNDS = 9
@@ -123,7 +123,7 @@ def measure(work: Work, folder: Path) -> Iterator[Row]:
     generated = generate_monitor(read(path))
     monitor = compile_monitor(generated).monitor
     floor = floor_monitor(work.floor, monitor)
-    values = boundary_values(generated.program)
+    values = both_sides(generated.program)
     for name, fill in (('random', random_inputs), ('long-lasting', lasting_inputs)):
         inputs = fill(monitor, values)
         compare(work, monitor, floor, inputs)

@@ -45,7 +45,7 @@ from fret_monitor.model.diagnostics import (
 from fret_monitor.model.values import ValueType
 from fret_monitor.traces.search import Budget, Examples, find_examples, Recovery
 from fret_monitor.traces.subject import Subject, subjects
-from fret_monitor.traces.trials import length, rows_of, Trace, Value
+from fret_monitor.traces.trace import length, rows_of, Trace, Value
 
 _WIDTH = 99
 _FORMULA = 2000

@@ -15,9 +15,7 @@
 """Import files of FRET and Ogma as bundles; nothing is written before all files are read."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-import csv
 from dataclasses import dataclass, replace
-from io import StringIO
 from pathlib import Path
 
 from fret_monitor.bundle.bundle import handler_name
@@ -28,12 +26,12 @@ from fret_monitor.importing.draft import Draft, draft
 from fret_monitor.importing.emit import emit
 from fret_monitor.importing.files import choose, read_files
 from fret_monitor.importing.topics import Connection
-from fret_monitor.logic.evaluate import Value
 from fret_monitor.model.diagnostics import (
     CompileError, counted, Diagnostic, did_you_mean, Level, Problems, refuse, Source,
 )
 from fret_monitor.model.names import fret_name, shown
 from fret_monitor.model.output import open_output, refuse_overwriting
+from fret_monitor.traces.csv_trace import trace_text
 
 _LONGEST_NAME = 100
 _MOST_LISTED = 20
@@ -185,18 +183,9 @@ def _tasks(different: Sequence[Difference], traces: Sequence[Path]) -> Iterator[
 
 def _csv(item: Difference, whole: Draft) -> str:
     """Return a trace in the format of `simulate`: a column for each input of the bundle."""
-    text = StringIO()
-    writer = csv.writer(text, lineterminator='\n')
     signals = [entry.signal for entry in whole.inputs]
-    writer.writerow([signal.name for signal in signals])
-    for step in range(item.step + 1):
-        writer.writerow([_cell(item.trace[signal.name][step]) if signal.name in item.trace else 0
-                         for signal in signals])
-    return text.getvalue()
-
-
-def _cell(value: Value) -> str:
-    return str(int(value)) if isinstance(value, bool) else repr(value)
+    return trace_text(signals, ([item.trace[signal.name][step] if signal.name in item.trace else 0
+                                 for signal in signals] for step in range(item.step + 1)))
 
 
 def _read_back(text: str, whole: Draft, path: Path) -> None:

@@ -13,32 +13,30 @@
 # limitations under the License.
 
 """
-Compare the wordings of a requirement: their verdicts on random traces, by the reference evaluator.
+Compare the wordings of a requirement: their verdicts on random traces.
 
-FRET writes formulas beside each sentence, and users edit one of them. Most traces are short, some
-are longer than the longest bound. Values come from the numbers in the formulas and their
-neighbours, so that comparisons are true and false, and stay for several steps, so that conditions
-hold long enough. Equal verdicts prove nothing; a difference comes with the trace that shows it.
+FRET writes a formula beside each sentence, and users edit one of them. Verdicts are those of
+the reference semantics, on traces without NaN. Agreement is not a proof. A difference is one, and
+comes with the trace that shows it.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-import math
+from itertools import islice
 from random import Random
 
 from fret_monitor.importing.draft import Comparison
 from fret_monitor.logic.evaluate import evaluate_all, Value
-from fret_monitor.logic.formula import (
-    Constant, Feedback, Formula, Historically, Once, postorder, Since, Triggered, Variable,
-)
+from fret_monitor.logic.formula import Feedback, Formula, postorder, Variable
+from fret_monitor.logic.propositions import bounds, horizon, roots
 from fret_monitor.logic.specification import Property
-from fret_monitor.model.values import ValueType
+from fret_monitor.traces.boundary import boundary_values, constants
+from fret_monitor.traces.random_traces import random_traces
+from fret_monitor.traces.trace import length, rows_of
 
-_SHORT_TRACES = 40
-_SHORT = 24
-_LONG_TRACES = 40
-_FEW = 4  # bounds up to this many steps need no long traces
-_LONGEST = 400
+_TRACES = 150
+_SHORT = 24  # steps of the trace of formulas without variables
+_LONGEST = 400  # steps of a trace
 _MOST_WORK = 4_000_000  # nodes times steps times steps looked back at
 
 
@@ -73,77 +71,42 @@ def differences(comparison: Comparison) -> list[Difference]:
 
 def _difference(id: str, label: str, first: Property, name: str,
                 other: Property) -> Difference | None:
-    roots = [first.formula, other.formula]
+    formulas = [first.formula, other.formula]
     feedback = tuple(dict([*first.feedback, *other.feedback]).items())
-    nodes = postorder([*roots, *(equation for _, equation in feedback)])
-    found = [{column: values[:step + 1] for column, values in trace.items()}
-             for trace in _traces(nodes, Random(id))
-             if (step := _first_difference(roots, trace, feedback)) is not None]
+    found = [{name: values[:step + 1] for name, values in trace.items()}
+             for trace in _traces(first, other, Random(id))
+             if (step := _first_difference(formulas, trace, feedback)) is not None]
     if not found:
         return None
     shortest = min(found, key=lambda trace: len(next(iter(trace.values()))))
-    verdict = evaluate_all(roots, shortest, feedback)[0][-1] is True
+    verdict = evaluate_all(formulas, shortest, feedback)[0][-1] is True
     return Difference(id, label, name, verdict, shortest)
 
 
-def _first_difference(roots: Sequence[Formula], trace: dict[str, list[Value]],
+def _first_difference(formulas: Sequence[Formula], trace: dict[str, list[Value]],
                       feedback: Sequence[tuple[Feedback, Formula]]) -> int | None:
-    first, other = evaluate_all(roots, trace, feedback)
+    first, other = evaluate_all(formulas, trace, feedback)
     return next((step for step, (one, two) in enumerate(zip(first, other, strict=True))
                  if one is not two), None)
 
 
-def _traces(nodes: Sequence[Formula], random: Random) -> Iterator[dict[str, list[Value]]]:
-    """Yield traces of the variables among the nodes; fewer if evaluation is expensive."""
+def _traces(first: Property, other: Property, rng: Random) -> Iterator[dict[str, list[Value]]]:
+    """Yield traces of the variables of two wordings; fewer for formulas that cost more."""
+    nodes = postorder([*roots(first), *roots(other)])
     variables = [node for node in nodes if isinstance(node, Variable)]
     if not variables:
         yield {'': [False] * _SHORT}
         return
-    limit = min(max(_bounds(nodes), default=0), _LONGEST // 3)
+    numbers = sorted({*constants(nodes), 0})
+    pools = [[value for value in boundary_values(item.type, numbers)[0] if value == value]
+             for item in variables]
+    ends = {*bounds(first), *bounds(other)}
+    reach = min(max(horizon(first), horizon(other)), _LONGEST // 3)
     work = 0
-    for number in range(_SHORT_TRACES + (_LONG_TRACES if limit > _FEW else 0)):
-        steps = _SHORT if number < _SHORT_TRACES else 3 * limit + _SHORT
+    for trace in islice(random_traces(pools, ends, reach, rng, _LONGEST), _TRACES):
+        steps = length(trace)
         work += len(nodes) * steps * min(steps, 8)
-        if number and work > _MOST_WORK:
+        columns = zip(*rows_of(trace), strict=True)
+        yield {item.name: list(column) for item, column in zip(variables, columns, strict=True)}
+        if work > _MOST_WORK:
             return
-        numbers = _numbers(nodes)
-        yield {item.name: _column(item, numbers, steps, random) for item in variables}
-
-
-def _bounds(nodes: Sequence[Formula]) -> Iterator[int]:
-    for node in nodes:
-        if isinstance(node, Once | Historically | Since | Triggered):
-            yield max(node.window.low, node.window.high or 0)
-
-
-def _numbers(nodes: Sequence[Formula]) -> list[float]:
-    """Return the numbers in the formulas, and their neighbours."""
-    found = {float(node.value) for node in nodes if isinstance(node, Constant)
-             and node.type is not ValueType.BOOL and math.isfinite(float(node.value))}
-    return sorted({near for value in (*found, 0.0) for near in (value - 1, value, value + 1)})
-
-
-def _column(variable: Variable, numbers: Sequence[float], steps: int,
-            random: Random) -> list[Value]:
-    """Return values that stay for several steps, in some columns longer than in others."""
-    lasts = random.choice((0.2, 0.7, 0.95))
-    column = [_value(variable.type, numbers, random)]
-    while len(column) < steps:
-        column.append(column[-1] if random.random() < lasts
-                      else _value(variable.type, numbers, random))
-    return column
-
-
-def _value(kind: ValueType, numbers: Sequence[float], random: Random) -> Value:
-    if kind is ValueType.BOOL:
-        return random.random() < 0.5
-    value: float = random.choice(numbers)
-    return value if kind.is_float else _fitted(round(value), kind)
-
-
-def _fitted(value: int, kind: ValueType) -> int:
-    """Return the number of an integer type that is nearest."""
-    bits = int(kind.value.lstrip('uint'))
-    is_signed = kind.value.startswith('int')
-    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if is_signed else (0, (1 << bits) - 1)
-    return max(low, min(high, value))

@@ -55,6 +55,11 @@ class Signal:
     reduction: str = ''
     layout: MessageLayout | None = field(default=None, repr=False)
 
+    @property
+    def is_string(self) -> bool:
+        """Whether it is a text, of which the values are indices into `values`."""
+        return any(isinstance(value, str) for _, value in self.values)
+
 
 @dataclass(frozen=True)
 class Property:

@@ -21,17 +21,16 @@ over traces whose values are those of the failed proofs and those around the num
 requirements, and stay for as long as the bounds ask; then what is found is made shorter.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-import csv
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-import io
+from itertools import chain, islice
+import math
 from random import Random
 import time
 from typing import Any
 
 from fret_monitor.logic.specification import Signal
 from fret_monitor.model.floats import to_float32
-from fret_monitor.model.values import ValueType
 from fret_monitor.program.monitor_program import Delay
 from fret_monitor.proving.c_source import Unreadable
 from fret_monitor.proving.contracts import ARITHMETIC
@@ -42,11 +41,15 @@ from fret_monitor.smt import terms as t
 from fret_monitor.smt.concrete import function_of
 from fret_monitor.smt.terms import Sort, Term
 from fret_monitor.smt.transition import transition_system
-from fret_monitor.traces.boundary import boundary_values
+from fret_monitor.traces.boundary import both_sides
+from fret_monitor.traces.csv_trace import trace_text
+from fret_monitor.traces.random_traces import Pools, random_traces
+from fret_monitor.traces.shrink import Shrinker
+from fret_monitor.traces.trace import first_steps, rows_of, Trace
 
-_LONGEST = 200_000  # steps of a trace
-_LONGEST_RUN = 70_000
-_SHRINKING = 0.5  # seconds
+_SHORT_TRACES = 100  # that are tried before those as long as the bounds ask
+_LONGEST = 70_000  # steps of a trace
+_SHRINKING = 60_000  # steps
 _Row = tuple[Any, ...]
 
 
@@ -178,56 +181,29 @@ def _find(subject: ProofSubject, group: int, values: Sequence[Mapping[Term, Any]
         runner = Runner(subject, group)
     except (Unreadable, KeyError):
         return None
-    for rows in _traces(subject, group, values):
+    pools = _pools(subject, values)
+    bounds = _bounds(subject, group)
+    rng = Random(0)
+    for trace in chain(islice(random_traces(pools, (), 0, rng), _SHORT_TRACES),
+                       random_traces(pools, bounds, max(bounds, default=0), rng, _LONGEST)):
         if time.monotonic() > until:
             return None
-        found = runner.first_difference(rows, until)
+        found = runner.first_difference(rows_of(trace), until)
         if found is not None:
-            return _shrunk(runner, list(rows[:found[0] + 1]))
+            return _shrunk(runner, first_steps(trace, found[0] + 1), pools)
     return None
 
 
-def _shrunk(runner: Runner, rows: list[_Row]) -> Counterexample:
-    """Leave steps out for as long as something stays wrong."""
-    until = time.monotonic() + _SHRINKING
-    size = len(rows) // 2
-    while size and time.monotonic() < until:
-        start = 0
-        while start < len(rows) and time.monotonic() < until:
-            shorter = rows[:start] + rows[start + size:]
-            found = runner.first_difference(shorter, until)
-            if found is not None:
-                rows = shorter[:found[0] + 1]
-            else:
-                start += size
-        size //= 2
-    found = runner.first_difference(rows, float('inf'))
+def _shrunk(runner: Runner, trace: Trace, pools: Pools) -> Counterexample:
+    """Return a simpler trace on which something is wrong, up to the first such step."""
+    def judge(batch: Sequence[Trace]) -> list[bool]:
+        return [runner.first_difference(rows_of(each), math.inf) is not None for each in batch]
+
+    rows = rows_of(Shrinker(pools, _SHRINKING).shrink(trace, judge))
+    found = runner.first_difference(rows, math.inf)
     assert found is not None
-    return runner.example(rows, found[1])
-
-
-def _traces(subject: ProofSubject, group: int,
-            values: Sequence[Mapping[Term, Any]]) -> Iterator[list[_Row]]:
-    """Yield traces of runs, short ones first; the same ones each time."""
-    rng = Random(0)
-    pools = _pools(subject, values)
-    bounds = _bounds(subject, group)
-    runs = sorted({1, 2, 3, *(bound + more for bound in bounds for more in (-1, 0, 1, 2, 3)
-                              if 0 < bound + more <= _LONGEST_RUN)})
-    for attempt in range(1_000_000):
-        reach = runs[:3 + attempt // 40]
-        rows: list[_Row] = []
-        row = tuple(rng.choice(pool) for pool in pools)
-        for _ in range(rng.randint(1, 6 + attempt // 20)):
-            if rng.random() < 0.8:
-                row = tuple(rng.choice(pool) if rng.random() < 0.5 else old
-                            for pool, old in zip(pools, row))
-            else:
-                row = tuple(rng.choice(pool) for pool in pools)
-            rows.extend([row] * rng.choice(reach))
-            if len(rows) > _LONGEST:
-                break
-        yield rows
+    step, results = found
+    return runner.example(rows[:step + 1], results)
 
 
 def _bounds(subject: ProofSubject, group: int) -> set[int]:
@@ -246,7 +222,7 @@ def _pools(subject: ProofSubject, values: Sequence[Mapping[Term, Any]]) -> list[
     """Return for each input some values, as terms have them."""
     pools = []
     for item, signal, known in zip(subject.inputs().values(), subject.program.signals,
-                                   boundary_values(subject.program)):
+                                   both_sides(subject.program)):
         pool = [_stored(value, signal) for value in known]
         if signal.type.is_float:
             pool += [_stored(value, signal) for value in (0.0, float('nan'), float('inf'), -0.5)]
@@ -258,12 +234,7 @@ def _pools(subject: ProofSubject, values: Sequence[Mapping[Term, Any]]) -> list[
 
 def _is_named(value: Any, signal: Signal) -> bool:
     """Whether a trace can hold a value: of a text input, one of its texts."""
-    return not is_text(signal) or 0 <= value < len(signal.values)
-
-
-def is_text(signal: Signal) -> bool:
-    """Whether an input is a text, which counts as its place among the texts it can be."""
-    return any(isinstance(value, str) for _, value in signal.values)
+    return not signal.is_string or 0 <= value < len(signal.values)
 
 
 def _stored(value: Any, signal: Signal) -> Any:
@@ -276,21 +247,14 @@ def _stored(value: Any, signal: Signal) -> Any:
 
 
 def to_csv(subject: ProofSubject, example: Counterexample) -> str:
-    """Return the trace as `simulate` reads it; without a step, a row of a column for nothing."""
+    """Return the trace as `simulate` reads it; without inputs, a column that nobody reads."""
     signals = subject.program.signals
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator='\n')
-    writer.writerow([signal.name for signal in signals] or ['nothing'])
-    for row in example.rows:
-        writer.writerow([_cell(value, signal) for value, signal in zip(row, signals)] or [0])
-    return text.getvalue()
+    if not signals:
+        return 'nothing\n' + '0\n' * len(example.rows)
+    return trace_text(signals, ([_value(value, signal) for value, signal
+                                 in zip(row, signals, strict=True)] for row in example.rows))
 
 
-def _cell(value: Any, signal: Signal) -> str:
-    if signal.type is ValueType.BOOL:
-        return str(int(value))
-    if is_text(signal):
-        return str(signal.values[value][0])
-    if signal.type.is_signed:
-        value = t.signed(value, numbers.sort_of(signal.type)[1])
-    return repr(value)
+def _value(value: Any, signal: Signal) -> Any:
+    """Return the value of an input from that of a term, in which integers have no sign."""
+    return t.signed(value, signal.type.bits) if signal.type.is_signed else value

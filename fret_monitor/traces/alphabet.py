@@ -22,7 +22,7 @@ values (`is_exact`); where numbers are added up or compared with one another the
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import islice, pairwise, product
+from itertools import islice, product
 import math
 from random import Random
 
@@ -32,12 +32,13 @@ from fret_monitor.logic.formula import (
 )
 from fret_monitor.logic.propositions import is_pointwise
 from fret_monitor.logic.specification import Signal
-from fret_monitor.model.floats import to_float32
 from fret_monitor.model.values import ValueType
+from fret_monitor.traces.boundary import boundary_values, constants, discrete_values
 from fret_monitor.traces.subject import Subject
-from fret_monitor.traces.trials import Row, Value
+from fret_monitor.traces.trace import Row, Value
 
 _MAX_CONSTANTS = 8
+_MAX_NODES = 1000  # of a proposition, among which constants are looked for
 _MAX_ROWS = 2048
 _MAX_LETTERS = 64
 _EXACT_INTEGERS = 2 ** 53
@@ -53,7 +54,7 @@ class Alphabet:
     can be. None of `plain` holds a NaN.
     """
 
-    levels: tuple[tuple[Value, ...], ...]
+    pools: tuple[tuple[Value, ...], ...]
     rows: tuple[Row, ...]
     is_exact: bool
 
@@ -65,30 +66,30 @@ class Alphabet:
 
 def alphabet(subject: Subject, rng: Random) -> Alphabet:
     """Return the values and rows that tell apart what a requirement tells apart."""
-    levels, is_exact = [], True
+    pools, is_exact = [], True
     for signal in subject.signals:
-        found, is_all = _levels(signal, subject.propositions)
-        levels.append(tuple(found))
+        found, is_all = _pool(signal, subject.propositions)
+        pools.append(tuple(found))
         is_exact = is_exact and is_all
-    rows, is_whole = _rows(levels, rng)
+    rows, is_whole = _rows(pools, rng)
     if not all(is_pointwise(node) for node in subject.propositions):
-        return Alphabet(tuple(levels), tuple(rows[:_MAX_LETTERS]), False)
+        return Alphabet(tuple(pools), tuple(rows[:_MAX_LETTERS]), False)
     different = _different(subject, rows)
     is_exact = is_exact and is_whole or len(different) == 2 ** len(subject.propositions)
     letters = different[:_MAX_LETTERS]
-    return Alphabet(tuple(levels), tuple(letters), is_exact and len(letters) == len(different))
+    return Alphabet(tuple(pools), tuple(letters), is_exact and len(letters) == len(different))
 
 
-def _rows(levels: Sequence[Sequence[Value]], rng: Random) -> tuple[list[Row], bool]:
-    """Return the rows of some levels, the plainest first, and whether these are all."""
-    count = math.prod(len(values) for values in levels)
+def _rows(pools: Sequence[Sequence[Value]], rng: Random) -> tuple[list[Row], bool]:
+    """Return the rows of some pools, the plainest first, and whether these are all."""
+    count = math.prod(len(values) for values in pools)
     if count <= _MAX_ROWS:
-        ranked = sorted(product(*(enumerate(values) for values in levels)),
+        ranked = sorted(product(*(enumerate(values) for values in pools)),
                         key=lambda row: (_nans(value for _, value in row),
                                          sum(rank for rank, _ in row)))
         return [tuple(value for _, value in row) for row in ranked], True
-    sample = {tuple(rng.choice(values) for values in levels): None for _ in range(_SAMPLES)}
-    first = tuple(values[0] for values in levels)
+    sample = {tuple(rng.choice(values) for values in pools): None for _ in range(_SAMPLES)}
+    first = tuple(values[0] for values in pools)
     return sorted({first: None, **sample}, key=_nans), False
 
 
@@ -109,29 +110,21 @@ def _different(subject: Subject, rows: Sequence[Row]) -> list[Row]:
     return list(found.values())
 
 
-def _levels(signal: Signal, propositions: Sequence[Formula]) -> tuple[list[Value], bool]:
+def _pool(signal: Signal, propositions: Sequence[Formula]) -> tuple[list[Value], bool]:
     """Return the values of an input that matter, and whether they stand for all."""
-    if signal.type is ValueType.BOOL:
-        return [False, True], True
-    if any(isinstance(value, str) for _, value in signal.values):
-        return list(range(len(signal.values))), True
-    constants: set[int | float] = set()
+    if discrete := discrete_values(signal):
+        return discrete, True
+    numbers: set[int | float] = set()
     is_exact = True
     for node in propositions:
         if any(variable.name == signal.name for variable in variables(node)):
-            constants |= _constants(node)
+            numbers |= constants(islice(postorder([node]), _MAX_NODES))
             is_exact = is_exact and _is_threshold(node)
-    near = sorted(constants) if is_exact else sorted({*constants, 0, 1})
+    near = sorted(numbers) if is_exact else sorted({*numbers, 0, 1})
     named = [value for _, value in signal.values if isinstance(value, int)]
-    levels, is_all = _around(signal.type, near[:_MAX_CONSTANTS])
-    levels = list(dict.fromkeys([*named[:_MAX_CONSTANTS], *levels]))
-    return levels, is_exact and is_all and len(near) <= _MAX_CONSTANTS
-
-
-def _constants(node: Formula) -> set[int | float]:
-    return {part.value for part in islice(postorder([node]), 1000)
-            if isinstance(part, Constant) and not isinstance(part.value, bool)
-            and math.isfinite(part.value)}
+    values, is_all = boundary_values(signal.type, near[:_MAX_CONSTANTS])
+    values = list(dict.fromkeys([*named[:_MAX_CONSTANTS], *values]))
+    return values, is_exact and is_all and len(near) <= _MAX_CONSTANTS
 
 
 def _is_threshold(node: Formula) -> bool:
@@ -150,42 +143,3 @@ def _unconverted(node: Formula) -> Formula:
             ValueType.INT64, ValueType.UINT64}:
         node = node.argument
     return node
-
-
-def _around(kind: ValueType, numbers: Sequence[int | float]) -> tuple[list[Value], bool]:
-    """Return values apart from, between and equal to some numbers, in that order; and if all."""
-    if kind.is_integer:
-        return _integers(kind, numbers), True
-    if not numbers:
-        return [0.0, math.nan], True
-    apart = [_beside(kind, numbers[0], -1.0), _beside(kind, numbers[-1], 1.0)]
-    between = [(low + high) / 2 for low, high in pairwise(numbers)]
-    values = [_fitted(kind, float(value)) for value in (*apart, *between, *numbers)]
-    is_all = len({*values}) == len(values) and all(
-        value == number for value, number in zip(values[len(apart) + len(between):], numbers,
-                                                 strict=True))
-    return [*dict.fromkeys(values), math.nan], is_all
-
-
-def _beside(kind: ValueType, number: int | float, step: float) -> float:
-    """Return a value one off, or twice as far where one makes no difference."""
-    beside = _fitted(kind, number + step)
-    return beside if beside != _fitted(kind, float(number)) else number + step * abs(number)
-
-
-def _fitted(kind: ValueType, value: float) -> float:
-    if kind is not ValueType.FLOAT32:
-        return value
-    rounded = to_float32(value)
-    return rounded if math.isfinite(rounded) else math.copysign(3e38, value)
-
-
-def _integers(kind: ValueType, numbers: Sequence[int | float]) -> list[Value]:
-    bits = int(kind.value.lstrip('uint'))
-    is_signed = kind.value.startswith('i')
-    low = -2 ** (bits - 1) if is_signed else 0
-    high = 2 ** (bits - is_signed) - 1
-    apart = [step + number for number in numbers for step in (-1, 1)]
-    values = [place for number in (*apart, *numbers)
-              for place in (math.floor(number), math.ceil(number))]
-    return list(dict.fromkeys(min(max(value, low), high) for value in values)) or [max(0, low)]

@@ -35,7 +35,8 @@ from fret_monitor.native.cache import build_library, csrc_directory, runtime_hea
 from fret_monitor.native.compiler import compile_library, find_compiler
 from fret_monitor.native.folder import library_file
 from fret_monitor.native.monitor import CData, Library, load, Monitor
-from fret_monitor.traces.boundary import boundary_values, Value
+from fret_monitor.traces.boundary import both_sides
+from fret_monitor.traces.trace import Value
 
 # Enough rows that a processor cannot learn them by heart, and few enough for its cache.
 _ROWS = 1 << 17
@@ -169,7 +170,7 @@ def measure(path: Path) -> Measurement:
                         folder=Path(folder))
         seconds = time.perf_counter() - before
         monitor = load(Path(folder) / file, generated.manifest)
-    values = boundary_values(generated.program)
+    values = both_sides(generated.program)
     return Measurement(
         len(generated.manifest.requirements),
         step_nanoseconds(monitor, random_inputs(monitor, values)),

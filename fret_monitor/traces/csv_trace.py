@@ -24,16 +24,18 @@ from collections.abc import Iterable, Iterator, Sequence
 import csv
 from dataclasses import dataclass
 from difflib import get_close_matches
+from fractions import Fraction
 from io import StringIO
 from itertools import islice
+import math
 import re
 from typing import Any, NoReturn, TextIO
 
 from fret_monitor.logic.specification import Signal
 from fret_monitor.model.diagnostics import counted, refuse, Source, Span
+from fret_monitor.model.floats import to_float32
 from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.model.values import ValueType
-from fret_monitor.native.binding import ffi
 
 _BLOCK_ROWS = 4096
 _MAX_ROW_CHARACTERS = 16 * 1024 * 1024
@@ -44,9 +46,6 @@ _INTEGER = re.compile(r'[+-]?[0-9]+')
 _REAL = re.compile(r'[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf)',
                    re.IGNORECASE)
 _SEPARATORS = {';': "';'", '\t': 'tabs', '|': "'|'"}
-_LIBC: Any = ffi.dlopen(None)
-_to_float32 = ffi.cast('float (*)(const char *, char **)',
-                       ffi.cast('void *', _LIBC.dlsym(ffi.NULL, b'strtof')))
 
 
 def trace_text(signals: Sequence[Signal], rows: Iterable[Sequence[bool | int | float]]) -> str:
@@ -62,7 +61,7 @@ def trace_text(signals: Sequence[Signal], rows: Iterable[Sequence[bool | int | f
 def _cell(value: bool | int | float, signal: Signal) -> str:
     if signal.type is ValueType.BOOL:
         return str(int(value))
-    if any(isinstance(text, str) for _, text in signal.values):
+    if signal.is_string:
         return signal.values[int(value)][0]
     return repr(value)
 
@@ -279,8 +278,18 @@ def _value(cell: str, item: ManifestInput) -> int | float:
     if not pattern.fullmatch(cell):
         raise ValueError
     if item.value_type is ValueType.FLOAT32:
-        return float(_to_float32(cell.encode(), ffi.NULL))  # rounded once
+        return _float32(cell)
     return float(cell) if item.value_type.is_float else int(cell)
+
+
+def _float32(cell: str) -> float:
+    """Round a decimal number once, which is slow only if its float64 lies amid two float32."""
+    value = float(cell)
+    rounded = to_float32(value)
+    mirrored = 2 * value - rounded
+    if mirrored != rounded and math.isfinite(value) and to_float32(mirrored) == mirrored:
+        return to_float32(Fraction(cell))
+    return rounded
 
 
 def _expected(item: ManifestInput) -> str:

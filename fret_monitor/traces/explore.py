@@ -23,7 +23,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from fret_monitor.traces.trials import Row, Run, Trace, Trials
+from fret_monitor.traces.trace import Row, Run, Trace
+from fret_monitor.traces.trials import Trials
 
 
 @dataclass(frozen=True)

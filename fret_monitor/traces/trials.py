@@ -22,42 +22,19 @@ it stays. The loops are C (`csrc/trials.c`); what they drive is the group's own 
 from array import array
 from collections.abc import Sequence
 import struct
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any
 
 from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.cache import build_library, csrc_directory
 from fret_monitor.native.monitor import CData, Library, Monitor
-
-Value: TypeAlias = bool | int | float
-Row: TypeAlias = tuple[Value, ...]
-"""A value for each input of the requirement, in the order of the bundle."""
-
-
-class Run(NamedTuple):
-    """A row, and for how many steps it stays (at least one)."""
-
-    row: Row
-    steps: int
-
-
-Trace: TypeAlias = tuple[Run, ...]
+from fret_monitor.traces.trace import length, Row, Trace
 
 _WORD = 8
 _RUN = ('void (*)(const void *, const void *, uint64_t, const uint32_t *, uint64_t, uint32_t *)')
 _FOLLOW = ('void (*)(const void *, const void *, uint64_t, uint64_t, uint64_t, uint64_t, '
            'const void *, uint8_t *, uint32_t *)')
 _INIT = 'void (*)(void *, const struct fm_group *, void *, bool *, const uint32_t *, uint32_t)'
-
-
-def rows_of(trace: Trace) -> list[Row]:
-    """Return the row of each step."""
-    return [run.row for run in trace for _ in range(run.steps)]
-
-
-def length(trace: Trace) -> int:
-    """Return the number of steps."""
-    return sum(run.steps for run in trace)
 
 
 class TrialLibrary:

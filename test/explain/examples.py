@@ -20,7 +20,7 @@ from fret_monitor.build import read
 from fret_monitor.logic.evaluate import verdicts
 from fret_monitor.traces.search import Budget, Examples, find_examples
 from fret_monitor.traces.subject import Subject, subjects
-from fret_monitor.traces.trials import rows_of, Trace
+from fret_monitor.traces.trace import rows_of, Trace
 
 INPUTS = """\
 format: 1

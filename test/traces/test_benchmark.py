@@ -29,7 +29,8 @@ from fret_monitor.traces import benchmark
 from fret_monitor.traces.benchmark import (
     Inputs, lasting_inputs, measure, random_inputs, step_nanoseconds, StepTimer,
 )
-from fret_monitor.traces.boundary import boundary_values, Value
+from fret_monitor.traces.boundary import both_sides
+from fret_monitor.traces.trace import Value
 import pytest
 
 BUNDLE = """\
@@ -58,7 +59,7 @@ def bundle(tmp_path: Path) -> Path:
 
 def values_of(path: Path) -> list[list[Value]]:
     """Return the values that the inputs of a bundle take in a benchmark."""
-    return boundary_values(generate_monitor(read(path)).program)
+    return both_sides(generate_monitor(read(path)).program)
 
 
 def column(monitor: Monitor, inputs: Inputs, index: int) -> 'array[float]':
@@ -84,7 +85,7 @@ def test_boundary_values_lie_on_both_sides_of_what_requirements_mention(bundle: 
 
 def test_every_row_has_values_among_the_boundary_values(bundle: Path) -> None:
     generated = generate_monitor(read(bundle))
-    monitor, values = build(bundle).monitor, boundary_values(generated.program)
+    monitor, values = build(bundle).monitor, both_sides(generated.program)
     for make in (random_inputs, lasting_inputs):
         inputs = make(monitor, values)
         assert inputs.count >= 1000

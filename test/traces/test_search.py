@@ -22,7 +22,7 @@ from fret_monitor.logic.evaluate import verdicts
 from fret_monitor.logic.finality import is_final
 from fret_monitor.traces.search import Budget, Examples, find_examples, Recovery
 from fret_monitor.traces.subject import Subject, subjects
-from fret_monitor.traces.trials import length
+from fret_monitor.traces.trace import length
 import pytest
 import strategies
 
