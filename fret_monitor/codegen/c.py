@@ -37,28 +37,28 @@ class Atom:
 
 
 @dataclass(frozen=True)
-class Negation:
+class Prefix:
     """`!x` or `-x`."""
 
     operator: str
-    operand: 'Expression'
+    operand: 'CExpression'
 
 
 @dataclass(frozen=True)
-class Operation:
+class Infix:
     """An infix operator."""
 
     operator: str
-    left: 'Expression'
-    right: 'Expression'
+    left: 'CExpression'
+    right: 'CExpression'
 
 
 @dataclass(frozen=True)
-class Call:
-    """A function call."""
+class Apply:
+    """`function(arguments)`."""
 
     function: str
-    arguments: tuple['Expression', ...]
+    arguments: tuple['CExpression', ...]
 
 
 @dataclass(frozen=True)
@@ -66,106 +66,106 @@ class Cast:
     """`(type)x`."""
 
     type: str
-    operand: 'Expression'
+    operand: 'CExpression'
 
 
 @dataclass(frozen=True)
-class Conditional:
+class Ternary:
     """`condition ? yes : no`."""
 
-    condition: 'Expression'
-    yes: 'Expression'
-    no: 'Expression'
+    condition: 'CExpression'
+    yes: 'CExpression'
+    no: 'CExpression'
 
 
-Expression: TypeAlias = Atom | Negation | Operation | Call | Cast | Conditional
+CExpression: TypeAlias = Atom | Prefix | Infix | Apply | Cast | Ternary
 
 
-def depth(expression: Expression) -> int:
+def depth(expression: CExpression) -> int:
     """Return how deep an expression nests; expressions are kept shallow, so this recurses."""
     match expression:
         case Atom():
             return 0
-        case Negation() | Cast():
+        case Prefix() | Cast():
             return depth(expression.operand) + 1
-        case Operation():
+        case Infix():
             return max(depth(expression.left), depth(expression.right)) + 1
-        case Call():
+        case Apply():
             return max((depth(item) for item in expression.arguments), default=0) + 1
-        case Conditional():
+        case Ternary():
             return 1 + max(depth(expression.condition), depth(expression.yes),
                            depth(expression.no))
         case _:
             assert_never(expression)
 
 
-def calls(expression: Expression) -> bool:
+def calls(expression: CExpression) -> bool:
     """Whether a function is called in an expression; recurses like `depth`."""
     match expression:
         case Atom():
             return False
-        case Negation() | Cast():
+        case Prefix() | Cast():
             return calls(expression.operand)
-        case Operation():
+        case Infix():
             return calls(expression.left) or calls(expression.right)
-        case Call():
+        case Apply():
             return True
-        case Conditional():
+        case Ternary():
             return calls(expression.condition) or calls(expression.yes) or calls(expression.no)
         case _:
             assert_never(expression)
 
 
-def text(expression: Expression) -> str:
+def text(expression: CExpression) -> str:
     """Return the C text."""
     match expression:
         case Atom():
             return expression.text
-        case Negation():
+        case Prefix():
             return f'{expression.operator}{_inner(expression.operand)}'
-        case Operation():
+        case Infix():
             return _operation(expression)
-        case Call():
+        case Apply():
             arguments = ', '.join(text(item) for item in expression.arguments)
             return f'{expression.function}({arguments})'
         case Cast():
             return f'({expression.type}){_inner(expression.operand)}'
-        case Conditional():
+        case Ternary():
             return (f'{_inner(expression.condition)} ? {_inner(expression.yes)} : '
                     f'{_inner(expression.no)}')
         case _:
             assert_never(expression)
 
 
-def _operation(expression: Operation) -> str:
+def _operation(expression: Infix) -> str:
     left, right = (
         text(side) if _continues(side, expression.operator) else _inner(side)
         for side in (expression.left, expression.right))
-    if isinstance(expression.left, Negation):
+    if isinstance(expression.left, Prefix):
         left = f'({text(expression.left)})'  # gcc takes `!p & q` for a slip
     return f'{left} {expression.operator} {right}'
 
 
-def _continues(side: Expression, operator: str) -> bool:
-    return operator in _CHAINS and isinstance(side, Operation) and side.operator == operator
+def _continues(side: CExpression, operator: str) -> bool:
+    return operator in _CHAINS and isinstance(side, Infix) and side.operator == operator
 
 
-def _inner(expression: Expression) -> str:
+def _inner(expression: CExpression) -> str:
     shown = text(expression)
     if isinstance(expression, Atom):
         return f'({shown})' if shown.startswith('-') else shown
-    if isinstance(expression, Call):
+    if isinstance(expression, Apply):
         return shown
-    if isinstance(expression, Negation) and expression.operator == '!':
+    if isinstance(expression, Prefix) and expression.operator == '!':
         return shown
     return f'({shown})'
 
 
-def negate(expression: Expression) -> Expression:
+def negate(expression: CExpression) -> CExpression:
     """Return `!expression`, without a double negation."""
-    if isinstance(expression, Negation) and expression.operator == '!':
+    if isinstance(expression, Prefix) and expression.operator == '!':
         return expression.operand
-    return Negation('!', expression)
+    return Prefix('!', expression)
 
 
 def literal(value: bool | int | float, type: ValueType) -> Atom:

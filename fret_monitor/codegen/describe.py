@@ -14,8 +14,8 @@
 
 """The manifest of a monitor program: what the run-time must know of it."""
 
+from fret_monitor.codegen.extractors import topics_of
 from fret_monitor.codegen.module import CModule
-from fret_monitor.codegen.readers import topics_of
 from fret_monitor.logic.formula import Formula, postorder, Variable
 from fret_monitor.logic.printing import to_smv, Values
 from fret_monitor.logic.specification import Property, Signal

@@ -25,8 +25,8 @@ import hashlib
 
 from fret_monitor.codegen import c
 from fret_monitor.codegen.comments import comment, safe
+from fret_monitor.codegen.extractors import generate_extractors
 from fret_monitor.codegen.names import field, Names
-from fret_monitor.codegen.readers import generate_readers
 from fret_monitor.codegen.step import PartWriter
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import GroupLayout, StateField
@@ -68,7 +68,7 @@ def generate(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> CModu
     writer = _ModuleWriter(program, layouts, names)
     header = '\n'.join(writer.header()) + '\n'
     texts = [(name, '\n'.join(lines) + '\n') for name, lines in writer.sources()]
-    readers = list(generate_readers(names, program.name, program.signals))
+    readers = list(generate_extractors(names, program.name, program.signals))
     if readers:
         texts.append((names.fields_source, '\n'.join(readers) + '\n'))
     digest = hashlib.sha256('\0'.join([header, *(text for _, text in texts)]).encode()).hexdigest()

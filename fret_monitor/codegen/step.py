@@ -23,10 +23,10 @@ part are read from a word at its start and written back at its end.
 from collections.abc import Iterator
 from typing import assert_never
 
-from fret_monitor.codegen import c
+from fret_monitor.codegen import c, operations
 from fret_monitor.codegen.comments import comment
 from fret_monitor.codegen.names import field, Names, SUFFIXES
-from fret_monitor.logic.formula import BinaryOperator, Formula, UnaryOperator
+from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.formula import operands as operands_of
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.model.values import ValueType
@@ -46,16 +46,6 @@ _SHOWN_FORMULA = 70
 _SHOWN_HEIGHT = 16
 _TEXT_WIDTH = 600
 
-_RELATIONS = {BinaryOperator.LT: '<', BinaryOperator.LE: '<=', BinaryOperator.GT: '>',
-              BinaryOperator.GE: '>=', BinaryOperator.EQ: '==', BinaryOperator.NE: '!='}
-_MIXED = {BinaryOperator.LT: ('less', False, False), BinaryOperator.GE: ('less', False, True),
-          BinaryOperator.GT: ('less', True, False), BinaryOperator.LE: ('less', True, True)}
-_ARITHMETIC = {BinaryOperator.ADD: '+', BinaryOperator.SUB: '-', BinaryOperator.MUL: '*',
-               BinaryOperator.DIV: '/'}
-_FUNCTIONS = {BinaryOperator.ADD: 'add', BinaryOperator.SUB: 'sub', BinaryOperator.MUL: 'mul',
-              BinaryOperator.DIV: 'div', BinaryOperator.MOD: 'mod', BinaryOperator.MIN: 'min',
-              BinaryOperator.MAX: 'max'}
-
 
 class PartWriter:
     """Writes the statements of one part of a group's step."""
@@ -74,7 +64,7 @@ class PartWriter:
                              for name, formula in program.definitions}
         self._named = {formula: name for name, formula in reversed(program.definitions)}
         self._values = {signal.name: signal.values for signal in program.signals if signal.values}
-        self._inlined: dict[int, c.Expression] = {}
+        self._inlined: dict[int, c.CExpression] = {}
         self._taken: set[str] = set()
         self._used_here = self._used()
 
@@ -147,7 +137,7 @@ class PartWriter:
         yield from self._after(index)
         yield from self._verdicts(index)
 
-    def _constant(self, index: int, expression: c.Expression) -> Iterator[str]:
+    def _constant(self, index: int, expression: c.CExpression) -> Iterator[str]:
         name = self._local(index)
         equation = self._group.equations[index]
         yield from self._note(index)
@@ -162,7 +152,7 @@ class PartWriter:
         if equation.formula is not None and not is_plain and _is_shallow(equation.formula):
             yield from comment(self._shown(equation.formula, _SHOWN_FORMULA), '  ')
 
-    def _can_inline(self, index: int, expression: c.Expression) -> bool:
+    def _can_inline(self, index: int, expression: c.CExpression) -> bool:
         equation = self._group.equations[index]
         if isinstance(equation.operation, Literal):
             return True
@@ -202,7 +192,7 @@ class PartWriter:
 
     # -- expressions --------------------------------------------------------------------------
 
-    def _operand(self, operand: Operand) -> c.Expression:
+    def _operand(self, operand: Operand) -> c.CExpression:
         if operand.is_constant:
             return c.Atom('false' if operand.negated else 'true')
         found = self._inlined.get(operand.value)
@@ -210,7 +200,7 @@ class PartWriter:
             found = self._from_before(operand.value)
         return c.negate(found) if operand.negated else found
 
-    def _from_before(self, index: int) -> c.Expression:
+    def _from_before(self, index: int) -> c.CExpression:
         operation = self._group.equations[index].operation
         if isinstance(operation, Literal):
             return c.literal(operation.value, self._group.equations[index].type)
@@ -218,7 +208,7 @@ class PartWriter:
             return c.Atom(f'in->{self._signal(operation)}')
         return c.Atom(f's->wire_{index}')
 
-    def _expression(self, index: int) -> c.Expression:
+    def _expression(self, index: int) -> c.CExpression:
         equation = self._group.equations[index]
         operation = equation.operation
         match operation:
@@ -242,72 +232,65 @@ class PartWriter:
                 assert_never(operation)
 
     def _pure(self, operation: Convert | ApplyUnary | ApplyBinary | Power | Choose,
-              type: ValueType) -> c.Expression:
+              type: ValueType) -> c.CExpression:
         match operation:
             case Convert():
-                return _convert(operation, self._operand(operation.argument), type)
+                return operations.convert(operation, self._operand(operation.argument), type)
             case ApplyUnary():
-                return _unary(operation.operator, self._operand(operation.argument), type)
+                argument = self._operand(operation.argument)
+                return operations.unary(operation.operator, argument, type)
             case ApplyBinary():
-                return self._binary(operation)
+                left, right = self._operand(operation.left), self._operand(operation.right)
+                return operations.binary(operation, left, right)
             case Power():
-                return c.Call(f'fm_power_{SUFFIXES[type]}',
-                              (self._operand(operation.base),
-                               c.literal(operation.exponent, ValueType.UINT64)))
+                return c.Apply(f'fm_power_{SUFFIXES[type]}',
+                               (self._operand(operation.base),
+                                c.literal(operation.exponent, ValueType.UINT64)))
             case Choose():
-                return c.Conditional(self._operand(operation.condition),
-                                     self._operand(operation.yes), self._operand(operation.no))
+                return c.Ternary(self._operand(operation.condition),
+                                 self._operand(operation.yes), self._operand(operation.no))
             case _:
                 assert_never(operation)
 
-    def _binary(self, operation: ApplyBinary) -> c.Expression:
-        left, right = self._operand(operation.left), self._operand(operation.right)
-        operator = operation.operator
-        if operator.is_boolean:
-            return _connective(operator, left, right)
-        if operator.is_relation:
-            return _relation(operator, left, right, operation.types)
-        return _arithmetic(operator, left, right, operation.types[0])
-
-    def _old_bit(self, index: int) -> c.Expression:
+    def _old_bit(self, index: int) -> c.CExpression:
         if index not in self._layout.bits:
             return c.Atom(f's->flag_{index}')
         slot = self._layout.bits[index]
-        return c.Call('fm_bit', (c.Atom(f'bits_{slot.word}'), c.Atom(f'{slot.bit}u')))
+        return c.Apply('fm_bit', (c.Atom(f'bits_{slot.word}'), c.Atom(f'{slot.bit}u')))
 
-    def _bit_cell(self, operation: Operation, index: int) -> c.Expression:
+    def _bit_cell(self, operation: Operation, index: int) -> c.CExpression:
         old = self._old_bit(index)
         match operation:
             case OnceEver():
-                return c.Operation('|', old, self._operand(operation.argument))
+                return c.Infix('|', old, self._operand(operation.argument))
             case AlwaysSoFar():
-                return c.Operation('&', old, self._operand(operation.argument))
+                return c.Infix('&', old, self._operand(operation.argument))
             case SinceEver():
-                kept = c.Operation('&', self._operand(operation.left), old)
-                return c.Operation('|', self._operand(operation.right), kept)
+                kept = c.Infix('&', self._operand(operation.left), old)
+                return c.Infix('|', self._operand(operation.right), kept)
             case TriggeredEver():
-                freed = c.Operation('|', self._operand(operation.left), old)
-                return c.Operation('&', self._operand(operation.right), freed)
+                freed = c.Infix('|', self._operand(operation.left), old)
+                return c.Infix('&', self._operand(operation.right), freed)
             case _:
                 return old
 
-    def _delay(self, delay: Delay, index: int) -> c.Expression:
+    def _delay(self, delay: Delay, index: int) -> c.CExpression:
         argument = self._operand(delay.argument)
         if delay.steps == 1:
             return self._old_bit(index)
         if delay.steps > SHIFT_REGISTER_BITS:
             position = c.Atom(f's->position_{delay.steps}')
-            return c.Call('fm_delay_ring', (c.Atom(f's->ring_{index}'), position, argument))
+            return c.Apply('fm_delay_ring', (c.Atom(f's->ring_{index}'), position, argument))
         suffix = SUFFIXES[self._fields[FieldKind.LINE, index].type]
-        return c.Call(f'fm_delay_{suffix}',
-                      (c.Atom(f'&s->line_{index}'), c.Atom(f'{delay.steps}u'), argument))
+        return c.Apply(f'fm_delay_{suffix}',
+                       (c.Atom(f'&s->line_{index}'), c.Atom(f'{delay.steps}u'), argument))
 
-    def _counter(self, operation: CounterCell, index: int) -> c.Expression:
+    def _counter(self, operation: CounterCell, index: int) -> c.CExpression:
         suffix = SUFFIXES[self._fields[FieldKind.COUNTER, index].type]
         arguments = (self._operand(item) for item in operands(operation))
-        return c.Call(f'fm_{_COUNTERS[type(operation)]}_{suffix}',
-                      (c.Atom(f'&s->counter_{index}'), c.Atom(f'{operation.bound}u'),
-                       *arguments))
+        return c.Apply(f'fm_{_COUNTERS[type(operation)]}_{suffix}',
+                       (c.Atom(f'&s->counter_{index}'), c.Atom(f'{operation.bound}u'),
+                        *arguments))
 
     # -- what follows an equation ---------------------------------------------------------------
 
@@ -326,7 +309,7 @@ class PartWriter:
         shown = c.text(c.Cast(_wide(word), self._next_value(index, operation)))
         return f'  next_{slot.word} |= {shown} << {slot.bit};'
 
-    def _next_value(self, index: int, operation: Operation) -> c.Expression:
+    def _next_value(self, index: int, operation: Operation) -> c.CExpression:
         match operation:
             case FirstStep():
                 return c.Atom('false')
@@ -348,8 +331,8 @@ class PartWriter:
             yield f'  s->feedback_{number} = {c.text(self._operand(item.next))};'
         for length in ring_lengths(self._group):
             place = self._fields[FieldKind.POSITION, length]
-            advanced = c.Call('fm_next_position', (c.Atom(f's->{field(place)}'),
-                                                   c.Atom(f'{length}u')))
+            advanced = c.Apply('fm_next_position', (c.Atom(f's->{field(place)}'),
+                                                    c.Atom(f'{length}u')))
             shown = c.text(advanced if place.type is ValueType.UINT32
                            else c.Cast(place.type.c_name, advanced))
             yield f'  s->{field(place)} = {shown};'
@@ -386,57 +369,3 @@ def _wide(word: StateField) -> str:
 def _narrow(word: StateField, value: str) -> str:
     is_wide = word.type in (ValueType.UINT32, ValueType.UINT64)
     return value if is_wide else f'({word.type.c_name}){value}'
-
-
-def _convert(operation: Convert, argument: c.Expression, type: ValueType) -> c.Expression:
-    if operation.source is ValueType.UINT64 and type is ValueType.INT64:
-        return c.Call('fm_signed', (argument,))
-    return c.Cast(type.c_name, argument)
-
-
-def _unary(operator: UnaryOperator, argument: c.Expression, type: ValueType) -> c.Expression:
-    if operator is UnaryOperator.ABS:
-        return c.Call(f'fm_abs_{SUFFIXES[type]}', (argument,))
-    if type.is_float:
-        return c.Negation('-', argument)
-    return c.Call(f'fm_neg_{SUFFIXES[type]}', (argument,))
-
-
-def _connective(operator: BinaryOperator, left: c.Expression,
-                right: c.Expression) -> c.Expression:
-    match operator:
-        case BinaryOperator.AND:
-            return c.Operation('&', left, right)
-        case BinaryOperator.OR:
-            return c.Operation('|', left, right)
-        case BinaryOperator.IMPLIES:
-            return c.Operation('|', c.negate(left), right)
-        case BinaryOperator.XOR:
-            return c.Operation('!=', left, right)
-        case _:
-            return c.Operation('==', left, right)
-
-
-def _relation(operator: BinaryOperator, left: c.Expression, right: c.Expression,
-              types: tuple[ValueType, ValueType]) -> c.Expression:
-    if types[0] is types[1]:
-        return c.Operation(_RELATIONS[operator], left, right)
-    signs = 'iu' if types[0] is ValueType.INT64 else 'ui'
-    if operator in (BinaryOperator.EQ, BinaryOperator.NE):
-        both = (left, right) if signs == 'iu' else (right, left)
-        call: c.Expression = c.Call('fm_equal_iu', both)
-        return c.negate(call) if operator is BinaryOperator.NE else call
-    name, turned, negated = _MIXED[operator]
-    if turned:
-        left, right, signs = right, left, signs[::-1]
-    call = c.Call(f'fm_{name}_{signs}', (left, right))
-    return c.negate(call) if negated else call
-
-
-def _arithmetic(operator: BinaryOperator, left: c.Expression, right: c.Expression,
-                type: ValueType) -> c.Expression:
-    if type.is_float and operator in _ARITHMETIC:
-        return c.Operation(_ARITHMETIC[operator], left, right)
-    if operator is BinaryOperator.POW:
-        return c.Call('pow', (left, right))
-    return c.Call(f'fm_{_FUNCTIONS[operator]}_{SUFFIXES[type]}', (left, right))

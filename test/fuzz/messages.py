@@ -27,6 +27,8 @@ import shutil
 import struct
 import subprocess
 
+from codegen.messages import serialize, Topic
+from codegen.test_extractors import examples, specification_for, topic_of, WRITTEN
 from differential.compiled import c_module, CSRC, write_module
 from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Formula, Historically, Variable, Window,
@@ -35,8 +37,6 @@ from fret_monitor.logic.specification import Signal, Specification
 from fret_monitor.messages.definitions import find_message
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.values import ValueType
-from readers.messages import serialize, Topic
-from readers.test_readers import examples, specification_for, topic_of, WRITTEN
 from strategies import as_term, property_of
 
 HERE = Path(__file__).resolve().parent

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Messages made at random, serialized, and read again: the reference for generated readers.
+Messages made at random, serialized, and read again: the reference for generated extractors.
 
 A value of a message is a `Tree`, with an attribute a field, as the objects of rclpy have.
 `serialize` writes one in either byte order, and `taken` says what an input is to get of one, or of

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Generated readers take of a message what Python takes of it, and nothing makes them crash."""
+"""Extractors read the same values of a message as Python, and no bytes make them crash."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,6 +24,10 @@ import struct
 import subprocess
 from typing import Any
 
+from codegen.messages import (
+    message_class, message_object, same, serialize, signal_of, taken, Topic, trees, weight,
+    written_paths,
+)
 from differential.compiled import c_module, clang, compile_c, CSRC, gcc, WARNINGS, write_module
 from fret_monitor.build import build_specification
 from fret_monitor.logic.formula import TRUE
@@ -38,10 +42,6 @@ from fret_monitor.runtime.fields import FieldReading, Outcome, read_fields
 from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
 import pytest
-from readers.messages import (
-    message_class, message_object, same, serialize, signal_of, taken, Topic, trees, weight,
-    written_paths,
-)
 from strategies import property_of
 
 HERE = Path(__file__).resolve().parent
@@ -163,7 +163,7 @@ def assert_same(topic: Topic, found: tuple[FieldReading, ...] | None, message: A
 
 @settings(max_examples=500, suppress_health_check=list(HealthCheck), deadline=None)
 @given(data=st.data())
-def test_readers_take_what_was_written_in_either_byte_order(
+def test_extractors_read_what_was_written_in_either_byte_order(
         ours: tuple[list[Topic], Monitor], data: st.DataObject) -> None:
     topics, monitor = ours
     number = data.draw(st.integers(0, len(topics) - 1))
@@ -174,7 +174,7 @@ def test_readers_take_what_was_written_in_either_byte_order(
 
 
 @pytest.mark.parametrize('name', installed())
-def test_readers_take_what_python_takes_of_a_message(
+def test_extractors_read_what_python_reads_of_a_message(
         theirs: tuple[list[Topic], Monitor], name: str) -> None:
     from rclpy.serialization import deserialize_message, serialize_message
     topics, monitor = theirs
@@ -409,7 +409,7 @@ def run_attack(attack: tuple[Path, Path], *command: str) -> str:
     folder, file = attack
     program = folder / 'fuzz'
     compile_c([*command, '-std=c99', '-ffp-contract=off', *WARNINGS, f'-I{CSRC}',
-               folder / 'readers_fields.c', HERE / 'fuzz.c', '-lm', '-o', program])
+               folder / 'readers_fields.c', HERE / 'extractor_fuzz.c', '-lm', '-o', program])
     done = subprocess.run([program, file], capture_output=True, text=True, check=False,
                           timeout=120)
     assert done.returncode == 0, done.stderr[-4000:]
@@ -456,7 +456,7 @@ def test_the_sanitizers_would_see_a_byte_too_many(
     assert right in header
     (tmp_path / 'fret_cdr.h').write_text(header.replace(right, 'size > left - padding + 1u'))
     compile_c([*commands[0], '-std=c99', f'-I{tmp_path}', folder / 'readers_fields.c',
-               HERE / 'fuzz.c', '-lm', '-o', tmp_path / 'fuzz'])
+               HERE / 'extractor_fuzz.c', '-lm', '-o', tmp_path / 'fuzz'])
     done = subprocess.run([tmp_path / 'fuzz', file], capture_output=True, text=True, check=False,
                           timeout=120)
     assert 'heap-buffer-overflow' in done.stderr
@@ -464,8 +464,8 @@ def test_the_sanitizers_would_see_a_byte_too_many(
 
 @pytest.mark.parametrize('level', ['-O0', '-O2'])
 @pytest.mark.parametrize('find', [gcc, clang])
-def test_readers_compile_without_a_warning(attack: tuple[Path, Path], find: Any,
-                                           level: str) -> None:
+def test_extractors_compile_without_a_warning(attack: tuple[Path, Path], find: Any,
+                                              level: str) -> None:
     compiler = find()
     if compiler is None:
         pytest.skip('needs the compiler')

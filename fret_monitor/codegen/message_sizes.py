@@ -1,0 +1,118 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How many bytes of a serialized message can be skipped at once.
+
+Numbers are aligned to their size, counted from the beginning of the message, so the padding
+before a field depends on what stands before it. A message without strings and sequences has a
+fixed size up to that padding.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from fret_monitor.messages.definitions import ArrayKind, FieldType, MessageLayout
+from fret_monitor.model.values import ValueType
+
+STRINGS = ('string', 'wstring')
+
+
+@dataclass(frozen=True)
+class Run:
+    """Bytes that are skipped at once: `size`, after padding to a multiple of `alignment`."""
+
+    alignment: int
+    size: int
+
+
+def _round_up(number: int, alignment: int) -> int:
+    return (number + alignment - 1) // alignment * alignment
+
+
+def joined(runs: Iterable[Run]) -> tuple[Run, ...]:
+    """Merge consecutive runs into as few as possible."""
+    found: list[Run] = []
+    for run in runs:
+        if found and run.alignment <= found[-1].alignment:
+            last = found.pop()
+            run = Run(last.alignment, _round_up(last.size, run.alignment) + run.size)
+        found.append(run)
+    return tuple(found)
+
+
+def stride(runs: Sequence[Run]) -> int:
+    """
+    Return the bytes from the end of one element to the end of the next, padding included.
+
+    All elements but the first take the same: the alignments of joined runs ascend, so the padding
+    within an element depends only on the largest of them.
+    """
+    begin = runs[-1].size % runs[-1].alignment
+    end = begin
+    for run in runs:
+        end = _round_up(end, run.alignment) + run.size
+    return end - begin
+
+
+def repeated(runs: Sequence[Run], count: int) -> tuple[Run, ...]:
+    """Return the runs of `count` elements."""
+    if not count:
+        return ()
+    return joined([*runs, Run(1, (count - 1) * stride(runs))])
+
+
+class Sizes:
+    """The sizes of messages, fields and elements that do not depend on their content."""
+
+    def __init__(self) -> None:
+        """Start with no message measured."""
+        self._known: dict[str, tuple[Run, ...] | None] = {}
+
+    def of_message(self, layout: MessageLayout) -> tuple[Run, ...] | None:
+        """Return a message as runs; None if its size depends on its content."""
+        if layout.name not in self._known:
+            self._known[layout.name] = self._measure(layout)
+        return self._known[layout.name]
+
+    def of_field(self, layout: MessageLayout, kind: FieldType) -> tuple[Run, ...] | None:
+        """Return the same for a field of a message."""
+        element = self.of_element(layout, kind)
+        match kind.array:
+            case ArrayKind.NONE:
+                return element
+            case ArrayKind.FIXED:
+                return None if element is None else repeated(element, kind.size or 0)
+            case ArrayKind.BOUNDED | ArrayKind.UNBOUNDED:
+                return None
+
+    def of_element(self, layout: MessageLayout, kind: FieldType) -> tuple[Run, ...] | None:
+        """Return the same for one element of a field."""
+        if kind.base in STRINGS:
+            return None
+        if kind.is_message:
+            return self.of_message(layout.nested(kind))
+        size = ValueType.of_field(kind.base).size
+        return (Run(size, size),)
+
+    def _measure(self, layout: MessageLayout) -> tuple[Run, ...] | None:
+        if not layout.fields:
+            return (Run(1, 1),)  # a message without fields is serialized as one byte
+        found: list[Run] = []
+        for item in layout.fields:
+            runs = self.of_field(layout, item.type)
+            if runs is None:
+                return None
+            found.extend(runs)
+        return joined(found)
