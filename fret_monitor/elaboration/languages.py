@@ -58,8 +58,8 @@ def _language_of(text: Text, tried: Language) -> Language | None:
     """Return the language that a text is in, if it is clearly not the one that was tried."""
     if _SHALL.search(text.value):
         return None if tried is Language.FRETISH else Language.FRETISH
-    if tried is not Language.FRETISH:
-        return None
+    if tried is not Language.FRETISH or text.value.strip().startswith('"'):
+        return None  # text in quotes would be a name, as a formula
     return next((other for other in (Language.PTLTL, Language.COCOSPEC) if _reads(other, text)),
                 None)
 

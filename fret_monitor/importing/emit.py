@@ -61,7 +61,7 @@ def _lines(draft: Draft) -> Iterator[str]:
     for requirement in draft.requirements:
         yield from _requirement(requirement)
     yield from _left_out(draft)
-    yield from _todo(draft)
+    yield from _notes(draft)
 
 
 def _input(item: DraftInput) -> Iterator[str]:
@@ -98,8 +98,7 @@ def _entry(key: str, text: str, is_text: bool = False) -> Iterator[str]:
         yield key + scalar(text, is_text)
     elif _can_fold(text):
         yield f'{key}>-'
-        yield from wrap(text, _WIDTH, initial_indent=inner, subsequent_indent=inner,
-                        break_long_words=False, break_on_hyphens=False)
+        yield from _wrapped(text, inner, inner)
     elif _can_be_literal(text):
         yield f'{key}|-'
         yield from (inner + line if line else '' for line in text.split('\n'))
@@ -157,33 +156,34 @@ def _comment(text: str) -> str:
 
 def _left_out(draft: Draft) -> Iterator[str]:
     for item, reason in draft.left_out:
-        yield from _commented(f'left out: {item.id} ({reason})', '  ')
+        yield from _commented(f'left out: {item.id} ({reason})', '  #  ')
         for wording in item.wordings[:1]:
-            yield from _commented(f'{wording.languages[0].value}: {wording.text}', '      ')
+            yield from _commented(f'{wording.languages[0].value}: {wording.text}', '  #      ')
 
 
-def _commented(text: str, indent: str) -> Iterator[str]:
-    yield from wrap(_comment(text), _WIDTH, initial_indent=f'  #{indent}',
-                    subsequent_indent=f'  #{indent}  ', break_long_words=False,
-                    break_on_hyphens=False)
-
-
-def _todo(draft: Draft) -> Iterator[str]:
+def _notes(draft: Draft) -> Iterator[str]:
+    """Yield the comments at the end: unread and renamed inputs, and the manual tasks."""
     if draft.unused:
         yield ''
-        yield from wrap('No requirement reads: ' + _comment(', '.join(draft.unused)), _WIDTH,
-                        initial_indent='# ', subsequent_indent='#   ', break_long_words=False,
-                        break_on_hyphens=False)
+        yield from _commented('No requirement reads: ' + ', '.join(draft.unused), '# ')
     if draft.renamed:
         yield ''
-        yield from wrap('Renamed: ' + _comment(', '.join(
-            f'{old} is {new}' for old, new in draft.renamed)), _WIDTH, initial_indent='# ',
-            subsequent_indent='#   ', break_long_words=False, break_on_hyphens=False)
+        pairs = ', '.join(f'{old} is {new}' for old, new in draft.renamed)
+        yield from _commented(f'Renamed: {pairs}', '# ')
     if draft.todo:
         yield ''
         yield f'# TO DO ({len(draft.todo)}):'
     for item in draft.todo:
         first, *lines = item.split('\n')
-        yield from wrap(_comment(first), _WIDTH, initial_indent='# - ', subsequent_indent='#   ',
-                        break_long_words=False, break_on_hyphens=False)
+        yield from _commented(first, '# - ', '#   ')
         yield from (f'#       {_UNSAFE.sub(" ", line)}' for line in lines)
+
+
+def _commented(text: str, indent: str, further: str = '') -> list[str]:
+    """Return the lines of a comment; `further` begins all but the first."""
+    return _wrapped(_comment(text), indent, further or f'{indent}  ')
+
+
+def _wrapped(text: str, first: str, further: str) -> list[str]:
+    return wrap(text, _WIDTH, initial_indent=first, subsequent_indent=further,
+                break_long_words=False, break_on_hyphens=False)

@@ -625,3 +625,11 @@ def test_names_of_a_database_that_nothing_uses_are_reported(tmp_path: Path) -> N
     found = imported(tmp_path, spec_json=SPECIFICATION, db_json=DATABASE)
     titles = [item.title for item in found.warnings]
     assert "db.json: no requirement or variable is called 'level'" in titles
+
+
+def test_free_text_in_quotes_is_not_taken_for_a_formula(tmp_path: Path) -> None:
+    found = imported(tmp_path, moon_json=[
+        requirement('A', 'rover shall always satisfy speed < 3'),
+        requirement('B', '"the rover is nice"')])
+    [(_, reason)] = found.draft.left_out
+    assert reason == 'free text has no meaning that could be monitored'
