@@ -28,6 +28,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import Enum
 import struct
+from threading import Lock
 from typing import Any, dataclass_transform, TypeAlias
 from weakref import WeakValueDictionary
 
@@ -113,6 +114,7 @@ _RELATIONS = frozenset({BinaryOperator.LT, BinaryOperator.LE, BinaryOperator.GT,
                         BinaryOperator.GE, BinaryOperator.EQ, BinaryOperator.NE})
 
 _interned: WeakValueDictionary[tuple[object, ...], Any] = WeakValueDictionary()
+_interning = Lock()
 
 
 @dataclass_transform(frozen_default=True)
@@ -123,10 +125,11 @@ class _Interning(type):
         """Return the interned object."""
         key = (cls, *(_identity(arg) for arg in args))
         node = _interned.get(key)
-        if node is None:
-            node = super().__call__(*args)
-            _interned[key] = node
-        return node
+        if node is not None:
+            return node
+        made = super().__call__(*args)
+        with _interning:
+            return _interned.setdefault(key, made)
 
 
 def _identity(arg: object) -> object:
