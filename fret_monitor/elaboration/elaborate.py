@@ -33,7 +33,7 @@ from typing import TypeAlias
 
 from fret_monitor.bundle.bundle import Bundle, Definition, Language, Requirement
 from fret_monitor.elaboration.durations import SECONDS, steps_help
-from fret_monitor.elaboration.elaborator import Elaborator, references
+from fret_monitor.elaboration.elaborator import Elaborator, FindVocabulary, references
 from fret_monitor.elaboration.equations import equations_term
 from fret_monitor.elaboration.fretish import sentence_term
 from fret_monitor.elaboration.graph import components, cycle, is_cyclic
@@ -49,6 +49,7 @@ from fret_monitor.logic.formula import Feedback, Formula, postorder
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.messages.definitions import find_message as find_installed
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Problems, Source, Span, Text
+from fret_monitor.model.names import fret_name
 from fret_monitor.model.policies import Policy
 
 _MANY = 8
@@ -114,14 +115,14 @@ def elaborate(tree: Expression | Equations, scope: Scope, problems: Problems | N
 
 
 def _references(tree: Expression | Equations | None,
-                vocabularies: Mapping[str, Vocabulary]) -> dict[str, Span]:
+                vocabulary_of: FindVocabulary) -> dict[str, Span]:
     if tree is None:
         return {}
     if not isinstance(tree, Equations):
-        return references(tree, vocabularies)
+        return references(tree, vocabulary_of)
     found: dict[str, Span] = {}
     for equation in tree.equations:
-        found = {**references(equation.expression, vocabularies), **found}
+        found = {**references(equation.expression, vocabulary_of), **found}
     for equation in tree.equations:
         found.pop(equation.name, None)
     return found
@@ -142,25 +143,25 @@ class _Reading:
     def __init__(self, problems: Problems, bundle: Bundle) -> None:
         self.problems = problems
         self._bundle = bundle
-        self._names: dict[str, Declaration] = {}
-        self._scope = Scope(self._names)
+        self._scope = Scope()
         self._feedback: dict[Feedback, Formula] = {}
 
     def skip(self, names: Iterable[str]) -> None:
         """Leave out names whose declarations were refused: nothing more is told of them."""
         nowhere = Span(Source('', ''), 0, 0)
-        self._names.update((name, Declaration(Role.INPUT, Term(Broken(), nowhere)))
-                           for name in names)
+        for name in names:
+            self._scope.declare(name, Declaration(Role.INPUT, Term(Broken(), nowhere)))
 
     def read_inputs(self, bundle: Bundle, find_message: FindMessage) -> list[Signal | None]:
         """Declare constants and inputs; return the inputs in order, None for a broken one."""
         for constant in bundle.constants:
-            self._names[constant.name.value] = constant_declaration(constant, self.problems)
+            self._scope.declare(constant.name.value,
+                                constant_declaration(constant, self.problems))
         signals = []
         for entry in bundle.inputs:
             signal, declaration = input_declaration(entry, find_message, self.problems)
             if 'name' not in entry.damaged:
-                self._names[entry.name.value] = declaration
+                self._scope.declare(entry.name.value, declaration)
             signals.append(signal)
         return signals
 
@@ -169,7 +170,7 @@ class _Reading:
         known = {item.name.value: item for item in definitions}
         trees = {name: self._tree(item.language, item.text) for name, item in known.items()}
         uses = self._uses(trees)
-        graph = {name: [other for other in used if other in known] for name, used in uses.items()}
+        graph = {name: list(used) for name, used in uses.items()}
         for component in components(graph):
             if is_cyclic(component, graph):
                 self._tell_cycle(cycle(component, graph), uses)
@@ -179,24 +180,32 @@ class _Reading:
 
     def _define(self, item: Definition, tree: Expression | Equations | None) -> None:
         term = self._term(item.language, item.text, tree, item.name.value)
-        self._names[item.name.value] = Declaration(Role.DEFINITION, term)
+        self._scope.declare(item.name.value, Declaration(Role.DEFINITION, term))
 
     def _uses(self, trees: '_Trees') -> dict[str, dict[str, Span]]:
-        vocabularies = self._vocabularies(trees)
-        return {name: _references(tree, vocabularies) for name, tree in trees.items()}
+        """Return for each definition the definitions that it uses, and the place of a use."""
+        vocabulary_of = self._vocabularies(trees)
+        names = {fret_name(name): name for name in trees}
+        uses: dict[str, dict[str, Span]] = {name: {} for name in trees}
+        for name, tree in trees.items():
+            for written, span in _references(tree, vocabulary_of).items():
+                if fret_name(written) in names:
+                    uses[name].setdefault(names[fret_name(written)], span)
+        return uses
 
-    def _vocabularies(self, trees: '_Trees') -> dict[str, Vocabulary]:
-        """Return the names of values of inputs, and of definitions that only rename one."""
-        found = {name: item.term.vocabulary for name, item in self._names.items()
-                 if item.term.vocabulary}
-        renamed = {name: tree.text for name, tree in trees.items() if isinstance(tree, Name)}
-        for name in renamed:
-            chain = [name]
-            while chain[-1] in renamed and renamed[chain[-1]] not in chain:
-                chain.append(renamed[chain[-1]])
-            if chain[-1] in found:
-                found.update(dict.fromkeys(chain, found[chain[-1]]))
-        return found
+    def _vocabularies(self, trees: '_Trees') -> FindVocabulary:
+        """Return what finds the names of values, also of a definition that renames an input."""
+        renamed = {fret_name(name): tree.text for name, tree in trees.items()
+                   if isinstance(tree, Name)}
+
+        def vocabulary_of(name: str) -> Vocabulary | None:
+            seen: set[str] = set()
+            while (spelled := fret_name(name)) in renamed and spelled not in seen:
+                seen.add(spelled)
+                name = renamed[spelled]
+            return self._scope.vocabulary_of(name)
+
+        return vocabulary_of
 
     def _tell_cycle(self, way: list[str], uses: Mapping[str, Mapping[str, Span]]) -> None:
         shown = way if len(way) <= _MANY else [*way[:_MANY - 1], '...', way[-1]]
@@ -280,8 +289,7 @@ class _Reading:
         if tree is None:
             return Term(Broken(), text.span)
         if isinstance(tree, Equations):
-            scope = Scope(self._names)
-            return equations_term(tree, scope, self.problems, owner, self._feedback)
+            return equations_term(tree, self._scope, self.problems, owner, self._feedback)
         is_lustre = language is Language.COCOSPEC
         return Elaborator(self._scope, self.problems, is_lustre=is_lustre).term(tree)
 
@@ -298,7 +306,8 @@ class _Reading:
 
     def shown(self, definitions: Iterable[Definition]) -> tuple[tuple[str, Formula], ...]:
         """Return the formulas of definitions, but for numbers that no type holds."""
-        terms = {item.name.value: self._names[item.name.value].term for item in definitions}
+        names = self._scope.names
+        terms = {item.name.value: names[item.name.value].term for item in definitions}
         found = []
         for name, term in terms.items():
             try:

@@ -23,7 +23,7 @@ mistakes and none twice.
 is not walked.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import assert_never, NoReturn, TypeAlias
@@ -61,6 +61,9 @@ _TYPED_PAIR = _RELATIONS.keys() | {'arrow'}
 _NOT_FIRST = (Unary(UnaryOperator.NOT, FTP), Yesterday(TRUE))
 
 
+FindVocabulary: TypeAlias = Callable[[str], Vocabulary | None]
+
+
 def delayed(node: Expression) -> Expression | None:
     """Return the operand whose value at the step before is all that a node looks at, or None."""
     match node:
@@ -89,13 +92,13 @@ def gives_truth(node: Expression) -> bool:
             assert_never(node)
 
 
-def references(root: Expression, vocabularies: Mapping[str, Vocabulary],
+def references(root: Expression, vocabulary_of: FindVocabulary,
                through_delays: bool = True) -> dict[str, Span]:
     """
     Return the names that an expression uses, and the first place of each.
 
-    `vocabularies` are those of the names that have one: in `state = LANDING` the second is then
-    a value of the first, and no reference. Without `through_delays`, names count only if their
+    `vocabulary_of` gives the names of a name's values, if it has some: in `state = LANDING` the
+    second is then a value of the first, and no reference. Without `through_delays`, names count only if their
     value at the same step is used.
     """
     found: dict[str, Span] = {}
@@ -108,21 +111,20 @@ def references(root: Expression, vocabularies: Mapping[str, Vocabulary],
         seen.add(node)
         if isinstance(node, Name):
             found.setdefault(node.text, node.span)
-        parts = _without_values(node, vocabularies)
+        parts = _without_values(node, vocabulary_of)
         if not through_delays and delayed(node) is not None:
             parts = parts[:-1]
         stack.extend(reversed(parts))
     return found
 
 
-def _without_values(node: Expression,
-                    vocabularies: Mapping[str, Vocabulary]) -> tuple[Expression, ...]:
+def _without_values(node: Expression, vocabulary_of: FindVocabulary) -> tuple[Expression, ...]:
     match node:
         case Infix(operator, _, Name(left), Name(right)) if operator in _RELATIONS:
-            if left in vocabularies and right in vocabularies[left].numbers:
-                return (node.left,)
-            if right in vocabularies and left in vocabularies[right].numbers:
-                return (node.right,)
+            for name, value, part in ((left, right, node.left), (right, left, node.right)):
+                vocabulary = vocabulary_of(name)
+                if vocabulary is not None and value in vocabulary.numbers:
+                    return (part,)
     return children(node)
 
 

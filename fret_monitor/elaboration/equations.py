@@ -20,7 +20,6 @@ becomes a `Feedback`, whose equation is handed out beside the term. Its type is 
 (`int` is INT64, `real` FLOAT64), or else the one that its initial value and its equation agree on.
 """
 
-from collections import ChainMap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -68,8 +67,7 @@ class _Node:
         self._equations = {item.name: item for item in tree.equations}
         self._declared = {item.name: item for item in tree.declarations}
         self._outer = scope
-        self._names: dict[str, Declaration] = {}
-        self._scope = Scope(ChainMap(self._names, dict(scope.names)))
+        self._scope = Scope(outer=scope)
         self._taken: set[str] = set()
         self._full = {name: self._uses(item.expression, True)
                       for name, item in self._equations.items()}
@@ -84,12 +82,21 @@ class _Node:
                 self._read_recursive(members)
             else:
                 self._read(members[0], self._elaborator({}, self._problems), self._problems)
-        term = self._names[self._tree.result.name].term
-        return replace(term, span=self._tree.result.expression.span)
+        result = self._tree.result
+        return replace(self._term(result.name), span=result.expression.span)
+
+    def _term(self, name: str) -> Term:
+        """Return what the name of an equation means, once it has been read."""
+        found = self._scope.find(name)
+        assert found is not None
+        return found.term
 
     def _uses(self, expression: Expression, through_delays: bool) -> list[str]:
-        found = references(expression, self._outer.vocabularies, through_delays)
-        return [name for name in found if name in self._equations]
+        return [name for name in self._references(expression, through_delays)
+                if name in self._equations]
+
+    def _references(self, expression: Expression, through_delays: bool) -> dict[str, Span]:
+        return references(expression, self._outer.vocabulary_of, through_delays)
 
     def _elaborator(self, cells: Mapping[Expression, Cell], problems: Problems) -> Elaborator:
         return Elaborator(self._scope, problems, is_lustre=True, cells=cells)
@@ -98,7 +105,7 @@ class _Node:
 
     def _check_declarations(self) -> None:
         for item in self._tree.inputs:
-            self._names[item.name] = Declaration(Role.INPUT, self._input(item))
+            self._scope.declare(item.name, Declaration(Role.INPUT, self._input(item)))
         for equation in self._tree.equations:
             outer = self._outer.find(equation.name)
             if outer is not None:
@@ -128,7 +135,7 @@ class _Node:
             except CompileError as error:
                 problems.extend(error.diagnostics)
                 term = Term(Broken(), term.span)
-        self._names[name] = Declaration(Role.EQUATION, term)
+        self._scope.declare(name, Declaration(Role.EQUATION, term))
 
     # What stands on itself
 
@@ -139,7 +146,8 @@ class _Node:
         for component in order:
             if is_cyclic(component, inside):
                 self._tell_cycle(cycle(component, inside))
-                self._names.update((name, _broken(self._equations[name])) for name in members)
+                for name in members:
+                    self._scope.declare(name, _broken(self._equations[name]))
                 return
         self._read_loop(_Loop(self._tree, members, self._uses), [item[0] for item in order])
 
@@ -159,10 +167,10 @@ class _Node:
             self._close(delay, cells[delay], term)
         # What stands on itself stands on the bounds of all of it.
         bounds = joined_bounds(*(term.bounds for term in delayed.values()),
-                               *(self._names[name].term.bounds for name in order))
+                               *(self._term(name).bounds for name in order))
         for name in order:
-            term = replace(self._names[name].term, bounds=bounds)
-            self._names[name] = replace(self._names[name], term=term)
+            term = replace(self._term(name), bounds=bounds)
+            self._scope.declare(name, Declaration(Role.EQUATION, term))
 
     def _pass(self, loop: '_Loop', cells: Mapping['_Delay', Cell], order: list[str],
               problems: Problems) -> dict['_Delay', Term]:
@@ -254,7 +262,7 @@ class _Node:
         equation = self._equations[way[0]]
         self._problems.error(
             f"the equation of '{way[0]}' uses its own value at the same step",
-            references(equation.expression, {}, False)[way[1]], ' -> '.join(way),
+            self._references(equation.expression, False)[way[1]], ' -> '.join(way),
             'look at the step before: initial -> pre x')
 
 

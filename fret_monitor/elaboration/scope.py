@@ -14,10 +14,9 @@
 """What the names of a formula stand for: inputs, constants, definitions, and names of values."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
-from functools import cached_property
 
 from fret_monitor.elaboration.functions import FUNCTIONS
 from fret_monitor.elaboration.terms import Term, Vocabulary
@@ -51,37 +50,60 @@ class Declaration:
 _PREDEFINED = {'FTP': Declaration(Role.PREDEFINED, Term(FTP, _NOWHERE))}
 
 
-@dataclass(frozen=True, eq=False)
 class Scope:
-    """The names that a formula may use; `FTP` is always there."""
+    """
+    The names that a formula may use; `FTP` is always there.
 
-    names: Mapping[str, Declaration] = field(default_factory=dict)
+    It grows while a bundle is read. A name is found in both spellings: FRET writes `a_DOT_b` in
+    formulas for `a.b`. Names of an inner scope hide those of the outer one.
+    """
+
+    def __init__(self, names: Mapping[str, Declaration] | None = None,
+                 outer: 'Scope | None' = None) -> None:
+        """Start with some declared names, within another scope."""
+        self._outer = outer
+        self._names: dict[str, Declaration] = {}
+        self._spelled: dict[str, Declaration] = {}
+        for name, item in (names or {}).items():
+            self.declare(name, item)
+
+    def declare(self, name: str, item: Declaration) -> None:
+        """Declare a name, or declare it anew."""
+        self._names[name] = self._spelled[fret_name(name)] = item
 
     def find(self, name: str) -> Declaration | None:
-        """Return what declares `name` (FRET writes `a_DOT_b` for `a.b`), None if nothing does."""
-        found = self.names.get(name) or self._by_spelling.get(fret_name(name))
+        """Return what declares a name, in either spelling, None if nothing does."""
+        found = self._names.get(name) or self._spelled.get(fret_name(name))
+        if found is None and self._outer is not None:
+            return self._outer.find(name)
         return found or _PREDEFINED.get(name)
 
-    @cached_property
-    def _by_spelling(self) -> dict[str, Declaration]:
-        return {fret_name(name): item for name, item in self.names.items()}
+    def vocabulary_of(self, name: str) -> Vocabulary | None:
+        """Return the names of a declared name's values, None if it has none."""
+        found = self.find(name)
+        return found.term.vocabulary if found else None
+
+    @property
+    def names(self) -> Mapping[str, Declaration]:
+        """All declared names, as they are declared."""
+        return {**self._outer.names, **self._names} if self._outer else self._names
 
     @property
     def constants(self) -> list[str]:
         """The names of all constants."""
         return [name for name, item in self.names.items() if item.role is Role.CONSTANT]
 
-    @cached_property
+    @property
     def owners(self) -> dict[str, list[str]]:
         """For each name of a value, the inputs that have it."""
         found: dict[str, list[str]] = {}
-        for name, item in self.names.items():
-            if item.role is Role.INPUT and item.term.vocabulary is not None:
-                for value, _ in item.term.vocabulary.values:
+        for name, vocabulary in self.vocabularies.items():
+            if self.names[name].role is Role.INPUT:
+                for value, _ in vocabulary.values:
                     found.setdefault(value, []).append(name)
         return found
 
-    @cached_property
+    @property
     def vocabularies(self) -> dict[str, Vocabulary]:
         """The names of values, for each name that has some."""
         return {name: item.term.vocabulary for name, item in self.names.items()
@@ -89,8 +111,9 @@ class Scope:
 
     def help_for(self, name: str) -> str:
         """Return what to do about a name that nothing declares."""
-        if name in self.owners:
-            owner = self.owners[name][0]
+        owners = self.owners.get(name)
+        if owners:
+            owner = owners[0]
             return f"it is a value of '{owner}': compare the two, as in {owner} = {name}"
         if name in FUNCTIONS:
             return f'it is a function: write {name}({FUNCTIONS[name].forms[0]})'

@@ -19,13 +19,16 @@ import time
 
 from fret_monitor.bundle.reader import parse_bundle, survey_bundle
 from fret_monitor.elaboration.elaborate import specify
+from fret_monitor.elaboration.scope import Declaration, Role, Scope, scope_of
+from fret_monitor.elaboration.terms import Term
 from fret_monitor.logic.formula import (
-    ALWAYS, Binary, BinaryOperator, Constant, Formula, Historically, Once, postorder, Variable,
-    Window,
+    ALWAYS, Binary, BinaryOperator, Constant, FALSE, Formula, Historically, Once, postorder,
+    Variable, Window,
 )
+from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Specification
 from fret_monitor.messages.definitions import MessageLayout, parse_message
-from fret_monitor.model.diagnostics import CompileError, Problems, Source
+from fret_monitor.model.diagnostics import CompileError, Problems, Source, Span
 from fret_monitor.model.policies import Policy, Report, Severity
 from fret_monitor.model.values import ValueType
 import golden
@@ -188,6 +191,60 @@ requirements:
     assert paths['away'] == ('poses', 2, 'position')
     assert paths['stamp'] == ('header', 'stamp')
     assert result.signals[1].initial == 0.10000000149011612
+
+
+@pytest.mark.parametrize('names', [('first', 'x.y'), ('x.y', 'first')])
+def test_definitions_come_in_any_order_also_as_fret_spells_their_names(
+        names: tuple[str, str]) -> None:
+    texts = {'first': 'x_DOT_y & p', 'x.y': 'p | q'}
+    definitions = ', '.join(f'{name}: {texts[name]}' for name in names)
+    result = specified(f"""
+inputs: {{p: {{type: bool}}, q: {{type: bool}}}}
+definitions: {{{definitions}}}
+requirements:
+  - {{id: R, ptltl: first}}
+""")
+    assert to_smv(result.properties[0].formula) == '(p | q) & p'
+
+
+def test_a_cycle_of_definitions_is_found_in_either_spelling() -> None:
+    with pytest.raises(CompileError, match="the definition 'first' uses itself"):
+        specified("""
+inputs: {p: {type: bool}}
+definitions: {first: x_DOT_y, x.y: p | first}
+requirements:
+  - {id: R, ptltl: first}
+""")
+
+
+def test_a_definition_is_found_as_fret_spells_it_after_a_name_was_not() -> None:
+    with pytest.raises(CompileError) as caught:
+        specified("""
+inputs: {p: {type: bool}}
+definitions: {wrong: nope, x.y: p}
+requirements:
+  - {id: R, ptltl: x_DOT_y}
+""")
+    assert [item.title for item in caught.value.diagnostics] == ["'nope' is not declared"]
+
+
+def test_an_equation_is_found_as_fret_spells_it_after_a_name_was_not() -> None:
+    inner = Scope(outer=scope_of([Variable('a.b', ValueType.BOOL)]))
+    assert inner.find('c_DOT_d') is None
+    inner.declare('c.d', Declaration(Role.EQUATION, Term(FALSE, Span(Source('', ''), 0, 0))))
+    assert inner.find('c_DOT_d') is inner.find('c.d') is not None
+    assert inner.find('a_DOT_b') is inner.find('a.b') is not None
+
+
+def test_a_value_beside_a_name_as_fret_spells_it_is_no_use_of_a_definition() -> None:
+    # Otherwise LANDING would use itself, through the name of the value.
+    result = specified("""
+inputs: {x.state: {type: int8, values: {IDLE: 0, LANDING: 1}}}
+definitions: {LANDING: x_DOT_state = LANDING}
+requirements:
+  - {id: R, ptltl: LANDING}
+""")
+    assert to_smv(result.properties[0].formula) == 'x.state = 1'
 
 
 def test_the_quality_of_service_is_kept() -> None:
