@@ -16,7 +16,6 @@
 
 from fret_monitor.codegen.extractors import topics_of
 from fret_monitor.codegen.module import CModule
-from fret_monitor.logic.formula import Formula, postorder, Variable
 from fret_monitor.logic.printing import to_smv, Values
 from fret_monitor.logic.specification import Property, Signal
 from fret_monitor.model.manifest import (
@@ -83,11 +82,5 @@ def _requirement(item: Property, group: int, signal_of: dict[str, int],
         report=item.report,
         severity=item.severity,
         group=group,
-        inputs=_inputs(item, signal_of),
+        inputs=tuple(sorted(signal_of[name] for name in item.inputs)),
     )
-
-
-def _inputs(item: Property, signal_of: dict[str, int]) -> tuple[int, ...]:
-    roots: list[Formula] = [item.formula, *(equation for _, equation in item.feedback)]
-    return tuple(sorted({signal_of[node.name] for node in postorder(roots)
-                         if isinstance(node, Variable)}))

@@ -98,8 +98,8 @@ def references(root: Expression, vocabulary_of: FindVocabulary,
     Return the names that an expression uses, and the first place of each.
 
     `vocabulary_of` gives the names of a name's values, if it has some: in `state = LANDING` the
-    second is then a value of the first, and no reference. Without `through_delays`, names count only if their
-    value at the same step is used.
+    second is then a value of the first, and no reference. Without `through_delays`, names count
+    only if their value at the same step is used.
     """
     found: dict[str, Span] = {}
     seen: set[Expression] = set()

@@ -37,7 +37,6 @@ from fret_monitor.language.sentence import Sentence
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Constant, Formula, postorder, Variable
 from fret_monitor.logic.printing import to_smv, Values
-from fret_monitor.logic.propositions import roots
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.diagnostics import (
     counted, Diagnostic, did_you_mean, Problems, refuse, Source, Text,
@@ -172,7 +171,7 @@ def _cut(text: str) -> str:
 
 def _definitions(item: Property, context: _Context) -> Iterator[tuple[str, str]]:
     """Yield what the definitions that the words name stand for."""
-    inside = set(postorder(roots(item)))
+    inside = set(postorder(item.roots))
     for formula, name in context.names.items():
         if formula in inside and formula is not item.formula:
             inner = {node: other for node, other in context.names.items() if other != name}

@@ -28,7 +28,7 @@ from random import Random
 from fret_monitor.importing.draft import Comparison
 from fret_monitor.logic.evaluate import evaluate_all, Value
 from fret_monitor.logic.formula import Feedback, Formula, postorder, Variable
-from fret_monitor.logic.propositions import bounds, horizon, roots
+from fret_monitor.logic.propositions import bounds, horizon
 from fret_monitor.logic.specification import Property
 from fret_monitor.traces.boundary import boundary_values, constants
 from fret_monitor.traces.random_traces import random_traces
@@ -92,7 +92,7 @@ def _first_difference(formulas: Sequence[Formula], trace: dict[str, list[Value]]
 
 def _traces(first: Property, other: Property, rng: Random) -> Iterator[dict[str, list[Value]]]:
     """Yield traces of the variables of two wordings; fewer for formulas that cost more."""
-    nodes = postorder([*roots(first), *roots(other)])
+    nodes = postorder([*first.roots, *other.roots])
     variables = [node for node in nodes if isinstance(node, Variable)]
     if not variables:
         yield {'': [False] * _SHORT}

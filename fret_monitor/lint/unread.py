@@ -22,7 +22,6 @@ topic that feeds nothing that is read changes what the bounds mean, and nobody m
 from collections.abc import Iterator
 
 from fret_monitor.bundle.bundle import Bundle
-from fret_monitor.logic.formula import Formula, postorder, Variable
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import Diagnostic, Level
 from fret_monitor.model.policies import Policy
@@ -32,7 +31,7 @@ def unread_topics(bundle: Bundle, specification: Specification) -> Iterator[Diag
     """Yield a warning for each topic that makes steps, and of which no requirement reads."""
     if specification.policy is not Policy.EVERY_MESSAGE:
         return
-    read = _read(specification)
+    read = {name for item in specification.properties for name in item.inputs}
     topics: dict[str, list[str]] = {}
     for signal in specification.signals:
         if signal.topic is not None:
@@ -45,9 +44,3 @@ def unread_topics(bundle: Bundle, specification: Specification) -> Iterator[Diag
                 f"messages on '{topic}' are steps, and no requirement reads {inputs}",
                 places[names[0]], 'the policy is every_message',
                 'leave it out, or write policy: relevant_message under evaluation', Level.WARNING)
-
-
-def _read(specification: Specification) -> set[str]:
-    roots: list[Formula] = [root for item in specification.properties
-                            for root in (item.formula, *(cell for _, cell in item.feedback))]
-    return {node.name for node in postorder(roots) if isinstance(node, Variable)}

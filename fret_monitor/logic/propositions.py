@@ -31,11 +31,6 @@ _BOOL = ValueType.BOOL
 _TEMPORAL = (Yesterday, WeakYesterday, Once, Historically, Since, Triggered, Previous, Feedback)
 
 
-def roots(item: Property) -> list[Formula]:
-    """Return a requirement's formula, and the equations of its feedback."""
-    return [item.formula, *(equation for _, equation in item.feedback)]
-
-
 def is_proposition(node: Formula) -> bool:
     """Whether a node is a Boolean input, or a comparison of numbers."""
     match node:
@@ -51,7 +46,7 @@ def propositions(item: Property) -> list[Formula]:
     """Return the outermost propositions of a requirement, in the order they first occur."""
     found: dict[Formula, None] = {}
     seen: set[Formula] = set()
-    stack = list(reversed(roots(item)))
+    stack = list(reversed(item.roots))
     while stack:
         node = stack.pop()
         if node in seen:
@@ -106,7 +101,7 @@ def _taken_apart(node: Formula) -> tuple[Formula | None, tuple[Formula, ...]]:
 def horizon(item: Property) -> int:
     """Return how many steps back the formula's bounds reach, nested ones added up."""
     depth: dict[Formula, int] = {}
-    for node in postorder(roots(item)):
+    for node in postorder(item.roots):
         below = max((depth[part] for part in operands(node)), default=0)
         depth[node] = below + _reach(node)
     return max(depth.values())
@@ -125,7 +120,7 @@ def _reach(node: Formula) -> int:
 def bounds(item: Property) -> list[int]:
     """Return the ends of all windows that reach back, smallest first."""
     found = set()
-    for node in postorder(roots(item)):
+    for node in postorder(item.roots):
         if isinstance(node, Once | Historically | Since | Triggered):
             found |= {end for end in (node.window.low, node.window.high) if end}
     return sorted(end for end in found if end > 0)

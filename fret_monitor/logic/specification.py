@@ -21,9 +21,10 @@ all later stages stand on it.
 
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cached_property
 
 from fret_monitor.language.sentence import Sentence
-from fret_monitor.logic.formula import Feedback, Formula
+from fret_monitor.logic.formula import Feedback, Formula, postorder, Variable
 from fret_monitor.messages.definitions import MessageLayout
 from fret_monitor.model.diagnostics import Span
 from fret_monitor.model.policies import Policy, Report, Severity, Stale
@@ -84,6 +85,16 @@ class Property:
     place: Span | None = None
     bounds: tuple[int, ...] = ()
     sentence: Sentence | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def roots(self) -> tuple[Formula, ...]:
+        """The formula, and the equations of its feedback."""
+        return self.formula, *(equation for _, equation in self.feedback)
+
+    @cached_property
+    def inputs(self) -> tuple[str, ...]:
+        """The names of the inputs that are read, in the order they first occur."""
+        return tuple(node.name for node in postorder(self.roots) if isinstance(node, Variable))
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,7 @@ It fails at k + n if p held at k and q at none of the n steps behind k; S says s
 and later is no news under H. The first step is never behind k, so FTP in q is left out.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import assert_never
 
@@ -46,7 +47,7 @@ from fret_monitor.logic.formula import (
     postorder, Previous, Since, Triggered, Unary, UnaryOperator, Variable, WeakYesterday, Window,
     Yesterday,
 )
-from fret_monitor.logic.specification import Property, Specification
+from fret_monitor.logic.specification import Specification
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, Delay, Equation, FALSE,
@@ -66,7 +67,8 @@ def lower(specification: Specification) -> MonitorProgram:
     index = {signal.name: i for i, signal in enumerate(specification.signals)}
     groups: dict[tuple[int, ...], list[int]] = {}
     for number, item in enumerate(specification.properties):
-        groups.setdefault(_signals(item, index), []).append(number)
+        signals = tuple(sorted(index[name] for name in item.inputs))
+        groups.setdefault(signals, []).append(number)
     return MonitorProgram(
         specification.name,
         specification.component,
@@ -80,15 +82,6 @@ def lower(specification: Specification) -> MonitorProgram:
     )
 
 
-def _roots(item: Property) -> list[Formula]:
-    return [item.formula, *(equation for _, equation in item.feedback)]
-
-
-def _signals(item: Property, index: dict[str, int]) -> tuple[int, ...]:
-    nodes = postorder(_roots(item))
-    return tuple(sorted({index[node.name] for node in nodes if isinstance(node, Variable)}))
-
-
 def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Specification,
                  index: dict[str, int]) -> StepGroup:
     properties = [specification.properties[number] for number in numbers]
@@ -97,7 +90,7 @@ def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Sp
     first_equations = []
     for item in properties:
         first_equations.append(len(builder.equations))
-        builder.define(_roots(item))
+        builder.define(item.roots)
     return prune(StepGroup(
         signals,
         tuple(numbers),
@@ -124,7 +117,7 @@ class _GroupBuilder:
         self._windows: dict[Operand, OnceWithin] = {}
         self._factoring = 0
 
-    def define(self, roots: list[Formula]) -> None:
+    def define(self, roots: Sequence[Formula]) -> None:
         """Make the equations of all terms under the roots."""
         for node in postorder(roots):
             if node not in self.operand:

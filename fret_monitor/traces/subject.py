@@ -29,7 +29,7 @@ from fret_monitor.logic.formula import (
     Once, postorder, Previous, Since, Triggered, TRUE, Unary, Variable, variables, WeakYesterday,
     Yesterday,
 )
-from fret_monitor.logic.propositions import propositions, roots, triggers
+from fret_monitor.logic.propositions import propositions, triggers
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.policies import Policy
 from fret_monitor.traces.trials import TrialLibrary, Trials
@@ -96,8 +96,7 @@ def _telling(item: Property, goals: Mapping[str, Sequence[Formula]],
 
 
 def _read(item: Property, signals: Sequence[Signal]) -> tuple[Signal, ...]:
-    names = {node.name for node in postorder(roots(item)) if isinstance(node, Variable)}
-    return tuple(signal for signal in signals if signal.name in names)
+    return tuple(signal for signal in signals if signal.name in item.inputs)
 
 
 def _alone(signal: Signal, mapping: Mapping[str, str]) -> Signal:
@@ -109,7 +108,7 @@ def _properties(item: Property, found: Sequence[Formula], mapping: Mapping[str, 
                 number: int) -> list[Property]:
     """Return the requirement and its triggers, all of which read the same inputs."""
     names = {**mapping, **{node.name: f'{node.name}.{number}' for node, _ in item.feedback}}
-    renamed = _renamed([*roots(item), *found], names)
+    renamed = _renamed([*item.roots, *found], names)
     feedback = tuple((Feedback(names[node.name], node.type), renamed[equation])
                      for node, equation in item.feedback)
     main = renamed[item.formula]

@@ -26,7 +26,6 @@ from typing import Any
 
 from fret_monitor.build import build_specification
 from fret_monitor.logic.evaluate import verdicts
-from fret_monitor.logic.formula import postorder, Variable
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.policies import Policy, Report
 from fret_monitor.runtime.evaluator import Evaluator, Violation
@@ -119,17 +118,12 @@ def random_messages(rng: Random, topics: list[list[str]], count: int) -> list[Me
     return messages
 
 
-def read_by(item: Property) -> frozenset[str]:
-    roots = [item.formula, *(equation for _, equation in item.feedback)]
-    return frozenset(node.name for node in postorder(roots) if isinstance(node, Variable))
-
-
 def alone(spec: Specification, messages: list[Message | None]) -> list[Violation]:
     """Return all violations to announce, from requirements that know nothing of one another."""
     initial = {item.name: item.initial for item in spec.signals if item.initial is not None}
     found = []
     for index, item in enumerate(spec.properties):
-        reads = read_by(item)
+        reads = frozenset(item.inputs)
         one = Alone(item, reads, spec.policy,
                     {name: value for name, value in initial.items() if name in reads})
         for stamp, message in enumerate([*messages, None]):

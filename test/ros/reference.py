@@ -20,7 +20,6 @@ from pathlib import Path
 
 from fret_monitor import build
 from fret_monitor.logic.evaluate import Value, verdicts
-from fret_monitor.logic.formula import variables
 from fret_monitor.logic.specification import Property
 from fret_monitor.model.policies import Policy, Report
 
@@ -38,7 +37,7 @@ def expected(bundle: Path, messages: Sequence[Message],
 
 
 def _announced(item: Property, messages: Sequence[Message], policy: Policy) -> int:
-    read = {variable.name for variable in variables(item.formula)}
+    read = set(item.inputs)
     rows = _rows(read, messages, policy)
     trace = {name: [row[name] for row in rows] for name in read}
     truth = verdicts(item.formula, trace) if rows else []
