@@ -38,6 +38,7 @@ ARGUMENTS = {
     'period': ('', 'seconds between two steps, with the policy periodic'),
     'rate': ('', 'steps a second, with the policy periodic'),
     'hot_path': ('', 'whether C takes the messages: auto, on or off'),
+    'handler_depth': ('', 'violations that a slow listener may be behind'),
     'autostart': ('true', 'whether the monitor configures and activates itself'),
     'namespace': ('', 'where relative topics and the handlers lie'),
     'name': ('fret_monitor', 'the name of the monitor'),
@@ -46,8 +47,9 @@ ARGUMENTS = {
     'log_level': ('info', 'the least severity that is logged'),
 }
 PATHS = ('spec', 'library')
-OF_BOTH = (*PATHS, 'policy', 'period', 'rate', 'use_sim_time')
-TYPES = {'period': float, 'rate': float, 'autostart': bool, 'use_sim_time': bool}
+OF_BOTH = (*PATHS, 'policy', 'period', 'rate', 'handler_depth', 'use_sim_time')
+TYPES = {'period': float, 'rate': float, 'handler_depth': int, 'autostart': bool,
+         'use_sim_time': bool}
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -39,6 +39,7 @@ from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import Refusal
 from fret_monitor.ros.periods import Periods
 from fret_monitor.ros.publisher_threads import DetailPublisher, HandlerPublisher
+from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH
 from fret_monitor.ros.timeouts import TimeoutTimer
 from fret_monitor.runtime import Evaluator, SharedEvaluator
 from fret_monitor.runtime.fields import Outcome, read_fields
@@ -62,7 +63,7 @@ class BundleSession:
     """
 
     def __init__(self, node: Node, opened: Opened, *, hot_path: str = 'auto',
-                 name: str = '') -> None:
+                 name: str = '', handler_depth: int = DEFAULT_HANDLER_DEPTH) -> None:
         """
         Prepare to watch.
 
@@ -92,7 +93,7 @@ class BundleSession:
             try:
                 self._refuse_merged_topics()
                 self._read_overrides()
-                self._advertise()
+                self._advertise(handler_depth)
             except InvalidTopicNameException as error:  # the namespace or a remapping is wrong
                 raise Refusal(f'cannot subscribe or advertise: {error}') from None
             undo.pop_all()
@@ -106,10 +107,10 @@ class BundleSession:
         return SharedEvaluator(Evaluator(
             self.opened.monitor, policy=self.opened.policy, library=self.opened.evaluator))
 
-    def _advertise(self) -> None:
-        self._handlers = Handlers(self._node, self.manifest)
+    def _advertise(self, depth: int) -> None:
+        self._handlers = Handlers(self._node, self.manifest, depth)
         self._advertised.callback(self._handlers.close)
-        self._details = Details(self._node, self.manifest)
+        self._details = Details(self._node, self.manifest, depth)
         self._advertised.callback(self._details.close)
 
     def start(self) -> None:

@@ -21,15 +21,15 @@ somebody listens, and published when it is made; the handler's message does not 
 
 from dataclasses import dataclass
 import re
-import struct
 from threading import Event
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from fret_monitor.model.floats import shortest_float32
 from fret_monitor.model.manifest import Manifest, ManifestInput
 from fret_monitor.model.policies import Severity
 from fret_monitor.model.values import ValueType
-from fret_monitor.ros.qos import VIOLATION_QOS
+from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH, violation_profile
 from fret_monitor.runtime import ViolationDetail
 
 from rclpy.event_handler import PublisherEventCallbacks
@@ -74,13 +74,13 @@ def read_detail(status: DiagnosticStatus) -> Detail | None:
 class Details:
     """Publishes details of violations while somebody listens."""
 
-    def __init__(self, node: Node, manifest: Manifest) -> None:
-        """Advertise the topic."""
+    def __init__(self, node: Node, manifest: Manifest, depth: int = DEFAULT_HANDLER_DEPTH) -> None:
+        """Advertise the topic; `depth` is that of its queue."""
         self._node = node
         self._manifest = manifest
         self.listening = Event()
         self._publisher = node.create_publisher(
-            DiagnosticArray, DETAILS_TOPIC, VIOLATION_QOS,
+            DiagnosticArray, DETAILS_TOPIC, violation_profile(depth),
             event_callbacks=PublisherEventCallbacks(matched=lambda _: self.listening.set()))
 
     def listeners(self) -> int:
@@ -141,18 +141,5 @@ def show(item: ManifestInput, value: Value) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if item.value_type is ValueType.FLOAT32 and isinstance(value, float):
-        return _shortest_float32(value)
+        return shortest_float32(value)
     return repr(value)
-
-
-def _shortest_float32(value: float) -> str:
-    digits = (f'{value:.{precision}g}' for precision in range(6, 10))
-    return next((text for text in digits if _as_float32(float(text)) == value), repr(value))
-
-
-def _as_float32(value: float) -> float:
-    try:
-        rounded: float = struct.unpack('<f', struct.pack('<f', value))[0]
-    except OverflowError:
-        return float('inf')
-    return rounded

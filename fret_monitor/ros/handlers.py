@@ -16,7 +16,7 @@
 
 
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
-from fret_monitor.ros.qos import VIOLATION_QOS
+from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH, violation_profile
 from fret_monitor.runtime import Violation
 
 from rclpy.node import Node
@@ -32,12 +32,13 @@ def handler_topic(requirement: ManifestRequirement) -> str:
 class Handlers:
     """Announces violations; `publishers` are by requirement."""
 
-    def __init__(self, node: Node, manifest: Manifest) -> None:
-        """Advertise the handlers of all requirements."""
+    def __init__(self, node: Node, manifest: Manifest, depth: int = DEFAULT_HANDLER_DEPTH) -> None:
+        """Advertise the handlers of all requirements; `depth` is that of each queue."""
+        profile = violation_profile(depth)
         self._node = node
         self._message = serialize_message(Empty())
         self.publishers = [
-            node.create_publisher(Empty, handler_topic(requirement), VIOLATION_QOS)
+            node.create_publisher(Empty, handler_topic(requirement), profile)
             for requirement in manifest.requirements]
 
     def announce(self, violation: Violation) -> None:

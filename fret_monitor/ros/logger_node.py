@@ -34,10 +34,10 @@ from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
 from fret_monitor.ros.feed import Deliver, Feed
 from fret_monitor.ros.fields import UNDECODABLE
 from fret_monitor.ros.handlers import handler_topic
-from fret_monitor.ros.overrides import Overrides
+from fret_monitor.ros.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.pairing import Pairing, ReceivedViolation
 from fret_monitor.ros.parameters import LOGGER_PARAMETERS, Parameters, read_settings
-from fret_monitor.ros.qos import VIOLATION_REQUEST
+from fret_monitor.ros.qos import violation_request
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -92,9 +92,10 @@ class LoggerNode(Node):
                         for requirement in manifest.requirements]
         self._reports = {item.id: self._report(item) for item in requirements}
         overrides = Overrides.of(self)
+        fixed = violation_request(settings.handler_depth)
 
         def request(name: str) -> dict[str, str | int]:
-            return overrides.apply(self.resolve_topic_name(name), VIOLATION_REQUEST)
+            return overrides.apply(self.resolve_topic_name(name), fixed)
 
         self._feed.subscribe(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
                              self._keep_details, request(DETAILS_TOPIC))
@@ -104,6 +105,8 @@ class LoggerNode(Node):
                                  request(name))
         self._feed.start()
         self._thread.start()
+        names = [DETAILS_TOPIC, *map(handler_topic, requirements)]
+        DeclaredOverrides(self, {self.resolve_topic_name(name): fixed for name in names})
         self.create_timer(_CHECK, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(
             f'listening for violations of {counted(len(requirements), "requirement")}: '

@@ -16,6 +16,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, ExitStack
+import gc
 import traceback
 from typing import Any
 
@@ -23,7 +24,7 @@ from fret_monitor.ros.announcement import announcement, count
 from fret_monitor.ros.bundle_session import BundleSession
 from fret_monitor.ros.compiled import open_monitors, Opened
 from fret_monitor.ros.duplicate_nodes import DuplicateNodes
-from fret_monitor.ros.overrides import Overrides
+from fret_monitor.ros.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.parameters import MONITOR_PARAMETERS, Parameters, read_settings, Refusal
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -53,7 +54,8 @@ class MonitorNode(LifecycleNode):
             if parameters, bundles or libraries are not such that it can start by itself. Nothing
             is left.
         """
-        self._watches: list[BundleSession] = []
+        self._sessions: list[BundleSession] = []
+        self._declared_overrides: DeclaredOverrides | None = None
         self._is_active = False
         self._is_starting = False
         self._failure: Exception | None = None
@@ -100,7 +102,10 @@ class MonitorNode(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Release the bundles; to configure again reads them again."""
-        return self._take(self._release) or super().on_cleanup(state)
+        result = self._take(self._release) or super().on_cleanup(state)
+        # Timers and their callbacks refer to each other, and would keep the bundle's library open.
+        gc.collect()
+        return result
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Release the bundles, for good."""
@@ -137,13 +142,14 @@ class MonitorNode(LifecycleNode):
         with ExitStack() as undo:
             undo.callback(self._release)
             for item, name in zip(opened, _names(opened)):
-                self._watches.append(
-                    BundleSession(self, item, hot_path=settings.hot_path, name=name))
+                self._sessions.append(BundleSession(
+                    self, item, hot_path=settings.hot_path, name=name,
+                    handler_depth=settings.handler_depth))
             undo.pop_all()
         self._warn([warning for item in opened for warning in item.warnings])
         self._warn(Overrides.of(self).unused([
             self.resolve_topic_name(topic.name)
-            for watch in self._watches for topic in watch.manifest.topics]))
+            for session in self._sessions for topic in session.manifest.topics]))
 
     def _refuse_two_types(self, opened: Sequence[Opened]) -> None:
         """Refuse two types for one topic: the middleware allows one in a process."""
@@ -168,27 +174,33 @@ class MonitorNode(LifecycleNode):
     def _activate(self) -> None:
         with ExitStack() as undo:
             undo.callback(self._deactivate)
-            for watch in self._watches:
-                watch.start()
+            for session in self._sessions:
+                session.start()
             self._is_active = True
             undo.pop_all()
-        for line in announcement([watch.opened for watch in self._watches]):
+        for line in announcement([session.opened for session in self._sessions]):
             self.get_logger().info(line)
+        self._declared_overrides = self._declared_overrides or DeclaredOverrides(self, {
+            self.resolve_topic_name(topic.name): dict(topic.qos)
+            for session in self._sessions for topic in session.manifest.topics})
 
     def _deactivate(self) -> None:
         self._is_active = False
-        for watch in self._watches:
-            watch.stop()
+        for session in self._sessions:
+            session.stop()
 
     def _release(self) -> None:
         self._is_active = False
-        while self._watches:
-            self._watches[-1].close()  # and if that is interrupted, it is tried again
-            self._watches.pop()
+        if self._declared_overrides is not None:
+            self._declared_overrides.close()
+            self._declared_overrides = None
+        while self._sessions:
+            self._sessions[-1].close()  # and if that is interrupted, it is tried again
+            self._sessions.pop()
 
     def _why_fixed(self) -> str:
         return ('read when the node is configured, since a step has to mean the same from the '
-                'first to the last; deactivate and clean up first') if self._watches else ''
+                'first to the last; deactivate and clean up first') if self._sessions else ''
 
     def destroy_node(self) -> None:
         """End the watches, then the node."""
@@ -202,7 +214,7 @@ class MonitorNode(LifecycleNode):
         if not self._is_active:
             response.message = 'nothing to restart: the node is not active'
             return response
-        groups = sum(watch.reset() for watch in self._watches)
+        groups = sum(session.reset() for session in self._sessions)
         response.message = f'restarted {count(groups, "step group")}; input values kept'
         self.get_logger().info(response.message)
         return response

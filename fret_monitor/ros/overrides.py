@@ -25,18 +25,23 @@ from typing import Any
 
 from fret_monitor.model.diagnostics import did_you_mean
 from fret_monitor.ros.parameters import Refusal
-from fret_monitor.ros.qos import DURABILITY, HISTORY, RELIABILITY
+from fret_monitor.ros.qos import (
+    DEFAULT_DEPTH, DURABILITY, HISTORY, LARGEST_DEPTH, RELIABILITY,
+)
 
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 _PREFIX = 'qos_overrides.'
 _WORDS: dict[str, Collection[str]] = {
     'reliability': RELIABILITY, 'durability': DURABILITY, 'history': HISTORY}
 _AVAILABLE = 'best_available'  # where a subscription may follow its publishers
+_FOLLOWS = f'; {_AVAILABLE}: as its publishers offer'
 _POLICIES = (*_WORDS, 'depth')
 _TIMED = ('deadline', 'lifespan', 'liveliness', 'liveliness_lease_duration')
 _OF_RCLPY = ('/clock', '/parameter_events', '/rosout')
-_DEEPEST = 2**31 - 1
+_DECLARE_S = 0.01  # between two topics
 
 
 @dataclass(frozen=True)
@@ -100,7 +105,7 @@ class Overrides:
                  if item.endpoint == 'publisher' and item.topic in topics]
         if names:
             raise Refusal(*(f"parameter '{name}' cannot be given: violations are announced "
-                            'reliable, volatile, with a depth of 1000, so that none is lost'
+                            'reliable and volatile; their depth is -p handler_depth:=NUMBER'
                             for name in names))
 
     def unused(self, subscribed: Collection[str]) -> Iterator[str]:
@@ -112,6 +117,46 @@ class Overrides:
                 hint = did_you_mean(item.topic, subscribed)
                 yield (f"ignored parameter '{item.name}': the topic {item.topic} is not "
                        f'subscribed to{f"; {hint}" if hint else ""}')
+
+
+class DeclaredOverrides:
+    """
+    Declares the overrides of some subscriptions, so that `ros2 param` lists and describes them.
+
+    rclpy takes 0.1 ms for a parameter: they are declared one topic at a time by a timer, and
+    neither the start nor a period waits for all of them.
+    """
+
+    def __init__(self, node: Node, topics: Mapping[str, Mapping[str, str | int]]) -> None:
+        """Begin; `topics` are full names, each with what the bundle fixes for it."""
+        self._node = node
+        self._left = sorted(topics.items(), reverse=True)
+        self._names: list[str] = []
+        self._timer = node.create_timer(
+            _DECLARE_S, self._declare_next, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _declare_next(self) -> None:
+        if not self._left:
+            self._timer.cancel()
+            return
+        topic, fixed = self._left.pop()
+        for policy, default in (
+                ('reliability', _AVAILABLE), ('durability', _AVAILABLE),
+                ('history', 'keep_last'), ('depth', DEFAULT_DEPTH)):
+            name = f'{_PREFIX}{topic}.subscription.{policy}'
+            if self._node.has_parameter(name):
+                continue
+            self._node.declare_parameter(name, fixed.get(policy, default), ParameterDescriptor(
+                description=f'{policy} of the subscription to {topic}; read at the start of the '
+                            f'process{"" if default != _AVAILABLE else _FOLLOWS}',
+                dynamic_typing=True))
+            self._names.append(name)
+
+    def close(self) -> None:
+        """Undeclare them."""
+        self._node.destroy_timer(self._timer)
+        while self._names:
+            self._node.undeclare_parameter(self._names.pop())
 
 
 def _read(given: Mapping[str, object], problems: list[str]) -> Iterator[_Override]:
@@ -141,7 +186,7 @@ def _problems(item: _Override) -> Iterator[str]:
                + (did_you_mean(item.policy, _POLICIES) or f'there are {", ".join(_POLICIES)}'))
     elif item.policy == 'depth':
         if not isinstance(item.value, int) or isinstance(item.value, bool) \
-                or not 0 < item.value <= _DEEPEST:
+                or not 0 < item.value <= LARGEST_DEPTH:
             yield f'{where} is {item.value!r}, and has to be a number of messages, at least 1'
     else:
         words = [*_WORDS[item.policy]]

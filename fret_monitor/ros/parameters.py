@@ -29,6 +29,7 @@ from typing import Any
 from fret_monitor.model.diagnostics import did_you_mean
 from fret_monitor.model.policies import Policy
 from fret_monitor.ros.bundle_files import find_bundle
+from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH, LARGEST_DEPTH
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.logging import LoggingSeverity
@@ -63,6 +64,9 @@ MONITOR_PARAMETERS = {
                            "the bundle's; read by `configure`"),
     'hot_path': Described('auto', 'whether C takes the messages: auto (where it can), on (or '
                                   'do not start), off; read by `configure`'),
+    'handler_depth': Described(
+        DEFAULT_HANDLER_DEPTH, 'violations that a slow listener of one handler may be behind '
+                               'before it loses some; read by `configure`'),
     'autostart': Described(True, 'whether the node configures and activates itself at its start',
                            read_only=True),
     'log_level': _LOG_LEVEL,
@@ -74,6 +78,9 @@ LOGGER_PARAMETERS = {
     'period': Described(0.0, "as the monitor's: a bundle may leave it to the parameter",
                         read_only=True),
     'rate': Described(0.0, "as the monitor's, instead of a period", read_only=True),
+    'handler_depth': Described(
+        DEFAULT_HANDLER_DEPTH, 'violations of one handler that may wait in this node',
+        read_only=True),
     'log_level': _LOG_LEVEL,
 }
 
@@ -112,6 +119,7 @@ class Settings:
     policy: Policy | None = None
     period: Fraction | None = None
     hot_path: str = 'auto'
+    handler_depth: int = DEFAULT_HANDLER_DEPTH
 
 
 class Parameters:
@@ -158,6 +166,11 @@ class Parameters:
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         """Refuse what cannot be used, and what cannot change now."""
+        overrides = [item.name for item in parameters if item.name.startswith('qos_overrides.')
+                     and self._node.has_parameter(item.name)]
+        if overrides:
+            return SetParametersResult(successful=False, reason=(
+                f"{', '.join(overrides)}: read at the start of the process only"))
         new = {item.name: item.value for item in parameters if item.name in self._table}
         problems = _found(_settings, self.values() | new) + _found(_level, new)
         fixed = [name for name in new if name != 'log_level']
@@ -211,7 +224,8 @@ def _autostart(given: Mapping[str, Any], problems: list[str]) -> None:
 def _settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
     return Settings(
         _origins(given, problems), _policy(given, problems), _period(given, problems),
-        _word(given, 'hot_path', _HOT_PATHS, problems) or 'auto')
+        _word(given, 'hot_path', _HOT_PATHS, problems) or 'auto',
+        _depth(given, problems))
 
 
 def _origins(given: Mapping[str, Any], problems: list[str]) -> tuple[Origin, ...]:
@@ -244,6 +258,15 @@ def _texts(given: Mapping[str, Any], name: str, problems: list[str]) -> list[str
             f"path or a list of paths; quote it: -p '{name}:=\"{wrong[0]}\"'")
         return []
     return [item for item in listed if item]
+
+
+def _depth(given: Mapping[str, Any], problems: list[str]) -> int:
+    value = given.get('handler_depth', DEFAULT_HANDLER_DEPTH)
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 < value <= LARGEST_DEPTH:
+        problems.append(f"parameter 'handler_depth' is {value!r}, and has to be a number of "
+                        'messages, at least 1')
+        return DEFAULT_HANDLER_DEPTH
+    return value
 
 
 def _policy(given: Mapping[str, Any], problems: list[str]) -> Policy | None:

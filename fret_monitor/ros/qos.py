@@ -28,14 +28,9 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 # of a 1 MB image it would be 100 MB at worst, which `qos: {depth: 1}` brings down.
 DEFAULT_DEPTH = 100
 
-VIOLATION_QOS = QoSProfile(
-    depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.VOLATILE)
-"""What handlers offer."""
-
-VIOLATION_REQUEST: dict[str, str | int] = {
-    'reliability': 'reliable', 'durability': 'volatile', 'depth': 1000,
-}
-"""What the logger asks for, in the words of `wanted_profile`."""
+LARGEST_DEPTH = 2**31 - 1
+DEFAULT_HANDLER_DEPTH = 1000
+"""Violations that a slow listener of one handler may be behind before it loses some."""
 
 RELIABILITY = {
     'reliable': ReliabilityPolicy.RELIABLE,
@@ -49,6 +44,17 @@ HISTORY = {
     'keep_last': HistoryPolicy.KEEP_LAST,
     'keep_all': HistoryPolicy.KEEP_ALL,
 }
+
+
+def violation_profile(depth: int) -> QoSProfile:
+    """Return what the topics of violations offer."""
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE,
+                      durability=DurabilityPolicy.VOLATILE)
+
+
+def violation_request(depth: int) -> dict[str, str | int]:
+    """Return what the logger asks for, as `fixed` of `wanted_profile`."""
+    return {'reliability': 'reliable', 'durability': 'volatile', 'depth': depth}
 
 
 def wanted_profile(offers: Iterable[QoSProfile], fixed: Mapping[str, str | int]) -> QoSProfile:

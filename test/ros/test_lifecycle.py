@@ -16,9 +16,11 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+import gc
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
+import weakref
 
 from fret_monitor.ros import MonitorNode
 from lifecycle_msgs.msg import State, Transition
@@ -286,3 +288,25 @@ def test_what_goes_wrong_in_the_feed_is_raised_where_the_node_is_spun(
         with pytest.raises(RuntimeError, match='no paper in the printer'):
             while monotonic() < end:
                 executor.spin_once(timeout_sec=0.05)
+
+
+@pytest.mark.parametrize('hot_path', ['on', 'off'])
+def test_cleanup_leaves_nothing_that_keeps_the_library_of_the_monitor(
+    partner: Partner, tmp_path: Path, hot_path: str,
+) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE, encoding='utf-8')
+    node = MonitorNode(context=partner.context, parameter_overrides=[
+        Parameter('spec', value=str(bundle)), Parameter('hot_path', value=hot_path)])
+    gc.collect()
+    gc.disable()  # a cycle would keep it until some later collection
+    try:
+        opened = weakref.ref(node._sessions[0].opened)
+        monitor = weakref.ref(node._sessions[0].opened.monitor)
+        node.trigger_deactivate()
+        node.trigger_cleanup()
+        assert opened() is None, gc.get_referrers(opened())
+        assert monitor() is None, gc.get_referrers(monitor())
+    finally:
+        gc.enable()
+        node.destroy_node()

@@ -88,7 +88,7 @@ def test_what_cannot_be_is_refused_with_what_can(
 def test_what_violations_are_announced_with_stays() -> None:
     overrides = Overrides({'qos_overrides./copilot/handlerpropR.publisher.depth': 1})
     overrides.refuse_publishers(['/copilot/handlerpropQ'])
-    with pytest.raises(Refusal, match='so that none is lost'):
+    with pytest.raises(Refusal, match='their depth is -p handler_depth:=NUMBER'):
         overrides.refuse_publishers(['/copilot/handlerpropR'])
 
 

@@ -20,7 +20,9 @@ from typing import Any
 
 from fret_monitor.ros import LoggerNode, MonitorNode, Refusal
 import pytest
-from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rcl_interfaces.srv import (
+    DescribeParameters, GetParameters, ListParameters, SetParameters,
+)
 from rclpy.parameter import Parameter
 from ros.harness import Partner, started, wait_until
 from ros.test_lifecycle import ACTIVATE, CONFIGURE, Manager, waiting
@@ -32,7 +34,8 @@ inputs:
 requirements:
   - {id: R-1, ptltl: "x < 0.5"}
 """
-NAMES = ['spec', 'library', 'policy', 'period', 'rate', 'hot_path', 'autostart', 'log_level']
+NAMES = ['spec', 'library', 'policy', 'period', 'rate', 'hot_path', 'handler_depth',
+         'autostart', 'log_level']
 
 
 @pytest.fixture
@@ -66,6 +69,35 @@ def test_every_parameter_says_what_it_means(partner: Partner, bundle: Path) -> N
     assert list(described) == NAMES
     assert all(len(item.description) > 20 for item in answer.descriptors)
     assert [name for name in NAMES if described[name].read_only] == ['autostart']
+
+
+@pytest.mark.parametrize('name', ['monitor', 'logger'])
+def test_overrides_of_the_quality_of_service_are_listed_and_described(
+    partner: Partner, bundle: Path, name: str,
+) -> None:
+    node = f'/fret_{name}'
+    topic = {'monitor': '/x', 'logger': '/copilot/handlerpropR_1'}[name]
+    names = [f'qos_overrides.{topic}.subscription.{policy}'
+             for policy in ('depth', 'durability', 'history', 'reliability')]
+    with started(name, '-p', f'spec:={bundle}', '-p', f'{names[0]}:=7'):
+        def listed() -> list[str]:
+            answer = call(partner, ListParameters, f'{node}/list_parameters',
+                          ListParameters.Request())
+            return sorted(item for item in answer.result.names if topic in item)
+
+        wait_until(lambda: listed() == names, 'the overrides')
+        answer = call(partner, DescribeParameters, f'{node}/describe_parameters',
+                      DescribeParameters.Request(names=names))
+        assert all(f'of the subscription to {topic}' in item.description
+                   for item in answer.descriptors)
+        answer = call(partner, GetParameters, f'{node}/get_parameters',
+                      GetParameters.Request(names=names))
+        assert answer.values[0].integer_value == 7
+        request = SetParameters.Request(
+            parameters=[Parameter(names[0], value=8).to_parameter_msg()])
+        result, = call(partner, SetParameters, f'{node}/set_parameters', request).results
+        assert (result.successful, result.reason) == (
+            False, f'{names[0]}: read at the start of the process only')
 
 
 def test_what_is_read_by_configure_changes_in_no_other_state_and_takes_effect_then(
@@ -164,7 +196,7 @@ def test_a_parameter_that_the_node_has_not_is_told_with_the_nearest(
     assert "ignored parameter 'polcy': did you mean 'policy'?" in told
     assert f"ignored parameter 'frame_id': this node has {', '.join(NAMES)}" in told
     assert "ignored parameter 'frame_id': this node has spec, library, policy, period, rate, " \
-        'log_level' in told
+        'handler_depth, log_level' in told
     assert told.count("ignored parameter 'spec'") == 0
 
 
