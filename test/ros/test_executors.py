@@ -119,10 +119,11 @@ def test_the_logger_logs_in_every_executor(
     partner: Partner, stranger: Partner, executor: Any, tmp_path: Path,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    with spun(executor, LoggerNode(
-            context=stranger.context, parameter_overrides=[bundle(tmp_path)])), \
-            spun(SingleThreadedExecutor(context=partner.context), MonitorNode(
-                context=partner.context, parameter_overrides=[bundle(tmp_path)])):
+    monitor = MonitorNode(context=partner.context, parameter_overrides=[bundle(tmp_path)])
+    with spun(SingleThreadedExecutor(context=partner.context), monitor), spun(executor, LoggerNode(
+            context=stranger.context, parameter_overrides=[bundle(tmp_path)])):
+        handler, = (item for item in monitor.publishers if item.topic.endswith('handlerpropR'))
+        wait_until(lambda: handler.get_subscription_count() > 0, 'the logger')
         publisher = partner.publisher(Float32, 'x')
         partner.wait_for_listener(publisher)
         for _ in range(20):
