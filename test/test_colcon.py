@@ -98,7 +98,7 @@ def ros2_run(environment: Mapping[str, str], executable: str) -> str:
 
 @pytest.fixture
 def graph(domain: int) -> Iterator[Callable[[], list[str]]]:
-    """Return a function that tells the names of the nodes in the domain."""
+    """Return a function that returns the names of the nodes in the domain."""
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=domain)
     node = rclpy.create_node('onlooker', context=context)

@@ -83,7 +83,7 @@ def test_a_shim_that_finds_no_python_is_passed_over(
     assert said.startswith('fret_monitor: no Python 3.12 found: install it')
 
 
-def test_a_python_that_makes_no_environments_is_told_from_none(
+def test_a_python_without_ensurepip_gets_another_hint_than_none(
     machine: Callable[..., 'subprocess.CompletedProcess[str]'],
 ) -> None:
     # Debian's python3.12 without python3.12-venv has no ensurepip.

@@ -207,13 +207,13 @@ def write_bundles(found: Sequence[Imported], *, force: bool = False,
     Raises
     ------
     CompileError
-        if one is there, one is a file in `read`, or a file cannot be written.
+        if a bundle exists, a file is one of those in `read`, or a file cannot be written.
     """
     for item in found:
         for path in (item.path, *(trace for trace, _ in item.traces)):
             refuse_overwriting(path, read)
         if not force and _is_there(item.path):
-            refuse(f'{shown(str(item.path))} is there already', help='--force writes it anew')
+            refuse(f'{shown(str(item.path))} exists', help='--force overwrites it')
     for item in found:
         for path, text in (*item.traces, (item.path, item.text)):
             _write(path, text)
@@ -223,7 +223,7 @@ def _is_there(path: Path) -> bool:
     try:
         return path.exists()
     except (OSError, ValueError):
-        return False  # what is wrong with the name is told when it is written
+        return False  # writing it reports what is wrong with the name
 
 
 def _write(path: Path, text: str) -> None:

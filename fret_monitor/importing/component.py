@@ -45,7 +45,7 @@ class Wording:
     """
     A property or definition as written, in one of `languages` (the first that reads it).
 
-    `label` is where it stands, in the user's words: `fsm.json, FSM-001, ptLTL`.
+    `label` is its place, as messages show it: `fsm.json, FSM-001, ptLTL`.
     """
 
     languages: tuple[Language, ...]

@@ -154,8 +154,8 @@ class _Drafter:
 
     def draft(self) -> Draft:
         self._sort_variables()
+        self._infer_types()  # while definitions are still single expressions
         self._close_cycles()
-        self._infer_types()
         self._add_undeclared()
         inputs = {key: self._input(item) for key, item in self._inputs.items()}
         meanings = self._meanings(inputs)

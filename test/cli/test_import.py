@@ -34,7 +34,7 @@ def test_a_bundle_that_is_ready_passes_check(tmp_path: Path,
     assert main(['check', str(bundle)]) == 0
 
 
-def test_what_is_left_to_do_is_told_and_the_bundle_passes_check(
+def test_manual_tasks_are_reported_and_the_bundle_passes_check(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     [file] = written(tmp_path, moon_json=PROJECT)
     bundle = tmp_path / 'rover.yaml'
@@ -47,7 +47,7 @@ def test_what_is_left_to_do_is_told_and_the_bundle_passes_check(
     assert main(['check', str(bundle)]) == 0
 
 
-def test_a_trace_that_tells_wordings_apart_can_be_simulated(
+def test_a_trace_on_which_wordings_differ_can_be_simulated(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     project = {'requirements': [
         requirement('A', 'rover shall always satisfy speed < 3', '(H (speed <= 3))'),
@@ -96,7 +96,7 @@ def test_without_output_several_components_are_refused(
     assert 'there are 2 components' in said.err
 
 
-def test_without_output_it_is_told_that_traces_are_not_written(
+def test_without_output_it_reports_that_traces_are_not_written(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
         capsys: pytest.CaptureFixture[str]) -> None:
     project = {'requirements': [
@@ -137,7 +137,7 @@ def test_a_bundle_is_written_over_with_force_alone(
     bundle = tmp_path / 'rover.yaml'
     bundle.write_text('mine')
     assert main(['import', str(file), '-o', str(bundle)]) == 1
-    assert 'is there already' in capsys.readouterr().err
+    assert 'exists' in capsys.readouterr().err
     assert main(['import', str(file), '-o', str(bundle), '--force']) == 0
     assert bundle.read_text() != 'mine'
 
@@ -153,7 +153,7 @@ def test_a_file_that_was_imported_is_not_written_over_even_with_force(
         assert file.read_text() == text
 
 
-def test_a_bundle_that_cannot_be_written_is_told(
+def test_a_bundle_that_cannot_be_written_is_reported(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     [file] = written(tmp_path, moon_json=PROJECT)
     (tmp_path / 'file').write_text('')

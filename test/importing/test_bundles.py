@@ -54,7 +54,7 @@ def test_a_project_becomes_sentences_constants_definitions_and_inputs(tmp_path: 
     assert [item.id for item in meaning(found).properties] == ['R-1', 'R-2', 'R-3']
 
 
-def test_an_old_export_without_variables_shows_what_it_means_by_its_use(tmp_path: Path) -> None:
+def test_names_in_an_old_export_without_variables_get_types_by_their_use(tmp_path: Path) -> None:
     old = [requirement('A', 'pump shall always satisfy on => level < 4 & this = other',
                        component='<b><i>pump</i></b>')]
     found = imported(tmp_path, old_json=old)
@@ -144,7 +144,7 @@ def test_a_type_that_a_file_gives_is_no_guess(tmp_path: Path) -> None:
         "the message type of speed ('speed') is guessed"]
 
 
-def test_a_name_in_a_list_that_nobody_has_is_told_with_its_line(tmp_path: Path) -> None:
+def test_an_unknown_name_in_a_list_is_reported_with_its_line(tmp_path: Path) -> None:
     listed = 'speed /wheels/speed\nsped foo\n'
     found = imported(tmp_path, spec_json=SPECIFICATION, signals_txt=listed)
     [warning] = found.warnings
@@ -225,7 +225,7 @@ def test_a_formula_is_taken_where_the_sentence_is_none(tmp_path: Path) -> None:
     assert any("'ptltl' is used, because the 'fretish'" in task for task in found.draft.todo)
 
 
-def test_wordings_that_differ_are_told_with_the_trace(tmp_path: Path) -> None:
+def test_wordings_that_differ_are_reported_with_the_trace(tmp_path: Path) -> None:
     project = {'requirements': [requirement(
         'A', 'rover shall always satisfy speed < 3', '(H (speed <= 3))', 'H(speed < 3)')]}
     found = imported(tmp_path, moon_json=project)
@@ -242,13 +242,13 @@ def test_wordings_that_differ_are_told_with_the_trace(tmp_path: Path) -> None:
     assert path.name in found.text
 
 
-def test_wordings_that_agree_are_not_told(tmp_path: Path) -> None:
+def test_wordings_that_agree_are_not_reported(tmp_path: Path) -> None:
     found = imported(tmp_path, spec_json=SPECIFICATION)
     assert found.traces == ()
     assert found.warnings == ()
 
 
-def test_ids_that_are_one_to_a_handler_are_told_apart(tmp_path: Path) -> None:
+def test_ids_with_the_same_handler_get_numbers(tmp_path: Path) -> None:
     project = {'requirements': [
         requirement('A-1', 'rover shall always satisfy p'),
         requirement('A.1', 'rover shall always satisfy q'),
@@ -271,7 +271,7 @@ def test_names_of_fret_keep_their_dots_and_blanks(tmp_path: Path) -> None:
     assert found.traces == ()
 
 
-def test_a_variable_that_no_formula_can_name_is_told(tmp_path: Path) -> None:
+def test_a_variable_that_no_formula_can_name_is_reported(tmp_path: Path) -> None:
     project: dict[str, Any] = {**PROJECT, 'variables': [
         *PROJECT['variables'], variable('H', 'Input', 'double')]}
     found = imported(tmp_path, moon_json=project)
@@ -435,7 +435,7 @@ def test_a_requirement_without_component_joins_that_of_a_specification(tmp_path:
     assert [item.id for item, _ in found.draft.left_out] == ['R-3']
 
 
-def test_a_folder_takes_what_can_be_monitored_and_the_rest_is_told(tmp_path: Path) -> None:
+def test_a_folder_takes_what_can_be_monitored_and_the_rest_is_reported(tmp_path: Path) -> None:
     project = {'requirements': [
         SINE, STRAY, requirement('R-1', 'rover shall always satisfy p'),
         requirement('R-1', 'lander shall always satisfy p', component='lander')]}
@@ -459,7 +459,7 @@ def test_a_folder_for_what_cannot_be_monitored_at_all_is_refused(tmp_path: Path)
 
 
 @pytest.mark.parametrize('is_folder', [True, False])
-def test_what_is_not_of_the_chosen_component_is_told(tmp_path: Path, is_folder: bool) -> None:
+def test_what_is_not_of_the_chosen_component_is_reported(tmp_path: Path, is_folder: bool) -> None:
     paths = written(tmp_path, many_json={'requirements': [*SEVERAL['requirements'], requirement(
         'B', 'lander shall always satisfy q', component='lander'), STRAY, requirement(
         'L-1', 'lander shall always satisfy r', component='lander')]})
@@ -512,7 +512,7 @@ def test_functions_and_probabilities_of_a_specification_have_no_place(tmp_path: 
     assert 'its probability is left out' in found.warnings[0].title
 
 
-def test_a_second_topic_of_an_input_is_told(tmp_path: Path) -> None:
+def test_a_second_topic_of_an_input_is_reported(tmp_path: Path) -> None:
     found = imported(tmp_path, spec_json=SPECIFICATION, db_json=DATABASE,
                      more_txt='speed /other\n')
     assert found.draft.inputs[0].topic == '/wheels/speed'
@@ -633,3 +633,13 @@ def test_free_text_in_quotes_is_not_taken_for_a_formula(tmp_path: Path) -> None:
         requirement('B', '"the rover is nice"')])
     [(_, reason)] = found.draft.left_out
     assert reason == 'free text has no meaning that could be monitored'
+
+
+def test_a_definition_of_its_own_past_shows_types_of_names(tmp_path: Path) -> None:
+    project = {'requirements': [requirement('A', 'rover shall always satisfy !latched')],
+               'variables': [variable('latched', 'Internal', 'boolean',
+                                      'tripped or (false -> pre latched)')]}
+    found = imported(tmp_path, moon_json=project)
+    assert {item.name: item.type for item in found.draft.inputs} == {'tripped': 'bool'}
+    assert [item.name for item in found.draft.definitions] == ['latched']
+    meaning(found)

@@ -72,7 +72,7 @@ def test_a_difference_is_found_and_its_trace_shows_it_at_its_last_step(
     ('H (x < c)', 'H (! (x >= c))'),
     ('H (p -> O[0,9] q)', '! (O (p & H[0,9] (! q)))'),
     ('p S q', '! ((! p) T (! q))')])
-def test_no_difference_is_told_where_there_is_none(first: str, other: str) -> None:
+def test_no_difference_is_reported_where_there_is_none(first: str, other: str) -> None:
     assert differences(compare(first, other)) == []
 
 

@@ -49,16 +49,16 @@ def test_a_list_has_two_columns_or_more() -> None:
         Connection('odd')]
 
 
-@pytest.mark.parametrize('line, told, rest', [
+@pytest.mark.parametrize('line, reported, rest', [
     ('speed /a//b', "a topic has no '//'", Connection('speed')),
     ('speed 7up', 'does not begin with a digit', Connection('speed')),
     ('speed /a std_msgs/srv/Empty', 'is not a message', Connection('speed', '/a'))])
-def test_what_ros_would_refuse_is_told_with_its_line(line: str, told: str,
-                                                     rest: Connection) -> None:
+def test_what_ros_would_refuse_is_reported_with_its_line(line: str, reported: str,
+                                                         rest: Connection) -> None:
     problems = Problems()
     assert read_list(Source('l', f'# first\n{line}\n'), 'l', problems) == [rest]
     [warning] = problems.warnings
-    assert told in warning.title
+    assert reported in warning.title
     assert warning.span is not None
     assert warning.span.line == 2
 
