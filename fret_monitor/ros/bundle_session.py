@@ -84,6 +84,8 @@ class BundleSession:
         self._running = ExitStack()
         self._feed: Feed | None = None
         self._handler_publisher: HandlerPublisher | None = None
+        self._health: Health | None = None
+        self._missing_timer: Timer | None = None
         self._told: set[int | str] = set()  # inputs and topics of which something odd was told
         refuse_inputs_off_ros(self.manifest)
         self._classes = _message_classes(self.manifest)
@@ -132,6 +134,7 @@ class BundleSession:
             undo.pop_all()
 
     def _start_timers(self) -> None:
+        self._running.callback(self._forget_timers)
         timeouts = TimeoutTimer(
             self._node, self.manifest, lambda index: self._watch.input_counts(index).received,
             self._stale)
@@ -146,8 +149,13 @@ class BundleSession:
         self._running.callback(self._health.close)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._keep(self._node.create_timer(PERIOD, self._tell_health, clock=steady))
-        self._patience = self._node.create_timer(_PATIENCE, self._tell_missing, clock=steady)
-        self._keep(self._patience)
+        self._missing_timer = self._node.create_timer(
+            _PATIENCE, self._tell_missing, clock=steady)
+        self._keep(self._missing_timer)
+
+    def _forget_timers(self) -> None:
+        """Break the cycles of references through callbacks, so that a release frees the bundle."""
+        self._health = self._missing_timer = None
 
     def _stale(self, index: int, received: int) -> None:
         self._watch.stale(index, received, self._now())
@@ -300,7 +308,8 @@ class BundleSession:
         # In the executor, so that whoever spins the node is told.
         if self._feed is not None and self._feed.failure is not None:
             raise self._feed.failure
-        self._health.publish(self._statuses())
+        if self._health is not None:  # None: stopped meanwhile
+            self._health.publish(self._statuses())
         self._tell_untold()
         for topic in range(len(self.manifest.topics)):
             if self._watch.topic_counts(topic).undecodable:
@@ -323,7 +332,8 @@ class BundleSession:
                 self._tell_unusable(index, topic, message)
 
     def _tell_missing(self) -> None:
-        self._patience.cancel()
+        if self._missing_timer is not None:  # None: stopped meanwhile
+            self._missing_timer.cancel()
         told = describe_missing(self._watch, self._statuses(), self._node.resolve_topic_name)
         if told is not None:
             self._node.get_logger().warning(told)

@@ -18,10 +18,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import gc
 from pathlib import Path
+import shutil
 from time import monotonic, sleep
 from typing import Any
 import weakref
 
+from fret_monitor import build
 from fret_monitor.ros import MonitorNode
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -236,6 +238,51 @@ def test_an_error_of_ours_is_logged_and_leaves_the_node_to_be_configured_again(
     finally:
         node.destroy_node()
     node.destroy_node()  # a second time is as good
+
+
+@pytest.mark.parametrize('is_in_place', [False, True])
+def test_a_compiled_folder_that_changed_is_loaded_anew(
+    partner: Partner, bundle: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str],
+    is_in_place: bool,
+) -> None:
+    def write(folder: str) -> Path:
+        build.write(build.generate_monitor(build.read(bundle)), tmp_path / folder)
+        return tmp_path / folder
+
+    library = write('library')
+    node = MonitorNode(context=partner.context, cli_args=['--ros-args'], parameter_overrides=[
+        Parameter('library', value=str(library))])
+    try:
+        assert 'watching 2 requirements' in capfd.readouterr().err
+        bundle.write_text(BUNDLE + '  - {id: R-3, ptltl: "x < 0.7"}\n', encoding='utf-8')
+        if is_in_place:
+            shutil.copytree(write('new'), library, dirs_exist_ok=True)
+        else:
+            write('library')
+        assert node.trigger_deactivate().name == 'SUCCESS'
+        assert node.trigger_cleanup().name == 'SUCCESS'
+        assert node.trigger_configure().name == 'SUCCESS'
+        assert node.trigger_activate().name == 'SUCCESS'
+        assert 'watching 3 requirements' in capfd.readouterr().err
+    finally:
+        node.destroy_node()
+
+
+def test_a_released_bundle_is_freed_at_once(
+    partner: Partner, bundle: Path,
+) -> None:
+    node = MonitorNode(context=partner.context, cli_args=['--ros-args'], parameter_overrides=[
+        Parameter('spec', value=str(bundle))])
+    try:
+        gc.collect()
+        gc.disable()
+        released = weakref.ref(node._watches[0].opened.monitor)
+        assert node.trigger_deactivate().name == 'SUCCESS'
+        assert node.trigger_cleanup().name == 'SUCCESS'
+        assert released() is None, gc.get_referrers(released())
+    finally:
+        gc.enable()
+        node.destroy_node()
 
 
 @contextmanager
