@@ -41,7 +41,7 @@ from fret_monitor.proving.group_contract import Check, GroupContract, place_of, 
 from fret_monitor.proving.monitor import (
     ALL, GroupProofs, ProofSubject, prove_contract, prove_group, wrong_types,
 )
-from fret_monitor.proving.refutation import Counterexample, find_counterexample, Runner
+from fret_monitor.proving.refutation import Counterexample, find_counterexample, Runner, zero
 from fret_monitor.proving.verification import GroupResult, verify_group
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.cells import line_related, WIDTH
@@ -62,14 +62,14 @@ _State = tuple[Any, ...]
 
 @dataclass(frozen=True)
 class Explored:
-    """What was found: a counterexample, or with None that there is none in so many states."""
+    """The result: a counterexample, or None if there is none, and the number of states."""
 
     counterexample: Counterexample | None
     states: int
 
 
 class _Infinite(Exception):
-    """Inputs matter by more than comparisons, or there are too many states or rows."""
+    """Inputs matter by more than their comparisons, or there are too many states or rows."""
 
 
 def verify_edited(subject: ProofSubject, group: int, seconds: float) -> GroupResult:
@@ -151,7 +151,7 @@ def _related(layout: GroupLayout, item: StateVariable, found: Term, meant: Term)
 
 
 def explore(subject: ProofSubject, group: int, seconds: float) -> Explored | None:
-    """Look at all reachable states of a group and its C; None if that cannot be done in time."""
+    """Visit all reachable states of a group and its C; None if there are too many."""
     try:
         return _Explorer(subject, group, time.monotonic() + seconds).run()
     except (_Infinite, NoValue, Unreadable, KeyError):
@@ -164,7 +164,7 @@ class _Explorer:
         self._runner = runner = Runner(subject, group)
         self._until = until
         if any(item.op not in ('constant', 'filled') for item in runner.starts):
-            raise _Infinite  # the reset leaves something of what was before
+            raise _Infinite  # the reset does not overwrite everything
         roots = [*runner.after, *runner.results]
         self._atoms = list(_atoms(roots, set(runner.inputs)))
         self._rows = list(self._possible(subject))
@@ -180,7 +180,7 @@ class _Explorer:
                          for place, limit in self._limits(subject, group).items()]
 
     def _limits(self, subject: ProofSubject, group: int) -> dict[int, int]:
-        """Return above what all values of C's counters mean the same, where that is so."""
+        """Return the values above which all values of C's counters are equivalent, if they are."""
         runner, limits = self._runner, {}
         for place, item in enumerate(runner.state[:len(runner.state) - len(runner.kept)]):
             kind, _, number = str(item.value).rpartition('.')[2].partition('_')
@@ -200,7 +200,7 @@ class _Explorer:
     def _possible(
         self, subject: ProofSubject,
     ) -> Iterator[tuple[tuple[bool, ...], tuple[Any, ...]]]:
-        """Yield each way that the comparisons can come out, with inputs for which they do."""
+        """Yield each possible result of all comparisons, with inputs that give it."""
         inputs = self._runner.inputs
         given = [t.relation('ult', item, t.number(len(signal.values), item.sort[1]))
                  for item, signal in zip(inputs, subject.program.signals) if signal.is_string]
@@ -211,7 +211,7 @@ class _Explorer:
                 return
             if result.answer is Answer.UNKNOWN:
                 raise _Infinite
-            row = tuple(result.values.get(item, _anything(item)) for item in inputs)
+            row = tuple(result.values.get(item, zero(item.sort)) for item in inputs)
             truth = tuple(compute(*row))
             yield truth, row
             given.append(t.negation(t.all_of(t.same_truth(atom, t.truth(value))
@@ -271,16 +271,16 @@ def _at_most(item: Term, limit: int) -> Term:
 
 def _atoms(roots: Sequence[Term], inputs: set[Term]) -> Iterator[Term]:
     """
-    Yield the truth values by which the inputs matter, each a term of inputs alone.
+    Yield the Boolean terms over inputs alone through which the inputs matter.
 
     Raises
     ------
     _Infinite
-        if inputs matter by more.
+        if inputs matter in another way.
     """
     order = t.postorder(roots)
-    reads: dict[Term, bool] = {}  # of inputs alone
-    mixed: dict[Term, bool] = {}  # of state too, or of neither
+    reads: dict[Term, bool] = {}  # some input
+    mixed: dict[Term, bool] = {}  # some variable that is not an input
     for item in order:
         reads[item] = item in inputs or any(reads[each] for each in item.args)
         mixed[item] = (item.op == 'variable' and item not in inputs) \
@@ -294,7 +294,7 @@ def _atoms(roots: Sequence[Term], inputs: set[Term]) -> Iterator[Term]:
 
 
 def _truths(item: Term) -> Iterator[Term]:
-    """Yield the truth values of which a term of inputs is made; raises `_Infinite`."""
+    """Yield the Boolean terms that a term of inputs consists of; raises `_Infinite`."""
     if item.sort == t.BOOL and item.op != 'constant':
         yield item
     elif item.op == 'variable':
@@ -302,8 +302,3 @@ def _truths(item: Term) -> Iterator[Term]:
     else:
         for each in item.args:
             yield from _truths(each)
-
-
-def _anything(item: Term) -> Any:
-    kind, _ = item.sort
-    return {'bool': False, 'word': 0, 'real': 0.0}[kind]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`prove BUNDLE`: that the C computes the requirements' equations, checked by a solver."""
+"""`prove BUNDLE`: proof by a solver that the C computes the equations of the requirements."""
 
 from argparse import _SubParsersAction, ArgumentParser, ArgumentTypeError, Namespace
 from importlib.util import find_spec
@@ -28,23 +28,22 @@ from fret_monitor.model.output import open_output, refuse_overwriting
 from fret_monitor.native.folder import source_files
 
 if TYPE_CHECKING:
-    from fret_monitor.proving.certificate import Certificate
-    from fret_monitor.proving.verification import GroupResult, Verification
+    from fret_monitor.proving.verification import Verification
 
 _NEEDED = {'z3': 'z3-solver', 'pycparser': 'pycparser'}
 
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     """Add the verb to the command line."""
-    parser = verbs.add_parser('prove', help='prove that the C computes what the program says')
+    parser = verbs.add_parser('prove', help='prove that the generated C is right')
     parser.add_argument('bundle', metavar='BUNDLE', type=Path)
     parser.add_argument('--sources', metavar='DIR', type=Path,
                         help='require that this folder holds, word for word, the C that is proved')
     parser.add_argument('--json', action='store_true', help='print the certificate as JSON')
     parser.add_argument('--timeout', metavar='SECONDS', type=_seconds, default=30.0,
-                        help='for each obligation; 30 when left out')
+                        help='time limit of each obligation; default 30')
     parser.add_argument('--trace', metavar='FILE.csv', type=Path,
-                        help='where to write a counterexample, for `simulate`')
+                        help='write a counterexample to this file, for `simulate`')
     parser.set_defaults(run=run)
 
 
@@ -54,14 +53,14 @@ def _seconds(text: str) -> float:
     except ValueError:
         value = 0.0
     if not 0.001 <= value <= 86_400:
-        raise ArgumentTypeError(f"'{text}' is no number of seconds from 0.001 to 86400")
+        raise ArgumentTypeError(f"'{text}' is not a number of seconds from 0.001 to 86400")
     return value
 
 
 def run(options: Namespace) -> int:
-    """Prove a bundle; 1 if it cannot be."""
+    """Prove a bundle; return 1 if it is not proved."""
     _refuse_missing()
-    # A solver takes a while to load, and most verbs have no use for it.
+    # Loading the solver takes long, and other verbs do not need it.
     from fret_monitor.proving.certificate import as_dict, Certificate, lines
     from fret_monitor.proving.verification import verify
     generated = generate_monitor(read(options.bundle))
@@ -78,7 +77,7 @@ def run(options: Namespace) -> int:
         print(json.dumps(_with_trace(as_dict(certificate), found), indent=1))
     else:
         print('\n'.join(lines(certificate)))
-    _tell_counterexamples(options, certificate, found)
+    _report_counterexample(options, found)
     return 0 if found.is_proved else 1
 
 
@@ -91,11 +90,11 @@ def _refuse_missing() -> None:
 
 
 def _require_same_files(folder: Path, written: dict[str, str]) -> None:
-    """Refuse a folder that is not, word for word, the `src` that `compile` writes."""
+    """Refuse a folder that does not hold exactly the files that `compile` writes to `src`."""
     how = '`compile BUNDLE --output DIR` of this version writes the sources to DIR/src'
     try:
         names = {item.name for item in folder.iterdir()}
-        # Only CRLF is a line end besides LF: a compiler takes a lone CR for something else.
+        # CRLF ends a line too; a lone CR does not, for a compiler.
         found = {name: (folder / name).read_bytes().replace(b'\r\n', b'\n')
                  for name in sorted(names & written.keys())}
     except OSError as error:
@@ -113,38 +112,31 @@ def _require_same_files(folder: Path, written: dict[str, str]) -> None:
                        help=how)
 
 
-def _first_trace(found: 'Verification') -> 'GroupResult | None':
-    return next((item for item in found.groups if item.counterexample is not None), None)
-
-
 def _with_trace(content: dict[str, object], found: 'Verification') -> dict[str, object]:
     from fret_monitor.proving.refutation import to_csv
-    first = _first_trace(found)
-    if first is None or first.counterexample is None or found.subject is None:
+    example = found.counterexample
+    if example is None or found.subject is None:
         return {**content, 'counterexample': None}
-    example = first.counterexample
+    ids = [item.id for item in found.subject.program.properties]
     return {**content, 'counterexample': {
         'trace': to_csv(found.subject, example),
-        'meant': {found.subject.program.properties[number].id: value
-                  for number, value in example.meant.items()},
-        'found': {found.subject.program.properties[number].id: value
-                  for number, value in example.found.items()},
+        'meant': {ids[number]: value for number, value in example.meant.items()},
+        'found': {ids[number]: value for number, value in example.found.items()},
         'undefined': list(example.undefined)}}
 
 
-def _tell_counterexamples(options: Namespace, certificate: 'Certificate',
-                          found: 'Verification') -> None:
+def _report_counterexample(options: Namespace, found: 'Verification') -> None:
     from fret_monitor.proving.refutation import to_csv
-    first = _first_trace(found)
-    if first is None or first.counterexample is None or found.subject is None:
+    example = found.counterexample
+    if example is None or found.subject is None:
         return
-    text = to_csv(found.subject, first.counterexample)
+    text = to_csv(found.subject, example)
     if options.trace is not None:
         with open_output(options.trace) as file:
             file.write(text)
     if options.json:
         return
-    example, properties = first.counterexample, found.subject.program.properties
+    properties = found.subject.program.properties
     steps = counted(len(example.rows), 'step')
     print(f'\nCounterexample, {steps} from a reset; at the last of them')
     for number, meant in example.meant.items():

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-C text read back: functions, types, constants.
+C text parsed into functions, types and constants.
 
-The preprocessor is the compiler's, without its own headers and macros: the few standard headers
-that monitors include are declared below, for an int of 32 bits and pointers of 64.
+The C compiler's preprocessor runs without its headers and macros. The few standard headers that
+monitors include are declared below, for an int of 32 bits and pointers of 64.
 """
 
 from collections.abc import Iterator, Mapping
@@ -51,12 +51,12 @@ _HEADERS = {
 
 
 class Unreadable(Exception):
-    """C that is not such as `compile` writes; the text says what."""
+    """C of a form that `compile` does not write; the text says which."""
 
 
 @dataclass(frozen=True)
 class ArithmeticType:
-    """A number: `kind` is 'bool', 'int' or 'float'."""
+    """A type of numbers: `kind` is 'bool', 'int' or 'float'."""
 
     kind: str
     bits: int
@@ -86,7 +86,7 @@ class Array:
 
 @dataclass(frozen=True)
 class Pointer:
-    """A pointer; to None is to anything."""
+    """A pointer; a target of None is `void`."""
 
     target: 'Type | None'
 
@@ -106,7 +106,7 @@ _WORDS = {'char': 8, 'short': 16, 'int': 32, 'long': 64}
 
 @dataclass(frozen=True)
 class CFunction:
-    """A function: names and types of its parameters, what it returns (None: nothing), its body."""
+    """A function: names and types of its parameters, its result (None: void), its body."""
 
     name: str
     parameters: tuple[tuple[str, Type], ...]
@@ -116,7 +116,7 @@ class CFunction:
 
 @dataclass(frozen=True)
 class CProgram:
-    """What is in some C files together."""
+    """The declarations of some C files."""
 
     functions: Mapping[str, CFunction]
     structs: Mapping[str, tuple[tuple[str, Type], ...]]
@@ -150,12 +150,12 @@ class CProgram:
 
 def preprocess(sources: Mapping[str, str], headers: Mapping[str, str]) -> dict[str, str]:
     """
-    Return the texts with nothing left for a preprocessor.
+    Return the preprocessed texts.
 
     Raises
     ------
     Unreadable
-        if the preprocessor fails, with what it says.
+        if the preprocessor fails, with its message.
     NativeError
         if there is no C compiler.
     """
@@ -177,7 +177,7 @@ def _preprocessed(command: list[str], folder: Path) -> str:
     except subprocess.TimeoutExpired:
         raise NativeError(f'{command[0]} takes more than two minutes to preprocess') from None
     if done.returncode:
-        raise Unreadable(f'the preprocessor refuses it: {done.stderr.strip()[-500:]}')
+        raise Unreadable(f'the preprocessor failed: {done.stderr.strip()[-500:]}')
     return done.stdout
 
 
@@ -193,7 +193,7 @@ def parse(texts: Mapping[str, str]) -> CProgram:
     Raises
     ------
     Unreadable
-        if a text is not C, or has types that monitors do not have.
+        if a text is not C, or uses types that monitors do not use.
     """
     reader = _CReader()
     for name, text in texts.items():
@@ -236,7 +236,7 @@ class _CReader:
                 case c_ast.Decl() if isinstance(item.type, c_ast.FuncDecl):
                     pass
                 case c_ast.Decl() if isinstance(item.type, c_ast.Union):
-                    pass  # how values reach inputs, which is not a monitor's
+                    pass  # for decoding messages, which is not part of the proof
                 case _:
                     raise Unreadable(f'outside of functions: {shown(item)[:80]}')
 
@@ -244,7 +244,7 @@ class _CReader:
         declared = item.decl.type
         parameters = tuple(self._parameters(declared))
         result = None if _is_void(declared.type) else self.type(declared.type)
-        # Each file has its own of a static function; all have to be the same one.
+        # Several files may define a static function; the definitions must be equal.
         text = shown(item)
         if self._texts.setdefault(item.decl.name, text) != text or \
                 (item.decl.name in self.functions and 'static' not in item.decl.storage):
@@ -296,7 +296,7 @@ class _CReader:
 
 
 def named_type(names: list[str], types: Mapping[str, Type]) -> Type:
-    """Return the type that some words name."""
+    """Return the type that a list of keywords names."""
     if len(names) == 1 and names[0] in types:
         return types[names[0]]
     if names == ['_Bool']:
@@ -316,7 +316,8 @@ def _refuse_unmodelled(node: Any) -> None:
     """Refuse qualifiers, storage classes, bit-fields and alignments that change the meaning."""
     words = [*(getattr(node, 'quals', None) or ()), *(getattr(node, 'storage', None) or ()),
              *(getattr(node, 'funcspec', None) or ()), *(getattr(node, 'dim_quals', None) or ())]
-    is_left_open = words.count('inline') > words.count('static')  # which definition is called
+    # C leaves open which definition of an inline function without `static` is called.
+    is_left_open = words.count('inline') > words.count('static')
     if not {*words} <= _MODELLED or is_left_open or getattr(node, 'align', None) or \
             getattr(node, 'bitsize', None) is not None or _may_be_signed(node):
         raise Unreadable(f'not modelled: {shown(node)[:80]}')
@@ -325,7 +326,7 @@ def _refuse_unmodelled(node: Any) -> None:
 
 
 def _may_be_signed(node: Any) -> bool:
-    """Whether something is a plain `char`, signed or not as the machine likes."""
+    """Whether a type is plain `char`, whose sign the machine defines."""
     inner = getattr(getattr(node, 'type', None), 'type', None)
     return isinstance(inner, c_ast.IdentifierType) and not isinstance(node, c_ast.PtrDecl) \
         and 'char' in inner.names and not {'signed', 'unsigned'} & {*inner.names}

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What was proved, of what, on what assumptions: as text and as JSON.
+The certificate of a proof, as text and as JSON: what was proved, and on which assumptions.
 
-Nothing is assumed silently: `ASSUMED` is printed with every certificate.
+Each certificate includes all of `ASSUMED`.
 """
 
 from collections.abc import Iterator
@@ -36,11 +36,11 @@ ASSUMED = (
     "long, size_t and pointers of 64, two's complement, float and double without excess "
     'precision, fused operations or other rounding than to nearest; all NaNs count as one',
     "the preprocessor, pycparser, z3, and fret_monitor's own reading of C in fret_monitor/proving",
-    'the caller passes state and inputs that are his own and lie apart, truth values that are 0 '
-    'or 1, and resets the state before the first step',
-    'outside: from the text of a requirement to the equations of the program (tested against an '
-    "independent evaluator and FRET's own verdicts)",
-    'outside: how messages are decoded, when a step is due, and what is reported',
+    'the caller passes state and inputs that do not overlap and that no one else changes, truth '
+    'values that are 0 or 1, and resets the state before the first step',
+    'not covered: from the text of a requirement to the equations of the program (tested against '
+    "an independent evaluator and FRET's own verdicts)",
+    'not covered: how messages are decoded, when a step is due, and what is reported',
 )
 _LIBRARY = 'fmod and pow of the C library give the same value for the same arguments'
 _SHOWN = 10
@@ -48,7 +48,7 @@ _SHOWN = 10
 
 @dataclass(frozen=True)
 class Certificate:
-    """A verification with what identifies its subject."""
+    """A verification, with the name and the C of the bundle."""
 
     bundle: str
     generated: GeneratedMonitor
@@ -64,7 +64,7 @@ class Certificate:
 
     @property
     def assumed(self) -> tuple[str, ...]:
-        """What the proof rests on, and what it does not speak of."""
+        """Return what the proof assumes, and what it does not cover."""
         is_used = _uses_library(self.generated.program)
         return (*ASSUMED[:3], *([_LIBRARY] if is_used else []), *ASSUMED[3:])
 
@@ -105,7 +105,7 @@ def as_dict(certificate: Certificate) -> dict[str, Any]:
 
 
 def _is_proved(found: Verification, group: int) -> bool:
-    """Whether a group is; what runs all groups, and the cells, have to be too."""
+    """Whether a group is proved, and so are the functions for all groups and the cells."""
     needed = [item for item in found.groups if item.group in (group, -1)]
     return bool(needed) and all(item.is_proved for item in needed) \
         and all(proof.answer is Answer.PROVED for proof in found.cells)
@@ -134,10 +134,10 @@ def lines(certificate: Certificate) -> Iterator[str]:
     yield ''
     if found.is_proved:
         yield 'For every trace of inputs, each verdict of the C is that of the program, and no'
-        yield 'step does what C leaves undefined.'
+        yield 'step has undefined behaviour.'
         yield ''
     yield from _failures(found)
-    yield 'Assumed, or outside of this proof:'
+    yield 'Assumed, or not covered by this proof:'
     yield from (f'- {text}' for text in certificate.assumed)
 
 
@@ -175,4 +175,4 @@ def _detail(proof: Proof) -> Iterator[str]:
         what = 'at' if proof.answer is Answer.REFUTED else 'because'
         yield f'  {what}: {proof.detail[:1000]}'
     elif proof.answer is Answer.UNKNOWN:
-        yield '  the time of an obligation was over: give more with --timeout'
+        yield '  the obligation ran out of time: allow more with --timeout'

@@ -13,13 +13,12 @@
 # limitations under the License.
 
 """
-The functions of `fret_cells.h`: what each is to do, and the proof that its C does.
+Contracts of the functions in `fret_cells.h`, and the proofs that their C keeps them.
 
-A function with a contract is proved once, for all arguments, and afterwards taken by its contract:
-arithmetic for what it computes, a cell for an unknown function of its counter, its bound and its
-operands, which is the same function wherever it is called. That a cell that is called once a step
-on a counter of its own gives the operator follows from the invariants proved here and from
-`operators.py`.
+Each function is proved once, for all arguments. In the proofs of monitors its contract replaces
+it: arithmetic by the term it computes, a cell by an uninterpreted function of its counter, its
+bound and its operands. A cell that is called once a step on a counter of its own returns the
+operator's value; this follows from the invariants proved here and from `smt/operators.py`.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -56,7 +55,7 @@ _Compute = Callable[..., Term]
 
 @dataclass(frozen=True)
 class Proof:
-    """One obligation and what became of it; `detail` says more where it failed."""
+    """One obligation and its answer; `detail` explains a failure."""
 
     name: str
     answer: Answer
@@ -66,7 +65,7 @@ class Proof:
 
 @dataclass(frozen=True)
 class _Pure:
-    """A function without memory: types of its parameters, and what it computes."""
+    """A function without side effects: types of its parameters and result, and its value."""
 
     parameters: tuple[ArithmeticType, ...]
     result: ArithmeticType
@@ -114,7 +113,7 @@ ARITHMETIC: dict[str, Contract] = {name: _by_contract(item) for name, item in _P
 
 
 def cell_terms(name: str, state: Term, *arguments: Term) -> tuple[Term, Term]:
-    """Return what a cell returns and its state after, by contract."""
+    """Return the result of a cell and its next state, by contract."""
     everything = (state, *arguments)
     return (t.term('cell', t.BOOL, everything, name),
             t.term('cell_next', state.sort, everything, name))
@@ -147,13 +146,13 @@ def _ring_contract(machine: Machine, arguments: Sequence[Value | Reference]) -> 
     place, position, operands = _taken(arguments)
     ring = machine.memory.get(place.path)
     if ring is None or ring.sort[0] != 'ring' or place.index is not t.number(0, 64):
-        raise Unreadable('fm_delay_ring of something else than a ring')
+        raise Unreadable('fm_delay_ring on an object that is not a ring')
     inside = t.relation('ult', t.operation('lshr', position, t.number(3, 32)),
                         t.number(place.length, 32))
     machine.require('delay_ring: the position is inside', inside)
     machine.load(place)
     out, after = cell_terms('delay_ring', ring, position, *operands)
-    machine.store(place, Value(ArithmeticType('int', 8), t.number(0, 8)))  # noted as a write
+    machine.store(place, Value(ArithmeticType('int', 8), t.number(0, 8)))  # records the write
     machine.memory[place.path] = after
     return Value(BOOL, out)
 
@@ -162,7 +161,7 @@ def _taken(arguments: Sequence[Value | Reference]) -> tuple[Reference, Term, lis
     place, *others = arguments
     values = [value.term for value in others if isinstance(value, Value)]
     if not isinstance(place, Reference) or len(values) != len(others):
-        raise Unreadable('a cell of something else than its state')
+        raise Unreadable('the first argument of a cell is not its state')
     return place, values[0], values[1:]
 
 
@@ -177,7 +176,7 @@ CELLS: dict[str, Contract] = {
 # -- proofs ----------------------------------------------------------------------------------
 
 def prove_cells(program: CProgram, seconds: float) -> list[Proof]:
-    """Prove everything of `fret_cells.h` that has a contract, and the operators."""
+    """Prove the operators, and each function of `fret_cells.h` that has a contract."""
     return [*_operators(seconds),
             *(attempt(program, seconds) for attempt in _attempts().values())]
 
@@ -189,7 +188,7 @@ def prove_function(program: CProgram, name: str, seconds: float) -> Proof | None
 
 
 def _attempts() -> dict[str, _Attempt]:
-    """Return how each function is proved."""
+    """Return the proof of each function, by its name."""
     found: dict[str, _Attempt] = {}
     for name, item in _PURE.items():
         found[name] = partial(_guarded, name, partial(_prove_pure, name, item))
@@ -247,7 +246,7 @@ def _called(machine: Machine, name: str, arguments: Sequence[Value | Reference])
 
 
 def _prove_pure(name: str, item: _Pure, program: CProgram, seconds: float) -> Proof:
-    """For all arguments; of a division, apart for the divisors that are special."""
+    """Prove a function for all arguments; a signed division by 0 and -1 separately."""
     arguments = [_any(letter, kind) for letter, kind in zip('abc', item.parameters)]
     if name not in ('fm_div_i64', 'fm_mod_i64'):
         return _prove_call(program, name, item, arguments, (), seconds)
@@ -270,7 +269,7 @@ def _prove_call(program: CProgram, name: str, item: _Pure, arguments: Sequence[V
 
 
 def _prove_counter(cell: CounterModel, bits: int, program: CProgram, seconds: float) -> Proof:
-    """For every bound that fits: the start is right, and a step keeps right what was."""
+    """Prove the invariant of a counter, at the start and over a step, for every bound that fits."""
     name, kind = f'fm_{cell.name}_u{bits}', ArithmeticType('int', bits)
     counter, bound = _any('counter', kind), _any('bound', kind)
     operands = [_any(letter, BOOL) for letter in 'pq'[:cell.operands]]
@@ -298,7 +297,7 @@ def _prove_line(bits: int, program: CProgram, seconds: float) -> Proof:
     out = _called(machine, name, [Reference(('cell',), kind), steps, p])
     wanted, after = line_step(history, wide, p.term)
     given = [line_fits(steps.term, bits), line_related(line.term, history, wide)]
-    # At the start the lowest bits are all 0 or all 1, as the history's are.
+    # At the start the lowest bits of register and history are all 0 or all 1.
     ones = t.operation('sub', t.operation('shl', t.number(1, HISTORY), wide),
                        t.number(1, HISTORY))
     begins = [line_related(t.resized(ones, bits, False), line_start(True), wide),
@@ -309,12 +308,12 @@ def _prove_line(bits: int, program: CProgram, seconds: float) -> Proof:
 
 def _prove_ring(program: CProgram, seconds: float) -> Proof:
     """
-    Prove a ring of any length, and a place in it: `ago` tells p of some steps before.
+    Prove a ring of any length: `ago(n)` is p of n steps before.
 
-    The bit at i holds p of (position - i) steps ago, or of (position - i + length), if i is at
-    the position or after it. Shown for an arbitrary i, at the start and over a step.
+    The bit at i holds p of (position - i) steps before, or of (position - i + length) if i is not
+    below the position. Proved for an arbitrary i, at the start and over a step.
     """
-    size = 1 << 28  # bytes; more than a state may have, and a length of 31 bits needs
+    size = 1 << 28  # bytes; enough for every length of 31 bits
     length, position, place = (t.variable(word, t.word(32))
                                for word in ('length', 'position', 'place'))
     memory: Memory = {('ring',): t.variable('ring', t.ring(size))}
@@ -333,8 +332,8 @@ def _prove_ring(program: CProgram, seconds: float) -> Proof:
              t.same_truth(_ring_bit(memory['ring',], position), _ago(length))]
     filled = [t.same_truth(_ring_bit(t.filled(size, byte), place), t.truth(byte > 0))
               for byte in (0, 255)]
-    # Which bits change; then what that means: the one that is p is 1 step old at the next step,
-    # and all others are a step older than they were, so that `ago` of them is what it was.
+    # First which bits change. Then their ages: the new p is 1 step old at the next step, and all
+    # others are one step older, so that their `ago` is unchanged.
     here = t.relation('equal', place, position)
     kept = t.choice(here, p.term, _ring_bit(memory['ring',], place))
     goals = [t.same_truth(out, _ago(length)), t.same_truth(_ring_bit(after, place), kept),
@@ -351,7 +350,7 @@ def _prove_ring(program: CProgram, seconds: float) -> Proof:
 
 
 def _by_cases(goal: Term, conditions: Sequence[Term]) -> list[Term]:
-    """Return a goal apart for each way that some conditions come out: simpler, and the same."""
+    """Split a goal into one for each combination of conditions, which simplify it."""
     goals = []
     for values in product((False, True), repeat=len(conditions)):
         parts = {item.args[0] if item.op == 'not' else item:
@@ -364,7 +363,7 @@ def _by_cases(goal: Term, conditions: Sequence[Term]) -> list[Term]:
 
 def _as_meant(ring: Term, position: Term, p: Term, out: Term, after: Term,
               place: Term) -> list[Term]:
-    """Return that the C does what `cells.ring_step` says, which stands for it elsewhere."""
+    """Return that the C equals `cells.ring_step`, which models it elsewhere."""
     wanted, wanted_after = ring_step(ring, position, p)
     return [t.same_truth(out, wanted),
             t.same_truth(_ring_bit(after, place), _ring_bit(wanted_after, place))]

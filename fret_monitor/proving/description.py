@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The description that a monitor hands out (`struct fm_monitor`), held to the program.
+The description that a monitor returns (`struct fm_monitor`), compared with the program.
 
-It is a few constant tables: which input lies where, which requirements a group has, which function
-steps it. What they say is read from the C text and compared.
+It consists of constant tables: the offsets of the inputs, the requirements of each group, and its
+functions. They are read from the C text.
 """
 
 from collections.abc import Iterator
@@ -39,12 +39,12 @@ def wrong_in_description(code: CProgram, program: MonitorProgram,
                          layouts: tuple[GroupLayout, ...], prefix: str,
                          source_hash: str) -> list[str]:
     """
-    Return what is wrong with the description; nothing is what it should be.
+    Return the errors of the description.
 
     Raises
     ------
     Unreadable
-        if it is not written as `compile` writes it.
+        if it does not have the form that `compile` writes.
     """
     function = code.functions.get(f'{prefix}_monitor')
     if function is None:
@@ -61,7 +61,7 @@ def wrong_in_description(code: CProgram, program: MonitorProgram,
 
 
 def wrong_types_of_inputs(code: CProgram, program: MonitorProgram, prefix: str) -> list[str]:
-    """Return which fields of the inputs have another type than the input."""
+    """Return the fields of the inputs that have another type than the input."""
     fields = code.structs.get(f'{prefix}_inputs', ())
     wrong = [f'{name} is {kind}, not {signal.type.value}'
              for (name, kind), signal in zip(fields, program.signals)
@@ -72,9 +72,9 @@ def wrong_types_of_inputs(code: CProgram, program: MonitorProgram, prefix: str) 
 
 
 def wrong_types_of_state(code: CProgram, layout: GroupLayout, tag: str) -> list[str]:
-    """Return which fields of a group's state are of another kind than what they hold."""
+    """Return the fields of a group's state that have a wrong type."""
     wanted = {f'{item.kind.value}_{item.number}': item for item in layout.fields}
-    return [f'{name}: {shown_type(kind)}, where `compile` has {wanted[name].type.value}'
+    return [f'{name}: {shown_type(kind)}, where the program needs {wanted[name].type.value}'
             for name, kind in code.structs.get(tag, ())
             if name in wanted and not _holds(kind, wanted[name])]
 
@@ -88,7 +88,7 @@ def _holds(kind: Type, wanted: StateField) -> bool:
 
 
 def shown_type(kind: Type) -> str:
-    """Return a type as C has it, or nearly."""
+    """Return a type as text for a message."""
     return str(kind) if isinstance(kind, ArithmeticType) else type(kind).__name__.lower()
 
 
@@ -156,7 +156,7 @@ def _tag(node: Any) -> str:
     while not isinstance(node, c_ast.Struct):
         node = getattr(node, 'type', None)
         if node is None:
-            raise Unreadable('description: sizeof something else than a struct')
+            raise Unreadable('description: sizeof an expression that is not a struct')
     return str(node.name)
 
 

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-C run on terms: what functions leave in memory, for all values that were there before.
+Symbolic execution of C: memory after a function call, as terms over memory before it.
 
-The semantics is C99's with an int of 32 bits, two's complement and IEEE 754 without excess
-precision. Whatever C leaves undefined, or to the implementation, becomes a condition that has to
-hold: signed overflow, shifts, division, conversions, indices, reads of what was never written,
-and calls in one expression that touch the same memory.
+The semantics is that of C99 with an int of 32 bits, two's complement and IEEE 754 without excess
+precision. Each undefined or implementation-defined behaviour becomes a condition that must hold:
+signed overflow, shifts, division, conversions, indices, reads of uninitialised memory, and calls
+in one expression that access the same memory.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -66,7 +66,7 @@ Result: TypeAlias = Value | Reference | None
 
 @dataclass(frozen=True)
 class Condition:
-    """What has to hold, so that C says what happens."""
+    """A condition for defined behaviour."""
 
     what: str
     holds: Term
@@ -84,7 +84,7 @@ _FELL_THROUGH = object()
 
 
 def sort_of(kind: c.Type) -> Sort:
-    """Return the sort of what is stored as a type."""
+    """Return the sort of the values of a type."""
     match kind:
         case c.ArithmeticType(kind='bool'):
             return t.BOOL
@@ -99,7 +99,7 @@ def sort_of(kind: c.Type) -> Sort:
 
 
 def places(program: c.CProgram, kind: c.Type, path: Path = ()) -> Iterator[tuple[Path, c.Type]]:
-    """Yield where the scalars and rings of an object lie, and what they are."""
+    """Yield path and type of each scalar and ring in an object."""
     if isinstance(kind, c.Struct):
         for name, inner in program.structs[kind.tag]:
             yield from places(program, inner, (*path, name))
@@ -112,14 +112,14 @@ def places(program: c.CProgram, kind: c.Type, path: Path = ()) -> Iterator[tuple
 
 class Machine:
     """
-    Runs functions of a program; `memory` and `conditions` are what came of it.
+    Runs functions of a program; `memory` and `conditions` are the result.
 
-    `contracts` stand in for functions of these names.
+    `contracts` replace functions of these names.
     """
 
     def __init__(self, program: c.CProgram, memory: Mapping[Path, Term],
                  contracts: Mapping[str, Contract] | None = None) -> None:
-        """Start with some memory."""
+        """Start with the given memory."""
         self.memory: Memory = dict(memory)
         self.conditions: list[Condition] = []
         self._program = program
@@ -148,14 +148,14 @@ class Machine:
         self._running.pop()
         if result is _FELL_THROUGH:
             if function.result is not None:
-                raise c.Unreadable(f'{name} may return nothing')
+                raise c.Unreadable(f'{name} may end without a return')
             return None
         return result if function.result is None else self._passed(result, function.result, name)
 
     def _passed(self, value: Any, kind: c.Type, name: str) -> Value | Reference:
         if isinstance(kind, c.ArithmeticType):
             if not isinstance(value, Value):
-                raise c.Unreadable(f'{name}: a pointer where a number is wanted')
+                raise c.Unreadable(f'{name}: a pointer where a number is expected')
             return self.converted(value, kind)
         if not isinstance(value, Reference) or not isinstance(kind, c.Pointer):
             raise c.Unreadable(f'{name}: not a pointer')
@@ -168,7 +168,7 @@ class Machine:
         return value
 
     def require(self, what: str, holds: Term) -> None:
-        """Note a condition, unless it holds anyway."""
+        """Add a condition, unless it is trivially true."""
         needed = t.implies(t.all_of(self._path), holds)
         if needed is not t.TRUE:
             where = self._running[-1].name if self._running else ''
@@ -190,12 +190,12 @@ class Machine:
         if not isinstance(target, Reference) or not isinstance(byte, Value) \
                 or not isinstance(count, Value) or not t.is_constant(count.term) \
                 or not t.is_constant(byte.term):
-            raise c.Unreadable('memset of something else than constants')
+            raise c.Unreadable('memset with arguments that are not constant')
         size = self._program.size(target.type)
         if count.term.value > size:
             self.require('memset writes beyond the object', t.FALSE)
         if count.term.value != size or byte.term.value not in (0, 1):
-            raise c.Unreadable('memset with something else than all of an object and 0')
+            raise c.Unreadable('memset of a part of an object, or to a value other than 0')
         for path, kind in places(self._program, target.type, target.path):
             self.memory[path] = filled(kind, byte.term.value)
 
@@ -216,7 +216,7 @@ class Machine:
         return Value(place.type, found)
 
     def store(self, place: Reference, value: Value) -> None:
-        """Write a number, which has the type of the place."""
+        """Write a number of the type of the place."""
         path = self._element(place)
         self._effects[-1].writes.add(path)
         before = self.memory.get(path)
@@ -230,7 +230,7 @@ class Machine:
         return t.resized(place.index, 32, False)
 
     def _element(self, place: Reference) -> Path:
-        """Return the path of what a reference refers to; a ring for a byte of it."""
+        """Return the path of the referenced object; for a byte of a ring, that of the ring."""
         if place.index is None:
             return place.path
         inside = t.relation('ult', place.index, t.number(place.length, place.index.sort[1]))
@@ -244,7 +244,7 @@ class Machine:
     # -- statements ---------------------------------------------------------------------------
 
     def _run(self, statements: list[Any], local: _Locals) -> Any:
-        """Run statements to their end, or to a return; returns its value."""
+        """Run statements to their end or to a return, and return its value."""
         for place, item in enumerate(statements):
             match item:
                 case c_ast.Compound():
@@ -327,7 +327,7 @@ class Machine:
         raise c.Unreadable(f'a loop of more than {_LONGEST_LOOP} rounds')
 
     def _fills(self, item: Any, local: _Locals) -> bool:
-        """Run `for (i = 0; i < N; ++i) {bytes[i] = constant;}` at once, N the length of bytes."""
+        """Run `for (i = 0; i < N; ++i) {bytes[i] = constant;}` as one store to all N bytes."""
         match item:
             case c_ast.For(
                 init=c_ast.DeclList(decls=[
@@ -360,7 +360,7 @@ class Machine:
         self._effects[-1].writes |= inner.writes
 
     def _unsequenced(self, nodes: Sequence[Any], local: _Locals) -> list[Any]:
-        """Evaluate operands, which C may do in any order."""
+        """Evaluate operands, whose order C leaves unspecified."""
         results = []
         total = _Effects(set(), set())
         for node in nodes:
@@ -368,7 +368,8 @@ class Machine:
             results.append(self._value(node, local))
             found = self._effects.pop()
             if found.writes & (total.reads | total.writes) or total.writes & found.reads:
-                self.require(f'{c.shown(node)}: touches what another operand does', t.FALSE)
+                what = f'{c.shown(node)}: accesses the same memory as another operand'
+                self.require(what, t.FALSE)
             total.reads |= found.reads
             total.writes |= found.writes
         self._merge_effects(total)
@@ -425,7 +426,7 @@ class Machine:
         raise c.Unreadable(f'{name} is not declared')
 
     def _read(self, place: Reference) -> Result:
-        """Return what is at a place; an array becomes a pointer to its first element."""
+        """Return the value at a place; an array becomes a pointer to its first element."""
         if isinstance(place.type, c.Array):
             return Reference(place.path, place.type.item, t.number(0, 64), place.type.length)
         if isinstance(place.type, c.ArithmeticType):
@@ -433,7 +434,7 @@ class Machine:
         raise c.Unreadable(f'{place.path} is no number')
 
     def _place(self, node: Any, local: _Locals) -> Reference:
-        """Return where an expression lies in memory."""
+        """Return the place in memory of an expression."""
         match node:
             case c_ast.StructRef():
                 return self._field(node, local)
@@ -444,7 +445,7 @@ class Machine:
                         or index.type.kind != 'int' or base.index.op != 'constant' \
                         or base.index.value != 0:
                     raise c.Unreadable(f'no element of an array: {c.shown(node)}')
-                # Whether it is inside is asked as the index is: of its own width.
+                # The bounds check is in the width of the promoted index.
                 return replace(base, index=self._promoted(index).term)
             case c_ast.UnaryOp(op='*'):
                 found = self._value(node.expr, local)
@@ -553,7 +554,7 @@ class Machine:
                                     self.converted(no, kind).term))
 
     def _silently(self, node: Any, local: _Locals) -> Value:
-        """Evaluate what is never evaluated, for its type."""
+        """Return the value of an operand that C does not evaluate, for its type."""
         memory = dict(self.memory)
         with self._assuming(t.FALSE):
             found = self._number(node, local)
@@ -666,7 +667,7 @@ class Machine:
         if kind.kind != 'int' or right.type.kind != 'int':
             raise c.Unreadable(f'shift of a float: {c.shown(node)}')
         inside = t.relation('ult', right.term, t.number(kind.bits, right.type.bits))
-        self.require(f'{c.shown(node)}: shift by more than there are bits', inside)
+        self.require(f'{c.shown(node)}: shift by the width or more', inside)
         count = t.resized(right.term, kind.bits, False)
         found = t.operation('shl' if op == '<<' else 'lshr', a, count)
         if kind.is_signed:
@@ -680,7 +681,7 @@ class Machine:
 
 
 def _is_small(op: str, a: Term, b: Term) -> bool:
-    """Whether two words that are small numbers cannot overflow in `op`."""
+    """Whether the known leading zeros of two words exclude an overflow of `op`."""
     def bits(item: Term) -> int:
         if item.op == 'word':
             return 1
@@ -735,7 +736,7 @@ def promoted_type(kind: c.ArithmeticType) -> c.ArithmeticType:
 
 
 def filled(kind: c.Type, byte: int) -> Term:
-    """Return what bytes that are all alike, 0 or 1, stand for."""
+    """Return the value whose bytes are all 0 or all 1."""
     sort = sort_of(kind)
     if sort[0] == 'ring':
         return t.filled(sort[1], byte)

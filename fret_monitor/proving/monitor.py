@@ -13,12 +13,11 @@
 # limitations under the License.
 
 """
-A monitor's C held to its program: verdicts, state, reset, description, and nothing undefined.
+Obligations of a monitor's C: verdicts, state, reset, description, no undefined behaviour.
 
-Each group is proved by itself, for every state and every input: first with the cells taken by
-their contracts, where most is to look whether two terms are one. If that fails, the cells are
-opened and the C state need only mean the same as the program's (a counter above its bound is as
-good as any other). Then the functions that run all groups are compared with the groups in order.
+Each group is proved by itself, for every state and every input, with the cells taken by contract:
+most obligations are then two terms that are one object. The functions that run all groups are
+compared with the groups in order.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -42,14 +41,18 @@ from fret_monitor.smt.solver import Answer, prove, shown_values
 from fret_monitor.smt.terms import Term
 
 ALL = -1  # the functions that run all groups
-ANY = -2  # likewise, with the step as the description hands it out
-_TYPES = 'a field of another kind than the program needs'
-_STATIC = ('description: ', 'inputs: ')  # what no trace shows
+ANY = -2  # the same, with the step function that the description names
+_TYPES = 'the program needs a field of another type'
+_STATIC = ('description: ', 'inputs: ')  # no trace can refute these
 
 
 @dataclass
 class GroupProofs:
-    """The proofs of a group, or of what runs all of them (`group` is ALL), and what refutes."""
+    """
+    The proofs of a group, or of the functions for all groups (ALL).
+
+    `values` are those at which obligations fail.
+    """
 
     group: int
     proofs: list[Proof] = field(default_factory=list)
@@ -57,7 +60,7 @@ class GroupProofs:
 
     @property
     def is_proved(self) -> bool:
-        """Whether everything is."""
+        """Whether all obligations are proved."""
         return all(proof.answer is Answer.PROVED for proof in self.proofs)
 
     @property
@@ -69,7 +72,7 @@ class GroupProofs:
 
 @dataclass(frozen=True)
 class ProofSubject:
-    """What is proved: C, the program it is to be, and what the C's names begin with."""
+    """C and the program that it must compute; `prefix` is that of the names in C."""
 
     code: CProgram
     program: MonitorProgram
@@ -78,7 +81,7 @@ class ProofSubject:
     source_hash: str
 
     def state(self, groups: Sequence[int]) -> Memory:
-        """Return memory in which the state of some groups can be anything."""
+        """Return memory that holds an arbitrary state of some groups."""
         fields = dict(self.code.structs[f'{self.prefix}_state'])
         memory: Memory = {}
         for group in groups:
@@ -88,7 +91,7 @@ class ProofSubject:
         return memory
 
     def inputs(self) -> Memory:
-        """Return memory in which the inputs can be anything."""
+        """Return memory that holds arbitrary inputs."""
         return {path: t.variable('.'.join(map(str, path)), sort_of(kind)) for path, kind
                 in places(self.code, Struct(f'{self.prefix}_inputs'), ('inputs',))}
 
@@ -105,7 +108,7 @@ class ProofSubject:
         machine.call(self._function(group, 'step'), self.arguments())
 
     def arguments(self) -> list[Reference]:
-        """Return what a step takes."""
+        """Return the arguments of a step function."""
         verdicts = Reference(('verdicts',), BOOL, t.number(0, 64), len(self.program.properties))
         return [self._state(), Reference(('inputs',), Struct(f'{self.prefix}_inputs')), verdicts]
 
@@ -120,9 +123,9 @@ class ProofSubject:
 
 def wrong_types(subject: ProofSubject, group: int) -> list[Proof]:
     """
-    Return a failed proof for each field that cannot hold what it is to hold; ALL: of all groups.
+    Return a failed proof for each field of a wrong type, of a group or of ALL.
 
-    How wide a counter is shows in its proof; here, that it is an unsigned number.
+    Whether a counter is wide enough is an obligation of its cell; here it must be unsigned.
     """
     groups = range(len(subject.layouts)) if group == ALL else [group]
     found = [f'group {number}: type of {text}' for number in groups
@@ -213,7 +216,7 @@ def _keeps_inputs(before: Memory, after: Memory) -> bool:
 
 
 def prove_whole(subject: ProofSubject, seconds: float) -> GroupProofs:
-    """Prove that what runs all groups does what theirs do in order, and is described so."""
+    """Prove the functions that run all groups, and the description."""
     outcome = GroupProofs(ALL)
     before = time.perf_counter()
     try:
@@ -226,7 +229,7 @@ def prove_whole(subject: ProofSubject, seconds: float) -> GroupProofs:
 
 
 def _positions(subject: ProofSubject) -> list[Term]:
-    """Return what is known of the positions in rings, in all groups."""
+    """Return the invariants of the positions in rings, of all groups."""
     found = []
     for path, item in subject.state(range(len(subject.layouts))).items():
         kind, _, number = str(path[-1]).partition('_')
@@ -274,10 +277,10 @@ def _whole_goals(subject: ProofSubject) -> Iterator[tuple[str, Term]]:
 
 
 def _equal(name: str, whole: Machine, parts: Machine) -> Iterator[tuple[str, Term]]:
-    """Yield that two machines did the same; what a group's own proof covers is not said again."""
+    """Yield that two machines did the same, without what the proofs of the groups cover."""
     missing = whole.memory.keys() ^ parts.memory.keys()
     yield f'{name}: the same places are written', t.truth(not missing)
-    # `none` is what C wants in a struct that would be empty.
+    # `none` is the unused field of a struct that would be empty.
     same = [t.same(whole.memory[path], parts.memory[path])
             for path in whole.memory.keys() & parts.memory.keys() if path[-1] != 'none']
     yield f'{name}: the same values', t.all_of(same)

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-A trace on which C and the program differ, looked for from the reset on.
+Search for a trace from the reset on which C and program differ.
 
-What a failed proof gives is a state and inputs at which a step goes wrong; whether that state can
-be reached is another question. So both are run, the C by its text and the program by its meaning,
-over traces whose values are those of the failed proofs and those around the numbers of the
-requirements, and stay for as long as the bounds ask; then what is found is made shorter.
+A failed proof gives a state and inputs at which a step is wrong, but the state may be unreachable.
+So the C and the transition system are run side by side over traces. Their values are those of the
+failed proofs and those around the numbers in the requirements, repeated for as long as the bounds
+require. The trace that is found is shortened.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -56,10 +56,11 @@ _Row = tuple[Any, ...]
 @dataclass(frozen=True)
 class Counterexample:
     """
-    A trace, and what goes wrong at its last step.
+    A trace, and what is wrong at its last step.
 
-    `rows` hold the inputs in the bundle's order. `meant` and `found` are verdicts at the last step
-    by the index of the requirement (none, if the step is one that C does not define).
+    `rows` hold the inputs in the bundle's order. `meant` and `found` are the verdicts of program
+    and C at the last step, by the index of the requirement; `undefined` names what C leaves
+    undefined there.
     """
 
     rows: tuple[_Row, ...]
@@ -69,10 +70,10 @@ class Counterexample:
 
 
 class Runner:
-    """The C of a group (or of all) and the program side by side, as terms and to be run."""
+    """Runs the C of a group, or of all, and the transition system side by side."""
 
     def __init__(self, subject: ProofSubject, group: int) -> None:
-        """Run a reset and a step of both; raises `Unreadable` and `KeyError`."""
+        """Build a reset and a step of both as terms; raises `Unreadable` and `KeyError`."""
         groups = [group] if group >= 0 else range(len(subject.layouts))
         state, inputs = subject.state(groups), subject.inputs()
         reset = Machine(subject.code, state, ARITHMETIC)
@@ -102,21 +103,21 @@ class Runner:
             lambda *given: compute(*given, *values)
 
     def _unknown(self, roots: Sequence[Term], known: Sequence[Term]) -> list[Term]:
-        """Return the variables that stand for what was never written."""
+        """Return the variables that stand for uninitialised memory."""
         arguments = set(known)
         return [item for item in t.postorder(roots)
                 if item.op == 'variable' and item not in arguments]
 
     def _begins(self, before: Sequence[Term]) -> list[list[Any]]:
-        """Return the state after a reset, for memory that was full of ones and full of zeros."""
+        """Return the states after a reset of memory full of ones and of memory full of zeros."""
         everything = [*before, *self._unknown(self.starts, before)]
         compute = function_of(self.starts, everything)
         ones = compute(*(_odd(item.sort) for item in everything))
-        zeros = compute(*(_zero(item.sort) for item in everything))
+        zeros = compute(*(zero(item.sort) for item in everything))
         return [ones] if repr(ones) == repr(zeros) else [ones, zeros]
 
     def judged(self, results: Sequence[Any]) -> tuple[list[bool], list[bool], list[bool]]:
-        """Split results: what the C found, what is meant, and whether each condition holds."""
+        """Split results: verdicts of the C, verdicts of the program, whether conditions hold."""
         count = len(self.verdicts)
         return (list(results[:count]), list(results[count:2 * count]), list(results[2 * count:]))
 
@@ -147,14 +148,15 @@ class Runner:
 
 
 def _odd(sort: Sort) -> Any:
-    """Return a value that is not what a reset should leave."""
+    """Return a value that a reset should overwrite."""
     kind, bits = sort
     if kind == 'ring':
         return bytes([0xA5]) * bits
     return {'bool': True, 'word': (1 << bits) - 1, 'real': 1.5}[kind]
 
 
-def _zero(sort: Sort) -> Any:
+def zero(sort: Sort) -> Any:
+    """Return the value whose bytes are 0."""
     kind, size = sort
     return bytes(size) if kind == 'ring' else {'bool': False, 'word': 0, 'real': 0.0}[kind]
 
@@ -162,9 +164,9 @@ def _zero(sort: Sort) -> Any:
 def find_counterexample(subject: ProofSubject, group: int, values: Sequence[Mapping[Term, Any]],
                         seconds: float) -> Counterexample | None:
     """
-    Look for a trace on which a group (ALL: any) goes wrong, for some seconds.
+    Search for a trace on which a group (ALL: any group) is wrong, for some seconds.
 
-    `values` are those of failed proofs.
+    `values` are those that failed proofs gave.
     """
     entries = [ALL, ANY] if group == ALL and len(subject.layouts) > 1 else [group]
     for entry in entries:
@@ -219,7 +221,7 @@ def _bounds(subject: ProofSubject, group: int) -> set[int]:
 
 
 def _pools(subject: ProofSubject, values: Sequence[Mapping[Term, Any]]) -> list[list[Any]]:
-    """Return for each input some values, as terms have them."""
+    """Return some values for each input, as terms represent them."""
     pools = []
     for item, signal, known in zip(subject.inputs().values(), subject.program.signals,
                                    both_sides(subject.program)):
@@ -229,11 +231,11 @@ def _pools(subject: ProofSubject, values: Sequence[Mapping[Term, Any]]) -> list[
         met = [found[item] for found in values if item in found]
         pool += [value for value in met if _is_named(value, signal)] * 2
         pools.append(pool)
-    return pools or [[False]]  # without inputs, C has a field that nobody reads
+    return pools or [[False]]  # without inputs, the C struct has one unused field
 
 
 def _is_named(value: Any, signal: Signal) -> bool:
-    """Whether a trace can hold a value: of a text input, one of its texts."""
+    """Whether a trace can hold a value: for a string input, the index of one of its strings."""
     return not signal.is_string or 0 <= value < len(signal.values)
 
 

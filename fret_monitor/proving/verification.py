@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A bundle proved: the cells once, then its groups, and what became of each requirement.
+The proof of a bundle: first the cells, then each group, then the functions for all groups.
 
     bundle -> program, C -> C read back -> obligations -> solver -> Verification
 """
@@ -37,7 +37,7 @@ _RUNTIME = ('fret_cells.h', 'fret_monitor.h')
 
 @dataclass(frozen=True)
 class GroupResult:
-    """What became of a group (or of what runs all): proofs, and a trace where they fail."""
+    """The proofs of a group, or of the functions for all groups, and a trace where they fail."""
 
     group: int
     proofs: tuple[Proof, ...]
@@ -45,13 +45,13 @@ class GroupResult:
 
     @property
     def is_proved(self) -> bool:
-        """Whether everything is."""
+        """Whether all obligations are proved."""
         return all(proof.answer is Answer.PROVED for proof in self.proofs)
 
 
 @dataclass(frozen=True)
 class Verification:
-    """All that was asked of a bundle, and the answers."""
+    """All proofs of a bundle; `unreadable` says why the C could not be read."""
 
     cells: tuple[Proof, ...]
     groups: tuple[GroupResult, ...]
@@ -61,18 +61,23 @@ class Verification:
 
     @property
     def is_proved(self) -> bool:
-        """Whether everything is."""
+        """Whether all obligations are proved."""
         return not self.unreadable and all(item.is_proved for item in self.groups) \
             and all(proof.answer is Answer.PROVED for proof in self.cells)
 
     @property
+    def counterexample(self) -> Counterexample | None:
+        """Return the first counterexample of a group."""
+        return next((item.counterexample for item in self.groups if item.counterexample), None)
+
+    @property
     def proofs(self) -> tuple[Proof, ...]:
-        """All of them."""
+        """Return all proofs."""
         return (*self.cells, *(proof for item in self.groups for proof in item.proofs))
 
 
 def proved_files(generated: GeneratedMonitor) -> dict[str, str]:
-    """Return the C that a proof reads, by file name: not that which decodes messages."""
+    """Return the C files that a proof reads, by name: all but those that decode messages."""
     module, runtime = generated.module, runtime_headers()
     return {**{name: runtime[name] for name in _RUNTIME}, **dict([module.header]),
             **{name: text for name, text in module.sources if not name.endswith(_FIELDS)}}
@@ -98,7 +103,7 @@ def read_subject(generated: GeneratedMonitor) -> ProofSubject:
 
 
 def verify(generated: GeneratedMonitor, *, seconds: float = 30.0) -> Verification:
-    """Prove a bundle; `seconds` is for one obligation at most."""
+    """Prove a bundle; `seconds` is the time limit of each obligation."""
     before = time.perf_counter()
     try:
         subject = read_subject(generated)
@@ -113,13 +118,13 @@ def verify(generated: GeneratedMonitor, *, seconds: float = 30.0) -> Verificatio
 
 @cache
 def cells_proved(headers: tuple[tuple[str, str], ...], seconds: float) -> tuple[Proof, ...]:
-    """Prove the cells of some headers, once a process."""
+    """Prove the cells in some headers, once in a process."""
     code = read_program({'cells.c': '#include "fret_cells.h"\n'}, dict(headers))
     return tuple(prove_cells(code, seconds))
 
 
 def verify_group(subject: ProofSubject, group: int, seconds: float) -> GroupResult:
-    """Prove a group, or what runs all of them; look for a trace where that fails."""
+    """Prove a group, or the functions for all groups; search for a trace if that fails."""
     wrong = wrong_types(subject, group)
     if wrong:
         return GroupResult(group, tuple(wrong), None)

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-The state cells: what each computes, step by step, and how its C state says so.
+Models of the state cells: what each computes in a step, and the invariant of its C state.
 
-A counter cell is described by natural numbers that never wrap ("the steps since the last p"), in
-words of 40 bits that stop far above every bound. `related` is the invariant between such a number
-and the C counter; `fits` the condition under which the counter is wide enough, which
-`program/layout.py` has to see to. `operators.py` proves that the natural numbers give the
-operators; `contracts.py` that the C of `fret_cells.h` keeps the invariants.
+The model of a counter is a natural number that never wraps ("the steps since the last p"), in
+words of 40 bits that stop far above every bound. `related` is the invariant between this number
+and the C counter. `fits` is the condition that the counter is wide enough, which
+`program/layout.py` must establish. `operators.py` proves that the numbers give the operators, and
+`proving/contracts.py` that the C of `fret_cells.h` keeps the invariants.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,9 +40,8 @@ class CounterModel:
     """
     A cell with one counter.
 
-    `step` takes the number, the bound and the operands, and gives what the cell returns and the
-    number after; `start` is the number at the start, for a bound and a head. `fits` is for a bound
-    and the bits of the counter.
+    `step` takes the number, the bound and the operands, and returns the result of the cell and
+    the next number. `start` takes a bound and a head, `fits` a bound and the bits of the counter.
     """
 
     name: str
@@ -60,7 +59,7 @@ def at_most(left: Term, right: Term) -> Term:
 
 
 def _more(number: Term) -> Term:
-    """Return the number after one, stopping far away."""
+    """Return the next number, up to 2^39."""
     return t.choice(at_most(_FAR, number), _FAR, t.operation('add', number, _ONE))
 
 
@@ -104,13 +103,13 @@ def _same_count(counter: Term, count: Term, bound: Term) -> Term:
 
 
 def _below_half(bound: Term, bits: int) -> Term:
-    """Return whether 2 * bound + 1 fits a counter of `bits` bits, and there is a bound."""
+    """Return whether 2 * bound + 1 fits a counter of `bits` bits, and the bound is at least 1."""
     twice = t.operation('add', t.operation('add', bound, bound), _ONE)
     return t.conjunction(at_most(twice, t.number((1 << bits) - 1, WIDTH)), at_most(_ONE, bound))
 
 
 def _below_end(bound: Term, bits: int) -> Term:
-    """Return whether bound + 1 fits a counter of `bits` bits, and there is a bound."""
+    """Return whether bound + 1 fits a counter of `bits` bits, and the bound is at least 1."""
     more = t.operation('add', bound, _ONE)
     return t.conjunction(at_most(more, t.number((1 << bits) - 1, WIDTH)), at_most(_ONE, bound))
 
@@ -135,7 +134,7 @@ COUNTERS = {cell.name: cell for cell in (
 # -- shift registers and rings ---------------------------------------------------------------
 
 def line_step(history: Term, steps: int | Term, p: Term) -> tuple[Term, Term]:
-    """Return what p was some steps ago, and the history after; bit k is p of k + 1 steps ago."""
+    """Return p of some steps before, and the next history; bit k is p of k + 1 steps before."""
     count = t.number(steps, HISTORY) if isinstance(steps, int) else steps
     place = t.operation('sub', count, t.number(1, HISTORY))
     out = t.bit(t.operation('lshr', history, place), 0)
@@ -144,7 +143,7 @@ def line_step(history: Term, steps: int | Term, p: Term) -> tuple[Term, Term]:
 
 
 def line_related(line: Term, history: Term, steps: int | Term) -> Term:
-    """Return whether the lowest `steps` bits are the history's."""
+    """Return whether the lowest `steps` bits of register and history are equal."""
     count = t.number(steps, HISTORY) if isinstance(steps, int) else steps
     one = t.number(1, HISTORY)
     mask = t.operation('sub', t.operation('shl', one, count), one)
@@ -153,12 +152,12 @@ def line_related(line: Term, history: Term, steps: int | Term) -> Term:
 
 
 def line_start(initial: bool) -> Term:
-    """Return the history before there is one."""
+    """Return the history before step 0."""
     return t.number(-1 if initial else 0, HISTORY)
 
 
 def line_fits(steps: Term, bits: int) -> Term:
-    """Return whether there are two steps or more, and no more than there are bits."""
+    """Return whether a register of some bits holds the steps, which are at least 2."""
     return t.conjunction(
         t.relation('ule', t.number(2, steps.sort[1]), steps),
         t.relation('ule', steps, t.number(bits, steps.sort[1])))

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Compute terms on values: what a step does, as a Python function.
+Evaluation of terms on values, by a generated Python function.
 
-For the search of counterexamples, which tries many steps. Cells called by their contract have no
-values here: give terms in which their bodies stand.
+The search for counterexamples evaluates many steps. Cells that are taken by contract have no
+value.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -33,7 +33,7 @@ _AGAIN = {'fadd': '+', 'fsub': '-', 'fmul': '*'}
 
 
 class NoValue(Exception):
-    """A term that has no value: a cell that is called by its contract."""
+    """A term without a value: a cell that is taken by contract."""
 
 
 def function_of(results: Sequence[Term], arguments: Sequence[Term]) -> Callable[..., list[Any]]:

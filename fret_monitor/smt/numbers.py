@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What arithmetic and relations of formulas mean (docs/numbers.md), as terms.
+Arithmetic and relations of formulas as terms, as docs/numbers.md defines them.
 
-Written from that page and without a look at how C is made, so that the two can be compared.
+Independent of the code generator, so that a proof can compare the two.
 """
 
 from fret_monitor.logic.formula import BinaryOperator, UnaryOperator

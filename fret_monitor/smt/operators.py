@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-From steps counted to operators: for every trace, every bound, every step.
+Proofs that the numbers of the cells give the operators, for every trace, bound and step.
 
-A trace is a function from steps to truth values, an operator what DESIGN and docs/language.md
-define with "at some step" and "at every step". Each cell keeps a natural number; the invariant
-says, of step t, what that number is about. The solver checks, over the integers and without any
-limit, that it holds before step 0, that a step keeps it, and that then the cell returns the
-operator. `cells.py` counts in words that stop at 2^39: `stops_far_away` is why that is the same.
+A trace is a function from steps to truth values. The operators are those of docs/language.md, with
+"at some step" and "at every step". Each cell has a natural number and an invariant that says what
+it means at step t. The solver checks over unbounded integers that the invariant holds before step
+0, that a step preserves it, and that it implies that the cell returns the operator's value.
+`cells.py` counts in words that stop at 2^39, which is equivalent by `stops_far_away`.
 """
 
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ _LIMIT = 1 << 39
 
 @dataclass(frozen=True)
 class Claim:
-    """Something that holds of all traces: `goal` wherever all of `given` do."""
+    """A theorem about all traces: `given` implies `goal`."""
 
     name: str
     given: tuple[Any, ...]
@@ -167,7 +167,7 @@ def _since_before() -> Iterator[Claim]:
 
 
 def _bits() -> Iterator[Claim]:
-    """Say of the cells of one bit what they are at step t, from what they were before."""
+    """Yield the claims of the cells of one bit."""
     once = _some(_p(_k), 0, _t)
     yield Claim('once_ever: start', (_t == -1,), z3.Not(once))
     yield Claim('once_ever: step', _TIME, once == z3.Or(_p(_t), _some(_p(_k), 0, _t - 1)))
@@ -186,7 +186,7 @@ def _bits() -> Iterator[Claim]:
 
 
 def _delays() -> Iterator[Claim]:
-    """Say of a history that bit j is p of step t - 1 - j, or `initial` before step 0."""
+    """Yield the claims of delays: bit j is p of step t - 1 - j, or `initial` before step 0."""
     seen = z3.Function('seen', z3.IntSort(), z3.BoolSort())
     bits = z3.Function('bits', z3.IntSort(), z3.BoolSort())
     after = z3.Function('bits_after', z3.IntSort(), z3.BoolSort())
@@ -195,7 +195,7 @@ def _delays() -> Iterator[Claim]:
     history = z3.ForAll([_j], z3.Implies(_j >= 0, bits(_j) == seen(_t - 1 - _j)))
     shifted = z3.And(after(0) == _p(_t),
                      z3.ForAll([_j], z3.Implies(_j >= 0, after(_j + 1) == bits(_j))))
-    # Of an arbitrary j, which is the same as of all.
+    # For an arbitrary j, which is equivalent to all j.
     one = z3.Int('one')
     shown = z3.And(after(0) == _p(_t), z3.Implies(one > 0, after(one) == bits(one - 1)))
     yield Claim('delay: start', (trace, _t == 0, z3.ForAll([_j], bits(_j) == initial), one >= 0),
@@ -207,7 +207,7 @@ def _delays() -> Iterator[Claim]:
 
 
 def _far() -> Iterator[Claim]:
-    """Say that counting up to a limit compares with what is below it as counting on does."""
+    """Yield that a number that stops at the limit compares with lower bounds like one without."""
     def stopped(number: Any) -> Any:
         return z3.If(number <= _LIMIT, number, _LIMIT)
 
@@ -217,7 +217,7 @@ def _far() -> Iterator[Claim]:
 
 
 def claims() -> list[Claim]:
-    """Return all that is claimed of the operators."""
+    """Return all claims."""
     return [
         *_within('once_within', _p, False),
         *_within('always_within', lambda step: z3.Not(_p(step)), True),

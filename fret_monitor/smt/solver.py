@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Ask z3 whether something holds for all values.
+Queries to z3: whether goals hold for all values.
 
-First what is heavy (multiplication, division, float arithmetic, conversions) is taken for unknown
-functions, of which only is known that they give the same for the same: what holds for all of them
-holds for these. Only what fails so is asked again with the operations as they are. What stays
-unknown at all times: `fmod`, `pow`, and cells that are called by their contract.
+Expensive operations (multiplication, division, float arithmetic, conversions) are first abstracted
+to uninterpreted functions; a proof for all functions holds for these. Only if that fails is the
+query repeated with the operations themselves. `fmod`, `pow` and cells that are taken by contract
+are always uninterpreted.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -38,14 +38,14 @@ from fret_monitor.smt.concrete import function_of
 from fret_monitor.smt.terms import Sort, Term
 import z3
 
-_HEAVY = frozenset({'mul', 'udiv', 'urem', 'sdiv', 'srem', 'fadd', 'fsub', 'fmul', 'fdiv', 'float',
-                    'float_u', 'float_s'})
+_EXPENSIVE = frozenset({'mul', 'udiv', 'urem', 'sdiv', 'srem', 'fadd', 'fsub', 'fmul', 'fdiv',
+                        'float', 'float_u', 'float_s'})
 _TRIALS = 500
-_UNKNOWN = frozenset({'fmod', 'pow', 'cell', 'cell_next'})
+_UNINTERPRETED = frozenset({'fmod', 'pow', 'cell', 'cell_next'})
 
 
 class Answer(Enum):
-    """What became of an obligation."""
+    """The answer to an obligation."""
 
     PROVED = 'proved'
     REFUTED = 'refuted'
@@ -54,7 +54,7 @@ class Answer(Enum):
 
 @dataclass(frozen=True)
 class Result:
-    """An answer; with REFUTED, values of the variables for which it does not hold."""
+    """An answer; with REFUTED, values of the variables for which the goal fails."""
 
     answer: Answer
     values: Mapping[Term, Any]
@@ -62,7 +62,7 @@ class Result:
 
 
 def new_solver(seconds: float) -> Any:
-    """Return a solver with a limit of time, that leaves the signals to Python."""
+    """Return a solver with a time limit that does not handle SIGINT."""
     solver = z3.Solver()
     solver.set('timeout', max(1, int(seconds * 1000)))
     solver.set('ctrl_c', False)
@@ -70,24 +70,24 @@ def new_solver(seconds: float) -> Any:
 
 
 def solver_version() -> str:
-    """Return which solver it is."""
+    """Return name and version of the solver."""
     return f'z3 {z3.get_version_string()}'
 
 
 def shown_values(values: Mapping[Term, Any]) -> str:
-    """Return some values of variables as a text."""
+    """Return values of variables as text."""
     pairs = sorted((str(item.value), value) for item, value in values.items())
     return ', '.join(f'{name} = {value}' for name, value in pairs)
 
 
 def prove(goals: Sequence[Term], given: Sequence[Term] = (), *, seconds: float = 10.0) -> Result:
-    """Say whether, wherever all of `given` hold, all goals do."""
+    """Check whether all of `given` imply all goals."""
     before = time.perf_counter()
     goal = t.all_of(goals)
     if goal is t.TRUE:
         return Result(Answer.PROVED, {}, 0.0)
     result = _ask(goal, given, True, seconds)
-    if result.answer is not Answer.PROVED and _is_heavy([goal, *given]):
+    if result.answer is not Answer.PROVED and _is_expensive([goal, *given]):
         tried = _tried(goal, given)
         result = _ask(goal, given, False, seconds) if tried is None \
             else Result(Answer.REFUTED, tried, 0.0)
@@ -95,10 +95,10 @@ def prove(goals: Sequence[Term], given: Sequence[Term] = (), *, seconds: float =
 
 
 def _tried(goal: Term, given: Sequence[Term]) -> dict[Term, Any] | None:
-    """Return values among some at which the goal fails: quicker than z3 with products."""
+    """Search for a counterexample on some values, which is faster than z3 for products."""
     order = t.postorder([goal, *given])
     inputs = [item for item in order if item.op == 'variable']
-    if any(item.op in _UNKNOWN or item.sort[0] == 'ring' for item in order):
+    if any(item.op in _UNINTERPRETED or item.sort[0] == 'ring' for item in order):
         return None
     compute = function_of([goal, *given], inputs)
     rng = Random(0)
@@ -122,13 +122,13 @@ def _drawn(rng: Random, sort: Sort) -> Any:
     return to_float32(value) if bits == 32 else value
 
 
-def _is_heavy(roots: Sequence[Term]) -> bool:
-    return any(item.op in _HEAVY for item in t.postorder(roots))
+def _is_expensive(roots: Sequence[Term]) -> bool:
+    return any(item.op in _EXPENSIVE for item in t.postorder(roots))
 
 
 @contextmanager
 def _interrupts_kept() -> Iterator[None]:
-    """Raise at the end the KeyboardInterrupt that Python lost, as it freed an object of z3's."""
+    """Raise at the end a KeyboardInterrupt that came while Python freed an object of z3."""
     lost: list[BaseException] = []
     before = sys.unraisablehook
 
@@ -168,7 +168,7 @@ def _ask(goal: Term, given: Sequence[Term], is_abstract: bool, seconds: float) -
 
 
 def _value(model: Any, shown: Any, sort: Sort) -> Any:
-    """Return what a variable is in a model: bool, int, float or bytes."""
+    """Return the value of a variable in a model: bool, int, float or bytes."""
     kind, size = sort
     if kind == 'ring':
         places = (z3.Select(shown, z3.BitVecVal(i, 32)) for i in range(min(size, 4096)))
@@ -194,24 +194,24 @@ def _from_pattern(pattern: int, bits: int) -> float:
 
 
 class Translation:
-    """From terms to z3's; `variables` are those that were met."""
+    """Translates terms to z3; `variables` are those that occurred."""
 
     def __init__(self, is_abstract: bool) -> None:
-        """With `is_abstract`, what is heavy becomes an unknown function."""
+        """With `is_abstract`, expensive operations become uninterpreted functions."""
         self.variables: dict[Term, Any] = {}
         self._is_abstract = is_abstract
         self._known: dict[Term, Any] = {}
 
     def __call__(self, root: Term) -> Any:
-        """Translate a term, and all it is made of."""
+        """Translate a term and its parts."""
         for item in t.postorder([root], self._known):
             self._known[item] = self._translated(item)
         return self._known[root]
 
     def _translated(self, item: Term) -> Any:
         args = [self._known[each] for each in item.args]
-        if item.op in _UNKNOWN or (self._is_abstract and item.op in _HEAVY):
-            return self._unknown(item, args)
+        if item.op in _UNINTERPRETED or (self._is_abstract and item.op in _EXPENSIVE):
+            return self._uninterpreted(item, args)
         match item.op:
             case 'variable':
                 self.variables[item] = shown = z3.Const(item.value, _sort(item.sort))
@@ -239,7 +239,7 @@ class Translation:
             case _:
                 return _DIRECT[item.op](*args)
 
-    def _unknown(self, item: Term, args: list[Any]) -> Any:
+    def _uninterpreted(self, item: Term, args: list[Any]) -> Any:
         sorts = [_sort(each.sort) for each in item.args]
         name = '.'.join([item.op, str(item.value or ''), *map(str, sorts), str(item.sort)])
         return z3.Function(name, *sorts, _sort(item.sort))(*args)

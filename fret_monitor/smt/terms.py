@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What a step computes, as terms: truth values, machine words, floats, rings of bytes.
+Terms over truth values, machine words, floats and rings of bytes.
 
-Terms are interned: two that are built alike are one object, so that most of a proof is to look
-whether two sides are the same. The constructors below bring terms to one form by rules that hold
-for all values (a word that is 0 or 1 becomes a truth value again, constants are computed).
+Terms are interned: equal terms are one object, so that most proofs are a comparison of two
+references. The constructors below normalise terms by rules that hold for all values (a word that
+is 0 or 1 becomes a truth value again, constants are computed).
 
 Sorts: `BOOL`, `word(n)` (n bits), `real(n)` (IEEE 754, n 32 or 64; there is one NaN) and `ring(n)`
 (n bytes).
@@ -38,7 +38,7 @@ from fret_monitor.model.floats import to_float32
 Sort = tuple[str, int]
 BOOL: Sort = ('bool', 0)
 
-# Weak: a term goes with the last proof that uses it.
+# Weak, so that a term is freed with the last reference to it.
 _interned: 'WeakValueDictionary[tuple[Any, ...], Term]' = WeakValueDictionary()
 _interning = Lock()
 _numbers = count()
@@ -65,13 +65,13 @@ def ring(size: int) -> Sort:
 
 
 class Term:
-    """An operation on terms; `value` is what it needs besides (a constant, a name, a bit)."""
+    """An operation on terms; `value` is a parameter of it: a constant, a name, a bit."""
 
     __slots__ = ('__weakref__', 'args', 'number', 'op', 'sort', 'value')
 
     def __init__(self, op: str, sort: Sort, args: tuple['Term', ...], value: Any,
                  number: int) -> None:
-        """Be made by `term`."""
+        """Take the parts; only `term` calls this."""
         self.op = op
         self.sort = sort
         self.args = args
@@ -85,11 +85,11 @@ class Term:
 
 
 def term(op: str, sort: Sort, args: tuple[Term, ...] = (), value: Any = None) -> Term:
-    """Return the one term that is so, as it is written; the functions below simplify."""
+    """Return the term of these parts, without simplification."""
     key = (op, sort, args, value)
     found = _interned.get(key)
     if found is None:
-        with _interning:  # so that two threads cannot make two terms of one key
+        with _interning:  # or two threads could make two terms of one key
             found = _interned.get(key)
             if found is None:
                 found = _interned[key] = Term(op, sort, args, value, next(_numbers))
@@ -97,7 +97,7 @@ def term(op: str, sort: Sort, args: tuple[Term, ...] = (), value: Any = None) ->
 
 
 def variable(name: str, sort: Sort) -> Term:
-    """Return a value that can be any."""
+    """Return a variable."""
     return term('variable', sort, (), name)
 
 
@@ -145,7 +145,7 @@ def constant(value: Any, sort: Sort) -> Term:
 
 
 def postorder(roots: Iterable[Term], known: Iterable[Term] = ()) -> list[Term]:
-    """Return all terms below some once, each after those it is made of, but those `known`."""
+    """Return each term below some roots once, after its arguments, without those `known`."""
     order: list[Term] = []
     seen = set(known)
     stack = [(root, False) for root in roots]
@@ -362,7 +362,7 @@ def _as_bit(item: Term) -> Term | None:
 
 
 def is_true(item: Term) -> Term:
-    """Return whether a value is not zero, as C asks."""
+    """Return whether a value is not zero, as C tests conditions."""
     if item.sort == BOOL:
         return item
     if item.sort[0] == 'real':
@@ -514,14 +514,14 @@ def to_real(item: Term, bits: int, is_signed: bool = False) -> Term:
 
 
 def library(name: str, left: Term, right: Term) -> Term:
-    """Return what `fmod` or `pow` of the C library gives, whatever that is."""
+    """Return the result of `fmod` or `pow` of the C library, uninterpreted."""
     return term(name, left.sort, (left, right))
 
 
 # -- rings and cells -------------------------------------------------------------------------
 
 def filled(size: int, byte: int) -> Term:
-    """Return a ring whose bytes are all alike."""
+    """Return a ring of equal bytes."""
     return term('filled', ring(size), (), byte)
 
 
@@ -557,10 +557,10 @@ def same(left: Term, right: Term) -> Term:
     return term('same', BOOL, ordered)
 
 
-# -- the same with other parts ---------------------------------------------------------------
+# -- substitution ----------------------------------------------------------------------------
 
 def substituted(roots: Iterable[Term], parts: dict[Term, Term]) -> list[Term]:
-    """Return terms in which some terms stand for others, brought to one form again."""
+    """Replace parts of terms by others, and normalise."""
     known = dict(parts)
     wanted = list(roots)
     for item in postorder(wanted, known):

@@ -100,5 +100,5 @@ def test_a_variable_is_static_in_the_description_alone(
 
 
 def test_what_the_preprocessor_refuses_is_not_read() -> None:
-    with pytest.raises(Unreadable, match='the preprocessor refuses it'):
+    with pytest.raises(Unreadable, match='the preprocessor failed'):
         read_program({'f.c': '#error "no"\n'}, {})
