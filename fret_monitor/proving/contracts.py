@@ -269,7 +269,7 @@ def _prove_call(program: CProgram, name: str, item: _Pure, arguments: Sequence[V
 
 
 def _prove_counter(cell: CounterModel, bits: int, program: CProgram, seconds: float) -> Proof:
-    """Prove the invariant of a counter, at the start and over a step, for every bound that fits."""
+    """Prove the invariant of a counter at the start and over a step, for all bounds that fit."""
     name, kind = f'fm_{cell.name}_u{bits}', ArithmeticType('int', bits)
     counter, bound = _any('counter', kind), _any('bound', kind)
     operands = [_any(letter, BOOL) for letter in 'pq'[:cell.operands]]
