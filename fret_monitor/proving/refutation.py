@@ -47,9 +47,9 @@ from fret_monitor.traces.random_traces import Pools, random_traces
 from fret_monitor.traces.shrink import Shrinker
 from fret_monitor.traces.trace import first_steps, rows_of, Trace
 
-_SHORT_TRACES = 100  # that are tried before those as long as the bounds ask
-_LONGEST = 70_000  # steps of a trace
-_SHRINKING = 60_000  # steps
+_SHORT_TRACES = 100  # tried before those that are as long as the bounds require
+_MAX_TRACE_STEPS = 70_000
+_MAX_SHRINK_STEPS = 60_000
 _Row = tuple[Any, ...]
 
 
@@ -187,7 +187,8 @@ def _find(subject: ProofSubject, group: int, values: Sequence[Mapping[Term, Any]
     bounds = _bounds(subject, group)
     rng = Random(0)
     for trace in chain(islice(random_traces(pools, (), 0, rng), _SHORT_TRACES),
-                       random_traces(pools, bounds, max(bounds, default=0), rng, _LONGEST)):
+                       random_traces(pools, bounds, max(bounds, default=0), rng,
+                                     _MAX_TRACE_STEPS)):
         if time.monotonic() > until:
             return None
         found = runner.first_difference(rows_of(trace), until)
@@ -201,7 +202,7 @@ def _shrunk(runner: Runner, trace: Trace, pools: Pools) -> Counterexample:
     def judge(batch: Sequence[Trace]) -> list[bool]:
         return [runner.first_difference(rows_of(each), math.inf) is not None for each in batch]
 
-    rows = rows_of(Shrinker(pools, _SHRINKING).shrink(trace, judge))
+    rows = rows_of(Shrinker(pools, _MAX_SHRINK_STEPS).shrink(trace, judge))
     found = runner.first_difference(rows, math.inf)
     assert found is not None
     step, results = found
