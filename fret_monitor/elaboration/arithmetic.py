@@ -20,12 +20,12 @@ in arithmetic it is an error.
 """
 
 from fret_monitor.elaboration.terms import (
-    alike, cast, convert, describe, join, Number, number, promoted, settled, Term,
+    alike, cast, common_type, convert, describe, expect_number, Number, promoted, TypedTerm, unify,
 )
 from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Constant, FALSE, Formula, TRUE, Unary, UnaryOperator,
 )
-from fret_monitor.logic.numbers import absolute, fold, Literal, negated, NumberError
+from fret_monitor.logic.numbers import absolute, ExactNumber, fold, negated, NumberError
 from fret_monitor.model.diagnostics import Problems, refuse, Span
 from fret_monitor.model.values import ValueType
 
@@ -43,34 +43,34 @@ _TRUE_BELOW = (BinaryOperator.LT, BinaryOperator.LE, BinaryOperator.NE)
 _TRUE_ABOVE = (BinaryOperator.GT, BinaryOperator.GE, BinaryOperator.NE)
 
 
-def minus(term: Term) -> Number:
+def minus(term: TypedTerm) -> Number:
     """Return `-x`."""
-    value = number(term, "'-'")
-    if isinstance(value, Literal):
+    value = expect_number(term, "'-'")
+    if isinstance(value, ExactNumber):
         return negated(value)
     return Unary(UnaryOperator.NEG, promoted(value))
 
 
-def magnitude(term: Term, operator: str) -> Number:
+def magnitude(term: TypedTerm, operator: str) -> Number:
     """Return `abs(x)`; `operator` is the function's name as written."""
-    value = number(term, operator)
-    if isinstance(value, Literal):
+    value = expect_number(term, operator)
+    if isinstance(value, ExactNumber):
         return absolute(value)
     return Unary(UnaryOperator.ABS, promoted(value))
 
 
-def arithmetic(operator: BinaryOperator, left: Term, right: Term, name: str, place: Span,
+def arithmetic(operator: BinaryOperator, left: TypedTerm, right: TypedTerm, name: str, place: Span,
                problems: Problems) -> Number:
     """Return `left operator right`, which the user wrote as `name` at `place`."""
-    a, b = number(left, name), number(right, name)
-    if isinstance(a, Literal) and isinstance(b, Literal):
+    a, b = expect_number(left, name), expect_number(right, name)
+    if isinstance(a, ExactNumber) and isinstance(b, ExactNumber):
         return _folded(operator, a, b, place, problems)
-    kind = settled([a, b])
+    kind = common_type([a, b])
     return Binary(operator, cast(left, a, kind), cast(right, b, kind))
 
 
-def _folded(operator: BinaryOperator, a: Literal, b: Literal, place: Span,
-            problems: Problems) -> Literal:
+def _folded(operator: BinaryOperator, a: ExactNumber, b: ExactNumber, place: Span,
+            problems: Problems) -> ExactNumber:
     try:
         result = fold(operator, a, b)
     except NumberError as error:
@@ -81,24 +81,24 @@ def _folded(operator: BinaryOperator, a: Literal, b: Literal, place: Span,
     return result
 
 
-def power(base: Term, exponent: Term, place: Span) -> Number:
+def power(base: TypedTerm, exponent: TypedTerm, place: Span) -> Number:
     """
     Return `base ^ exponent`.
 
     A whole literal exponent >= 0 keeps the base's type (repeated multiplication); otherwise both
     become FLOAT64, and one of them must be a real number.
     """
-    a, b = number(base, "'^'"), number(exponent, "'^'")
-    if isinstance(b, Literal) and not b.is_real:
-        if b.value >= 0 and not isinstance(a, Literal):
+    a, b = expect_number(base, "'^'"), expect_number(exponent, "'^'")
+    if isinstance(b, ExactNumber) and not b.is_real:
+        if b.value >= 0 and not isinstance(a, ExactNumber):
             return _repeated(promoted(a), b, exponent)
-        if isinstance(a, Literal) and (b.value >= 0 or a.is_real):
+        if isinstance(a, ExactNumber) and (b.value >= 0 or a.is_real):
             return _folded_power(a, b, place)
-    if join([a, b]) not in (ValueType.FLOAT32, ValueType.FLOAT64, None):
+    if unify([a, b]) not in (ValueType.FLOAT32, ValueType.FLOAT64, None):
         refuse("'^' on whole numbers takes a whole exponent >= 0, written as a number",
                exponent.span, f'this is {describe(exponent)}',
                'make the base or the exponent a real number, as in 2.0 ^ n')
-    if join([a, b]) is None and not (_is_real(a) or _is_real(b)):
+    if unify([a, b]) is None and not (_is_real(a) or _is_real(b)):
         refuse("'^' on whole numbers takes an exponent >= 0", exponent.span,
                f'this is {describe(exponent)}', 'write the base as a real number, as in 2.0 ^ -1')
     return Binary(BinaryOperator.POW, cast(base, a, ValueType.FLOAT64),
@@ -106,56 +106,56 @@ def power(base: Term, exponent: Term, place: Span) -> Number:
 
 
 def _is_real(value: Number) -> bool:
-    return isinstance(value, Literal) and value.is_real
+    return isinstance(value, ExactNumber) and value.is_real
 
 
-def _repeated(base: Formula, exponent: Literal, term: Term) -> Formula:
+def _repeated(base: Formula, exponent: ExactNumber, term: TypedTerm) -> Formula:
     if exponent.value > MAX_EXPONENT:
         refuse(f'an exponent is at most {MAX_EXPONENT}', term.span, f'this is {exponent}')
     return Binary(BinaryOperator.POW, base,
                   Constant(exponent.value.numerator, ValueType.INT64))
 
 
-def _folded_power(base: Literal, exponent: Literal, place: Span) -> Literal:
+def _folded_power(base: ExactNumber, exponent: ExactNumber, place: Span) -> ExactNumber:
     try:
         return fold(BinaryOperator.POW, base, exponent)
     except NumberError as error:
         refuse('this number cannot be computed', place, str(error))
 
 
-def relation(operator: BinaryOperator, left: Term, right: Term, name: str, place: Span,
+def relation(operator: BinaryOperator, left: TypedTerm, right: TypedTerm, name: str, place: Span,
              problems: Problems) -> Formula:
     """Return the comparison `left operator right`, which the user wrote as `name` at `place`."""
     if left.is_text or right.is_text or left.is_boolean or right.is_boolean:
         return _equality(operator, left, right, name)
-    a, b = number(left, name), number(right, name)
-    if isinstance(a, Literal):
-        if isinstance(b, Literal):
+    a, b = expect_number(left, name), expect_number(right, name)
+    if isinstance(a, ExactNumber):
+        if isinstance(b, ExactNumber):
             return TRUE if _holds(operator, a, b) else FALSE
         mirrored = _against(_MIRRORED[operator], b, a, left, place, problems)
         return Binary(_MIRRORED[mirrored.operator], mirrored.right, mirrored.left)
-    if isinstance(b, Literal):
+    if isinstance(b, ExactNumber):
         return _against(operator, a, b, right, place, problems)
     return _typed(operator, a, b)
 
 
-def _equality(operator: BinaryOperator, left: Term, right: Term, name: str) -> Formula:
+def _equality(operator: BinaryOperator, left: TypedTerm, right: TypedTerm, name: str) -> Formula:
     if operator not in (BinaryOperator.EQ, BinaryOperator.NE):
         term = left if left.is_boolean or left.is_text else right
-        number(term, name)
+        expect_number(term, name)
     first, second = alike([left, right], name)
     return Binary(operator, first, second)
 
 
 def _typed(operator: BinaryOperator, a: Formula, b: Formula) -> Formula:
-    kind = settled([a, b])
+    kind = common_type([a, b])
     if kind.is_float:
         return Binary(operator, convert(a, kind), convert(b, kind))
     # INT64 and UINT64 stay as they are: the relation compares them by value.
     return Binary(operator, promoted(a), promoted(b))
 
 
-def _holds(operator: BinaryOperator, a: Literal, b: Literal) -> bool:
+def _holds(operator: BinaryOperator, a: ExactNumber, b: ExactNumber) -> bool:
     less, equal = a.value < b.value, a.value == b.value
     return {
         BinaryOperator.LT: less,
@@ -167,12 +167,12 @@ def _holds(operator: BinaryOperator, a: Literal, b: Literal) -> bool:
     }[operator]
 
 
-def _against(operator: BinaryOperator, formula: Formula, literal: Literal, term: Term,
+def _against(operator: BinaryOperator, formula: Formula, literal: ExactNumber, term: TypedTerm,
              place: Span, problems: Problems) -> Binary:
     """Return `formula operator literal`; `term` is the literal's."""
     if formula.type.is_integer:
         _warn_of_constant(operator, formula.type, literal, place, problems)
-    kind = settled([formula, literal])
+    kind = common_type([formula, literal])
     if kind.is_float:
         return Binary(operator, convert(formula, kind), cast(term, literal, kind))
     node = promoted(formula)
@@ -181,7 +181,7 @@ def _against(operator: BinaryOperator, formula: Formula, literal: Literal, term:
 
 
 def _whole(operator: BinaryOperator, kind: ValueType,
-           literal: Literal) -> tuple[BinaryOperator, Formula]:
+           literal: ExactNumber) -> tuple[BinaryOperator, Formula]:
     """
     Return a comparison with a constant that holds where that with the literal does.
 
@@ -202,7 +202,7 @@ def _whole(operator: BinaryOperator, kind: ValueType,
     return BinaryOperator.GE if always else BinaryOperator.LT, Constant(low, kind)
 
 
-def _warn_of_constant(operator: BinaryOperator, kind: ValueType, literal: Literal,
+def _warn_of_constant(operator: BinaryOperator, kind: ValueType, literal: ExactNumber,
                       place: Span, problems: Problems) -> None:
     low, high = kind.limits
     if low <= literal.value <= high:

@@ -21,7 +21,7 @@ from typing import Final
 
 from fret_monitor.elaboration.windows import MAX_BOUND
 from fret_monitor.language.sentence import Duration, Unit
-from fret_monitor.logic.numbers import Literal, NumberError, parse_number
+from fret_monitor.logic.numbers import ExactNumber, NumberError, parse_number
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.policies import Policy
 
@@ -63,7 +63,7 @@ def steps_of(duration: Duration, period: Fraction | None) -> int:
            if duration.unit in SECONDS else 'write a whole number')
 
 
-def _number(duration: Duration) -> Literal:
+def _number(duration: Duration) -> ExactNumber:
     try:
         return parse_number(duration.number)
     except NumberError as error:

@@ -40,7 +40,7 @@ from fret_monitor.elaboration.graph import components, cycle, is_cyclic
 from fret_monitor.elaboration.languages import read_expression, read_formula
 from fret_monitor.elaboration.scope import Declaration, Role, Scope, scope_of
 from fret_monitor.elaboration.signals import constant_declaration, FindMessage, input_declaration
-from fret_monitor.elaboration.terms import Broken, describe, formula_of, Term, Vocabulary
+from fret_monitor.elaboration.terms import Broken, describe, formula_of, TypedTerm, Vocabulary
 from fret_monitor.language.bounds import TimedBound
 from fret_monitor.language.expression import Equations, Expression, Name
 from fret_monitor.language.quoted_text import QuotedText
@@ -150,7 +150,7 @@ class _Reading:
         """Leave out names whose declarations were refused: nothing more is told of them."""
         nowhere = Span(Source('', ''), 0, 0)
         for name in names:
-            self._scope.declare(name, Declaration(Role.INPUT, Term(Broken(), nowhere)))
+            self._scope.declare(name, Declaration(Role.INPUT, TypedTerm(Broken(), nowhere)))
 
     def read_inputs(self, bundle: Bundle, find_message: FindMessage) -> list[Signal | None]:
         """Declare constants and inputs; return the inputs in order, None for a broken one."""
@@ -249,7 +249,7 @@ class _Reading:
             return None
 
     def _property(self, item: Requirement,
-                  tree: Expression | Equations | Sentence | None) -> Term:
+                  tree: Expression | Equations | Sentence | None) -> TypedTerm:
         if not isinstance(tree, Sentence):
             return self._term(item.language, item.text, tree, item.id.value)
         self._check_component(tree.component)
@@ -285,9 +285,9 @@ class _Reading:
         return found
 
     def _term(self, language: Language, text: Text, tree: Expression | Equations | None,
-              owner: str) -> Term:
+              owner: str) -> TypedTerm:
         if tree is None:
-            return Term(Broken(), text.span)
+            return TypedTerm(Broken(), text.span)
         if isinstance(tree, Equations):
             return equations_term(tree, self._scope, self.problems, owner, self._feedback)
         is_lustre = language is Language.COCOSPEC

@@ -32,7 +32,7 @@ from fret_monitor.elaboration import arithmetic
 from fret_monitor.elaboration.functions import Application, choice, FUNCTIONS, previous
 from fret_monitor.elaboration.scope import Role, Scope
 from fret_monitor.elaboration.terms import (
-    alike, Broken, describe, joined_bounds, Term, truth, Undeclared, Value, Vocabulary,
+    alike, Broken, describe, expect_bool, joined_bounds, TypedTerm, Undeclared, Value, Vocabulary,
 )
 from fret_monitor.elaboration.windows import window
 from fret_monitor.language.expression import (
@@ -42,7 +42,7 @@ from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Choice, Constant, FALSE, Formula, FTP, Historically, Once, Previous,
     Since, Triggered, TRUE, Unary, UnaryOperator, WeakYesterday, Window, Yesterday,
 )
-from fret_monitor.logic.numbers import Literal, NumberError, parse_number
+from fret_monitor.logic.numbers import ExactNumber, NumberError, parse_number
 from fret_monitor.model.diagnostics import (
     CompileError, Diagnostic, did_you_mean, Problems, refuse, Span,
 )
@@ -128,7 +128,7 @@ def _without_values(node: Expression, vocabulary_of: FindVocabulary) -> tuple[Ex
     return children(node)
 
 
-Cell: TypeAlias = Formula | Literal
+Cell: TypeAlias = Formula | ExactNumber
 
 
 class Elaborator:
@@ -148,10 +148,10 @@ class Elaborator:
         self._is_lustre = is_lustre
         self._cells = cells or {}
         self._left = left
-        self._done: dict[Expression, Term] = {}
+        self._done: dict[Expression, TypedTerm] = {}
         self._told: set[str] = set()
 
-    def term(self, root: Expression) -> Term:
+    def term(self, root: Expression) -> TypedTerm:
         """Return what an expression means; mistakes are added to the problems."""
         stack = [(root, False)]
         while stack:
@@ -173,22 +173,23 @@ class Elaborator:
         parts = children(node)
         return parts[:-1] if node in self._cells else parts
 
-    def _build(self, node: Expression, operands: list[Term]) -> Term:
+    def _build(self, node: Expression, operands: list[TypedTerm]) -> TypedTerm:
         if isinstance(node, Name):
             return replace(self._declared(node), span=node.span)
         operands = self._named(node, operands)
         if any(term.is_broken for term in operands) or any(map(self._is_told, _bound_names(node))):
-            return Term(Broken(), node.span)
+            return TypedTerm(Broken(), node.span)
         try:
             value, vocabulary = self._meaning(node, operands)
         except CompileError as error:
             self._problems.extend(error.diagnostics)
-            return Term(Broken(), node.span)
+            return TypedTerm(Broken(), node.span)
         bounds = joined_bounds(self._own_bounds(node, operands),
                                *(term.bounds for term in operands))
-        return _with_first_steps(Term(value, node.span, vocabulary, bounds=bounds), node, operands)
+        term = TypedTerm(value, node.span, vocabulary, bounds=bounds)
+        return _with_first_steps(term, node, operands)
 
-    def _own_bounds(self, node: Expression, operands: list[Term]) -> Iterator[int]:
+    def _own_bounds(self, node: Expression, operands: list[TypedTerm]) -> Iterator[int]:
         """Yield the numbers of steps that are written at a node itself."""
         match node:
             case Prefix() | Infix() if node.bound is not None:
@@ -196,15 +197,15 @@ class Elaborator:
                 yield from (end for end in (past.low, past.high) if end is not None)
             case Call(function) if function in _COUNTING:
                 yield from (term.value.value.numerator for term in operands[:-1]
-                            if isinstance(term.value, Literal))
+                            if isinstance(term.value, ExactNumber))
 
     # Names
 
-    def _declared(self, node: Name) -> Term:
+    def _declared(self, node: Name) -> TypedTerm:
         declaration = self._scope.find(node.text)
-        return declaration.term if declaration else Term(Undeclared(node.text), node.span)
+        return declaration.term if declaration else TypedTerm(Undeclared(node.text), node.span)
 
-    def _named(self, node: Expression, operands: list[Term]) -> list[Term]:
+    def _named(self, node: Expression, operands: list[TypedTerm]) -> list[TypedTerm]:
         """Give names of values their meaning, and tell of names that have none."""
         group = () if node in self._cells else _sharing(node)
         shared = [operands[i] for i in group]
@@ -216,11 +217,12 @@ class Elaborator:
         # Beside a name that was told of, an unknown one may well be a value of it.
         is_cascade = any(operands[i].is_broken and isinstance(parts[i], Name) for i in group)
         return [term if not isinstance(term.value, Undeclared)
-                else Term(Broken(), term.span) if is_cascade and i in group
+                else TypedTerm(Broken(), term.span) if is_cascade and i in group
                 else self._settle(term.value, term.span, vocabulary if i in group else None)
                 for i, term in enumerate(named)]
 
-    def _value(self, node: Expression, term: Term, vocabulary: Vocabulary | None) -> Term:
+    def _value(self, node: Expression, term: TypedTerm,
+               vocabulary: Vocabulary | None) -> TypedTerm:
         if not isinstance(node, Name) or vocabulary is None:
             return term
         if node.text not in vocabulary.numbers or term.vocabulary == vocabulary:
@@ -230,15 +232,15 @@ class Elaborator:
             self._problems.warning(
                 f"'{node.text}' is {declaration.role.value} and the name of a value", node.span,
                 'the value is meant here')
-        number = Literal(Fraction(vocabulary.numbers[node.text]), False)
-        return Term(number, node.span, vocabulary)
+        number = ExactNumber(Fraction(vocabulary.numbers[node.text]), False)
+        return TypedTerm(number, node.span, vocabulary)
 
-    def _settle(self, value: Undeclared, span: Span, vocabulary: Vocabulary | None) -> Term:
+    def _settle(self, value: Undeclared, span: Span, vocabulary: Vocabulary | None) -> TypedTerm:
         """Tell of an undeclared name, once, and return it broken."""
         if value.name not in self._told:
             self._told.add(value.name)
             self._tell_unknown(value.name, span, vocabulary)
-        return Term(Broken(), span)
+        return TypedTerm(Broken(), span)
 
     def _tell_unknown(self, name: str, span: Span, vocabulary: Vocabulary | None) -> None:
         if vocabulary is None:
@@ -264,8 +266,9 @@ class Elaborator:
             refuse('a bound takes numbers and constants', node.span,
                    f'this is {declaration.role.value}')
         value = declaration.term.value
-        if not isinstance(value, Literal) or value.is_real or value.value < 0:
-            is_real = isinstance(value, Literal) and value.value.denominator == 1 and value.is_real
+        if not isinstance(value, ExactNumber) or value.is_real or value.value < 0:
+            is_real = (isinstance(value, ExactNumber) and value.value.denominator == 1
+                       and value.is_real)
             refuse('a bound counts steps, so it takes whole numbers from 0', node.span,
                    f'this is {describe(declaration.term)}' + ', as a real number' * is_real)
         return value.value.numerator
@@ -277,7 +280,7 @@ class Elaborator:
     # Meaning
 
     def _meaning(self, node: Number | Boolean | Prefix | Infix | Call | Conditional,
-                 operands: list[Term]) -> tuple[Value, Vocabulary | None]:
+                 operands: list[TypedTerm]) -> tuple[Value, Vocabulary | None]:
         match node:
             case Number():
                 return _number(node), None
@@ -294,7 +297,7 @@ class Elaborator:
             case _:
                 assert_never(node)
 
-    def _prefix(self, node: Prefix, operands: list[Term]) -> tuple[Value, Vocabulary | None]:
+    def _prefix(self, node: Prefix, operands: list[TypedTerm]) -> tuple[Value, Vocabulary | None]:
         if node in self._cells:
             return _delay(node.operator, self._cells[node]), None
         (operand,) = operands
@@ -302,11 +305,12 @@ class Elaborator:
             return _bare_pre(operand), operand.vocabulary
         if node.operator == '-':
             return arithmetic.minus(operand), None
-        argument = truth(operand, f"'{node.operator}'")
+        argument = expect_bool(operand, f"'{node.operator}'")
         past = window(node.bound, self._constant)
         return _past(node, past, argument), None
 
-    def _infix(self, node: Infix, left: Term, right: Term) -> tuple[Value, Vocabulary | None]:
+    def _infix(self, node: Infix, left: TypedTerm,
+               right: TypedTerm) -> tuple[Value, Vocabulary | None]:
         operator = node.operator
         name = f"'{operator}'"
         if operator == 'arrow':
@@ -321,14 +325,14 @@ class Elaborator:
             return arithmetic.power(left, right, node.span), None
         return self._logical(node, left, right, name), None
 
-    def _arrow(self, node: Infix, left: Term, right: Term) -> Formula:
+    def _arrow(self, node: Infix, left: TypedTerm, right: TypedTerm) -> Formula:
         if isinstance(node.right, Prefix) and node.right.operator == 'pre' and (
                 node.right not in self._cells):
             return previous(left, self._done[node.right.argument], "'->'")
         first, later = alike([left, right], "'->'")
         return Choice(FTP, first, later)
 
-    def _logical(self, node: Infix, left: Term, right: Term, name: str) -> Formula:
+    def _logical(self, node: Infix, left: TypedTerm, right: TypedTerm, name: str) -> Formula:
         p, q = _both_true(left, right, name)
         if node.operator in _CONNECTIVES:
             return Binary(_CONNECTIVES[node.operator], p, q)
@@ -348,7 +352,7 @@ class Elaborator:
             case _:
                 raise AssertionError(f'no operator {node.operator}')
 
-    def _call(self, node: Call, operands: list[Term]) -> tuple[Value, Vocabulary | None]:
+    def _call(self, node: Call, operands: list[TypedTerm]) -> tuple[Value, Vocabulary | None]:
         name = node.function
         function = FUNCTIONS.get(name)
         if function is None:
@@ -358,12 +362,13 @@ class Elaborator:
             refuse(f"'{name}' takes other arguments", node.span,
                    f'these are {len(node.arguments)}', f'write {forms}')
         if node in self._cells:
-            first, later = alike([operands[0], Term(self._cells[node], node.span)], f"'{name}'")
+            delayed_term = TypedTerm(self._cells[node], node.span)
+            first, later = alike([operands[0], delayed_term], f"'{name}'")
             return Choice(FTP, first, later), None
         call = Application(name, tuple(operands), node.span, self._problems, self._left)
         return function.meaning(call), self._shared_vocabulary(node, operands)
 
-    def _shared_vocabulary(self, node: Call, operands: list[Term]) -> Vocabulary | None:
+    def _shared_vocabulary(self, node: Call, operands: list[TypedTerm]) -> Vocabulary | None:
         group = _sharing(node)
         return _common([operands[i] for i in group]) if group else None
 
@@ -399,17 +404,17 @@ def _bound_names(node: Expression) -> Iterator[Name]:
                 yield from (part for part in postorder(end) if isinstance(part, Name))
 
 
-def _number(node: Number) -> Literal:
+def _number(node: Number) -> ExactNumber:
     try:
         return parse_number(node.text)
     except NumberError as error:
         refuse('this number cannot be used', node.span, str(error))
 
 
-def _bare_pre(operand: Term) -> Formula:
+def _bare_pre(operand: TypedTerm) -> Formula:
     """Return Lustre's `pre x` alone: at the first step, where it has no value, false or 0."""
     if operand.is_boolean:
-        return previous(Term(FALSE, operand.span), operand, "'pre'")
+        return previous(TypedTerm(FALSE, operand.span), operand, "'pre'")
     argument = alike([operand], "'pre'")[0]
     zero = 0.0 if argument.type.is_float else 0
     return Previous(Constant(zero, argument.type), argument)
@@ -417,7 +422,7 @@ def _bare_pre(operand: Term) -> Formula:
 
 def _delay(operator: str, cell: Cell) -> Cell:
     # Feedback is false at the first step: Y's own value there, and not Z's.
-    if operator != 'Z' or isinstance(cell, Literal):
+    if operator != 'Z' or isinstance(cell, ExactNumber):
         return cell
     return Binary(BinaryOperator.OR, FTP, cell)
 
@@ -440,13 +445,13 @@ def _past(node: Prefix, past: Window, argument: Formula) -> Formula:
             raise AssertionError(f'no operator {node.operator}')
 
 
-def _both_true(left: Term, right: Term, name: str) -> list[Formula]:
+def _both_true(left: TypedTerm, right: TypedTerm, name: str) -> list[Formula]:
     """Return two BOOL operands; where neither is one, both mistakes are told."""
     found: list[Formula] = []
     wrong: list[Diagnostic] = []
     for term in (left, right):
         try:
-            found.append(truth(term, name))
+            found.append(expect_bool(term, name))
         except CompileError as error:
             wrong.extend(error.diagnostics)
     if wrong:
@@ -469,14 +474,14 @@ def _sharing(node: Expression) -> tuple[int, ...]:
             return ()
 
 
-def _common(terms: Sequence[Term]) -> Vocabulary | None:
+def _common(terms: Sequence[TypedTerm]) -> Vocabulary | None:
     """Return the names of values that all terms share, but for plain numbers."""
     found = {term.vocabulary for term in terms
-             if not isinstance(term.value, Literal) or term.vocabulary}
+             if not isinstance(term.value, ExactNumber) or term.vocabulary}
     return found.pop() if len(found) == 1 else None
 
 
-def _with_first_steps(term: Term, node: Expression, operands: list[Term]) -> Term:
+def _with_first_steps(term: TypedTerm, node: Expression, operands: list[TypedTerm]) -> TypedTerm:
     """Add at how many first steps a bare `pre` leaves the term without a value."""
     worst = max(operands, key=lambda operand: operand.undefined, default=term)
     undefined, origin = worst.undefined, worst.origin
@@ -491,7 +496,7 @@ def _with_first_steps(term: Term, node: Expression, operands: list[Term]) -> Ter
     return replace(term, undefined=undefined, origin=origin) if undefined else term
 
 
-def _is_guarded(node: Infix, operands: list[Term]) -> bool:
+def _is_guarded(node: Infix, operands: list[TypedTerm]) -> bool:
     """Whether the other side decides at the first step: `pre p | FTP`, `pre p & !FTP`."""
     left, right = (operand.value for operand in operands)
     if node.operator == '->':

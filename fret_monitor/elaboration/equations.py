@@ -29,14 +29,15 @@ from fret_monitor.elaboration.elaborator import Cell, delayed, Elaborator, gives
 from fret_monitor.elaboration.graph import components, cycle, is_cyclic
 from fret_monitor.elaboration.scope import Declaration, Role, Scope
 from fret_monitor.elaboration.terms import (
-    Broken, cast, convert, describe, joined_bounds, number, settled, Term, truth, Undeclared,
+    Broken, cast, common_type, convert, describe, expect_bool, expect_number, joined_bounds,
+    TypedTerm, Undeclared,
 )
 from fret_monitor.language.expression import (
     Call, children, Conditional, Equations, Expression, Infix, LustreEquation, LustreVariable,
     Name, postorder, Prefix,
 )
 from fret_monitor.logic.formula import FALSE, Feedback, Formula
-from fret_monitor.logic.numbers import Literal
+from fret_monitor.logic.numbers import ExactNumber
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse, Span
 from fret_monitor.model.values import ValueType
 
@@ -45,7 +46,7 @@ _TYPES = {'bool': ValueType.BOOL, 'int': ValueType.INT64, 'real': ValueType.FLOA
 
 
 def equations_term(tree: Equations, scope: Scope, problems: Problems, owner: str,
-                   feedback: dict[Feedback, Formula]) -> Term:
+                   feedback: dict[Feedback, Formula]) -> TypedTerm:
     """
     Return what the result of some equations means; mistakes are added to the problems.
 
@@ -74,7 +75,7 @@ class _Node:
         self._at_once = {name: self._uses(item.expression, False)
                          for name, item in self._equations.items()}
 
-    def result(self) -> Term:
+    def result(self) -> TypedTerm:
         """Give every equation its meaning, each after those it stands on; return the result."""
         self._check_declarations()
         for members in components(self._full):
@@ -85,7 +86,7 @@ class _Node:
         result = self._tree.result
         return replace(self._term(result.name), span=result.expression.span)
 
-    def _term(self, name: str) -> Term:
+    def _term(self, name: str) -> TypedTerm:
         """Return what the name of an equation means, once it has been read."""
         found = self._scope.find(name)
         assert found is not None
@@ -113,7 +114,7 @@ class _Node:
                     f"'{equation.name}' is {outer.role.value} and an equation", equation.name_span,
                     'the equation is meant in these equations')
 
-    def _input(self, item: LustreVariable) -> Term:
+    def _input(self, item: LustreVariable) -> TypedTerm:
         outer = self._outer.find(item.name)
         try:
             if outer is None:
@@ -124,7 +125,7 @@ class _Node:
             return _declared(replace(outer.term, span=item.span), item)
         except CompileError as error:
             self._problems.extend(error.diagnostics)
-            return Term(Broken(), item.span)
+            return TypedTerm(Broken(), item.span)
 
     def _read(self, name: str, elaborator: Elaborator, problems: Problems) -> None:
         """Declare the name of an equation, once those that it stands on are declared."""
@@ -134,7 +135,7 @@ class _Node:
                 term = _declared(term, self._declared[name])
             except CompileError as error:
                 problems.extend(error.diagnostics)
-                term = Term(Broken(), term.span)
+                term = TypedTerm(Broken(), term.span)
         self._scope.declare(name, Declaration(Role.EQUATION, term))
 
     # What stands on itself
@@ -173,7 +174,7 @@ class _Node:
             self._scope.declare(name, Declaration(Role.EQUATION, term))
 
     def _pass(self, loop: '_Loop', cells: Mapping['_Delay', Cell], order: list[str],
-              problems: Problems) -> dict['_Delay', Term]:
+              problems: Problems) -> dict['_Delay', TypedTerm]:
         """Read the equations of a loop once, in order; return what each delay looks at."""
         by_node = {node: cells[delay] for node, delay in loop.nodes.items()}
         elaborator = self._elaborator(by_node, problems)
@@ -191,7 +192,7 @@ class _Node:
         initial = self._initial(delay.argument)
         if initial is not None:
             return initial
-        return FALSE if self._is_boolean(delay.argument) else Literal(Fraction(1), False)
+        return FALSE if self._is_boolean(delay.argument) else ExactNumber(Fraction(1), False)
 
     def _initial(self, argument: Expression) -> Cell | None:
         """Return the `i` of an equation `x = i -> ...`, if nothing of the loop is in it."""
@@ -238,7 +239,7 @@ class _Node:
         self._taken.add(name)
         return name
 
-    def _close(self, delay: '_Delay', cell: Feedback, term: Term) -> None:
+    def _close(self, delay: '_Delay', cell: Feedback, term: TypedTerm) -> None:
         """Hand out the equation of a feedback, in the feedback's type."""
         match term.value:
             case Undeclared() | Broken():
@@ -246,7 +247,7 @@ class _Node:
             case value:
                 pass
         if term.is_boolean != (cell.type is ValueType.BOOL) or (
-                not term.is_boolean and settled([cell, value]) is not cell.type):
+                not term.is_boolean and common_type([cell, value]) is not cell.type):
             self._problems.error(
                 f"the type of '{delay.name}' does not stay the same", delay.span,
                 f'{_named(cell.type)} was expected, and this is {describe(term)}',
@@ -254,7 +255,7 @@ class _Node:
             return
         try:
             self._feedback[cell] = value if term.is_boolean and not isinstance(
-                value, Literal) else cast(term, value, cell.type)
+                value, ExactNumber) else cast(term, value, cell.type)
         except CompileError as error:
             self._problems.extend(error.diagnostics)
 
@@ -312,23 +313,23 @@ def _kind_of(node: Expression) -> ValueType | None:
 
 
 def _kind(guess: Cell) -> ValueType:
-    return settled([guess]) if isinstance(guess, Literal) else guess.type
+    return common_type([guess]) if isinstance(guess, ExactNumber) else guess.type
 
 
-def _risen(guess: Cell, term: Term) -> Cell:
+def _risen(guess: Cell, term: TypedTerm) -> Cell:
     """Return a guess that takes in what was found under the last one."""
     match term.value:
         case Undeclared() | Broken():
             return guess
-        case Literal() as literal:
-            found = settled([literal])
+        case ExactNumber() as literal:
+            found = common_type([literal])
         case formula:
             found = formula.type
-    if isinstance(guess, Literal) or guess.type is found:
+    if isinstance(guess, ExactNumber) or guess.type is found:
         return Feedback('', found)
     if ValueType.BOOL in (guess.type, found):
         return guess
-    return Feedback('', settled([guess, Feedback('', found)]))
+    return Feedback('', common_type([guess, Feedback('', found)]))
 
 
 def _named(kind: ValueType) -> str:
@@ -336,25 +337,25 @@ def _named(kind: ValueType) -> str:
 
 
 def _broken(equation: LustreEquation) -> Declaration:
-    return Declaration(Role.EQUATION, Term(Broken(), equation.span))
+    return Declaration(Role.EQUATION, TypedTerm(Broken(), equation.span))
 
 
-def _declared(term: Term, declaration: LustreVariable) -> Term:
+def _declared(term: TypedTerm, declaration: LustreVariable) -> TypedTerm:
     """Return a term as its declared type wants it."""
     if declaration.type not in _TYPES:
         refuse(f"Lustre's type '{declaration.type}' is not known", declaration.span, '',
                did_you_mean(declaration.type, _TYPES) or 'there are bool, int and real')
     what = f"'{declaration.name}: {declaration.type}'"
     if declaration.type == 'bool':
-        truth(term, what)
+        expect_bool(term, what)
         return term
-    value = number(term, what)
-    is_real = value.is_real if isinstance(value, Literal) else value.type.is_float
+    value = expect_number(term, what)
+    is_real = value.is_real if isinstance(value, ExactNumber) else value.type.is_float
     if declaration.type == 'int' and is_real:
         refuse(f'{what} takes whole numbers', term.span, f'this is {describe(term)}',
                f'{declaration.name}: real')
     if declaration.type == 'int' or is_real:
         return term
-    if isinstance(value, Literal):
+    if isinstance(value, ExactNumber):
         return replace(term, value=replace(value, is_real=True))
     return replace(term, value=convert(value, ValueType.FLOAT64), vocabulary=None)

@@ -38,7 +38,7 @@ from fractions import Fraction
 from fret_monitor.elaboration.durations import steps_of
 from fret_monitor.elaboration.elaborator import Elaborator
 from fret_monitor.elaboration.scope import Scope
-from fret_monitor.elaboration.terms import Broken, joined_bounds, Term, truth
+from fret_monitor.elaboration.terms import Broken, expect_bool, joined_bounds, TypedTerm
 from fret_monitor.language.expression import Expression, Name
 from fret_monitor.language.sentence import (
     ConditionKind, ScopeKind, ScopePhrase, Sentence, TimingKind,
@@ -51,7 +51,7 @@ from fret_monitor.model.diagnostics import CompileError, Problems
 
 
 def sentence_term(sentence: Sentence, scope: Scope, problems: Problems,
-                  period: Fraction | None = None) -> Term:
+                  period: Fraction | None = None) -> TypedTerm:
     """
     Return what a sentence means; mistakes are added to the problems.
 
@@ -122,19 +122,19 @@ class _Formalisation:
         self._interval = _interval(sentence.scope_kind, mode or TRUE)
         self._elaborator = Elaborator(scope, problems, left=self._interval.left)
 
-    def term(self) -> Term:
+    def term(self) -> TypedTerm:
         """Return the formula; each part is read, so that all mistakes are told."""
         sentence = self._sentence
         condition, stop, steps = self._condition(), self._stop(), self._steps()
         response = self._truth(self._elaborator, sentence.response, "'satisfy'")
         if self._mode is None or condition is None or stop is None or steps is None or (
                 response is None):
-            return Term(Broken(), sentence.span)
+            return TypedTerm(Broken(), sentence.span)
         base = _Timed(self._interval, condition, sentence.condition_kind, stop, steps)
         timing, is_negated = _meant(sentence)
         formula = base.formula(timing, _not(response) if is_negated else response,
                                sentence.scope_kind.is_only)
-        return Term(formula, sentence.span, bounds=joined_bounds(self._bounds, (steps,)))
+        return TypedTerm(formula, sentence.span, bounds=joined_bounds(self._bounds, (steps,)))
 
     def _is_value(self, phrase: ScopePhrase, scope: Scope) -> bool:
         """Tell a mode that is only the name of a value, with the scope to write."""
@@ -158,7 +158,7 @@ class _Formalisation:
             return None
         self._bounds = joined_bounds(self._bounds, term.bounds)
         try:
-            return truth(term, operator)
+            return expect_bool(term, operator)
         except CompileError as error:
             self._problems.extend(error.diagnostics)
             return None

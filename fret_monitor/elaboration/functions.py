@@ -24,13 +24,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from fret_monitor.elaboration.arithmetic import arithmetic, magnitude
-from fret_monitor.elaboration.terms import alike, convert, describe, Number, number, Term, truth
+from fret_monitor.elaboration.terms import (
+    alike, convert, describe, expect_bool, expect_number, Number, TypedTerm,
+)
 from fret_monitor.elaboration.windows import MAX_BOUND
 from fret_monitor.logic.formula import (
     ALWAYS, Binary, BinaryOperator, Choice, Formula, FTP, Historically, Once, Previous, Since,
     Unary, UnaryOperator, Window, Yesterday,
 )
-from fret_monitor.logic.numbers import Literal
+from fret_monitor.logic.numbers import ExactNumber
 from fret_monitor.model.diagnostics import Problems, refuse, Span
 from fret_monitor.model.values import ValueType
 
@@ -44,7 +46,7 @@ class Application:
     """
 
     name: str
-    arguments: tuple[Term, ...]
+    arguments: tuple[TypedTerm, ...]
     place: Span
     problems: Problems
     left: Formula | None = FTP
@@ -60,32 +62,32 @@ class Function:
     """A predefined function: what its arguments are called, in each form, and its meaning."""
 
     forms: tuple[str, ...]
-    meaning: Callable[[Application], Formula | Literal]
+    meaning: Callable[[Application], Formula | ExactNumber]
 
     def takes(self, count: int) -> bool:
         """Whether a form has `count` arguments."""
         return any(len(form.split(', ')) == count for form in self.forms)
 
 
-def choice(condition: Term, yes: Term, no: Term, name: str) -> Formula:
+def choice(condition: TypedTerm, yes: TypedTerm, no: TypedTerm, name: str) -> Formula:
     """Return `if condition then yes else no`; the branches meet in one type."""
     first, second = alike([yes, no], name)
-    return Choice(truth(condition, name), first, second)
+    return Choice(expect_bool(condition, name), first, second)
 
 
-def previous(initial: Term, argument: Term, name: str) -> Formula:
+def previous(initial: TypedTerm, argument: TypedTerm, name: str) -> Formula:
     """Return `initial -> pre argument`; both meet in one type."""
     first, second = alike([initial, argument], name)
     return Previous(first, second)
 
 
-def _abs(call: Application) -> Formula | Literal:
+def _abs(call: Application) -> Formula | ExactNumber:
     _check_kind(call, call.arguments)
     return magnitude(_real(call, call.arguments[0]), call.quoted)
 
 
-def _extreme(operator: BinaryOperator) -> Callable[[Application], Formula | Literal]:
-    def meaning(call: Application) -> Formula | Literal:
+def _extreme(operator: BinaryOperator) -> Callable[[Application], Formula | ExactNumber]:
+    def meaning(call: Application) -> Formula | ExactNumber:
         _check_kind(call, call.arguments)
         left, right = (_real(call, term) for term in call.arguments)
         return arithmetic(operator, left, right, call.quoted, call.place, call.problems)
@@ -104,39 +106,39 @@ def _pre(call: Application) -> Formula:
     return previous(initial, argument, call.quoted)
 
 
-def _check_kind(call: Application, terms: Sequence[Term]) -> None:
+def _check_kind(call: Application, terms: Sequence[TypedTerm]) -> None:
     """Refuse what FRET's typed spelling does not take: Bool, Int or Real at the name's end."""
     for term in terms:
         if call.name.endswith('Bool'):
-            truth(term, call.quoted)
+            expect_bool(term, call.quoted)
         elif call.name.endswith('Int') and not term.is_text:
-            _check_whole(call, term, number(term, call.quoted))
+            _check_whole(call, term, expect_number(term, call.quoted))
         elif call.name.endswith('Real'):
-            number(term, call.quoted)
+            expect_number(term, call.quoted)
 
 
-def _check_whole(call: Application, term: Term, value: Number) -> None:
-    is_real = value.is_real if isinstance(value, Literal) else value.type.is_float
+def _check_whole(call: Application, term: TypedTerm, value: Number) -> None:
+    is_real = value.is_real if isinstance(value, ExactNumber) else value.type.is_float
     if is_real:
         refuse(f'{call.quoted} takes whole numbers', term.span, f'this is {describe(term)}',
                f"write {call.name.removesuffix('Int')}Real")
 
 
-def _real(call: Application, term: Term) -> Term:
+def _real(call: Application, term: TypedTerm) -> TypedTerm:
     """Return an argument as the typed spelling wants it: `...Real` makes an integer a real."""
     if not call.name.endswith('Real'):
         return term
-    value = number(term, call.quoted)
-    if isinstance(value, Literal):
-        value = Literal(value.value, True, value.is_negative_zero)
+    value = expect_number(term, call.quoted)
+    if isinstance(value, ExactNumber):
+        value = ExactNumber(value.value, True, value.is_negative_zero)
     elif value.type.is_integer:
         value = convert(value, ValueType.FLOAT64)
-    return Term(value, term.span)
+    return TypedTerm(value, term.span)
 
 
-def _count(term: Term, name: str) -> int:
+def _count(term: TypedTerm, name: str) -> int:
     value = term.value
-    if not isinstance(value, Literal) or value.is_real or not 0 <= value.value <= MAX_BOUND:
+    if not isinstance(value, ExactNumber) or value.is_real or not 0 <= value.value <= MAX_BOUND:
         refuse(f'{name} takes a number of steps, from 0 to {MAX_BOUND}, as digits or '
                'as a constant', term.span, f'this is {describe(term)}')
     return value.value.numerator
@@ -152,7 +154,7 @@ def _window(call: Application) -> Window:
 
 
 def _persisted(call: Application) -> Formula:
-    window, held = _window(call), truth(call.arguments[-1], call.quoted)
+    window, held = _window(call), expect_bool(call.arguments[-1], call.quoted)
     lasting = Historically(window, held)
     if call.left is None:
         return lasting
@@ -162,7 +164,7 @@ def _persisted(call: Application) -> Formula:
 
 
 def _occurred(call: Application) -> Formula:
-    window, event = _window(call), truth(call.arguments[-1], call.quoted)
+    window, event = _window(call), expect_bool(call.arguments[-1], call.quoted)
     if call.left is None:
         return Once(window, event)
     if len(call.arguments) == 3:
@@ -172,7 +174,7 @@ def _occurred(call: Application) -> Formula:
 
 
 def _prev_occ(call: Application) -> Formula:
-    event, then = (truth(term, call.quoted) for term in call.arguments)
+    event, then = (expect_bool(term, call.quoted) for term in call.arguments)
     both = Binary(BinaryOperator.AND, event, then)
     if call.left is None:
         return Yesterday(Since(ALWAYS, _not(event), both))

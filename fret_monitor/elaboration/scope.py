@@ -19,9 +19,9 @@ from enum import Enum
 from fractions import Fraction
 
 from fret_monitor.elaboration.functions import FUNCTIONS
-from fret_monitor.elaboration.terms import Term, Vocabulary
+from fret_monitor.elaboration.terms import TypedTerm, Vocabulary
 from fret_monitor.logic.formula import Constant, FTP, Variable
-from fret_monitor.logic.numbers import Literal
+from fret_monitor.logic.numbers import ExactNumber
 from fret_monitor.model.diagnostics import did_you_mean, Source, Span
 from fret_monitor.model.names import fret_name
 from fret_monitor.model.values import ValueType
@@ -44,10 +44,10 @@ class Declaration:
     """A declared name: its role, and what it means (its span is where it is declared)."""
 
     role: Role
-    term: Term
+    term: TypedTerm
 
 
-_PREDEFINED = {'FTP': Declaration(Role.PREDEFINED, Term(FTP, _NOWHERE))}
+_PREDEFINED = {'FTP': Declaration(Role.PREDEFINED, TypedTerm(FTP, _NOWHERE))}
 
 
 class Scope:
@@ -140,13 +140,13 @@ def scope_of(variables: Iterable[Variable] = (),
     for variable in variables:
         pairs = (values or {}).get(variable.name)
         vocabulary = Vocabulary(pairs) if pairs else None
-        names[variable.name] = Declaration(Role.INPUT, Term(variable, _NOWHERE, vocabulary))
+        names[variable.name] = Declaration(Role.INPUT, TypedTerm(variable, _NOWHERE, vocabulary))
     for name, value in (constants or {}).items():
-        names[name] = Declaration(Role.CONSTANT, Term(_meaning(value), _NOWHERE))
+        names[name] = Declaration(Role.CONSTANT, TypedTerm(_meaning(value), _NOWHERE))
     return Scope(names)
 
 
-def _meaning(value: bool | int | Fraction) -> Constant | Literal:
+def _meaning(value: bool | int | Fraction) -> Constant | ExactNumber:
     if isinstance(value, bool):
         return Constant(value, ValueType.BOOL)
-    return Literal(Fraction(value), isinstance(value, Fraction))
+    return ExactNumber(Fraction(value), isinstance(value, Fraction))

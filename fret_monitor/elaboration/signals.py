@@ -24,9 +24,9 @@ from fractions import Fraction
 
 from fret_monitor.bundle.bundle import ConstantEntry, InputEntry, ValueEntry
 from fret_monitor.elaboration.scope import Declaration, Role
-from fret_monitor.elaboration.terms import Broken, Term, Vocabulary
+from fret_monitor.elaboration.terms import Broken, TypedTerm, Vocabulary
 from fret_monitor.logic.formula import FALSE, TRUE, Variable
-from fret_monitor.logic.numbers import Literal, NumberError, parse_number, stored
+from fret_monitor.logic.numbers import ExactNumber, NumberError, parse_number, stored
 from fret_monitor.logic.specification import Signal
 from fret_monitor.messages.definitions import MessageLayout
 from fret_monitor.messages.field_path import check_reachable, resolve_field, ResolvedField
@@ -46,14 +46,14 @@ def constant_declaration(entry: ConstantEntry, problems: Problems) -> Declaratio
     """Return what a constant means: true, false, or an exact number."""
     value = _TRUTHS.get(entry.value.value.strip().lower())
     if value is not None:
-        return Declaration(Role.CONSTANT, Term(value, entry.value.span))
+        return Declaration(Role.CONSTANT, TypedTerm(value, entry.value.span))
     try:
         literal = parse_number(entry.value.value)
     except NumberError as error:
         problems.error(f"the constant '{entry.name}' cannot be read", entry.value.span, str(error),
                        'a constant is a number, true or false')
-        return Declaration(Role.CONSTANT, Term(Broken(), entry.value.span))
-    return Declaration(Role.CONSTANT, Term(literal, entry.value.span))
+        return Declaration(Role.CONSTANT, TypedTerm(Broken(), entry.value.span))
+    return Declaration(Role.CONSTANT, TypedTerm(literal, entry.value.span))
 
 
 def input_declaration(entry: InputEntry, find_message: FindMessage,
@@ -69,10 +69,10 @@ def input_declaration(entry: InputEntry, find_message: FindMessage,
         problems.extend(error.diagnostics)
         signal = None
     if signal is None:
-        return None, Declaration(Role.INPUT, Term(Broken(), entry.name.span))
+        return None, Declaration(Role.INPUT, TypedTerm(Broken(), entry.name.span))
     vocabulary = Vocabulary(signal.values) if signal.values else None
     variable = Variable(signal.name, signal.type)
-    return signal, Declaration(Role.INPUT, Term(variable, entry.name.span, vocabulary))
+    return signal, Declaration(Role.INPUT, TypedTerm(variable, entry.name.span, vocabulary))
 
 
 def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) -> Signal | None:
@@ -207,7 +207,7 @@ def _initial(entry: InputEntry, kind: ValueType,
     text = entry.initial.value.strip()
     vocabulary = Vocabulary(values)
     if text in vocabulary.numbers:
-        return _stored(Literal(Fraction(vocabulary.numbers[text]), False), kind, entry.initial)
+        return _stored(ExactNumber(Fraction(vocabulary.numbers[text]), False), kind, entry.initial)
     if vocabulary.is_text:
         return _initial_text(text, values, entry.initial)
     if kind is ValueType.BOOL:
@@ -220,7 +220,7 @@ def _initial(entry: InputEntry, kind: ValueType,
     return _stored(literal, kind, entry.initial)
 
 
-def _stored(literal: Literal, kind: ValueType, text: Text) -> int | float:
+def _stored(literal: ExactNumber, kind: ValueType, text: Text) -> int | float:
     try:
         return stored(literal, kind)
     except NumberError as error:

@@ -14,8 +14,8 @@
 """
 Terms: what an expression means while its types are being worked out, and how types meet.
 
-A `Term` is a typed `Formula`, or a `Literal` that has no type yet, or a name that only a
-comparison can place (`LANDING` in `state = LANDING`), or a mistake already told. `join`,
+A `TypedTerm` is a typed `Formula`, or an `ExactNumber` that has no type yet, or a name that only a
+comparison can place (`LANDING` in `state = LANDING`), or a mistake already told. `unify`,
 `convert` and `cast` are the rule by which types meet (docs/numbers.md); errors are
 `CompileError`, with the place of the operand that does not fit.
 """
@@ -26,7 +26,7 @@ from functools import cached_property
 from typing import TypeAlias
 
 from fret_monitor.logic.formula import Constant, Conversion, Formula
-from fret_monitor.logic.numbers import constant, Literal, NumberError
+from fret_monitor.logic.numbers import constant, ExactNumber, NumberError
 from fret_monitor.model.diagnostics import refuse, Span
 from fret_monitor.model.values import ValueType
 
@@ -73,12 +73,12 @@ class Broken:
     """The place of a mistake that was told; whatever is made of it is broken silently."""
 
 
-Value: TypeAlias = Formula | Literal | Undeclared | Broken
-Number: TypeAlias = Formula | Literal
+Value: TypeAlias = Formula | ExactNumber | Undeclared | Broken
+Number: TypeAlias = Formula | ExactNumber
 
 
 @dataclass(frozen=True, eq=False)
-class Term:
+class TypedTerm:
     """
     The meaning of an expression, and where it stands.
 
@@ -104,7 +104,7 @@ class Term:
     def is_boolean(self) -> bool:
         """Whether it is true or false."""
         match self.value:
-            case Literal() | Undeclared() | Broken():
+            case ExactNumber() | Undeclared() | Broken():
                 return False
             case formula:
                 return formula.type is ValueType.BOOL
@@ -125,12 +125,12 @@ def joined_bounds(*bounds: Iterable[int]) -> frozenset[int]:
     return frozenset(sorted(found)[-MANY_BOUNDS:])
 
 
-def describe(term: Term) -> str:
+def describe(term: TypedTerm) -> str:
     """Say in the user's words what a term is."""
     if term.is_text:
         return 'text'
     match term.value:
-        case Literal() as literal:
+        case ExactNumber() as literal:
             return f'the number {literal}'
         case Undeclared(name):
             return f"the unknown name '{name}'"
@@ -142,30 +142,30 @@ def describe(term: Term) -> str:
             return 'true or false' if term.is_boolean else f'a number ({formula.type.value})'
 
 
-def truth(term: Term, operator: str) -> Formula:
+def expect_bool(term: TypedTerm, operator: str) -> Formula:
     """Return a term's formula, which must be BOOL for `operator`, as the user wrote it."""
     value = term.value
-    if not term.is_boolean or isinstance(value, (Literal, Undeclared, Broken)):
+    if not term.is_boolean or isinstance(value, (ExactNumber, Undeclared, Broken)):
         refuse(f'{operator} takes what is true or false', term.span,
                f'this is {describe(term)}', _truth_help(term))
     return value
 
 
-def _truth_help(term: Term) -> str:
+def _truth_help(term: TypedTerm) -> str:
     written = term.span.source.text[term.span.start:term.span.end]
     match term.value:
-        case Literal() if written.isidentifier():  # a constant
+        case ExactNumber() if written.isidentifier():  # a constant
             return f'compare it with something, as in x <= {written}'
-        case Literal(value, _, _) if value in (0, 1):
+        case ExactNumber(value, _, _) if value in (0, 1):
             return f"write {'TRUE' if value else 'FALSE'}"
-        case Literal():
+        case ExactNumber():
             return ''
     if term.vocabulary is not None:
         return f'compare it with one of its values: {term.vocabulary}'
     return 'compare it with something, as in x > 0'
 
 
-def number(term: Term, operator: str) -> Number:
+def expect_number(term: TypedTerm, operator: str) -> Number:
     """Return a term's formula or literal, which must be a number for `operator`."""
     if term.is_text:
         refuse(f'{operator} takes numbers', term.span, 'this is text',
@@ -176,7 +176,7 @@ def number(term: Term, operator: str) -> Number:
     return value
 
 
-def join(numbers: Iterable[Number]) -> ValueType | None:
+def unify(numbers: Iterable[Number]) -> ValueType | None:
     """
     Return the type in which numbers meet; None if all are literals, and meet exactly.
 
@@ -185,8 +185,8 @@ def join(numbers: Iterable[Number]) -> ValueType | None:
     makes uint64; all other integers make int64.
     """
     values = list(numbers)
-    literals = [value for value in values if isinstance(value, Literal)]
-    types = {value.type for value in values if not isinstance(value, Literal)}
+    literals = [value for value in values if isinstance(value, ExactNumber)]
+    types = {value.type for value in values if not isinstance(value, ExactNumber)}
     if not types:
         return None
     has_integer = any(kind.is_integer for kind in types)
@@ -200,13 +200,13 @@ def join(numbers: Iterable[Number]) -> ValueType | None:
     return ValueType.UINT64 if is_unsigned else ValueType.INT64
 
 
-def settled(values: Iterable[Number]) -> ValueType:
-    """Return the type in which numbers meet that must have one, `join` or that of literals."""
+def common_type(values: Iterable[Number]) -> ValueType:
+    """Return the type in which numbers meet that must have one, `unify` or that of literals."""
     numbers = list(values)
-    kind = join(numbers)
+    kind = unify(numbers)
     if kind is not None:
         return kind
-    literals = [value for value in numbers if isinstance(value, Literal)]
+    literals = [value for value in numbers if isinstance(value, ExactNumber)]
     if any(literal.is_real for literal in literals):
         return ValueType.FLOAT64
     exact = [literal.value for literal in literals]
@@ -216,7 +216,7 @@ def settled(values: Iterable[Number]) -> ValueType:
 
 def promoted(formula: Formula) -> Formula:
     """Return a number in a type that operators take: the small integers become INT64."""
-    return convert(formula, settled([formula]))
+    return convert(formula, common_type([formula]))
 
 
 def convert(formula: Formula, kind: ValueType) -> Formula:
@@ -224,9 +224,9 @@ def convert(formula: Formula, kind: ValueType) -> Formula:
     return formula if formula.type is kind else Conversion(formula, kind)
 
 
-def cast(term: Term, value: Number, kind: ValueType) -> Formula:
+def cast(term: TypedTerm, value: Number, kind: ValueType) -> Formula:
     """Return a term's number in the type `kind`; a literal is rounded here, once."""
-    if not isinstance(value, Literal):
+    if not isinstance(value, ExactNumber):
         return convert(value, kind)
     try:
         return constant(value, kind)
@@ -234,7 +234,7 @@ def cast(term: Term, value: Number, kind: ValueType) -> Formula:
         refuse(f'{value} cannot be a number of type {kind.value}', term.span, str(error))
 
 
-def alike(terms: Sequence[Term], operator: str) -> list[Formula]:
+def alike(terms: Sequence[TypedTerm], operator: str) -> list[Formula]:
     """
     Return formulas of one type: all BOOL, or all numbers of their common type.
 
@@ -244,19 +244,19 @@ def alike(terms: Sequence[Term], operator: str) -> list[Formula]:
         return [_same_truth(term, operator) for term in terms]
     if any(term.is_text for term in terms):
         return same_text(terms, operator)
-    numbers = [number(term, operator) for term in terms]
-    kind = settled(numbers)
+    numbers = [expect_number(term, operator) for term in terms]
+    kind = common_type(numbers)
     return [cast(term, value, kind) for term, value in zip(terms, numbers)]
 
 
-def _same_truth(term: Term, operator: str) -> Formula:
+def _same_truth(term: TypedTerm, operator: str) -> Formula:
     if not term.is_boolean:
         refuse(f'{operator} takes two numbers, or two that are true or false', term.span,
                f'this is {describe(term)}, the other is true or false', _truth_help(term))
-    return truth(term, operator)
+    return expect_bool(term, operator)
 
 
-def same_text(terms: Sequence[Term], operator: str) -> list[Formula]:
+def same_text(terms: Sequence[TypedTerm], operator: str) -> list[Formula]:
     """Return the indices, as INT64, of terms that are all text with the same `values`."""
     vocabulary = next(term.vocabulary for term in terms if term.is_text)
     for term in terms:
@@ -269,12 +269,12 @@ def same_text(terms: Sequence[Term], operator: str) -> list[Formula]:
             if not isinstance(value, (Undeclared, Broken))]
 
 
-def formula_of(term: Term) -> Formula:
+def formula_of(term: TypedTerm) -> Formula:
     """Return a term's formula; a literal becomes int64 or float64, as written."""
     match term.value:
         case Undeclared() | Broken():
             raise AssertionError('mistakes are told before')
-        case Literal() as literal:
-            return cast(term, literal, settled([literal]))
+        case ExactNumber() as literal:
+            return cast(term, literal, common_type([literal]))
         case formula:
             return formula

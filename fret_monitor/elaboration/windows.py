@@ -18,7 +18,7 @@ from collections.abc import Callable
 from fret_monitor.language.bounds import work_out
 from fret_monitor.language.expression import Bound, Expression, Name
 from fret_monitor.logic.formula import ALWAYS, Window
-from fret_monitor.logic.numbers import Literal, NumberError, parse_number
+from fret_monitor.logic.numbers import ExactNumber, NumberError, parse_number
 from fret_monitor.model.diagnostics import refuse
 
 MAX_BOUND = 2 ** 31 - 1
@@ -91,7 +91,7 @@ def _steps(bound: Bound, end: str | Expression, constant: Callable[[Name], int])
     return literal.value.numerator
 
 
-def _literal(bound: Bound, text: str) -> Literal:
+def _literal(bound: Bound, text: str) -> ExactNumber:
     try:
         return parse_number(text)
     except NumberError as error:

@@ -14,7 +14,7 @@
 """
 Literals and constants as exact rationals, and their one rounding to a type.
 
-A number that a user wrote is a `Literal`: an exact fraction, and whether it was written as a real
+A number that a user wrote is an `ExactNumber`: a fraction, and whether it was written as a real
 (`15.0`, `1e3`) or as a whole number (`15`). Arithmetic between literals is exact. A literal
 becomes a `Constant` when it meets an operand with a type, and is rounded there once, to nearest,
 ties to even. A literal that is too large for its type, or whose exact value would need more than
@@ -41,7 +41,7 @@ class NumberError(ValueError):
 
 
 @dataclass(frozen=True)
-class Literal:
+class ExactNumber:
     """
     An exact number without a type yet.
 
@@ -60,7 +60,7 @@ class Literal:
         return f'{float(self.value):g}' if abs(self.value) < 10 ** 308 else 'a huge number'
 
 
-def parse_number(text: str) -> Literal:
+def parse_number(text: str) -> ExactNumber:
     """
     Read `15`, `1.5`, `.5`, `1e-3`, with or without a sign.
 
@@ -77,7 +77,7 @@ def parse_number(text: str) -> Literal:
     digits = ((whole or '') + point).lstrip('0')
     is_real = fraction is not None or bare is not None or exponent is not None
     magnitude = _scaled(digits, exponent or '0', len(point))
-    literal = Literal(magnitude, is_real)
+    literal = ExactNumber(magnitude, is_real)
     return negated(literal) if sign == '-' else literal
 
 
@@ -99,7 +99,7 @@ def _limited(value: Fraction) -> Fraction:
     return value
 
 
-def constant(literal: Literal, kind: ValueType) -> Constant:
+def constant(literal: ExactNumber, kind: ValueType) -> Constant:
     """
     Give a literal a type: INT64 or UINT64, FLOAT32 or FLOAT64; rounds once.
 
@@ -111,7 +111,7 @@ def constant(literal: Literal, kind: ValueType) -> Constant:
     return Constant(stored(literal, kind), kind)
 
 
-def stored(literal: Literal, kind: ValueType) -> int | float:
+def stored(literal: ExactNumber, kind: ValueType) -> int | float:
     """
     Return a literal as a value of any number type.
 
@@ -136,18 +136,18 @@ def stored(literal: Literal, kind: ValueType) -> int | float:
     return literal.value.numerator
 
 
-def negated(literal: Literal) -> Literal:
+def negated(literal: ExactNumber) -> ExactNumber:
     """Return the literal with the other sign; the real zero has one too."""
     is_zero = literal.is_real and literal.value == 0
-    return Literal(-literal.value, literal.is_real, is_zero and not literal.is_negative_zero)
+    return ExactNumber(-literal.value, literal.is_real, is_zero and not literal.is_negative_zero)
 
 
-def absolute(literal: Literal) -> Literal:
+def absolute(literal: ExactNumber) -> ExactNumber:
     """Return the literal without its sign."""
-    return Literal(abs(literal.value), literal.is_real)
+    return ExactNumber(abs(literal.value), literal.is_real)
 
 
-def fold(operator: BinaryOperator, left: Literal, right: Literal) -> Literal:
+def fold(operator: BinaryOperator, left: ExactNumber, right: ExactNumber) -> ExactNumber:
     """
     Compute `+ - * / mod min max ^` of two literals exactly.
 
@@ -177,10 +177,10 @@ def fold(operator: BinaryOperator, left: Literal, right: Literal) -> Literal:
         case BinaryOperator.MAX:
             value = a if a >= b else b
         case BinaryOperator.POW:
-            return Literal(_power(a, b), left.is_real or b < 0)
+            return ExactNumber(_power(a, b), left.is_real or b < 0)
         case _:
             raise AssertionError(f'{operator} is not arithmetic')
-    return Literal(_limited(value), is_real)
+    return ExactNumber(_limited(value), is_real)
 
 
 def _quotient(a: Fraction, b: Fraction, is_real: bool) -> Fraction:

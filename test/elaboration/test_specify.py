@@ -20,7 +20,7 @@ import time
 from fret_monitor.bundle.reader import parse_bundle, survey_bundle
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.elaboration.scope import Declaration, Role, Scope, scope_of
-from fret_monitor.elaboration.terms import Term
+from fret_monitor.elaboration.terms import TypedTerm
 from fret_monitor.logic.formula import (
     ALWAYS, Binary, BinaryOperator, Constant, FALSE, Formula, Historically, Once, postorder,
     Variable, Window,
@@ -231,7 +231,7 @@ requirements:
 def test_an_equation_is_found_as_fret_spells_it_after_a_name_was_not() -> None:
     inner = Scope(outer=scope_of([Variable('a.b', ValueType.BOOL)]))
     assert inner.find('c_DOT_d') is None
-    inner.declare('c.d', Declaration(Role.EQUATION, Term(FALSE, Span(Source('', ''), 0, 0))))
+    inner.declare('c.d', Declaration(Role.EQUATION, TypedTerm(FALSE, Span(Source('', ''), 0, 0))))
     assert inner.find('c_DOT_d') is inner.find('c.d') is not None
     assert inner.find('a_DOT_b') is inner.find('a.b') is not None
 

@@ -19,8 +19,7 @@ import time
 
 from fret_monitor.logic.formula import BinaryOperator, Constant
 from fret_monitor.logic.numbers import (
-    absolute, constant, fold, LIMIT_BITS, Literal, negated, NumberError, parse_number,
-    stored,
+    absolute, constant, ExactNumber, fold, LIMIT_BITS, negated, NumberError, parse_number, stored,
 )
 from fret_monitor.model.values import ValueType
 from hypothesis import given
@@ -31,9 +30,9 @@ MAX32 = Fraction(2 ** 24 - 1) * 2 ** 104
 MAX64 = Fraction(2 ** 53 - 1) * 2 ** 971
 
 
-def whole(value: int) -> Literal:
+def whole(value: int) -> ExactNumber:
     """Return the literal of a whole number."""
-    return Literal(Fraction(value), False)
+    return ExactNumber(Fraction(value), False)
 
 
 @pytest.mark.parametrize(('text', 'value', 'is_real'), [
@@ -53,7 +52,7 @@ def whole(value: int) -> Literal:
     ('0' * 5000 + '1', Fraction(1), False),
 ])
 def test_a_number_is_read_exactly(text: str, value: Fraction, is_real: bool) -> None:
-    assert parse_number(text) == Literal(value, is_real)
+    assert parse_number(text) == ExactNumber(value, is_real)
 
 
 @pytest.mark.parametrize('text', [
@@ -87,12 +86,12 @@ def test_only_the_real_zero_has_a_sign() -> None:
 ])
 def test_what_rounds_to_infinity_is_refused(
         kind: ValueType, greatest: Fraction, half_step: Fraction) -> None:
-    assert stored(Literal(greatest, True), kind) == greatest
-    assert stored(Literal(greatest + half_step - 1, True), kind) == greatest
+    assert stored(ExactNumber(greatest, True), kind) == greatest
+    assert stored(ExactNumber(greatest + half_step - 1, True), kind) == greatest
     for sign in (1, -1):
         for value in (greatest + half_step, Fraction(2) ** 4000):
             with pytest.raises(NumberError, match=f'too large for {kind.value}'):
-                stored(Literal(sign * value, True), kind)
+                stored(ExactNumber(sign * value, True), kind)
 
 
 @pytest.mark.parametrize('kind', [kind for kind in ValueType if kind.is_integer])
@@ -114,21 +113,21 @@ def test_a_fraction_is_no_integer() -> None:
 
 
 SMALL = st.builds(
-    Literal, st.fractions(min_value=-50, max_value=50, max_denominator=20), st.just(True)
+    ExactNumber, st.fractions(min_value=-50, max_value=50, max_denominator=20), st.just(True)
 ) | st.builds(whole, st.integers(-50, 50))
 
 
 @given(SMALL, SMALL)
-def test_arithmetic_of_literals_is_exact(left: Literal, right: Literal) -> None:
+def test_arithmetic_of_literals_is_exact(left: ExactNumber, right: ExactNumber) -> None:
     a, b = left.value, right.value
     is_real = left.is_real or right.is_real
-    assert fold(BinaryOperator.ADD, left, right) == Literal(a + b, is_real)
-    assert fold(BinaryOperator.SUB, left, right) == Literal(a - b, is_real)
-    assert fold(BinaryOperator.MUL, left, right) == Literal(a * b, is_real)
-    assert fold(BinaryOperator.MIN, left, right) == Literal(min(a, b), is_real)
-    assert fold(BinaryOperator.MAX, left, right) == Literal(max(a, b), is_real)
+    assert fold(BinaryOperator.ADD, left, right) == ExactNumber(a + b, is_real)
+    assert fold(BinaryOperator.SUB, left, right) == ExactNumber(a - b, is_real)
+    assert fold(BinaryOperator.MUL, left, right) == ExactNumber(a * b, is_real)
+    assert fold(BinaryOperator.MIN, left, right) == ExactNumber(min(a, b), is_real)
+    assert fold(BinaryOperator.MAX, left, right) == ExactNumber(max(a, b), is_real)
     if b and is_real:
-        assert fold(BinaryOperator.DIV, left, right) == Literal(a / b, True)
+        assert fold(BinaryOperator.DIV, left, right) == ExactNumber(a / b, True)
         assert float(fold(BinaryOperator.MOD, left, right).value) == pytest.approx(
             float(a - b * math.trunc(a / b)))
 
