@@ -142,7 +142,7 @@ def _operation(expression: Infix) -> str:
         text(side) if _continues(side, expression.operator) else _inner(side)
         for side in (expression.left, expression.right))
     if isinstance(expression.left, Prefix):
-        left = f'({text(expression.left)})'  # gcc takes `!p & q` for a slip
+        left = f'({text(expression.left)})'  # gcc warns about `!p & q`
     return f'{left} {expression.operator} {right}'
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Text from a bundle inside C comments: shown as written as far as that is safe."""
+"""Text of a bundle in C comments, as it was written as far as that is safe."""
 
 from collections.abc import Iterator
 import re

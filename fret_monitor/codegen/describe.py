@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The manifest of a monitor program: what the run-time must know of it."""
+"""The manifest of a monitor program."""
 
 from fret_monitor.codegen.extractors import topics_of
 from fret_monitor.codegen.module import CModule
@@ -29,13 +29,13 @@ _LONGEST_FORMULA = 10_000
 
 def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: CModule,
              bundle_hash: str) -> Manifest:
-    """Return the manifest of a program and of the C that was made of it."""
+    """Return the manifest of a program and of its C."""
     group_of = {number: index for index, group in enumerate(program.groups)
                 for number in group.properties}
     values = {signal.name: signal.values for signal in program.signals if signal.values}
     signal_of = {signal.name: index for index, signal in enumerate(program.signals)}
     return Manifest(
-        # The name of a file need not be text.
+        # A file name may hold bytes that are not valid UTF-8.
         name=program.name.encode(errors='replace').decode(),
         symbol=module.symbol,
         component=program.component,

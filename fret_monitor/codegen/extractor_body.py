@@ -97,7 +97,7 @@ class ExtractorWriter:
         if fields:
             names = [path + item.name for item in fields]
             shown = ', '.join(names) if len(names) < 4 else f'{names[0]} to {names[-1]}'
-            yield from comment(f'past {shown}')
+            yield from comment(f'skip {shown}')
             yield from self._skippers.fields(layout, fields, '&c')
 
     def _local(self, word: str) -> str:

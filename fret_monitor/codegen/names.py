@@ -15,9 +15,8 @@
 """
 Every C identifier that generated code uses.
 
-What a user named keeps its name where C allows it, and is changed in a fixed way where not; names
-within one scope are distinct. Nothing from a bundle reaches C but through this module and
-`comments`.
+A user's name is kept if C allows it, else changed in a fixed way; names within one scope are
+distinct. Text of a bundle reaches C only through this module, `comments` and string literals.
 """
 
 from collections.abc import Iterable
@@ -46,7 +45,7 @@ SUFFIXES = {kind: f'{kind.value[0]}{kind.bits}' for kind in ValueType if kind.is
 
 
 def identifier(name: str, prefix: str = 'fm') -> str:
-    """Return a C identifier close to `name`, no keyword, macro or name of ours or of a module."""
+    """Return a C identifier close to `name` that is no keyword, macro or generated name."""
     word = re.sub(r'[^A-Za-z0-9_]', '_', name) or '_'
     is_taken = word in _KEYWORDS or word in _OURS or word[0].isdigit()
     is_of_module = word.startswith(f'{prefix}_') and _MODULE.fullmatch(word[len(prefix) + 1:])
@@ -71,7 +70,7 @@ def distinct(names: Iterable[str], prefix: str = 'fm') -> dict[str, str]:
 
 
 class Names:
-    """The names of one module; `prefix` stands before everything that a linker sees."""
+    """The names of one module; every exported name starts with `prefix`."""
 
     def __init__(self, module: str, signals: Iterable[str], requirements: Iterable[str],
                  definitions: Iterable[str]) -> None:
@@ -94,12 +93,12 @@ class Names:
 
     @property
     def readers(self) -> str:
-        """The function that returns how messages are read."""
+        """The function that returns the extractors."""
         return f'{self.prefix}_readers'
 
     @property
     def fields_source(self) -> str:
-        """File name of the C file that reads messages."""
+        """File name of the C file with the extractors."""
         return f'{self.prefix}_fields.c'
 
     @property

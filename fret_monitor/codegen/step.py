@@ -15,9 +15,9 @@
 """
 One part of a group's step as C statements.
 
-Each equation becomes a named constant, or, where it is used once and small, a part of the
-expression that uses it. State is read from and written to the group's struct `s`; the bits of the
-part are read from a word at its start and written back at its end.
+Each equation becomes a named constant, or, if it is small and used once, a part of the expression
+that uses it. State is in the group's struct `s`; words of packed bits are read at the start of the
+part and written at its end.
 """
 
 from collections.abc import Iterator
@@ -119,7 +119,7 @@ class PartWriter:
         yield from comment(self._shown(item.formula, _TEXT_WIDTH), '  ', '  ', '    ')
 
     def _shown(self, formula: Formula, limit: int) -> str:
-        """Return a formula as a person would write it: with the names of values and terms."""
+        """Return a formula with the names of values and definitions."""
         names = {term: name for term, name in self._named.items() if term is not formula}
         return to_smv(formula, limit, self._values, names)
 
@@ -158,7 +158,7 @@ class PartWriter:
             return True
         is_pure = isinstance(equation.operation, Read | ApplyUnary | ApplyBinary | Power | Choose)
         is_used_here = self._layout.uses[index] == 1 and index not in self._layout.wires
-        # clang takes `f(x) & g(x)` for a slip.
+        # clang warns about `f(x) & g(x)`.
         is_called = equation.type is ValueType.BOOL and c.calls(expression)
         return is_pure and is_used_here and not is_called \
             and equation.formula not in self._definitions \
@@ -355,7 +355,7 @@ def _stem(operation: Operation) -> str:
 
 
 def _is_shallow(formula: Formula) -> bool:
-    """Whether a formula can be shown in a line; one that cannot is not worth a look at it all."""
+    """Whether a formula may fit in a line; stops early at one that cannot."""
     level = [formula]
     for _ in range(_SHOWN_HEIGHT):
         level = [item for node in level for item in operands_of(node)][:_SHOWN_FORMULA]

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What the run-time must know of a compiled bundle; frozen, and JSON on disk.
+What the run-time must know of a compiled bundle: frozen values, JSON on disk.
 
-The manifest is all a node needs beside the shared library: it names topics, types, fields, step
-groups, ids, texts and policy, so that a robot runs a monitor with neither parser nor compiler.
-Its JSON carries a format number; a manifest of another format is refused.
+The manifest is all that a node needs beside the shared library. It has topics, types, fields, step
+groups, ids, texts and policy, so that a robot runs a monitor without parser and compiler. Its JSON
+has a format number; another format is refused.
 """
 
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ _Choice = TypeVar('_Choice', bound=Enum)
 
 
 class ManifestError(Exception):
-    """A manifest that cannot be read: not JSON, of another format, incomplete or damaged."""
+    """A manifest that cannot be read: no JSON, another format, incomplete or damaged."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,11 @@ class ManifestInput:
     One input, in the order of the C struct.
 
     `value_type` is how it is stored. `values` are its names: (name, number or string); a string
-    input is stored as int32, the index of its string in `values`. `initial` is None or the value
-    it starts with, as stored. `path` is the field path within the message, one step each:
-    a field name or an index; `reduction` what is taken of the array, string or message at its end:
-    one of `REDUCTIONS`, or `SECONDS`; '' for the field's own value. `timeout` is how long it may
-    be silent, in seconds; None for ever.
+    input is stored as int32, the index of its string in `values`. `initial` is its value before
+    the first message, as stored, or None. `path` is the field path within the message: field names
+    and indices. `reduction` is the function of the array, string or message at its end: one of
+    `REDUCTIONS`, or `SECONDS`; '' for the field's own value. `timeout` is how long it may be
+    silent, in seconds; None means for ever.
     """
 
     name: str
@@ -96,7 +96,7 @@ class ManifestGroup:
 
 @dataclass(frozen=True)
 class ManifestRequirement:
-    """A requirement as the run-time shows it. `inputs` are indices; `group` is one too."""
+    """A requirement as the run-time shows it. `inputs` and `group` are indices."""
 
     id: str
     handler: str
@@ -112,12 +112,13 @@ class ManifestRequirement:
 @dataclass(frozen=True)
 class Manifest:
     """
-    All that the run-time must know.
+    What the run-time must know of a bundle.
 
-    `symbol` is the one name the library exports that leads to all others. `bundle_hash` is the
-    SHA-256 of what was compiled (bundle, signals files, message definitions), `source_hash` of
-    the C text; `sources` are the file names of the generated C. `period` is in seconds. `readers`
-    is the exported name that leads to the readers of the topics, '' where there are no readers.
+    `symbol` is the exported function that returns the description of the monitor. `bundle_hash`
+    is the SHA-256 of what was compiled (bundle, signals files, message definitions),
+    `source_hash` of the C text; `sources` are the file names of the generated C. `period` is in
+    seconds. `readers` is the exported function that returns the extractors of the topics, '' if
+    there are none.
     """
 
     name: str
@@ -148,8 +149,8 @@ class Manifest:
         Raises
         ------
         ManifestError
-            if the text is not such JSON, or of another format, or a value in it cannot be; with
-            the key of that value.
+            if the text is no such JSON or of another format, or a value is invalid; it names the
+            key of that value.
         """
         try:
             content = _Value('', json.loads(text))
@@ -170,7 +171,7 @@ def _plain(value: object) -> object:
 
 @dataclass(frozen=True)
 class _Value:
-    """A value of the JSON text and the key that leads to it; each method checks what it is."""
+    """A value of the JSON text with its key; each method checks the type and returns it."""
 
     key: str
     found: object

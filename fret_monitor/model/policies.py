@@ -18,7 +18,7 @@ from enum import Enum
 
 
 class Policy(Enum):
-    """When a step happens (DESIGN 6)."""
+    """When a step happens (docs/bundle.md)."""
 
     EVERY_MESSAGE = 'every_message'
     RELEVANT_MESSAGE = 'relevant_message'
@@ -34,7 +34,7 @@ class Report(Enum):
 
 
 class Stale(Enum):
-    """What an input that is silent for longer than its `timeout` does beside being told."""
+    """What happens, beside a warning, when an input is silent for longer than its `timeout`."""
 
     WARN = 'warn'
     VIOLATE = 'violate'

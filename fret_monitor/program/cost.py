@@ -17,9 +17,9 @@ The most instructions that a step of all groups takes, derived from the program.
 
 Every equation costs at most what `COSTS` says of its kind, whatever the values and however long
 the bounds: generated C has no loop but that of a power, whose rounds are known. The numbers are
-for x86-64 and gcc with the flags of `native/compiler.py`; docs/worst_case.md says how they were
-found and tests hold them against counted instructions. What `fmod` and `pow` of the C library
-take is told apart: it depends on that library.
+for x86-64 and gcc with the flags of `native/compiler.py`. docs/worst_case.md describes how they
+were found; tests compare them with counted instructions. `fmod` and `pow` are counted apart, since
+their cost depends on the C library.
 """
 
 from collections import Counter
@@ -62,7 +62,7 @@ COSTS = {
 # Inside the functions of the C library: glibc 2.36, whose fmod divides bit by bit.
 LIBRARY_COSTS = {'fmod, float32': 3_000, 'fmod, float64': 20_000, 'pow': 500}
 
-_BLOCK = 300  # equations for which a function of their own is reckoned: codegen makes them larger
+_BLOCK = 300  # equations that count as a function; codegen makes larger ones
 
 
 @dataclass(frozen=True)

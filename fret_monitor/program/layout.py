@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Where state lives, and what a step costs: memory and work, known before anything runs.
+Where the state of a group lies: fields, sizes and parts, known before anything runs.
 
-A group's equations are cut into parts (one C function each, so that C compilers stay fast on large
-bundles). Up to eight bits of a part are a byte each, more are packed into words; counters are as
-narrow as their bounds allow; fields are ordered by size, so that a struct has no holes.
+A group's equations are cut into parts, one C function each, since C compilers are slow on long
+functions. Up to eight bits of a part take a byte each; more are packed into words. Counters are as
+narrow as their bounds allow. Fields are ordered by size, so that a struct has no padding inside.
 """
 
 from bisect import bisect_right
@@ -38,7 +38,7 @@ from fret_monitor.program.monitor_program import (
 MAX_STATE_BYTES = 16 * 1024 * 1024
 PART_EQUATIONS = 256
 SHIFT_REGISTER_BITS = 64
-# A byte is read and written in less time than a bit of a word, which waits for its neighbours.
+# Reading and writing a byte is faster than a bit of a word, which depends on the other bits.
 FEW_BITS = 8
 
 _UNSIGNED = (ValueType.UINT8, ValueType.UINT16, ValueType.UINT32, ValueType.UINT64)
@@ -111,7 +111,7 @@ class GroupLayout:
 
     @property
     def operations(self) -> int:
-        """How many equations a step computes, but for reading inputs and constants."""
+        """The number of equations that a step computes, without inputs and literals."""
         return sum(not isinstance(equation.operation, Read | Literal)
                    for equation in self.group.equations)
 
@@ -224,7 +224,7 @@ def _wires(group: StepGroup, parts: tuple[range, ...]) -> Iterator[int]:
 
 
 def _is_at_hand(group: StepGroup, value: int) -> bool:
-    """Whether every part can have a value without a wire."""
+    """Whether every part can read a value by itself, without a wire."""
     return isinstance(group.equations[value].operation, Read | Literal)
 
 

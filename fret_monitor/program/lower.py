@@ -21,21 +21,22 @@ up by a key that has no negation at its top (`H p` is found as the negation of `
 `!p & !q`). The equation keeps the operator that was met first, so that the C reads like the
 formula. A negated comparison is never turned round: with NaN `!(x > 5)` is not `x <= 5`.
 
-Windows come down to a few cells (n = b - a):
+Windows are made of a few cells (n = b - a):
     O[a,b] p   = O[0,n] (p, a steps ago)
     p S[a,b] q = p S[0,n] ((q, a steps ago) & H[0,a-1] p)
 and H and T are the same with everything negated.
 
-What FRET writes around the first time point costs nothing: with FTP at step 0
+The patterns that FRET writes around the first time point (FTP) are simplified:
     p & (q | r)                for (p & q) | (p & r)       (its triggers)
     Z p                        for Y p | FTP
     O[0,b] p from a started counter   for O[0,b] (FTP | p)
     H[0,b] p from a started counter   for H[0,b] p & H[0,m] !FTP, m <= b   (its persisted)
 
-Its `within n` under a condition needs no delay line of n bits, as false stays false there:
+FRET's `within n` under a condition needs no delay line of n bits, since false is final there:
     H !(!q S[n,inf) p)   for H (O[n,n] p -> O[0,n-1] q)
-It fails at k + n if p held at k and q at none of the n steps behind k; S says so there or later,
-and later is no news under H. The first step is never behind k, so FTP in q is left out.
+The requirement fails at k + n if p held at k and q at none of the n steps after k. S may become
+true later than k + n; under H the value is already false then, so the result is the same. The
+first step is never after k, so FTP in q can be left out.
 """
 
 from collections.abc import Sequence
@@ -58,12 +59,12 @@ from fret_monitor.program.monitor_program import (
 from fret_monitor.program.prune import prune
 
 _BOOL = ValueType.BOOL
-_FACTORING_DEPTH = 8  # `b | c` may have a factor again
+_FACTORING_DEPTH = 8  # `b | c` may have a common factor again
 _TURNED = {BinaryOperator.GT: BinaryOperator.LT, BinaryOperator.GE: BinaryOperator.LE}
 
 
 def lower(specification: Specification) -> MonitorProgram:
-    """Make the program; the groups are in the order of their first requirements."""
+    """Return the program; the groups are in the order of their first requirements."""
     index = {signal.name: i for i, signal in enumerate(specification.signals)}
     groups: dict[tuple[int, ...], list[int]] = {}
     for number, item in enumerate(specification.properties):
@@ -103,7 +104,7 @@ def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Sp
 
 
 class _GroupBuilder:
-    """Collects the equations of one group; `operand` tells what stands for a formula."""
+    """Collects the equations of one group; `operand` maps each formula to its value."""
 
     def __init__(self, index: dict[str, int], feedback: dict[Feedback, int]) -> None:
         self.equations: list[Equation] = []
@@ -111,7 +112,7 @@ class _GroupBuilder:
         self._found: dict[tuple[object, ...], Operand] = {}
         self._index = index
         self._feedback = feedback
-        # What some operands are known to be: a conjunction, `t >= m`, `O[0,b] p`.
+        # Operands that are known to be a conjunction, `t >= m`, or `O[0,b] p`.
         self._conjuncts: dict[Operand, tuple[Operand, Operand]] = {}
         self._elapsed: dict[Operand, int] = {}
         self._windows: dict[Operand, OnceWithin] = {}

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What will run: for each step group a list of equations over a few kinds of state cell.
+The program of a monitor: for each step group a list of equations over state cells.
 
-Every equation defines one value from values before it, in an order in which they can be computed;
-every one takes O(1) time whatever its bounds. An operand of a Boolean operation is a value or its
-negation, so that negations cost nothing and equal subterms are found across them.
+Every equation defines one value from earlier values, and takes O(1) time whatever its bounds. An
+operand of a Boolean operation is a value or its negation, so that negations need no equation of
+their own and do not hide equal subterms.
 """
 
 from dataclasses import dataclass
@@ -232,7 +232,7 @@ Operation: TypeAlias = Pure | Cell
 
 @dataclass(frozen=True)
 class Equation:
-    """One value: how it is computed, its type, and the formula it was made for, if one."""
+    """One value: how it is computed, its type, and the formula that it computes, if any."""
 
     operation: Operation
     type: ValueType

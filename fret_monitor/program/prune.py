@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Leave out the equations that no verdict needs.
+Remove the equations that no verdict needs.
 
-Folding constants (`p & FALSE`) leaves equations behind that nothing reads any more; their cells
-would cost memory and time, and C compilers warn of them.
+Constant folding (`p & FALSE`) leaves equations that nothing reads. Their cells would cost memory
+and time, and C compilers warn about them.
 """
 
 from bisect import bisect_left

@@ -63,7 +63,7 @@ def size(*formulas: str) -> int:
     # One position serves all rings of a length.
     ('O[99,99] p & O[99,99] q & O[100,100] p',
      'position uint8|position uint8|ring uint8[13]|ring uint8[13]|ring uint8[13]'),
-    # The operators of DESIGN 7 and what each needs.
+    # The temporal operators and the state that each needs.
     ('Y p', 'flag bool'), ('Z p', 'flag bool'), ('O p', 'flag bool'), ('H p', 'flag bool'),
     ('p S q', 'flag bool'), ('p T q', 'flag bool'), ('FTP', 'flag bool'),
     ('O[3,9] p', 'counter uint8|line uint8'), ('H[3,9] p', 'counter uint8|line uint8'),
