@@ -243,7 +243,7 @@ class _CReader:
     def _function(self, item: Any) -> None:
         declared = item.decl.type
         parameters = tuple(self._parameters(declared))
-        result = None if _is_void(declared.type) else self.type(declared.type)
+        result = None if is_void(declared.type) else self.type(declared.type)
         # Several files may define a static function; the definitions must be equal.
         text = shown(item)
         if self._texts.setdefault(item.decl.name, text) != text or \
@@ -280,7 +280,7 @@ class _CReader:
             case c_ast.PtrDecl() if isinstance(node.type, c_ast.FuncDecl):
                 return Pointer(None)
             case c_ast.PtrDecl():
-                return Pointer(None if _is_void(node.type) else self.type(node.type))
+                return Pointer(None if is_void(node.type) else self.type(node.type))
             case c_ast.ArrayDecl() if node.dim is not None:
                 return Array(self.type(node.type), _whole(node.dim))
             case c_ast.Struct():
@@ -332,7 +332,8 @@ def _may_be_signed(node: Any) -> bool:
         and 'char' in inner.names and not {'signed', 'unsigned'} & {*inner.names}
 
 
-def _is_void(node: Any) -> bool:
+def is_void(node: Any) -> bool:
+    """Whether a type is `void`."""
     inner = node
     while isinstance(inner, c_ast.TypeDecl | c_ast.Typename):
         inner = inner.type

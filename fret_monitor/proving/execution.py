@@ -562,7 +562,7 @@ class Machine:
         return found
 
     def _cast(self, node: Any, local: _Locals) -> Result:
-        if is_void(node.to_type):
+        if c.is_void(node.to_type):
             self._value(node.expr, local)
             return None
         kind = self._declared(node.to_type)
@@ -747,21 +747,13 @@ def filled(kind: c.Type, byte: int) -> Term:
     return t.constant(int.from_bytes(bytes([byte]) * size, 'little'), sort)
 
 
-def is_void(node: Any) -> bool:
-    """Whether a type name is `void`."""
-    inner = node
-    while isinstance(inner, c_ast.TypeDecl | c_ast.Typename):
-        inner = inner.type
-    return isinstance(inner, c_ast.IdentifierType) and inner.names == ['void']
-
-
 def declared(node: Any, program: c.CProgram) -> c.Type:
     """Return the type of a declaration inside a function, or of a type name."""
     match node:
         case c_ast.TypeDecl() | c_ast.Typename():
             return declared(node.type, program)
         case c_ast.PtrDecl():
-            return c.Pointer(None if is_void(node.type) else declared(node.type, program))
+            return c.Pointer(None if c.is_void(node.type) else declared(node.type, program))
         case c_ast.Struct():
             return c.Struct(node.name)
         case c_ast.IdentifierType():

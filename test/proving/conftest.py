@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the extra `prove` is not installed, there is nothing to test."""
+"""Without the extra `prove`, nothing here is tested."""
 
 from importlib.util import find_spec
 
