@@ -29,7 +29,7 @@ from fractions import Fraction
 from typing import assert_never, NoReturn, TypeAlias
 
 from fret_monitor.elaboration import arithmetic
-from fret_monitor.elaboration.functions import Application, choice, FUNCTIONS, previous
+from fret_monitor.elaboration.functions import Application, choice, COUNTING, FUNCTIONS, previous
 from fret_monitor.elaboration.scope import Role, Scope
 from fret_monitor.elaboration.terms import (
     alike, Broken, describe, expect_bool, joined_bounds, TypedTerm, Undeclared, Value, Vocabulary,
@@ -53,8 +53,6 @@ _ARITHMETIC = {item.value: item for item in (
     BinaryOperator.ADD, BinaryOperator.SUB, BinaryOperator.MUL, BinaryOperator.DIV,
     BinaryOperator.MOD)}
 _PRE_FUNCTIONS = frozenset({'preBool', 'preInt', 'preReal'})
-_COUNTING = frozenset({'persisted', 'occurred'})
-_TRUE_FUNCTIONS = frozenset({'preBool', 'persisted', 'occurred', 'prevOcc'})
 # FRET's functions of future-time logic, and those of the past that come closest.
 _FUTURE = {'persists': 'persisted(n, p)', 'occurs': 'occurred(n, p)', 'nextOcc': 'prevOcc(p, q)'}
 _TYPED_PAIR = _RELATIONS.keys() | {'arrow'}
@@ -85,7 +83,7 @@ def gives_truth(node: Expression) -> bool:
         case Infix():
             return node.operator not in _ARITHMETIC and node.operator not in ('^', 'arrow')
         case Call():
-            return node.function in _TRUE_FUNCTIONS
+            return node.function in FUNCTIONS and FUNCTIONS[node.function].gives_truth
         case Name() | Number() | Conditional():
             return False
         case _:
@@ -195,7 +193,7 @@ class Elaborator:
             case Prefix() | Infix() if node.bound is not None:
                 past = window(node.bound, self._constant)
                 yield from (end for end in (past.low, past.high) if end is not None)
-            case Call(function) if function in _COUNTING:
+            case Call(function) if function in COUNTING:
                 yield from (term.value.value.numerator for term in operands[:-1]
                             if isinstance(term.value, ExactNumber))
 

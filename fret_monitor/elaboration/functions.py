@@ -59,10 +59,17 @@ class Application:
 
 @dataclass(frozen=True)
 class Function:
-    """A predefined function: what its arguments are called, in each form, and its meaning."""
+    """
+    A predefined function: what its arguments are called, in each form, and its meaning.
+
+    `gives_truth`: the result is true or false, whatever the arguments. `counts_steps`: all
+    arguments but the last are numbers of steps.
+    """
 
     forms: tuple[str, ...]
     meaning: Callable[[Application], Formula | ExactNumber]
+    gives_truth: bool = False
+    counts_steps: bool = False
 
     def takes(self, count: int) -> bool:
         """Whether a form has `count` arguments."""
@@ -204,10 +211,13 @@ FUNCTIONS = {
     'min': _MIN,
     'minInt': _MIN,
     'minReal': _MIN,
-    'occurred': Function(('n, p', 'm, n, p'), _occurred),
-    'persisted': Function(('n, p', 'm, n, p'), _persisted),
-    'preBool': _PRE,
+    'occurred': Function(('n, p', 'm, n, p'), _occurred, gives_truth=True, counts_steps=True),
+    'persisted': Function(('n, p', 'm, n, p'), _persisted, gives_truth=True, counts_steps=True),
+    'preBool': Function(('initial, x',), _pre, gives_truth=True),
     'preInt': _PRE,
     'preReal': _PRE,
-    'prevOcc': Function(('p, q',), _prev_occ),
+    'prevOcc': Function(('p, q',), _prev_occ, gives_truth=True),
 }
+
+COUNTING = frozenset(name for name, item in FUNCTIONS.items() if item.counts_steps)
+"""The functions that take numbers of steps."""

@@ -24,6 +24,7 @@ from collections.abc import Iterator
 
 from fret_monitor.elaboration.durations import approximate, SECONDS
 from fret_monitor.elaboration.fretish import is_not_yet
+from fret_monitor.elaboration.functions import COUNTING
 from fret_monitor.language.expression import Call, postorder
 from fret_monitor.language.sentence import Duration, Sentence
 from fret_monitor.logic.specification import Specification
@@ -35,7 +36,6 @@ _COUNTED = {
     Policy.RELEVANT_MESSAGE: 'messages on topics that it reads',
     Policy.ALL_INPUTS: 'rounds of all inputs',
 }
-_COUNTING = frozenset({'persisted', 'occurred'})
 
 
 def doubtful_sentences(specification: Specification) -> Iterator[Diagnostic]:
@@ -100,5 +100,5 @@ def _counts(sentence: Sentence) -> Iterator[Span]:
     """Yield the places of the numbers of steps in `persisted(10, p)` and its like."""
     for root in sentence.expressions:
         for node in postorder(root):
-            if isinstance(node, Call) and node.function in _COUNTING and node.arguments:
+            if isinstance(node, Call) and node.function in COUNTING and node.arguments:
                 yield node.arguments[0].span
