@@ -37,7 +37,7 @@ class Atom:
 
 
 @dataclass(frozen=True)
-class Prefix:
+class Negation:
     """`!x` or `-x`."""
 
     operator: str
@@ -45,7 +45,7 @@ class Prefix:
 
 
 @dataclass(frozen=True)
-class Infix:
+class Operation:
     """An infix operator."""
 
     operator: str
@@ -78,7 +78,7 @@ class Ternary:
     no: 'CExpression'
 
 
-CExpression: TypeAlias = Atom | Prefix | Infix | Apply | Cast | Ternary
+CExpression: TypeAlias = Atom | Negation | Operation | Apply | Cast | Ternary
 
 
 def depth(expression: CExpression) -> int:
@@ -86,9 +86,9 @@ def depth(expression: CExpression) -> int:
     match expression:
         case Atom():
             return 0
-        case Prefix() | Cast():
+        case Negation() | Cast():
             return depth(expression.operand) + 1
-        case Infix():
+        case Operation():
             return max(depth(expression.left), depth(expression.right)) + 1
         case Apply():
             return max((depth(item) for item in expression.arguments), default=0) + 1
@@ -104,9 +104,9 @@ def calls(expression: CExpression) -> bool:
     match expression:
         case Atom():
             return False
-        case Prefix() | Cast():
+        case Negation() | Cast():
             return calls(expression.operand)
-        case Infix():
+        case Operation():
             return calls(expression.left) or calls(expression.right)
         case Apply():
             return True
@@ -121,9 +121,9 @@ def text(expression: CExpression) -> str:
     match expression:
         case Atom():
             return expression.text
-        case Prefix():
+        case Negation():
             return f'{expression.operator}{_inner(expression.operand)}'
-        case Infix():
+        case Operation():
             return _operation(expression)
         case Apply():
             arguments = ', '.join(text(item) for item in expression.arguments)
@@ -137,17 +137,17 @@ def text(expression: CExpression) -> str:
             assert_never(expression)
 
 
-def _operation(expression: Infix) -> str:
+def _operation(expression: Operation) -> str:
     left, right = (
         text(side) if _continues(side, expression.operator) else _inner(side)
         for side in (expression.left, expression.right))
-    if isinstance(expression.left, Prefix):
+    if isinstance(expression.left, Negation):
         left = f'({text(expression.left)})'  # gcc warns about `!p & q`
     return f'{left} {expression.operator} {right}'
 
 
 def _continues(side: CExpression, operator: str) -> bool:
-    return operator in _CHAINS and isinstance(side, Infix) and side.operator == operator
+    return operator in _CHAINS and isinstance(side, Operation) and side.operator == operator
 
 
 def _inner(expression: CExpression) -> str:
@@ -156,16 +156,16 @@ def _inner(expression: CExpression) -> str:
         return f'({shown})' if shown.startswith('-') else shown
     if isinstance(expression, Apply):
         return shown
-    if isinstance(expression, Prefix) and expression.operator == '!':
+    if isinstance(expression, Negation) and expression.operator == '!':
         return shown
     return f'({shown})'
 
 
 def negate(expression: CExpression) -> CExpression:
     """Return `!expression`, without a double negation."""
-    if isinstance(expression, Prefix) and expression.operator == '!':
+    if isinstance(expression, Negation) and expression.operator == '!':
         return expression.operand
-    return Prefix('!', expression)
+    return Negation('!', expression)
 
 
 def literal(value: bool | int | float, type: ValueType) -> Atom:

@@ -30,7 +30,7 @@ STRINGS = ('string', 'wstring')
 
 
 @dataclass(frozen=True)
-class Run:
+class ByteRun:
     """Bytes that are skipped at once: `size`, after padding to a multiple of `alignment`."""
 
     alignment: int
@@ -41,18 +41,18 @@ def _round_up(number: int, alignment: int) -> int:
     return (number + alignment - 1) // alignment * alignment
 
 
-def joined(runs: Iterable[Run]) -> tuple[Run, ...]:
+def joined(runs: Iterable[ByteRun]) -> tuple[ByteRun, ...]:
     """Merge consecutive runs into as few as possible."""
-    found: list[Run] = []
+    found: list[ByteRun] = []
     for run in runs:
         if found and run.alignment <= found[-1].alignment:
             last = found.pop()
-            run = Run(last.alignment, _round_up(last.size, run.alignment) + run.size)
+            run = ByteRun(last.alignment, _round_up(last.size, run.alignment) + run.size)
         found.append(run)
     return tuple(found)
 
 
-def stride(runs: Sequence[Run]) -> int:
+def stride(runs: Sequence[ByteRun]) -> int:
     """
     Return the bytes from the end of one element to the end of the next, padding included.
 
@@ -66,11 +66,11 @@ def stride(runs: Sequence[Run]) -> int:
     return end - begin
 
 
-def repeated(runs: Sequence[Run], count: int) -> tuple[Run, ...]:
+def repeated(runs: Sequence[ByteRun], count: int) -> tuple[ByteRun, ...]:
     """Return the runs of `count` elements."""
     if not count:
         return ()
-    return joined([*runs, Run(1, (count - 1) * stride(runs))])
+    return joined([*runs, ByteRun(1, (count - 1) * stride(runs))])
 
 
 class Sizes:
@@ -78,15 +78,15 @@ class Sizes:
 
     def __init__(self) -> None:
         """Start with no message measured."""
-        self._known: dict[str, tuple[Run, ...] | None] = {}
+        self._known: dict[str, tuple[ByteRun, ...] | None] = {}
 
-    def of_message(self, layout: MessageLayout) -> tuple[Run, ...] | None:
+    def of_message(self, layout: MessageLayout) -> tuple[ByteRun, ...] | None:
         """Return a message as runs; None if its size depends on its content."""
         if layout.name not in self._known:
             self._known[layout.name] = self._measure(layout)
         return self._known[layout.name]
 
-    def of_field(self, layout: MessageLayout, kind: FieldType) -> tuple[Run, ...] | None:
+    def of_field(self, layout: MessageLayout, kind: FieldType) -> tuple[ByteRun, ...] | None:
         """Return the same for a field of a message."""
         element = self.of_element(layout, kind)
         match kind.array:
@@ -97,19 +97,19 @@ class Sizes:
             case ArrayKind.BOUNDED | ArrayKind.UNBOUNDED:
                 return None
 
-    def of_element(self, layout: MessageLayout, kind: FieldType) -> tuple[Run, ...] | None:
+    def of_element(self, layout: MessageLayout, kind: FieldType) -> tuple[ByteRun, ...] | None:
         """Return the same for one element of a field."""
         if kind.base in STRINGS:
             return None
         if kind.is_message:
             return self.of_message(layout.nested(kind))
         size = ValueType.of_field(kind.base).size
-        return (Run(size, size),)
+        return (ByteRun(size, size),)
 
-    def _measure(self, layout: MessageLayout) -> tuple[Run, ...] | None:
+    def _measure(self, layout: MessageLayout) -> tuple[ByteRun, ...] | None:
         if not layout.fields:
-            return (Run(1, 1),)  # a message without fields is serialized as one byte
-        found: list[Run] = []
+            return (ByteRun(1, 1),)  # a message without fields is serialized as one byte
+        found: list[ByteRun] = []
         for item in layout.fields:
             runs = self.of_field(layout, item.type)
             if runs is None:

@@ -44,7 +44,7 @@ def unary(operator: UnaryOperator, argument: c.CExpression, type: ValueType) -> 
     if operator is UnaryOperator.ABS:
         return c.Apply(f'fm_abs_{SUFFIXES[type]}', (argument,))
     if type.is_float:
-        return c.Prefix('-', argument)
+        return c.Negation('-', argument)
     return c.Apply(f'fm_neg_{SUFFIXES[type]}', (argument,))
 
 
@@ -62,21 +62,21 @@ def _connective(operator: BinaryOperator, left: c.CExpression,
                 right: c.CExpression) -> c.CExpression:
     match operator:
         case BinaryOperator.AND:
-            return c.Infix('&', left, right)
+            return c.Operation('&', left, right)
         case BinaryOperator.OR:
-            return c.Infix('|', left, right)
+            return c.Operation('|', left, right)
         case BinaryOperator.IMPLIES:
-            return c.Infix('|', c.negate(left), right)
+            return c.Operation('|', c.negate(left), right)
         case BinaryOperator.XOR:
-            return c.Infix('!=', left, right)
+            return c.Operation('!=', left, right)
         case _:
-            return c.Infix('==', left, right)
+            return c.Operation('==', left, right)
 
 
 def _relation(operator: BinaryOperator, left: c.CExpression, right: c.CExpression,
               types: tuple[ValueType, ValueType]) -> c.CExpression:
     if types[0] is types[1]:
-        return c.Infix(_RELATIONS[operator], left, right)
+        return c.Operation(_RELATIONS[operator], left, right)
     signs = 'iu' if types[0] is ValueType.INT64 else 'ui'
     if operator in (BinaryOperator.EQ, BinaryOperator.NE):
         both = (left, right) if signs == 'iu' else (right, left)
@@ -92,7 +92,7 @@ def _relation(operator: BinaryOperator, left: c.CExpression, right: c.CExpressio
 def _arithmetic(operator: BinaryOperator, left: c.CExpression, right: c.CExpression,
                 type: ValueType) -> c.CExpression:
     if type.is_float and operator in _ARITHMETIC:
-        return c.Infix(_ARITHMETIC[operator], left, right)
+        return c.Operation(_ARITHMETIC[operator], left, right)
     if operator is BinaryOperator.POW:
         return c.Apply('pow', (left, right))
     return c.Apply(f'fm_{_FUNCTIONS[operator]}_{SUFFIXES[type]}', (left, right))

@@ -16,7 +16,9 @@
 
 from collections.abc import Iterable, Iterator
 
-from fret_monitor.codegen.message_sizes import joined, repeated, Run, Sizes, stride, STRINGS
+from fret_monitor.codegen.message_sizes import (
+    ByteRun, joined, repeated, Sizes, stride, STRINGS,
+)
 from fret_monitor.messages.definitions import ArrayKind, FieldType, MessageField, MessageLayout
 
 _LARGEST = 2 ** 62  # of a run; no message is that long
@@ -54,7 +56,7 @@ class Skippers:
             yield f'  fm_cdr_skip_many({cursor}, 1u, {unsigned(stride(runs))}, {count} - 1u);'
             yield '}'
 
-    def runs(self, runs: Iterable[Run], cursor: str) -> Iterator[str]:
+    def runs(self, runs: Iterable[ByteRun], cursor: str) -> Iterator[str]:
         """Yield C that skips runs."""
         for run in runs:
             yield f'fm_cdr_skip({cursor}, {run.alignment}u, {unsigned(run.size)});'
@@ -97,7 +99,7 @@ class Skippers:
     def fields(self, layout: MessageLayout, fields: Iterable[MessageField],
                cursor: str) -> Iterator[str]:
         """Yield C that skips consecutive fields of a message."""
-        waiting: list[Run] = []
+        waiting: list[ByteRun] = []
         for item in fields:
             runs = self._sizes.of_field(layout, item.type)
             if runs is not None:

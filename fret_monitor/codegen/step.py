@@ -262,15 +262,15 @@ class PartWriter:
         old = self._old_bit(index)
         match operation:
             case OnceEver():
-                return c.Infix('|', old, self._operand(operation.argument))
+                return c.Operation('|', old, self._operand(operation.argument))
             case AlwaysSoFar():
-                return c.Infix('&', old, self._operand(operation.argument))
+                return c.Operation('&', old, self._operand(operation.argument))
             case SinceEver():
-                kept = c.Infix('&', self._operand(operation.left), old)
-                return c.Infix('|', self._operand(operation.right), kept)
+                kept = c.Operation('&', self._operand(operation.left), old)
+                return c.Operation('|', self._operand(operation.right), kept)
             case TriggeredEver():
-                freed = c.Infix('|', self._operand(operation.left), old)
-                return c.Infix('&', self._operand(operation.right), freed)
+                freed = c.Operation('|', self._operand(operation.left), old)
+                return c.Operation('&', self._operand(operation.right), freed)
             case _:
                 return old
 
