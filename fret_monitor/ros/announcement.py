@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is said at the start of what is monitored: one line, and one more a bundle of several."""
+"""The log lines at the start: one for all, and one for each bundle if there are several."""
 
 from collections.abc import Iterator, Sequence
 

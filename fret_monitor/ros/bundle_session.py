@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-One opened bundle at work on a node: subscriptions in, its evaluator, violations out.
+A bundle that is run on a node: subscriptions in, evaluator, violations out.
 
 Messages are read and stepped by C, taken by C too where the middleware lets it (`hot_path`), and
 by a thread of the feed otherwise. What violates is queued, and published by threads of their own.
@@ -148,9 +148,9 @@ class BundleSession:
                               None if periods is None else periods.schedule, self._name)
         self._running.callback(self._health.close)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._keep(self._node.create_timer(PERIOD, self._tell_health, clock=steady))
+        self._keep(self._node.create_timer(PERIOD, self._report_health, clock=steady))
         self._missing_timer = self._node.create_timer(
-            _PATIENCE, self._tell_missing, clock=steady)
+            _PATIENCE, self._log_missing, clock=steady)
         self._keep(self._missing_timer)
 
     def _forget_timers(self) -> None:
@@ -296,7 +296,7 @@ class BundleSession:
 
         return deliver
 
-    # What is told.
+    # Reports.
 
     def _now(self) -> int:
         return int(self._clock.now().nanoseconds)
@@ -304,48 +304,48 @@ class BundleSession:
     def _statuses(self) -> Sequence[PublisherStatus]:
         return self._feed.statuses() if self._feed is not None else ()
 
-    def _tell_health(self) -> None:
+    def _report_health(self) -> None:
         # In the executor, so that whoever spins the node is told.
         if self._feed is not None and self._feed.failure is not None:
             raise self._feed.failure
         if self._health is not None:  # None: stopped meanwhile
             self._health.publish(self._statuses())
-        self._tell_untold()
+        self._log_unpublished()
         for topic in range(len(self.manifest.topics)):
             if self._watch.topic_counts(topic).undecodable:
-                self._tell_undecodable(topic)
+                self._log_undecodable(topic)
             message = self._watch.evidence(topic)
             if message is not None:
-                self._tell_odd(topic, message)
+                self._log_unusable_fields(topic, message)
 
-    def _tell_untold(self) -> None:
+    def _log_unpublished(self) -> None:
         if self._watch.unpublished and self._is_news('violations'):
             self._node.get_logger().error(
                 f'violations could not be published: {self._watch.unpublished} so far; '
                 '/diagnostics counts them')
 
-    def _tell_odd(self, topic: int, message: bytes) -> None:
+    def _log_unusable_fields(self, topic: int, message: bytes) -> None:
         """Tell which fields of a message cannot be used, of an input once."""
         readings = read_fields(self.opened.monitor, topic, message)
         for index, reading in zip(self.manifest.topics[topic].inputs, readings or ()):
             if reading.outcome is not Outcome.READ:
-                self._tell_unusable(index, topic, message)
+                self._log_unusable(index, topic, message)
 
-    def _tell_missing(self) -> None:
+    def _log_missing(self) -> None:
         if self._missing_timer is not None:  # None: stopped meanwhile
             self._missing_timer.cancel()
         told = describe_missing(self._watch, self._statuses(), self._node.resolve_topic_name)
         if told is not None:
             self._node.get_logger().warning(told)
 
-    def _tell_undecodable(self, topic: int) -> None:
+    def _log_undecodable(self, topic: int) -> None:
         mapped = self.manifest.topics[topic]
         if self._is_news(mapped.name):
             self._node.get_logger().error(
                 f'a message on {self._node.resolve_topic_name(mapped.name)} cannot be decoded as '
                 f'{mapped.message_type}; such messages are counted and are no step')
 
-    def _tell_unusable(self, index: int, topic: int, message: bytes) -> None:
+    def _log_unusable(self, index: int, topic: int, message: bytes) -> None:
         if not self._is_news(index):
             return
         item, mapped = self.manifest.inputs[index], self.manifest.topics[topic]

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What is told of a violation beside that it happened: `copilot/violations` (DESIGN 8).
+The details of violations: `copilot/violations` (docs/ros.md, Topics).
 
 A detail says which requirement, at which step and time, on which values. It is built only while
 somebody listens, and published when it is made; the handler's message does not wait for it.
@@ -48,9 +48,9 @@ _STAMP = re.compile(r'-?[0-9]{1,12}\.[0-9]{9}')
 @dataclass(frozen=True)
 class Detail:
     """
-    A violation as told: its step, its time in seconds, and names and values of inputs.
+    A violation as published: step, time in seconds, names and values of inputs.
 
-    `silent` names the inputs of which nothing comes, where that is what is violated.
+    `silent` names the stale inputs, if they are the reason.
     """
 
     step: int
@@ -60,7 +60,7 @@ class Detail:
 
 
 def read_detail(status: DiagnosticStatus) -> Detail | None:
-    """Return what `Details` has told; None for what is from somebody else."""
+    """Return what `Details` has published; None if the status has another form."""
     pairs = [(item.key, item.value) for item in status.values]
     if tuple(key for key, _ in pairs[:4]) != _OF_ALL:
         return None
@@ -84,7 +84,7 @@ class Details:
             event_callbacks=PublisherEventCallbacks(matched=lambda _: self.listening.set()))
 
     def listeners(self) -> int:
-        """Return how many listen now; `listening` is set whenever one comes or goes."""
+        """Return the number of listeners; `listening` is set whenever it changes."""
         return int(self._publisher.get_subscription_count())
 
     def publish(self, detail: ViolationDetail) -> None:
@@ -116,7 +116,7 @@ class Details:
 
 
 def _key(name: str) -> str:
-    """Return the key of an input: its name, but for one that is a key already."""
+    """Return the key of an input: its name, with a prefix if that is a key already."""
     return f'input {name}' if name in _OF_ALL else name
 
 

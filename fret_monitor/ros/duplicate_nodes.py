@@ -12,25 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Another node of the same name: both work, but who calls or remaps one means both."""
+"""A warning about another node of the same name: a call or remapping of one means both."""
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-_LOOKS = 10  # one a second; of two, the later one finds the other in this time
+_CHECKS = 10  # one a second; the later of two nodes finds the other in this time
 
 
 class DuplicateNodes:
-    """Looks for nodes of the same full name, and warns of one once."""
+    """Looks for nodes of the same full name, and warns once."""
 
     def __init__(self, node: Node) -> None:
-        """Begin to look, whenever the node's executor has time."""
+        """Start; the node's executor does the checks."""
         self._node = node
-        self._left = _LOOKS
+        self._left = _CHECKS
         self._timer = node.create_timer(
-            1.0, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            1.0, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         own = self._node.get_name(), self._node.get_namespace()
         has_other = self._node.get_node_names_and_namespaces().count(own) > 1
         self._left -= 1

@@ -13,14 +13,14 @@
 # limitations under the License.
 
 """
-Subscriptions that a thread of their own empties, in the order in which messages came in.
+Messages of several topics in the order of their reception, taken by a thread.
 
-rclpy's executor spends 70 us on a message and takes topic after topic; which of two topics spoke
-first is lost. Here one thread waits on all subscriptions, takes what has come as bytes, and hands
-it on in the order of the middleware's reception times, across topics too. The same thread looks
-who publishes, and renews a subscription that could not hear somebody.
+rclpy's executor spends 70 us on a message and takes topic after topic, so that the order across
+topics is lost. Here one thread waits on all subscriptions, takes the serialized messages, and
+delivers them in the order of the middleware's reception times. The same thread watches the
+publishers, and replaces a subscription that does not match one of them.
 
-Where C takes the messages of a topic (`Receiver`), the thread only looks who publishes.
+Where C takes the messages of a topic (`Receiver`), the thread only watches the publishers.
 
 No executor knows the subscriptions. All of them belong to the feed's thread.
 """
@@ -60,7 +60,7 @@ class Receiver(Protocol):
         """Take what has come."""
 
     def poll(self) -> None:
-        """See to what arrived without a notification; called now and then."""
+        """Take what arrived without a notification; called now and then."""
 
     def retire(self) -> None:
         """Another subscription is about to take the place of this one."""
@@ -76,7 +76,7 @@ class TopicReceiver(Protocol):
         """Begin to take from a subscription."""
 
     def begin_handover(self, *, has_history: bool) -> None:
-        """From now on a message may come by two subscriptions, and with a history."""
+        """Expect messages of two subscriptions, and a history from the new one."""
 
     def end_handover(self) -> None:
         """There is one subscription again."""
@@ -86,7 +86,7 @@ class TopicReceiver(Protocol):
         """Messages that were sent and never came, by any of its subscriptions."""
 
 
-_WAIT = 200_000_000  # ns; an idle wait without an end can outlive a shutdown
+_WAIT_NS = 200_000_000  # an idle wait without an end can outlive a shutdown
 _REVIEW_PERIOD = 0.25  # s between two looks at who publishes
 _REVIEWED_AT_ONCE = 50  # topics, of 50 us each: 1 % of a processor, however many there are
 # How long an old subscription is kept beside a new one: until every publisher has found it.
@@ -105,11 +105,11 @@ _Taken = tuple[int, tuple[int, int], bytes, '_Topic', bool]
 @dataclass(frozen=True)
 class PublisherStatus:
     """
-    Who publishes on a topic, as far as is known.
+    The publishers of a topic, as far as they are known.
 
-    `publishers` counts those of the topic's type; `unheard` names those of them that its quality
-    of service leaves out; `other_types` are types of publishers that have another; `lost` counts
-    messages that were sent and never came.
+    `publishers` counts those of the topic's type; `unheard` names those of them whose quality of
+    service does not match; `other_types` are the types of all others; `lost` counts messages that
+    were sent and never received.
     """
 
     publishers: int = 0
@@ -181,7 +181,7 @@ class Feed:
                 self._thread.join()
 
     def statuses(self) -> list[PublisherStatus]:
-        """Return who is heard on each topic, in order of subscription."""
+        """Return the publishers of each topic, in order of subscription."""
         return [topic.status for topic in self._topics]
 
     @property
@@ -203,7 +203,7 @@ class Feed:
             if self._topics and self._topics[0].receiver is not None:
                 self._closing.wait(_REVIEW_PERIOD)
                 continue
-            self._wait(0 if self._held else _WAIT)
+            self._wait(0 if self._held else _WAIT_NS)
             for taken in self._take():
                 taken[3].deliver(taken)
                 if self._closing.is_set():
@@ -262,7 +262,7 @@ class Feed:
 
 
 class _Keeper(AbstractContextManager[None]):
-    """Keeps what is raised inside, instead of passing it on."""
+    """Keeps an exception that is raised inside, and ends it there."""
 
     def __init__(self) -> None:
         self.error: BaseException | None = None
@@ -273,7 +273,7 @@ class _Keeper(AbstractContextManager[None]):
 
 
 class _Topic:
-    """One topic: its subscription (for a while two of them), and who publishes on it."""
+    """A topic, its publishers, and its subscription (two of them during a handover)."""
 
     def __init__(self, node: Node, name: str, message_type: str, message_class: Any,
                  deliver: Deliver | TopicReceiver, fixed: Mapping[str, str | int]) -> None:
@@ -349,7 +349,7 @@ class _Topic:
                 receiver.drain()
 
     def review(self) -> None:
-        """See who publishes, tell whom it cannot hear, and subscribe anew where that helps."""
+        """Read the publishers, log those that do not match, replace the subscription if due."""
         self._let_go()
         if self._current_receiver is not None:
             self._current_receiver.poll()
@@ -368,14 +368,14 @@ class _Topic:
         self.status = PublisherStatus(
             len(same_type), tuple(sorted({_who(item) for item in unheard})),
             tuple(sorted({item.topic_type for item in others})), self._lost())
-        self._tell_lost()
+        self._log_lost()
         named = self._named(publishers)
         for item in others:
             if bytes(item.endpoint_gid) in named:
-                self._tell_type(item)
+                self._log_type(item)
         for item in unheard:
             if bytes(item.endpoint_gid) in named:
-                self._tell_unheard(item)
+                self._log_unheard(item)
 
     def _named(self, publishers: list[TopicEndpointInfo]) -> set[bytes]:
         """
@@ -449,7 +449,7 @@ class _Topic:
             return max(self._gaps.lost, self._told_before)
         return max(self._gaps.lost, self._told_before + self._told_losses.total())
 
-    def _tell_lost(self) -> None:
+    def _log_lost(self) -> None:
         lost = self.status.lost - self._lost_told
         if lost > 0 and self._throttle.passes():
             self._lost_told = self.status.lost
@@ -458,15 +458,15 @@ class _Topic:
                 f'{lost} {messages} lost on {self._current.topic_name} since the last such '
                 'message: a queue overflowed (`qos: {depth: ...}`), or the network dropped them')
 
-    def _tell_type(self, publisher: TopicEndpointInfo) -> None:
-        if self._tell_once(publisher.topic_type):
+    def _log_type(self, publisher: TopicEndpointInfo) -> None:
+        if self._is_news(publisher.topic_type):
             self._node.get_logger().error(
                 f'{_who(publisher)} publishes {publisher.topic_type} on '
                 f'{self._current.topic_name}, where the bundle says {self._message_type}: '
                 'its messages are not heard')
 
-    def _tell_unheard(self, publisher: TopicEndpointInfo) -> None:
-        if self._tell_once(bytes(publisher.endpoint_gid)):
+    def _log_unheard(self, publisher: TopicEndpointInfo) -> None:
+        if self._is_news(bytes(publisher.endpoint_gid)):
             self._node.get_logger().error(
                 f'{_who(publisher)} is not heard on {self._current.topic_name}: '
                 f'it offers {qos.describe(publisher.qos_profile)}, and what is asked for, by '
@@ -479,7 +479,7 @@ class _Topic:
             self._current.qos_profile, publisher.qos_profile) if name in self._fixed]
         return f': leave {" and ".join(names)} out there' if names else ''
 
-    def _tell_once(self, key: object) -> bool:
+    def _is_news(self, key: object) -> bool:
         is_news = key not in self._told
         self._told.add(key)
         return is_news

@@ -12,8 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The topics on which violations are announced, one a requirement (DESIGN 8)."""
-
+"""The topics on which violations are announced, one for each requirement (docs/ros.md)."""
 
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH, violation_profile

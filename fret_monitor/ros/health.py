@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-How the monitor fares, where operators look: `/diagnostics`, once a second (DESIGN 8).
+The state of the monitor on `/diagnostics`, once a second (docs/ros.md, Topics).
 
 A status for each requirement and each topic, one for the periods if there are any, and one for
-violations that could not be published, named `NODE: ITEM`, as aggregators expect. What keeps
-requirements from being evaluated at all is told in a sentence for the log, too.
+violations that could not be published, named `NODE: ITEM`, as aggregators expect. A
+sentence for the log says what keeps requirements from being evaluated.
 """
 
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -46,7 +46,7 @@ class Health:
         """
         Advertise the topic; whoever made this calls `publish` each `PERIOD`.
 
-        `bundle` tells apart what several bundles on one node have in common.
+        `bundle` names the bundle where several share a node.
         """
         self._node = node
         self._evaluator = evaluator
@@ -56,7 +56,7 @@ class Health:
         self._received = [0] * len(self._manifest.topics)
         self._unusable = [0] * len(self._manifest.inputs)
         self._lost = [0] * len(self._manifest.topics)
-        self._untold = 0
+        self._unpublished = 0
         self._timeouts = timeouts
         self._schedule = schedule
         self._periods = (0, 0)  # late, missed
@@ -64,10 +64,10 @@ class Health:
         self._time = monotonic()
 
     def publish(self, statuses: Sequence[PublisherStatus]) -> None:
-        """Publish what is so now; `statuses` are who is heard on the topics, in their order."""
+        """Publish the present state; `statuses` are those of the publishers, by topic."""
         rates, unusable = list(self._rates()), self._newly_unusable()
         lost, periods = list(self._newly_lost(statuses)), list(self._of_periods())
-        unpublished = list(self._of_untold())
+        unpublished = list(self._of_unpublished())
         if not self._publisher.get_subscription_count():
             return
         array = DiagnosticArray()
@@ -122,16 +122,16 @@ class Health:
             'period': f'{schedule.period:g}', 'ticks': schedule.ticks, 'late': schedule.late,
             'missed': schedule.missed, 'restarts': schedule.restarts})
 
-    def _of_untold(self) -> Iterator[DiagnosticStatus]:
+    def _of_unpublished(self) -> Iterator[DiagnosticStatus]:
         """Yield a status once violations could not be published; there is none where all could."""
-        before, self._untold = self._untold, self._evaluator.unpublished
-        if not self._untold:
+        before, self._unpublished = self._unpublished, self._evaluator.unpublished
+        if not self._unpublished:
             return
-        more = self._untold - before
+        more = self._unpublished - before
         level, message = (DiagnosticStatus.ERROR, f'{more} not published since the last report') \
             if more else (DiagnosticStatus.WARN, 'some were not published')
         yield self._status(f'violations of {self._bundle or self._manifest.name}', level, message,
-                           {'not published': self._untold})
+                           {'not published': self._unpublished})
 
     def _named(self, places: Collection[int]) -> str:
         return ', '.join(self._manifest.inputs[place].name for place in places)

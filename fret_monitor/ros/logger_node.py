@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The node that tells: every announced violation goes to the ROS log, with its sentence and time.
+The node that writes every announced violation to the ROS log, with its sentence and time.
 
 It listens to the handlers of the same bundle, so that it can run anywhere in the graph, or not
 at all.

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Messages of a topic that were sent and never came (DESIGN 8).
+Messages of a topic that were sent and never received (docs/ros.md, Topics).
 
 C counts what each publisher left out of its numbers (`csrc/losses.h`). Where Python takes the
 messages it is not told whose they are, and counts for a single publisher only. The middleware may

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node that watches: what it is to do comes by parameters, the work is `BundleSession`'s."""
+"""The monitor node: parameters and life cycle; a `BundleSession` runs each bundle."""
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, ExitStack
@@ -34,7 +34,7 @@ from std_srvs.srv import Trigger
 
 class MonitorNode(LifecycleNode):
     """
-    A managed node that watches one bundle or several while it is active.
+    A managed node that monitors one bundle or several while it is active.
 
     `configure` reads the parameters and makes ready what they name, `activate` subscribes,
     `deactivate` ends that, `cleanup` and `shutdown` release everything. Unless `autostart` is
@@ -79,7 +79,7 @@ class MonitorNode(LifecycleNode):
             self.get_logger().info('waiting to be configured and activated: autostart is false')
 
     def _start(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
-        """Take a transition by itself; what is wrong is told to whoever makes the node."""
+        """Make a transition without a request; errors are raised."""
         self._is_starting = True
         trigger()
         self._is_starting = False

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What a user fixes of the quality of service by parameters: `qos_overrides` (DESIGN 8).
+The standard parameters for the quality of service: `qos_overrides` (docs/ros.md).
 
 The names are those of rclcpp and rclpy, with the topic as it is after remapping:
-`qos_overrides./windspeed.subscription.reliability`. What they say stands above the bundle.
+`qos_overrides./windspeed.subscription.reliability`. They override the bundle.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -60,7 +60,7 @@ class Overrides:
 
     def __init__(self, given: Mapping[str, object]) -> None:
         """
-        Take values of parameters by their names; others than overrides are let pass.
+        Take the values of parameters by name; those that are not overrides are ignored.
 
         Raises
         ------
@@ -82,7 +82,7 @@ class Overrides:
         return cls({name: item.value for name, item in given.items()})
 
     def apply(self, topic: str, fixed: Mapping[str, str | int]) -> dict[str, str | int]:
-        """Return what is fixed for the subscription of a topic, which the bundle says too."""
+        """Return what is fixed for a subscription, by the overrides or else by the bundle."""
         found = dict(fixed)
         for item in self._all:
             if (item.topic, item.endpoint) == (topic, 'subscription'):
@@ -94,7 +94,7 @@ class Overrides:
 
     def refuse_publishers(self, topics: Collection[str]) -> None:
         """
-        Refuse overrides of what violations are announced with.
+        Refuse overrides of the publishers of violations.
 
         Raises
         ------
@@ -109,7 +109,7 @@ class Overrides:
                             for name in names))
 
     def unused(self, subscribed: Collection[str]) -> Iterator[str]:
-        """Yield a warning for each that is of none of the topics subscribed to."""
+        """Yield a warning for each override that no subscription uses."""
         for item in self._all:
             if item.endpoint != 'subscription':
                 yield f"ignored parameter '{item.name}': only subscriptions can be changed"

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What a user asks of a node by ROS parameters: declared, described, checked, kept.
+The ROS parameters of the nodes: declared, described, checked.
 
-All problems are told together, and each with what to write instead.
+All problems are reported together, each with what to write instead.
 """
 
 from collections.abc import Callable, Mapping, Sequence

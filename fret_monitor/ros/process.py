@@ -53,7 +53,7 @@ def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:
         logging.basicConfig(format='warning: %(message)s')  # nothing else is logged by Python
         own = remove_ros_args(sys.argv)[1:]
         if own:
-            return _tell_usage(name, own[0])
+            return _print_usage(name, own[0])
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         return _run(make_node, stop)
     except _rclpy.UnknownROSArgsError as error:
@@ -100,7 +100,7 @@ def _no_flag(unknown: str) -> str:
     return f': a parameter has -p before it: -p {shlex.quote(found)}' if found else ''
 
 
-def _tell_usage(name: str, argument: str) -> int:
+def _print_usage(name: str, argument: str) -> int:
     usage = _usage(name)
     if argument in ('-h', '--help'):
         print(usage, 'parameters, each behind a -p of its own:', *_described(name), sep='\n')

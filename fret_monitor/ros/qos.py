@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Which quality of service a subscription asks for, so that every publisher is heard (DESIGN 8).
+The quality of service of a subscription that matches every publisher (docs/ros.md).
 
-A subscription hears a publisher only if it asks for no more than the publisher offers. So it asks
-for the most that all known publishers offer, and for the least while there is none. What the
-bundle says under `qos` is fixed and not decided here.
+A subscription matches a publisher only if it requests no more than the publisher offers. So it
+requests the most that all known publishers offer, and the least while there is none. What the
+bundle fixes under `qos` stays.
 """
 
 from collections.abc import Iterable, Mapping
@@ -59,7 +59,7 @@ def violation_request(depth: int) -> dict[str, str | int]:
 
 def wanted_profile(offers: Iterable[QoSProfile], fixed: Mapping[str, str | int]) -> QoSProfile:
     """
-    Return the profile of a subscription that hears all of `offers`.
+    Return the profile of a subscription that matches all of `offers`.
 
     `fixed` is what the bundle decides: `reliability` (reliable, best_effort), `durability`
     (volatile, transient_local), `history` (keep_last, keep_all), `depth`.
@@ -80,7 +80,7 @@ def wanted_profile(offers: Iterable[QoSProfile], fixed: Mapping[str, str | int])
 
 
 def misfits(subscription: QoSProfile, offer: QoSProfile) -> list[str]:
-    """Return the policies in which a subscription asks for more than a publisher offers."""
+    """Return the policies in which a subscription requests more than a publisher offers."""
     found = []
     if (subscription.reliability is ReliabilityPolicy.RELIABLE
             and offer.reliability is not ReliabilityPolicy.RELIABLE):
@@ -97,12 +97,12 @@ def hears(subscription: QoSProfile, offer: QoSProfile) -> bool:
 
 
 def same_request(one: QoSProfile, other: QoSProfile) -> bool:
-    """Return whether two subscriptions ask for the same reliability and durability."""
+    """Return whether two subscriptions request the same reliability and durability."""
     return one.reliability is other.reliability and one.durability is other.durability
 
 
 def describe(profile: QoSProfile) -> str:
-    """Return the two policies that decide who is heard, in ROS's words."""
+    """Return reliability and durability, in ROS's words."""
     reliability = 'reliable' if profile.reliability is ReliabilityPolicy.RELIABLE \
         else 'best effort'
     durability = 'transient local' if profile.durability is DurabilityPolicy.TRANSIENT_LOCAL \

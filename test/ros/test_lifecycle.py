@@ -276,7 +276,7 @@ def test_a_released_bundle_is_freed_at_once(
     try:
         gc.collect()
         gc.disable()
-        released = weakref.ref(node._watches[0].opened.monitor)
+        released = weakref.ref(node._sessions[0].opened.monitor)
         assert node.trigger_deactivate().name == 'SUCCESS'
         assert node.trigger_cleanup().name == 'SUCCESS'
         assert released() is None, gc.get_referrers(released())
