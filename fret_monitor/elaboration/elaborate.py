@@ -14,9 +14,9 @@
 """
 A bundle as written becomes a specification: names, types, numbers and bounds get their meaning.
 
-`specify` tells all mistakes of a bundle in one `CompileError`, each once and at its place; a name
-that has a mistake is not told again where it is used. `elaborate` gives one expression its
-formula. The rules of types and numbers are in docs/numbers.md:
+`specify` reports all mistakes of a bundle in one `CompileError`, each once and at its place. A
+name that has a mistake is not reported again where it is used. `elaborate` gives one expression
+its formula. The rules of types and numbers are in docs/numbers.md:
 
 * An input of an integer type counts as INT64 in arithmetic and comparisons, UINT64 as itself.
 * Where numbers meet: FLOAT32 with FLOAT32 stays; another float, or a float and an integer, makes
@@ -65,7 +65,7 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None,
     Return what a bundle means, and the warnings about it.
 
     `find_message` gives the layout of a message type by its name; the default looks where ROS
-    packages install them. `problems` are those that `survey_bundle` found, to be told together
+    packages install them. `problems` are those that `survey_bundle` found, to be reported together
     with the ones found here.
 
     Raises
@@ -147,7 +147,7 @@ class _Reading:
         self._feedback: dict[Feedback, Formula] = {}
 
     def skip(self, names: Iterable[str]) -> None:
-        """Leave out names whose declarations were refused: nothing more is told of them."""
+        """Leave out names whose declarations were refused: nothing more is reported about them."""
         nowhere = Span(Source('', ''), 0, 0)
         for name in names:
             self._scope.declare(name, Declaration(Role.INPUT, TypedTerm(Broken(), nowhere)))
@@ -166,14 +166,14 @@ class _Reading:
         return signals
 
     def read_definitions(self, definitions: Iterable[Definition]) -> None:
-        """Declare all definitions, each after those that it uses; cycles are told."""
+        """Declare all definitions, each after those that it uses; cycles are errors."""
         known = {item.name.value: item for item in definitions}
         trees = {name: self._tree(item.language, item.text) for name, item in known.items()}
         uses = self._uses(trees)
         graph = {name: list(used) for name, used in uses.items()}
         for component in components(graph):
             if is_cyclic(component, graph):
-                self._tell_cycle(cycle(component, graph), uses)
+                self._report_cycle(cycle(component, graph), uses)
                 trees.update(dict.fromkeys(component))
             for name in component:
                 self._define(known[name], trees[name])
@@ -207,7 +207,7 @@ class _Reading:
 
         return vocabulary_of
 
-    def _tell_cycle(self, way: list[str], uses: Mapping[str, Mapping[str, Span]]) -> None:
+    def _report_cycle(self, way: list[str], uses: Mapping[str, Mapping[str, Span]]) -> None:
         shown = way if len(way) <= _MANY else [*way[:_MANY - 1], '...', way[-1]]
         self.problems.error(f"the definition '{way[0]}' uses itself", uses[way[0]][way[1]],
                             ' -> '.join(shown))
@@ -255,7 +255,7 @@ class _Reading:
         self._check_component(tree.component)
         if self._bundle.policy is not Policy.PERIODIC:
             return sentence_term(tree, self._scope, self.problems)
-        if self._bundle.period is None:  # told already: a time may be any number of steps
+        if self._bundle.period is None:  # reported already: a time may be any number of steps
             tree = _untimed(tree)
         return sentence_term(tree, self._scope, self.problems, self._bundle.period)
 

@@ -14,8 +14,8 @@
 """
 One expression to one term: names resolved, types worked out, bounds read.
 
-The tree is walked with an explicit stack, each node once, operands first; a mistake is told at
-the operand it lies in, and what contains it is broken silently, so that one run tells all
+The tree is walked with an explicit stack, each node once, operands first; a mistake is reported at
+the operand it lies in, and what contains it is broken silently, so that one run reports all
 mistakes and none twice.
 
 `cells` are the operators of a Lustre node that delay an equation through itself: they become the
@@ -136,7 +136,7 @@ class Elaborator:
                  cells: Mapping[Expression, Cell] | None = None,
                  left: Formula | None = FTP) -> None:
         """
-        Take what names mean and where to tell.
+        Take what names mean and where to report mistakes.
 
         `is_lustre` adds Lustre's own warnings. `left` is the left end of the interval in which
         `persisted`, `occurred` and `prevOcc` look back, None for none.
@@ -147,7 +147,7 @@ class Elaborator:
         self._cells = cells or {}
         self._left = left
         self._done: dict[Expression, TypedTerm] = {}
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
 
     def term(self, root: Expression) -> TypedTerm:
         """Return what an expression means; mistakes are added to the problems."""
@@ -175,7 +175,8 @@ class Elaborator:
         if isinstance(node, Name):
             return replace(self._declared(node), span=node.span)
         operands = self._named(node, operands)
-        if any(term.is_broken for term in operands) or any(map(self._is_told, _bound_names(node))):
+        is_broken = any(term.is_broken for term in operands)
+        if is_broken or any(map(self._is_broken, _bound_names(node))):
             return TypedTerm(Broken(), node.span)
         try:
             value, vocabulary = self._meaning(node, operands)
@@ -204,7 +205,7 @@ class Elaborator:
         return declaration.term if declaration else TypedTerm(Undeclared(node.text), node.span)
 
     def _named(self, node: Expression, operands: list[TypedTerm]) -> list[TypedTerm]:
-        """Give names of values their meaning, and tell of names that have none."""
+        """Give names of values their meaning, and report names that have none."""
         group = () if node in self._cells else _sharing(node)
         shared = [operands[i] for i in group]
         vocabulary = next((term.vocabulary for term in shared if term.vocabulary), None)
@@ -212,7 +213,7 @@ class Elaborator:
         named = list(operands)
         for i in group:
             named[i] = self._value(parts[i], operands[i], vocabulary)
-        # Beside a name that was told of, an unknown one may well be a value of it.
+        # Beside a name that was reported, an unknown one may well be a value of it.
         is_cascade = any(operands[i].is_broken and isinstance(parts[i], Name) for i in group)
         return [term if not isinstance(term.value, Undeclared)
                 else TypedTerm(Broken(), term.span) if is_cascade and i in group
@@ -234,13 +235,13 @@ class Elaborator:
         return TypedTerm(number, node.span, vocabulary)
 
     def _settle(self, value: Undeclared, span: Span, vocabulary: Vocabulary | None) -> TypedTerm:
-        """Tell of an undeclared name, once, and return it broken."""
-        if value.name not in self._told:
-            self._told.add(value.name)
-            self._tell_unknown(value.name, span, vocabulary)
+        """Report an undeclared name, once, and return it broken."""
+        if value.name not in self._reported:
+            self._reported.add(value.name)
+            self._report_unknown(value.name, span, vocabulary)
         return TypedTerm(Broken(), span)
 
-    def _tell_unknown(self, name: str, span: Span, vocabulary: Vocabulary | None) -> None:
+    def _report_unknown(self, name: str, span: Span, vocabulary: Vocabulary | None) -> None:
         if vocabulary is None:
             self._problems.error(f"'{name}' is not declared", span, 'unknown name',
                                  self._scope.help_for(name))
@@ -271,7 +272,7 @@ class Elaborator:
                    f'this is {describe(declaration.term)}' + ', as a real number' * is_real)
         return value.value.numerator
 
-    def _is_told(self, name: Name) -> bool:
+    def _is_broken(self, name: Name) -> bool:
         declaration = self._scope.find(name.text)
         return declaration is not None and declaration.term.is_broken
 
@@ -444,7 +445,7 @@ def _past(node: Prefix, past: Window, argument: Formula) -> Formula:
 
 
 def _both_true(left: TypedTerm, right: TypedTerm, name: str) -> list[Formula]:
-    """Return two BOOL operands; where neither is one, both mistakes are told."""
+    """Return two BOOL operands; where neither is one, both mistakes are reported."""
     found: list[Formula] = []
     wrong: list[Diagnostic] = []
     for term in (left, right):

@@ -146,7 +146,7 @@ class _Node:
         order = components(inside)
         for component in order:
             if is_cyclic(component, inside):
-                self._tell_cycle(cycle(component, inside))
+                self._report_cycle(cycle(component, inside))
                 for name in members:
                     self._scope.declare(name, _broken(self._equations[name]))
                 return
@@ -259,7 +259,7 @@ class _Node:
         except CompileError as error:
             self._problems.extend(error.diagnostics)
 
-    def _tell_cycle(self, way: list[str]) -> None:
+    def _report_cycle(self, way: list[str]) -> None:
         equation = self._equations[way[0]]
         self._problems.error(
             f"the equation of '{way[0]}' uses its own value at the same step",

@@ -123,7 +123,7 @@ class _Formalisation:
         self._elaborator = Elaborator(scope, problems, left=self._interval.left)
 
     def term(self) -> TypedTerm:
-        """Return the formula; each part is read, so that all mistakes are told."""
+        """Return the formula; each part is read, so that all mistakes are reported."""
         sentence = self._sentence
         condition, stop, steps = self._condition(), self._stop(), self._steps()
         response = self._truth(self._elaborator, sentence.response, "'satisfy'")
@@ -137,7 +137,7 @@ class _Formalisation:
         return TypedTerm(formula, sentence.span, bounds=joined_bounds(self._bounds, (steps,)))
 
     def _is_value(self, phrase: ScopePhrase, scope: Scope) -> bool:
-        """Tell a mode that is only the name of a value, with the scope to write."""
+        """Report a mode that is only the name of a value, with the scope to write."""
         mode = phrase.mode
         if not isinstance(mode, Name) or scope.find(mode.text) or mode.text not in scope.owners:
             return False

@@ -15,7 +15,7 @@
 The inputs and constants of a bundle, with their types and values checked.
 
 An input's type is that of the message field that feeds it, or the plain type that is given. What
-cannot be used is told in the problems, and what stands on it is broken silently.
+cannot be used is added to the problems, and what stands on it is broken silently.
 """
 
 from collections.abc import Callable

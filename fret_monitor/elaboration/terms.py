@@ -15,7 +15,7 @@
 Terms: what an expression means while its types are being worked out, and how types meet.
 
 A `TypedTerm` is a typed `Formula`, or an `ExactNumber` that has no type yet, or a name that only a
-comparison can place (`LANDING` in `state = LANDING`), or a mistake already told. `unify`,
+comparison can place (`LANDING` in `state = LANDING`), or a mistake already reported. `unify`,
 `convert` and `cast` are the rule by which types meet (docs/numbers.md); errors are
 `CompileError`, with the place of the operand that does not fit.
 """
@@ -70,7 +70,7 @@ class Undeclared:
 
 @dataclass(frozen=True, eq=False)
 class Broken:
-    """The place of a mistake that was told; whatever is made of it is broken silently."""
+    """The place of a mistake that was reported; whatever is made of it is broken silently."""
 
 
 Value: TypeAlias = Formula | ExactNumber | Undeclared | Broken
@@ -97,7 +97,7 @@ class TypedTerm:
 
     @property
     def is_broken(self) -> bool:
-        """Whether a mistake in it was told."""
+        """Whether a mistake in it was reported."""
         return isinstance(self.value, Broken)
 
     @property
@@ -273,7 +273,7 @@ def formula_of(term: TypedTerm) -> Formula:
     """Return a term's formula; a literal becomes int64 or float64, as written."""
     match term.value:
         case Undeclared() | Broken():
-            raise AssertionError('mistakes are told before')
+            raise AssertionError('mistakes are reported before')
         case ExactNumber() as literal:
             return cast(term, literal, common_type([literal]))
         case formula:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The reference semantics: what a formula means over a whole trace, as DESIGN 5 says it.
+The reference semantics: what a formula means over a whole trace, as docs/language.md says it.
 
 `evaluate` takes a formula and a trace and returns the formula's value at every step. It is written
 from the table, with quantifiers over steps, and is meant to be read, not to be fast: an operator
@@ -126,7 +126,7 @@ def _rule(node: Formula, columns: _Columns, trace: Trace,
             assert_never(node)
 
 
-# Past-time operators: the table of DESIGN 5, line by line.
+# Past-time operators: the table of docs/language.md, line by line.
 
 def _yesterday(p: list[Value], at_start: bool) -> _Rule:
     return lambda t: p[t - 1] if t > 0 else at_start

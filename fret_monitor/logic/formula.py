@@ -17,7 +17,7 @@ The typed past-time MTL of a requirement.
 
 A `Formula` is interned: structural equality is identity, so that equality and hashing cost O(1)
 and equal subterms are one object. It is typed: operands have exactly the types that an operator
-takes, all conversions are nodes. What each operator means is in DESIGN 5; `logic/evaluate.py`
+takes, all conversions are nodes. docs/language.md says what each operator means, `evaluate.py`
 says it once as a program. Formulas get deep: walk them with `postorder`, never by recursion.
 
 Types of terms: an input has its declared type; every other node is BOOL, INT64, UINT64, FLOAT32

@@ -63,7 +63,7 @@ def test_generated_c_compiles_without_a_warning(name: str, standard: str, tmp_pa
     compiler = COMPILERS[name]()
     if compiler is None:
         pytest.skip(f'needs {name}')
-    # No expression nests deeper than 32 (DESIGN 7), which clang can hold it to.
+    # No expression nests deeper than 32, which clang can hold it to.
     extra = ('-fbracket-depth=32',) if name == 'clang' else ()
     sources = write_module(random_module(1, 40, 25), tmp_path)
     for level in ('-O0', '-O1', '-O2', '-O3'):

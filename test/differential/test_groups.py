@@ -15,7 +15,7 @@
 """
 Messages in any order: the evaluator against the reference run once for each requirement.
 
-The reference of a requirement sees only the steps that DESIGN 6 gives its group. What those are is
+The reference of a requirement sees only the steps of its group. What those are is
 said here once more, for one requirement at a time, in the plainest way.
 """
 

@@ -31,7 +31,7 @@ from fret_monitor.model.diagnostics import CompileError, Source, Text
 from fret_monitor.model.values import ValueType
 import pytest
 
-# Sentences that FRET accepts and formalises wrongly (DESIGN 5), and what we say of them.
+# Sentences that FRET accepts and formalises wrongly, and what we say of them.
 _FRETS_BUGS = {
     'the sw shall always satisfy ~p & q': 'drops ~',
     'the sw shall always satisfy ~(p)': 'drops ~',

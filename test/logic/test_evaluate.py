@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tests of the reference semantics: the table of DESIGN 5, worked by hand and by brute force."""
+"""Tests of the reference semantics: the table of operators, worked by hand and by brute force."""
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
