@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`bench BUNDLE [--json]`: what a bundle costs."""
+"""`bench BUNDLE [--json]`: time of a step, state and compile time of a bundle."""
 
 from argparse import _SubParsersAction, ArgumentParser, Namespace
 import json
@@ -23,9 +23,9 @@ from fret_monitor.traces.benchmark import measure, Measurement
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     """Add the verb to the command line."""
-    parser = verbs.add_parser('bench', help='measure time a step, state, and compile time')
+    parser = verbs.add_parser('bench', help='measure step time, state and compile time')
     parser.add_argument('bundle', metavar='BUNDLE', type=Path)
-    parser.add_argument('--json', action='store_true', help='as one JSON object')
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
     parser.set_defaults(run=run)
 
 

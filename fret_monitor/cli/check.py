@@ -43,7 +43,7 @@ _FORMULA_WIDTH = 2000
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     """Add the verb to the command line."""
-    parser = verbs.add_parser('check', help='tell all problems of a bundle, or what it monitors')
+    parser = verbs.add_parser('check', help='print all problems of a bundle, or its requirements')
     parser.add_argument('bundles', metavar='BUNDLE', nargs='+', type=Path)
     parser.set_defaults(run=run)
 
@@ -102,7 +102,7 @@ def _table(rows: list[tuple[str, ...]]) -> Iterator[str]:
 
 
 def _owned_bytes(generated: GeneratedMonitor) -> list[int]:
-    """Return what each requirement would need if it were alone."""
+    """Return the bytes of state that each requirement would need in a bundle of its own."""
     alone = (lower(replace(generated.specification, properties=(item,)))
              for item in generated.specification.properties)
     return [state_bytes(tuple(lay_out(group) for group in program.groups)) for program in alone]

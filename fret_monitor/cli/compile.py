@@ -31,7 +31,7 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     parser.add_argument('bundle', metavar='BUNDLE', type=Path)
     parser.add_argument('--output', metavar='DIR', type=Path, required=True)
     parser.add_argument('--worst-case', action='store_true',
-                        help='tell the most instructions and stack that a step takes')
+                        help='print the most instructions and stack that a step takes')
     parser.set_defaults(run=run)
 
 
@@ -59,7 +59,7 @@ def _worst_case(generated: GeneratedMonitor) -> Iterator[str]:
     yield 'worst case of a step of all requirements:'
     yield f'  at most {counted(cost.own, "instruction")}{more} (x86-64, gcc -O2)'
     if stack is None:
-        yield '  stack: only gcc from version 10 on tells it; name one in CC'
+        yield '  stack: only gcc 10 or later can tell it; name one in CC'
     else:
         yield (f'  at most {counted(stack.monitor + stack.evaluator, "byte")} of stack: '
                f'{stack.evaluator:,} of the evaluator, {stack.monitor:,} of the monitors, '

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`explain BUNDLE [ID]`: what requirements mean, with examples drawn as timelines."""
+"""`explain BUNDLE [ID]`: what requirements mean, with example traces as timelines."""
 
 from argparse import _SubParsersAction, ArgumentParser, Namespace
 from pathlib import Path
@@ -28,8 +28,8 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     """Add the verb to the command line."""
     parser = verbs.add_parser('explain', help='say what requirements mean, with examples')
     parser.add_argument('bundle', metavar='BUNDLE', type=Path)
-    parser.add_argument('id', metavar='ID', nargs='?', help='one requirement; all when left out')
-    parser.add_argument('--svg', metavar='FILE', type=Path, help='draw the timelines there')
+    parser.add_argument('id', metavar='ID', nargs='?', help='one requirement; default: all')
+    parser.add_argument('--svg', metavar='FILE', type=Path, help='write the timelines as SVG')
     parser.set_defaults(run=run)
 
 

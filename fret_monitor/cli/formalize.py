@@ -34,7 +34,7 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
 
 
 def run(options: Namespace) -> int:
-    """Print the formula; what is not declared is true or false or a number as it is used."""
+    """Print the formula; types of names are inferred from their use."""
     text = sys.stdin.read() if options.text == '-' else options.text
     sentence = parse_fretish(Text.whole(Source('<sentence>', text)))
     formula, warnings = formalize(sentence, options.language)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`fret-monitor VERB`: parse the arguments, call the verb, tell errors."""
+"""`fret-monitor VERB`: parse the arguments, run the verb, print errors."""
 
 from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
@@ -34,7 +34,7 @@ _VERBS = (check, formalize, simulate, compile_verb, bench, import_, explain, pro
 
 
 class _Terminated(BaseException):
-    """The process has been asked to end."""
+    """The process received SIGTERM."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,8 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 for success, 1 for a bad bundle or trace (or no compiler), 2 for wrong usage; as a
-        shell has it, 130 after SIGINT and 143 after SIGTERM.
+        0 for success, 1 for a bad bundle or trace (or no compiler), 2 for wrong usage, 130 after
+        SIGINT and 143 after SIGTERM, as shells do.
     """
     try:
         with _terminable():
@@ -61,7 +61,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         parser.print_help(sys.stderr)
         print('\nfret-monitor: error: a verb is missing', file=sys.stderr)
         return 2
-    if isinstance(sys.stdout, TextIOWrapper):  # names need not be what a terminal can show
+    if isinstance(sys.stdout, TextIOWrapper):  # the terminal may not know all characters
         sys.stdout.reconfigure(errors='backslashreplace')
     logging.basicConfig(format='warning: %(message)s')
     try:
@@ -70,11 +70,11 @@ def _main(arguments: Sequence[str] | None) -> int:
         return status
     except (CompileError, NativeError) as error:
         with suppress(OSError):
-            sys.stdout.flush()  # what was written before comes before
+            sys.stdout.flush()  # keep the order of the two streams
         print(error if isinstance(error, CompileError) else f'error: {error}', file=sys.stderr)
         return 1
     except BrokenPipeError:
-        # The reader of our output has gone: not an error, and nothing more to say.
+        # The reader of our output has gone, which is not an error.
         _drop_output()
         return 1
     except OSError as error:
@@ -90,9 +90,10 @@ def _main(arguments: Sequence[str] | None) -> int:
 @contextmanager
 def _terminable() -> Iterator[None]:
     """
-    Let SIGTERM raise `_Terminated` inside this block, so that it can clean up behind it.
+    Raise `_Terminated` on SIGTERM inside this block, so that it can clean up.
 
-    Python would end at once, and leave a compiler running. A handler of the caller's stays.
+    Python's default would end the process at once and leave a compiler running. If the caller has
+    set a handler, that stays.
     """
     is_ours = (current_thread() is main_thread()
                and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL)
@@ -107,21 +108,21 @@ def _terminable() -> Iterator[None]:
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
-    signal.signal(number, signal.SIG_IGN)  # a second one would cut the cleaning short
+    signal.signal(number, signal.SIG_IGN)  # a second signal would interrupt the cleaning up
     raise _Terminated
 
 
 def _drop_output() -> None:
-    """Let what is not written yet go nowhere, so that it does not fail again at the end."""
+    """Discard buffered output, so that flushing it at exit does not fail again."""
     with open(os.devnull, 'w', encoding='utf-8') as nowhere:
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
 def _parser() -> ArgumentParser:
     parser = ArgumentParser(
-        'fret-monitor', description='Compile, check and try requirements in past-time MTL.')
+        'fret-monitor', description='Check, compile and run monitors of requirements.')
     verbs = parser.add_subparsers(
-        metavar='VERB', title='verbs (fret-monitor VERB --help tells more)')
+        metavar='VERB', title='verbs (details: fret-monitor VERB --help)')
     for verb in _VERBS:
         verb.add_to(verbs)
     return parser

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`simulate BUNDLE --trace FILE.csv`: the compiled monitors over a recorded or made-up trace."""
+"""`simulate BUNDLE --trace FILE.csv`: run the compiled monitors over a trace."""
 
 from argparse import _SubParsersAction, ArgumentParser, Namespace
 from pathlib import Path
@@ -28,16 +28,16 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     parser = verbs.add_parser('simulate', help='run the monitors over a CSV trace')
     parser.add_argument('bundle', metavar='BUNDLE', type=Path)
     parser.add_argument('--trace', metavar='FILE.csv', type=Path, required=True,
-                        help='one column an input, one row a step')
+                        help='one column for each input, one row for each step')
     parser.add_argument('--verdicts', metavar='FILE.csv', type=Path,
-                        help='where to write; standard output when left out')
+                        help='where to write the verdicts; default: standard output')
     parser.add_argument('--fail-on-violation', action='store_true',
                         help='exit with 1 if any requirement was violated')
     parser.set_defaults(run=run)
 
 
 def run(options: Namespace) -> int:
-    """Simulate; 1 if a violation was to be failed on and there was one."""
+    """Simulate; return 1 if there was a violation and --fail-on-violation is given."""
     compiled = start(options.bundle)
     for warning in compiled.warnings:
         print(warning.render(), file=sys.stderr)

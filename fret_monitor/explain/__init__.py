@@ -13,8 +13,7 @@
 # limitations under the License.
 
 """
-What a bundle's requirements mean, shown: words, examples and timelines.
+Explain the requirements of a bundle in words, with example traces and timelines.
 
-Nothing here is looked up: words come from the sentence or the formula, examples from running the
-compiled monitor.
+The words come from the sentence or the formula, the examples from running the compiled monitor.
 """

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-`explain` put together: a requirement taken apart, said in English, and shown.
+Explanations of requirements: fields, meaning in English, formula and example traces.
 
-`explain` takes a bundle as understood and returns an `Explanation` of each of its requirements, or
-of one; `shown` makes text of one, `svg.to_svg` a picture of their timelines.
+`explain` returns an `Explanation` of each requirement of a bundle, or of one. `shown` makes text
+of it, `svg.to_svg` a picture of its timelines.
 """
 
 from collections.abc import Iterator, Sequence
@@ -57,7 +57,7 @@ _LONGEST_SHOWN = 5_000
 @dataclass(frozen=True)
 class Explanation:
     """
-    What is said of one requirement.
+    The explanation of one requirement.
 
     `fields` and `meaning` are (name, text) pairs; `fields` is empty unless the property is a
     FRETish sentence. `timelines` are drawings of the examples that were found.
@@ -114,7 +114,7 @@ def explain(reading: Reading, id: str | None = None
 
 
 def _concerns(warning: Diagnostic, chosen: Sequence[Property]) -> bool:
-    """Whether a warning is about one of some requirements, or about none at all."""
+    """Whether a warning is about one of these requirements, or has no place."""
     span = warning.span
     places = [item.place for item in chosen if item.place]
     return span is None or any(place.source is span.source and place.start <= span.start
@@ -170,7 +170,7 @@ def _cut(text: str) -> str:
 
 
 def _definitions(item: Property, context: _Context) -> Iterator[tuple[str, str]]:
-    """Yield what the definitions that the words name stand for."""
+    """Yield the meaning of each definition that occurs in the formula."""
     inside = set(postorder(item.roots))
     for formula, name in context.names.items():
         if formula in inside and formula is not item.formula:
@@ -184,25 +184,26 @@ def _outlook(examples: Examples) -> str:
             return 'final: once false it stays false, whatever follows (by its form)'
         case Recovery.FINAL_BY_STATES:
             return ('final: once false it stays false, whatever follows '
-                    f'(all its states looked at: {examples.states:,})')
+                    f'(all states explored: {examples.states:,})')
         case Recovery.POSSIBLE:
             return 'can recover: a false verdict can become true again, as shown below'
         case Recovery.NEVER_FALSE:
-            return f'never false (all its states looked at: {examples.states:,})'
+            return f'never false (all states explored: {examples.states:,})'
         case Recovery.NONE_FOUND:
-            return f'no recovery found in {_looked(examples)}; this is no proof that none exists'
+            return (f'no recovery found in {_looked(examples)}; this does not prove that none '
+                    'exists')
 
 
 def _remarks(subject: Subject, examples: Examples) -> Iterator[str]:
     for trace, kind in ((examples.satisfying, 'satisfies'), (examples.violating, 'violates')):
         if trace is None and examples.is_proved:
-            yield f'No trace {kind} it (all its states looked at: {examples.states:,}).'
+            yield f'No trace {kind} it (all states explored: {examples.states:,}).'
         elif trace is None:
             yield f'No trace that {kind} it was found in {_looked(examples)}; there may be one.'
     for trace, verb in ((examples.satisfying, 'satisfy it'), (examples.violating, 'violate it'),
                         (examples.recovering, 'let it recover')):
         if trace and _has_nan(trace):
-            yield (f'Only with NaN was a trace found to {verb}: a float may be that, and all '
+            yield (f'Only a trace with NaN was found to {verb}: a float may be that, and all '
                    'comparisons with it but != are false.')
     if examples.satisfying and not _is_triggered(subject, examples.satisfying):
         yield ('No trace was found in which its condition comes true and the verdict is true: '
@@ -245,7 +246,7 @@ def _drawing(subject: Subject, trace: Trace, title: str, context: _Context) -> T
 
 
 def _values(subject: Subject, trace: Trace) -> Iterator[str]:
-    """Yield for each input that is a number the values it has, and from which step."""
+    """Yield the values of each input that is not Boolean, and from which step on."""
     for number, signal in enumerate(subject.signals):
         if signal.type is ValueType.BOOL:
             continue

@@ -15,8 +15,8 @@
 """
 A FRETish sentence in fields and in plain English.
 
-The English is put together from what the scope, the condition and the timing mean, as the formula
-is (DESIGN 5); an `only` scope turns to the complement and denies there what the timing asks.
+The English is put together from scope, condition and timing, as the formula is (docs/fretish.md).
+An `only` scope is about the steps outside of it, and denies there what the timing asks.
 """
 
 from collections.abc import Iterator

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Timelines as a picture: SVG 1.1, plain shapes and text, no script and nothing from elsewhere."""
+"""Timelines as a picture: SVG 1.1 of shapes and text, without scripts or external files."""
 
 from collections.abc import Iterator, Sequence
 import re
@@ -27,7 +27,7 @@ _LETTER = 7.2
 _MARGIN = 16
 _COLOURS = {'true': '#3465a4', 'false': '#e4e7ea', 'satisfied': '#4e9a06', 'violated': '#cc0000',
             'left out': '#ffffff', 'text': '#222222', 'faint': '#666666'}
-# What XML 1.0 cannot hold, escaped or not.
+# Characters that XML 1.0 forbids, even escaped.
 _FORBIDDEN = re.compile('[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]')
 
 

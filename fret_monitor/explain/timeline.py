@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-A trace as rows of signs over a scale of steps.
+A trace drawn as rows of characters over a scale of steps.
 
-Long stretches in which nothing changes are left out, and marked with `~`.
+Long stretches without a change are shortened and marked with `~`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -32,7 +32,7 @@ _LABEL = 40
 
 @dataclass(frozen=True)
 class Band:
-    """A row: what it shows, and whether that is true at each column."""
+    """A row: its label, and whether that is true at each column."""
 
     label: str
     truth: tuple[bool, ...]
@@ -41,10 +41,10 @@ class Band:
 @dataclass(frozen=True)
 class Timeline:
     """
-    What is drawn: propositions, the verdict, and the step of each column.
+    The propositions and the verdict, and the step of each column.
 
-    A column of step None stands for steps that are left out, in which all is as beside it. With a
-    `period` (seconds) there is a scale of time too. `values` says what the inputs were.
+    A column of step None represents steps that are left out, in which nothing changes. With a
+    `period` (seconds) there is also a scale of time. `values` are lines about the inputs.
     """
 
     title: str
@@ -76,7 +76,7 @@ def _cut(label: str) -> str:
 
 
 def _columns(columns: Sequence[tuple[bool, ...]]) -> list[int]:
-    """Return the steps that get a column; a gap is the complement of one of its steps."""
+    """Return the steps that get a column; `~step` represents a gap with that step in it."""
     places: list[int] = []
     for _, group in groupby(range(len(columns)), key=columns.__getitem__):
         stretch = list(group)
@@ -109,7 +109,7 @@ def _signs(line: Timeline, band: Band, signs: str) -> str:
 
 
 def marked_steps(line: Timeline) -> list[tuple[int, int]]:
-    """Return the columns whose step is told, and that step: every fifth, the first, the last."""
+    """Return column and step of each mark of the scale: every fifth, after gaps, the last."""
     last = len(line.steps) - 1
     marks = []
     for column, step in enumerate(line.steps):
@@ -134,7 +134,7 @@ def _scales(line: Timeline) -> list[tuple[str, list[tuple[int, str]]]]:
 
 
 def _ruled(marks: Sequence[tuple[int, str]]) -> str:
-    """Return marks at their columns, but for those that the one before leaves no room."""
+    """Return marks at their columns; one that would overlap the mark before is left out."""
     text = ''
     for column, mark in marks:
         if not text or len(text) < column:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A formula in words. What it says in symbols stays the authority; the words are for reading."""
+"""A formula in English words, as a reading aid; the formula itself decides."""
 
 from collections.abc import Mapping
 from typing import assert_never, NamedTuple, TypeAlias
@@ -30,7 +30,7 @@ _CUT = ' ...'
 
 
 class _Within(NamedTuple):
-    """A formula inside another: in parentheses, unless it is short enough to need none."""
+    """A formula inside another one: in parentheses unless it is short."""
 
     node: Formula
 

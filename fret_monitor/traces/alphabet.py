@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Which values of its inputs a requirement can tell apart, and a row for each way they can be.
+The rows of input values to try for a requirement.
 
-Of an input that is compared with constants only, values on both sides of each, and equal to it,
-are all there is to tell. Such rows, one for each way the propositions can come out, stand for all
-values (`is_exact`); where numbers are added up or compared with one another they are a sample.
+If an input is only compared with constants, boundary values of these constants represent all its
+values. One row for each combination of truth values of the propositions then represents all rows
+(`is_exact`). If inputs are added or compared with one another, the rows are a sample.
 """
 
 from collections.abc import Iterable, Sequence
@@ -48,10 +48,10 @@ _SAMPLES = 256
 @dataclass(frozen=True)
 class Alphabet:
     """
-    What is tried: for each input some values, the simplest first, and rows of them.
+    Values of each input (`pools`), the simplest first, and rows of such values.
 
-    `rows` differ in what their propositions are; where `is_exact`, there is one for each way they
-    can be. None of `plain` holds a NaN.
+    The propositions differ from row to row. With `is_exact` there is a row for each combination of
+    truth values that they can have.
     """
 
     pools: tuple[tuple[Value, ...], ...]
@@ -65,7 +65,7 @@ class Alphabet:
 
 
 def alphabet(subject: Subject, rng: Random) -> Alphabet:
-    """Return the values and rows that tell apart what a requirement tells apart."""
+    """Return values and rows that make the propositions of a requirement true and false."""
     pools, is_exact = [], True
     for signal in subject.signals:
         found, is_all = _pool(signal, subject.propositions)
@@ -81,7 +81,7 @@ def alphabet(subject: Subject, rng: Random) -> Alphabet:
 
 
 def _rows(pools: Sequence[Sequence[Value]], rng: Random) -> tuple[list[Row], bool]:
-    """Return the rows of some pools, the plainest first, and whether these are all."""
+    """Return rows of the values, the simplest first, and whether these are all."""
     count = math.prod(len(values) for values in pools)
     if count <= _MAX_ROWS:
         ranked = sorted(product(*(enumerate(values) for values in pools)),
@@ -98,7 +98,7 @@ def _nans(row: Iterable[Value]) -> int:
 
 
 def _different(subject: Subject, rows: Sequence[Row]) -> list[Row]:
-    """Return the first row of each way the propositions can be."""
+    """Return the first row for each combination of truth values of the propositions."""
     trace = {signal.name: column
              for signal, column in zip(subject.signals, zip(*rows, strict=True), strict=True)}
     if not trace:
@@ -111,7 +111,7 @@ def _different(subject: Subject, rows: Sequence[Row]) -> list[Row]:
 
 
 def _pool(signal: Signal, propositions: Sequence[Formula]) -> tuple[list[Value], bool]:
-    """Return the values of an input that matter, and whether they stand for all."""
+    """Return values of an input, and whether they represent all its values."""
     if discrete := discrete_values(signal):
         return discrete, True
     numbers: set[int | float] = set()
@@ -128,7 +128,7 @@ def _pool(signal: Signal, propositions: Sequence[Formula]) -> tuple[list[Value],
 
 
 def _is_threshold(node: Formula) -> bool:
-    """Whether a comparison is between an input and a constant, with no rounding on the way."""
+    """Whether a comparison is between an input and a constant, without rounding."""
     if not isinstance(node, Binary):
         return False
     sides = (_unconverted(node.left), _unconverted(node.right))
@@ -138,7 +138,7 @@ def _is_threshold(node: Formula) -> bool:
 
 
 def _unconverted(node: Formula) -> Formula:
-    """Return what is converted, if the conversion keeps the order of all values."""
+    """Return the operand of a conversion that preserves the order of all values."""
     while isinstance(node, Conversion) and {node.type, node.argument.type} != {
             ValueType.INT64, ValueType.UINT64}:
         node = node.argument

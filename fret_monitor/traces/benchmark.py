@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-How long a step of a compiled bundle takes.
+Measure how long a step of a compiled bundle takes.
 
-The timed loop is C (`csrc/benchmark.c`) over buffers that were filled before.
+The timed loop is in C (`csrc/benchmark.c`) and reads inputs that were generated before.
 """
 
 from array import array
@@ -38,19 +38,19 @@ from fret_monitor.native.monitor import CData, Library, load, Monitor
 from fret_monitor.traces.boundary import both_sides
 from fret_monitor.traces.trace import Value
 
-# Enough rows that a processor cannot learn them by heart, and few enough for its cache.
-_ROWS = 1 << 17
-_BYTES = 4 << 20
-_WORD = 8
-_LINE = 64
-_PAGE = 4096
+# Too many rows for branch prediction to learn, few enough for the cache.
+_MAX_ROWS = 1 << 17
+_MAX_BYTES = 4 << 20
+_WORD_BYTES = 8
+_LINE_BYTES = 64
+_PAGE_BYTES = 4096
 _ROUND_NANOSECONDS = 20_000_000
-_LASTING = 200
+_LASTING_ROWS = 200  # for which an input keeps its value, on average
 _SIGNATURE = ('uint64_t (*)(const struct fm_monitor *, void *, const void *, uint64_t, uint64_t, '
               'bool *)')
 
 Values = Sequence[Sequence[Value]]
-"""For each input the values it takes in a benchmark, such as both sides of a threshold."""
+"""For each input the values it takes, such as both sides of a threshold."""
 
 
 @dataclass(frozen=True)
@@ -72,13 +72,13 @@ def lasting_inputs(monitor: Monitor, values: Values, seed: int = 0) -> Inputs:
     """Fill a buffer in which inputs keep a value for 200 rows on average."""
     rng = Random(seed)
     return _fill(monitor, values, lambda choices, last: last
-                 if last is not None and rng.randrange(_LASTING) else rng.choice(choices))
+                 if last is not None and rng.randrange(_LASTING_ROWS) else rng.choice(choices))
 
 
 def _fill(monitor: Monitor, values: Values,
           choose: Callable[[Sequence[Any], Any], Any]) -> Inputs:
-    stride = -(-int(monitor.pointer.inputs_bytes) // _WORD) * _WORD
-    count = min(_ROWS, max(1, _BYTES // stride))
+    stride = -(-int(monitor.pointer.inputs_bytes) // _WORD_BYTES) * _WORD_BYTES
+    count = min(_MAX_ROWS, max(1, _MAX_BYTES // stride))
     rows = bytearray(count * stride)
     for index, (item, choices) in enumerate(zip(monitor.manifest.inputs, values, strict=True)):
         column = _column(item, choices, choose, count)
@@ -100,21 +100,22 @@ def _column(item: ManifestInput, choices: Sequence[Value],
 
 
 class StepTimer:
-    """Times the steps of a monitor over given inputs; the state goes on from round to round."""
+    """Times the steps of a monitor on given inputs; the state is kept between rounds."""
 
     def __init__(self, monitor: Monitor, inputs: Inputs) -> None:
-        """Reset the state, and find out how many steps make a round of about 20 ms."""
+        """Reset the state, and choose the number of passes that take about 20 ms."""
         text = (csrc_directory() / 'benchmark.c').read_text(encoding='utf-8')
         library = build_library({'benchmark.c': text}, name='fm_benchmark')
         self._library = Library(library)
         self._time: Any = ffi.cast(_SIGNATURE, self._library.find('fm_benchmark'))
         self._monitor = monitor
         self._inputs = inputs
-        # Where blocks share cache lines, or the lower bits of their addresses, the same step takes
-        # a third longer: what is compared begins where a page does, verdicts a line behind.
-        after = (monitor.state_bytes // _LINE + 1) * _LINE
-        self._memory = ffi.new('char[]', _PAGE + after + len(monitor.manifest.requirements) + 1)
-        start = -(-int(ffi.cast('uintptr_t', self._memory)) // _PAGE) * _PAGE
+        # The same step takes a third longer if blocks share cache lines or the lower bits of their
+        # addresses. So the state begins at a page, and the verdicts at a cache line after it.
+        after = (monitor.state_bytes // _LINE_BYTES + 1) * _LINE_BYTES
+        self._memory = ffi.new(
+            'char[]', _PAGE_BYTES + after + len(monitor.manifest.requirements) + 1)
+        start = -(-int(ffi.cast('uintptr_t', self._memory)) // _PAGE_BYTES) * _PAGE_BYTES
         self._state: Any = ffi.cast('void *', start)
         self._verdicts: Any = ffi.cast('bool *', start + after)
         for group in range(monitor.pointer.n_groups):
@@ -139,7 +140,7 @@ def step_nanoseconds(monitor: Monitor, inputs: Inputs, rounds: int = 9) -> float
 
 @dataclass(frozen=True)
 class Measurement:
-    """What a bundle costs: nanoseconds (medians), bytes, and seconds from bundle to library."""
+    """Cost of a bundle: nanoseconds (medians), bytes, and seconds from bundle to library."""
 
     requirements: int
     ns_per_step: float

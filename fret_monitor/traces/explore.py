@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-All states a requirement can be in, breadth first: shortest examples, and proofs.
+Breadth-first search of the states of a requirement, for shortest examples and proofs.
 
-The monitor's state after a step says all that matters for the steps to come, so that a search
-that meets no new state any more has seen every trace there is of the rows it was given.
+The verdicts of later steps depend only on the state of the monitor. A search that finds no new
+state has therefore covered all traces of the given rows.
 """
 
 from collections.abc import Sequence
@@ -30,11 +30,11 @@ from fret_monitor.traces.trials import Trials
 @dataclass(frozen=True)
 class Exploration:
     """
-    What was found; None where there is no such trace among those looked at.
+    Shortest examples; None where no trace of the search is one.
 
-    `satisfying` ends with a true verdict and most triggers met, `violating` with a false one, and
-    `recovering` turns from false to true at its last step. All are as short as can be. With
-    `is_complete`, these are all traces of the rows.
+    `satisfying` ends with a true verdict and as many triggers met as possible, `violating` with a
+    false verdict. `recovering` changes from false to true at its last step. With `is_complete` the
+    search has covered all traces of the rows.
     """
 
     satisfying: Trace | None
@@ -46,7 +46,7 @@ class Exploration:
 
 
 class Wanted(NamedTuple):
-    """What is enough: so many true bits in a satisfying trace, and whether a recovery too."""
+    """When to stop: the true bits of a satisfying trace, and whether to look for a recovery."""
 
     met: int
     is_recovery: bool
@@ -54,15 +54,15 @@ class Wanted(NamedTuple):
 
 def explore(trials: Trials, rows: Sequence[Row], limit: int, wanted: Wanted) -> Exploration:
     """
-    Look at all states that can be reached with some rows, until `limit` steps have been taken.
+    Explore the states that can be reached with some rows, in at most `limit` steps.
 
-    It ends early when all that is wanted is found. O(limit) time and memory.
+    Stops early when everything wanted is found. O(limit) time and memory.
     """
     return _Search(trials, rows).run(limit, wanted)
 
 
 class _Search:
-    """Nodes are a state and the verdict there; each knows by which row it was first reached."""
+    """A node is a state and its verdict; `_reached` has the node and row it was reached from."""
 
     def __init__(self, trials: Trials, rows: Sequence[Row]) -> None:
         self._rows = rows

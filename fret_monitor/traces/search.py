@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-Example traces of a requirement, found by running its monitor, and made as simple as can be.
+Find example traces of a requirement by running its monitor, and simplify them.
 
-First all states are explored, which gives shortest examples, and proofs. Where there are too many,
-random traces are tried whose values stay for as long as the formula's bounds ask. What is found is
-made shorter and calmer for as long as it stays an example. The same bundle gives the same traces.
+Exploring all states gives shortest examples and proofs. If there are too many states, random
+traces are tried as well. Examples are then shrunk. The same bundle gives the same traces.
 """
 
 from array import array
@@ -57,10 +56,10 @@ class Recovery(Enum):
 @dataclass(frozen=True)
 class Examples:
     """
-    What was found about a requirement.
+    Examples for a requirement, and whether a false verdict can become true again.
 
-    The traces are None where none was found; where `is_proved`, none exists. `states` and `traces`
-    say how many were looked at.
+    A trace is None if none was found; with `is_proved` none exists. `states` and `traces` count
+    what was examined.
     """
 
     satisfying: Trace | None
@@ -74,14 +73,14 @@ class Examples:
 
 class Budget:
     """
-    How much is tried, in steps, for some requirements that are explained together.
+    The number of steps that may be taken for the requirements of a bundle together.
 
-    Each may take a large part of what is left, and has a small part in any case: the time stays
-    bounded for large bundles, and a hard one among easy ones is looked at closely.
+    Each requirement may use a large share of what is left, and always a small one. So the time for
+    a large bundle is bounded, and one hard requirement among easy ones gets most of it.
     """
 
     def __init__(self) -> None:
-        """Start with all of it."""
+        """Start with the whole budget."""
         self._left = {'explored': _EXPLORED, 'tried': _TRIED}
 
     def grant(self, name: str) -> int:
@@ -100,7 +99,7 @@ _LEAST = 8_000
 
 
 def find_examples(subject: Subject, budget: Budget, seed: int = 0) -> Examples:
-    """Find examples for a requirement within a budget, from which what was used is taken."""
+    """Find examples for a requirement, and subtract the steps taken from the budget."""
     return _Finder(subject, budget, Random(seed)).run()
 
 
@@ -143,7 +142,7 @@ class _Finder:
         return longer if judge([longer])[0] else shortest
 
     def _near_miss(self, violating: Trace | None) -> Trace | None:
-        """Return a violating trace with another end, if there is no trigger to be shown."""
+        """Return a violating trace with another end, if the requirement has no trigger."""
         if violating is None or self._subject.triggers:
             return None
         bits, = self._subject.trials.run([violating])
@@ -155,7 +154,7 @@ class _Finder:
         return None
 
     def _explore(self, wanted: Wanted) -> Exploration:
-        """Explore with rows that people would try first, and those with a NaN for what is left."""
+        """Explore rows without NaN first, then all rows for the examples still missing."""
         plain, rows = self._alphabet.plain, self._alphabet.rows
         found = self._explored(plain, wanted)
         if not found.is_complete or len(plain) == len(rows):
@@ -203,7 +202,7 @@ def _recovery(found: Exploration, is_final_form: bool, is_proved: bool) -> Recov
 
 
 def _satisfies(bits: _Bits, first: _Bits) -> bool:
-    """Whether a trace ends satisfied, with no fewer triggers met and no more steps false."""
+    """Whether a trace ends true, with as many triggers met and as few false steps."""
     return bool(bits[-1] & 1 and bits[-1].bit_count() >= first[-1].bit_count()
                 and _false_steps(bits) <= _false_steps(first))
 
@@ -221,7 +220,7 @@ def _recovers(bits: _Bits, first: _Bits) -> bool:
 
 
 class _Best:
-    """The best examples among random traces, cut off behind what they show."""
+    """The best examples among random traces, cut off after the step that matters."""
 
     def __init__(self, found: Exploration, met: int) -> None:
         self.satisfying, self.violating = found.satisfying, found.violating
@@ -244,7 +243,7 @@ class _Best:
 
 
 def _shorter(best: Trace | None, trace: Trace, steps: int) -> Trace | None:
-    """Return the first steps of a trace (0: none) if there is no better one."""
+    """Return the first steps of a trace, or `best` if that is no longer (0 steps: none)."""
     if steps == 0 or best is not None and length(best) <= steps:
         return best
     return first_steps(trace, steps)

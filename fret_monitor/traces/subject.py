@@ -40,10 +40,10 @@ _MAX_TRIGGERS = 4
 @dataclass(frozen=True)
 class Subject:
     """
-    A requirement, what it is about, and its compiled form.
+    A requirement, its propositions and triggers, and its compiled form.
 
-    Bit 0 of `trials` is its verdict; bit i + 1 is whether `triggers[i]` has been true yet.
-    `signals` are the inputs it reads, in the order of a row.
+    Bit 0 of a step's verdicts is that of the requirement; bit i + 1 is whether `triggers[i]` has
+    been true so far. `signals` are the inputs it reads, in the order of a row.
     """
 
     item: Property
@@ -56,10 +56,10 @@ class Subject:
 def subjects(specification: Specification, chosen: Sequence[Property],
              goals: Mapping[str, Sequence[Formula]] | None = None) -> list[Subject]:
     """
-    Compile some requirements of a bundle, each by itself.
+    Compile some requirements of a bundle, each in a step group of its own.
 
-    `goals` are, by id, what is to come true in an example; where there are none, the triggers of
-    the formula are.
+    `goals` are formulas, by id of the requirement, that should come true in an example; without
+    them the triggers of the formula are used.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def _alone(signal: Signal, mapping: Mapping[str, str]) -> Signal:
 
 def _properties(item: Property, found: Sequence[Formula], mapping: Mapping[str, str],
                 number: int) -> list[Property]:
-    """Return the requirement and its triggers, all of which read the same inputs."""
+    """Return a property for the requirement and each trigger; all read the same inputs."""
     names = {**mapping, **{node.name: f'{node.name}.{number}' for node, _ in item.feedback}}
     renamed = _renamed([*item.roots, *found], names)
     feedback = tuple((Feedback(names[node.name], node.type), renamed[equation])
@@ -121,13 +121,13 @@ def _properties(item: Property, found: Sequence[Formula], mapping: Mapping[str, 
 
 
 def _reading_as(other: Formula, formula: Formula) -> Formula:
-    """Return a formula that means the same and reads what another reads too."""
+    """Return an equivalent formula that also reads the inputs of another."""
     is_other = Binary(BinaryOperator.OR, TRUE, other)
     return Binary(BinaryOperator.AND, formula, is_other)
 
 
 def _renamed(formulas: Sequence[Formula], names: Mapping[str, str]) -> dict[Formula, Formula]:
-    """Return all nodes under some formulas, with other names of inputs and feedback."""
+    """Return each node of some formulas with its inputs and feedback renamed."""
     new: dict[Formula, Formula] = {}
     for node in postorder(formulas):
         new[node] = _rebuilt(node, new, names)

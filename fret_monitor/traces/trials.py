@@ -13,10 +13,9 @@
 # limitations under the License.
 
 """
-Many short traces through one compiled requirement, and the states that can follow a state.
+Run many short traces through a compiled requirement, or one step from a given state.
 
-A trace is a sequence of runs: a row of values of the requirement's inputs, and for how many steps
-it stays. The loops are C (`csrc/trials.c`); what they drive is the group's own step function.
+The loops are in C (`csrc/trials.c`) and call the step function of the requirement's group.
 """
 
 from array import array
@@ -38,7 +37,7 @@ _INIT = 'void (*)(void *, const struct fm_group *, void *, bool *, const uint32_
 
 
 class TrialLibrary:
-    """The loops of `csrc/trials.c`, compiled or found compiled; raises `NativeError`."""
+    """The compiled loops of `csrc/trials.c`; raises `NativeError`."""
 
     def __init__(self) -> None:
         """Build and open it."""
@@ -52,7 +51,7 @@ class TrialLibrary:
 
 class Trials:
     """
-    Tries some requirements of one group, all at once.
+    Runs traces through some requirements of one group.
 
     The verdicts of a step are one number: bit i is the verdict of the i-th requirement.
     """
@@ -75,11 +74,11 @@ class Trials:
 
     @property
     def inputs(self) -> tuple[ManifestInput, ...]:
-        """What a row holds."""
+        """The inputs of a row."""
         return tuple(self._monitor.manifest.inputs[index] for index in self._inputs)
 
     def _place(self) -> tuple[int, int]:
-        """Find which bytes of the state are the group's: those that its reset writes."""
+        """Return offset and size of the group's state: the bytes that its reset writes."""
         memory = ffi.buffer(self._state)
         touched: set[int] = set()
         for fill in (0x00, 0xFF):
@@ -110,7 +109,7 @@ class Trials:
         return found
 
     def _pack(self, rows: Sequence[Row]) -> tuple[CData, int]:
-        """Return inputs structs of some rows, and how far apart they lie."""
+        """Return some rows as an array of inputs structs, and the stride in bytes."""
         stride = -(-int(self._monitor.pointer.inputs_bytes) // _WORD) * _WORD
         block = bytearray(max(1, stride * len(rows)))
         places = [(int(self._monitor.pointer.inputs[index].offset),
@@ -127,18 +126,18 @@ class Trials:
         return bytes(ffi.buffer(self._state)[self._begin:self._begin + self._size])
 
     def follower(self, rows: Sequence[Row]) -> 'Follower':
-        """Return what steps from any state with each of some rows."""
+        """Return a function of a state that takes one step with each of some rows."""
         packed, stride = self._pack(rows)
         return Follower(self._library, self._self, (packed, stride, len(rows)),
                         (self._begin, self._size), self)
 
 
 class Follower:
-    """Steps from a state with each of some rows."""
+    """Takes one step from a given state with each of some rows."""
 
     def __init__(self, library: TrialLibrary, trials: CData, rows: tuple[CData, int, int],
                  place: tuple[int, int], owner: Trials) -> None:
-        """Be made by `Trials.follower`."""
+        """Use `Trials.follower`."""
         self._library, self._trials, self._rows, self._place = library, trials, rows, place
         self._owner = owner
         self._states = bytearray(max(1, rows[2] * place[1]))

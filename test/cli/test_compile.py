@@ -63,7 +63,7 @@ def test_a_compiler_that_cannot_tell_the_stack_is_told(
     bundle = here.file('pump.yaml', PUMP)
     done = here.run('compile', bundle, '--output', here.folder / 'out', '--worst-case')
     assert (done.status, done.err) == (0, '')
-    assert done.out.endswith('  stack: only gcc from version 10 on tells it; name one in CC\n')
+    assert done.out.endswith('  stack: only gcc 10 or later can tell it; name one in CC\n')
 
 
 def test_what_is_refused_is_told_on_one_line_and_written_nowhere(here: Here) -> None:
