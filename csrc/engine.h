@@ -109,8 +109,8 @@ FM_EXPORT bool fm_engine_take_detail(
   struct fm_engine * engine, struct fm_detail * out, uint32_t milliseconds);
 
 /// Copy the first message of a topic that had a field that could not be used, and forget it, so
-/// that the next one is kept. Returns its size, 0 if there is none. If the size is more than `room`,
-/// nothing is written and the message stays. O(size).
+/// that the next one is kept. Returns its size, 0 if there is none. If the size is more than
+/// `room`, nothing is written and the message stays. O(size).
 FM_EXPORT size_t fm_engine_evidence(
   struct fm_engine * engine, uint32_t topic, uint8_t * out, size_t room);
 

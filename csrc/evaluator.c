@@ -51,7 +51,7 @@ struct group_cell
   uint32_t unset;         // inputs without a value
   uint32_t awaited;       // inputs not received since stepped_at
   uint32_t stale;         // inputs that are
-  bool knows_stale;       // its verdicts are false of it already
+  bool knows_stale;       // its verdicts were made false for that
 };
 
 struct requirement_cell
@@ -226,7 +226,7 @@ static bool holds_its_own(const struct fm_monitor * monitor, uint32_t g)
   return true;
 }
 
-// Every requirement stands in one group, the one it names: no message announces one twice.
+// Every requirement stands in one group, the one it names, so that no step announces it twice.
 static bool groups_are_sound(const struct fm_monitor * monitor)
 {
   uint64_t placed = 0;
@@ -294,7 +294,7 @@ static void count_readers(struct fm_evaluator * evaluator)
   }
 }
 
-// Turn "group g reads input i" round. Groups come in order, so each list ascends.
+// List for each input the groups that read it. Groups come in order, so each list ascends.
 static void list_readers(struct fm_evaluator * evaluator, uint32_t * pool)
 {
   const struct fm_monitor * monitor = evaluator->monitor;
@@ -313,7 +313,8 @@ static void list_readers(struct fm_evaluator * evaluator, uint32_t * pool)
   }
 }
 
-// Give each topic its inputs, and room for its groups. False if an input is none, or has two.
+// Give each topic its inputs, and room for its groups. False if an index is out of range, or an
+// input has two topics.
 static bool make_topics(
   struct fm_evaluator * evaluator, const struct fm_topic * topics, uint32_t * pool)
 {
@@ -442,7 +443,7 @@ static void copy_value(void * place, enum fm_type type, const void * from)
   }
 }
 
-// An input has been written: if it is its first value, its readers wait for one less.
+// An input has been written. With its first value its readers wait for one input less.
 static void note_value(struct fm_evaluator * evaluator, struct input_cell * input)
 {
   if (!input->has_value) {
@@ -455,7 +456,7 @@ static void note_value(struct fm_evaluator * evaluator, struct input_cell * inpu
   }
 }
 
-// Tell the readers that the input is received anew; count the value that one of them missed.
+// Note for each reader that the input is received anew; count a value that one never stepped on.
 static void renew(struct fm_evaluator * evaluator, struct input_cell * input)
 {
   bool missed = false;
@@ -472,9 +473,9 @@ static void renew(struct fm_evaluator * evaluator, struct input_cell * input)
   input->received_at = evaluator->clock;
 }
 
-// A group's last stale input has spoken. If others keep it from stepping, nothing would ever
-// take back what the silence said.
-static void end_silence(struct fm_evaluator * evaluator, uint32_t g)
+// A group's last stale input was stored. A group that is not ready takes no step that could set
+// its verdicts, so they are set here.
+static void end_timeout(struct fm_evaluator * evaluator, uint32_t g)
 {
   const struct fm_group * group = &evaluator->monitor->groups[g];
   evaluator->groups[g].knows_stale = false;
@@ -484,14 +485,14 @@ static void end_silence(struct fm_evaluator * evaluator, uint32_t g)
   }
 }
 
-static void note_speech(struct fm_evaluator * evaluator, struct input_cell * input)
+static void end_staleness(struct fm_evaluator * evaluator, struct input_cell * input)
 {
   input->stale = false;
   for (uint32_t k = 0; k < input->n_readers; ++k) {
     struct group_cell * group = &evaluator->groups[input->readers[k]];
     group->stale -= 1;
     if (group->stale == 0) {
-      end_silence(evaluator, input->readers[k]);
+      end_timeout(evaluator, input->readers[k]);
     }
   }
 }
@@ -500,7 +501,7 @@ static void note_receipt(struct fm_evaluator * evaluator, struct input_cell * in
 {
   note_value(evaluator, input);
   if (input->stale) {
-    note_speech(evaluator, input);
+    end_staleness(evaluator, input);
   }
   input->counts.received += 1;
   if (evaluator->policy == FM_ALL_INPUTS) {
@@ -603,7 +604,7 @@ static void judge_group(struct fm_evaluator * evaluator, uint32_t g, struct repo
   }
 }
 
-// Whatever the formulas say of old values, the verdicts are false.
+// The verdicts of a stale group are false, whatever its formulas say of old values.
 static void overrule(struct fm_evaluator * evaluator, uint32_t g)
 {
   const struct fm_group * group = &evaluator->monitor->groups[g];

@@ -14,10 +14,11 @@
 
 /// evaluator.h: when a step is due, what is ready, what is reported, what is counted.
 ///
-/// The one place that decides it (DESIGN 6); the node, the offline checker and `simulate` feed it.
-/// The caller owns all memory: ask fm_evaluator_bytes, hand in a block aligned to 16 bytes.
-/// Not thread-safe: whoever shares an evaluator holds a mutex around each call.
-/// No function allocates, blocks, or fails other than by the stated return value.
+/// The one place that decides this; the node and `simulate` only pass values to it.
+/// The caller owns all memory: it asks fm_evaluator_bytes and passes a block aligned to 16 bytes.
+/// Not thread-safe: callers that share an evaluator hold a mutex around each call.
+/// No function allocates, blocks, or fails except by the stated return value. Without a stated
+/// complexity a function is O(1).
 
 #ifndef EVALUATOR_H_
 #define EVALUATOR_H_
@@ -68,16 +69,16 @@ struct fm_violation
 struct fm_requirement_counts
 {
   uint64_t steps;
-  uint64_t violations;   // steps whose verdict was false, and silences (fm_evaluator_stale)
+  uint64_t violations;   // steps whose verdict was false, and timeouts (fm_evaluator_stale)
   uint64_t announced;    // those that were reported (all, or onsets)
-  bool verdict;          // of the last step or silence; true before the first
+  bool verdict;          // of the last step or timeout; true before the first
 };
 
 /// Counters of an input.
 struct fm_input_counts
 {
   uint64_t received;     // values stored
-  uint64_t unusable;     // told with fm_evaluator_unusable
+  uint64_t unusable;     // counted with fm_evaluator_unusable
   uint64_t overwritten;  // with FM_ALL_INPUTS: values that a group reading it never stepped on
 };
 
@@ -85,7 +86,7 @@ struct fm_input_counts
 struct fm_topic_counts
 {
   uint64_t messages;     // that were steps or could have been
-  uint64_t undecodable;  // told with fm_evaluator_undecodable
+  uint64_t undecodable;  // counted with fm_evaluator_undecodable
 };
 
 struct fm_evaluator;
@@ -124,18 +125,19 @@ FM_EXPORT void fm_evaluator_unusable(struct fm_evaluator * evaluator, uint32_t i
 /// Count a message that cannot be decoded: it is no step.
 FM_EXPORT void fm_evaluator_undecodable(struct fm_evaluator * evaluator, uint32_t topic);
 
-/// An input is silent for longer than may be: from here until its next store it is stale, and so
-/// is each group that reads it. A stale group steps as ever, on the old values, so that its past
-/// goes on; but all its verdicts are false, whatever its formulas say.
+/// An input has timed out: until its next store it is stale, and so is each group that reads it. A
+/// stale group still steps, on the old values, so that its past goes on; but all its verdicts are
+/// false, whatever its formulas say.
 /// A group that becomes stale by this call violates its requirements once, without a step, ready
-/// or not: they are counted and, unless report_onset finds the last verdict false already,
-/// announced, with the number of the group's next step. As `out` and the value returned of
+/// or not. They are counted and, unless report_onset finds the last verdict false already,
+/// announced, with the number of the group's next step. `out` and the return value are as those of
 /// fm_evaluator_message.
-/// `received` is what fm_evaluator_input_counts said when the silence was found: if a value has
-/// come since, nothing happens. To say it again of a stale input does nothing either, except
+/// `received` is what fm_evaluator_input_counts returned when the timeout was found: if a value
+/// has been stored since, nothing happens. A second call for a stale input does nothing, except
 /// after a reset: the groups that have not stepped since are violated anew.
-/// When its last silence ends, a group that is not ready counts as satisfied again; one that is
-/// keeps its verdict until its next step. O(groups that read the input, and their requirements).
+/// When the last stale input of a group is stored, a group that is not ready counts as satisfied
+/// again; one that is ready keeps its verdict until its next step.
+/// O(groups that read the input, and their requirements).
 FM_EXPORT uint32_t fm_evaluator_stale(
   struct fm_evaluator * evaluator, uint32_t input, uint64_t received, int64_t stamp,
   struct fm_violation * out);

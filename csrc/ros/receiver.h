@@ -31,9 +31,9 @@ struct fm_receiver;
 
 /// Start to deliver the messages of a subscription (an rmw_subscription_t that nobody else takes
 /// from) as those of a topic; what it holds already comes first, 1000 messages at most before this
-/// returns. The engine, the middleware and the subscription outlive the receiver. `is_in_place`: the
-/// subscription was made with a type support of fm_in_place_make. NULL if the middleware has no such
-/// callback, or memory is short.
+/// returns. The engine, the middleware and the subscription outlive the receiver. `is_in_place`:
+/// the subscription was made with a type support of fm_in_place_make. NULL if the middleware has no
+/// such callback, or memory is short.
 ///
 /// These functions may be called from any thread except the middleware's callback; no two of them
 /// at once for one receiver, except fm_receiver_retire.
@@ -45,9 +45,9 @@ FM_EXPORT struct fm_receiver * fm_receiver_start(
 /// it, so that their order is kept.
 FM_EXPORT void fm_receiver_drain(struct fm_receiver * receiver);
 
-/// Poll, some times a second. Drains where the last callback or drain stopped at its limit. Recovers
-/// messages whose notification was lost: the next callback looks for more than it was notified
-/// of, and every 16th call without a callback drains.
+/// Poll, some times a second. Drains where the last callback or drain stopped at its limit.
+/// Recovers messages whose notification was lost: the next callback looks for more than it was
+/// notified of, and every 16th call without a callback drains.
 FM_EXPORT void fm_receiver_poll(struct fm_receiver * receiver);
 
 /// A new subscription replaces this one: see fm_origin.is_retired. O(1).

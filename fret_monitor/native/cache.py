@@ -17,15 +17,15 @@ Libraries built from C text, and kept, so that a second start compiles nothing.
 
 A library lives in `$ROS_HOME/fret_monitor/KEY/` (`ROS_HOME` is `~/.ros` when unset), beside its
 sources and a seal: the name and SHA-256 of the library. KEY is the SHA-256 of all that decides
-what it is: sources, headers, compiler, flags, machine. A folder gets its name only when it is
-complete, by one rename; so two processes may build the same one, and one that dies midway leaves
-nothing that could be taken for a library. Whoever may write there can run code as the user: a
-folder that others own or can write is refused, and so is, one by one, what is in it. One that
-cannot be written at all is done without.
+what it is: sources, headers, compiler, flags, machine; for a copy, the SHA-256 of the library.
+A folder gets its name only when it is complete, by one rename: two processes may build the same
+library, and one that is killed leaves nothing that could be taken for a library. Somebody who can
+write there can run code as the user: a folder that others own or can write is refused, and so is
+each entry in it. Where the folder cannot be written at all, libraries are built for one run.
 
-The date of a seal says when its library was last asked for. After a build the libraries that
-nobody asked for in 90 days are removed, and the longest unused beyond 200; never one that was
-asked for within a day. One that a process has loaded stays whole for it, removed or not.
+The date of a seal says when its library was last used. After a build, libraries that were not used
+for 90 days are removed, and the longest unused beyond 200; never one used within a day. A process
+that has loaded a library keeps it, removed or not.
 """
 
 import atexit

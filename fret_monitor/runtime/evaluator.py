@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The evaluator for Python: a thin typed wrapper, all of whose decisions are taken in C.
+The evaluator for Python: a thin typed wrapper; all decisions are taken in C.
 
-What comes in are values and the news that a message or a period is complete; what goes out are
-the violations to announce. See `csrc/evaluator.h` for what each call means, and DESIGN 6.
+Values come in, and calls that say that a message or a period is complete; violations to announce
+come out. `csrc/evaluator.h` says what each call means.
 """
 
 from array import array
@@ -43,7 +43,7 @@ class Violation(NamedTuple):
 
 @dataclass(frozen=True)
 class RequirementCounts:
-    """Counters of a requirement, through all resets; `verdict` is of the last step or silence."""
+    """Counters of a requirement, through all resets; `verdict` is of the last step or timeout."""
 
     steps: int
     violations: int
@@ -70,10 +70,10 @@ class TopicCounts:
 
 class Evaluator:
     """
-    Runs a monitor: takes values, steps the groups that are due, tells of violations.
+    Runs a monitor: takes values, steps the groups that are due, returns violations.
 
     Inputs with an initial value have it from the start. Not thread-safe: calls let other Python
-    threads run, so whoever shares one holds a lock around each.
+    threads run, so users that share one hold a lock around each.
     """
 
     def __init__(
@@ -170,22 +170,22 @@ class Evaluator:
 
     def stale(self, index: int, received: int, stamp: int) -> list[Violation]:
         """
-        Take an input for stale until its next value: what reads it is violated.
+        Mark an input as stale until its next value: requirements that read it are violated.
 
         Parameters
         ----------
         index
             of the input.
         received
-            how many values of it there were when it was found silent; if there are more by now,
+            how many values of it had come when the timeout was found; if there are more by now,
             nothing happens.
         stamp
-            nanoseconds, handed through to the violations.
+            nanoseconds, passed on to the violations.
 
         Returns
         -------
         list[Violation]
-            those to announce at once; none where it was stale before, unless there was a reset.
+            those to announce; none where it was stale before, unless there was a reset.
         """
         count = self._library.fm_evaluator_stale(
             self.pointer, index, received, stamp, self._violations)
@@ -200,7 +200,7 @@ class Evaluator:
         topic
             index in the manifest's topics.
         stamp
-            nanoseconds, handed through to the violations.
+            nanoseconds, passed on to the violations.
 
         Returns
         -------

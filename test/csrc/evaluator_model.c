@@ -14,7 +14,7 @@
 /// The evaluator against a model of it: `evaluator_model SEED RUNS` makes RUNS random monitors,
 /// drives each with random calls, and compares all that can be seen after each call.
 ///
-/// The model is written from DESIGN 6 in the simplest way that comes to mind: it looks at every
+/// The model is written from the rules of evaluator.h in the simplest way: it looks at every
 /// group and every input each time, and remembers for each pair whether a value is new. It is slow
 /// and shares no line with the evaluator. Exit status 0 if both agree.
 
