@@ -32,6 +32,7 @@ from fret_monitor.lint.constant_verdicts import constant_verdicts
 from fret_monitor.lint.sentences import doubtful_sentences
 from fret_monitor.lint.unread import unread_topics
 from fret_monitor.logic.specification import Specification
+from fret_monitor.messages.installed import fingerprint
 from fret_monitor.model.diagnostics import by_place, CompileError, Diagnostic, Problems
 from fret_monitor.model.manifest import FORMAT, Manifest
 from fret_monitor.model.policies import Policy
@@ -109,7 +110,7 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
 
 def _messages(specification: Specification) -> tuple[tuple[str, str], ...]:
     layouts = {item.layout.name: item.layout for item in specification.signals if item.layout}
-    return tuple((name, layout.fingerprint) for name, layout in layouts.items())
+    return tuple((name, fingerprint(layout)) for name, layout in layouts.items())
 
 
 def _with_policy(bundle: Bundle, policy: Policy | None, period: Fraction | None,

@@ -29,7 +29,7 @@ from pathlib import Path
 import tempfile
 from typing import Any, TYPE_CHECKING
 
-from fret_monitor.messages.definitions import find_message
+from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Level, Source, Span
 from fret_monitor.model.manifest import Manifest, ManifestError
 from fret_monitor.model.policies import Policy
@@ -162,7 +162,7 @@ def _unchanged(path: Path, files: Any) -> list[Source] | None:
 def _messages(manifest: Manifest) -> dict[str, str]:
     """Return the fingerprint of each message type that a bundle reads."""
     types = {item.message_type for item in manifest.inputs if item.message_type is not None}
-    return {name: find_message(name).fingerprint for name in types}
+    return {name: fingerprint(find_message(name)) for name in types}
 
 
 def _unpacked(item: list[Any], sources: list[Source]) -> Diagnostic:

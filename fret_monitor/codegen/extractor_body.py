@@ -27,7 +27,8 @@ from fret_monitor.codegen.comments import comment
 from fret_monitor.codegen.message_sizes import STRINGS
 from fret_monitor.codegen.skippers import array_bound, Skippers, unsigned
 from fret_monitor.logic.specification import Signal
-from fret_monitor.messages.definitions import ArrayKind, FieldType, MessageField, MessageLayout
+from fret_monitor.messages.installed import nested_layout
+from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
 from fret_monitor.model.manifest import SECONDS
 from fret_monitor.model.values import ValueType
 
@@ -122,9 +123,9 @@ class ExtractorWriter:
         elif not kind.is_message:
             yield from self._number(kind.base, need.whole, path)
         elif need.whole:
-            yield from self._scalars(layout.nested(kind), need, path)
+            yield from self._scalars(nested_layout(layout, kind), need, path)
         else:
-            yield from self._message(layout.nested(kind), need, path + '.', is_last)
+            yield from self._message(nested_layout(layout, kind), need, path + '.', is_last)
 
     def _number(self, base: str, whole: Sequence[tuple[int, Signal]],
                 path: str) -> Iterator[str]:

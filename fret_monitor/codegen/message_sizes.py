@@ -23,7 +23,8 @@ fixed size up to that padding.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from fret_monitor.messages.definitions import ArrayKind, FieldType, MessageLayout
+from fret_monitor.messages.installed import nested_layout
+from fret_monitor.messages.layout import ArrayKind, FieldType, MessageLayout
 from fret_monitor.model.values import ValueType
 
 STRINGS = ('string', 'wstring')
@@ -102,7 +103,7 @@ class Sizes:
         if kind.base in STRINGS:
             return None
         if kind.is_message:
-            return self.of_message(layout.nested(kind))
+            return self.of_message(nested_layout(layout, kind))
         size = ValueType.of_field(kind.base).size
         return (ByteRun(size, size),)
 

@@ -19,7 +19,8 @@ from collections.abc import Iterable, Iterator
 from fret_monitor.codegen.message_sizes import (
     ByteRun, joined, repeated, Sizes, stride, STRINGS,
 )
-from fret_monitor.messages.definitions import ArrayKind, FieldType, MessageField, MessageLayout
+from fret_monitor.messages.installed import nested_layout
+from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
 
 _LARGEST = 2 ** 62  # of a run; no message is that long
 _NO_BOUND = 'UINT32_MAX'
@@ -84,7 +85,7 @@ class Skippers:
             return f'fm_cdr_skip_{kind.base}s'
         name = 'skip_' + kind.base.replace('/', '_')
         if name not in self._made:
-            self._made[name] = list(self._definition(name, layout.nested(kind)))
+            self._made[name] = list(self._definition(name, nested_layout(layout, kind)))
         return name
 
     def _definition(self, name: str, layout: MessageLayout) -> Iterator[str]:

@@ -47,7 +47,7 @@ from fret_monitor.language.quoted_text import QuotedText
 from fret_monitor.language.sentence import ComponentPhrase, Sentence, Unit
 from fret_monitor.logic.formula import Feedback, Formula, postorder
 from fret_monitor.logic.specification import Property, Signal, Specification
-from fret_monitor.messages.definitions import find_message as find_installed
+from fret_monitor.messages.installed import find_message as find_installed
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Problems, Source, Span, Text
 from fret_monitor.model.names import fret_name
 from fret_monitor.model.policies import Policy

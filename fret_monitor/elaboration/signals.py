@@ -28,8 +28,8 @@ from fret_monitor.elaboration.terms import Broken, TypedTerm, Vocabulary
 from fret_monitor.logic.formula import FALSE, TRUE, Variable
 from fret_monitor.logic.numbers import ExactNumber, NumberError, parse_number, stored
 from fret_monitor.logic.specification import Signal
-from fret_monitor.messages.definitions import MessageLayout
 from fret_monitor.messages.field_path import check_reachable, resolve_field, ResolvedField
+from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse, Text
 from fret_monitor.model.names import looks_like_number
 from fret_monitor.model.policies import Stale

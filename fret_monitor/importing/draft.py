@@ -42,7 +42,7 @@ from fret_monitor.importing.parsed_wording import (
 from fret_monitor.importing.topics import Connection
 from fret_monitor.importing.type_names import message_for, plain_type
 from fret_monitor.logic.specification import Property, Signal
-from fret_monitor.messages.definitions import find_message
+from fret_monitor.messages.installed import find_message
 from fret_monitor.model.diagnostics import (
     CompileError, Diagnostic, Level, Problems, refuse, Source, Text,
 )

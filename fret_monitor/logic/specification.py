@@ -25,7 +25,7 @@ from functools import cached_property
 
 from fret_monitor.language.sentence import Sentence
 from fret_monitor.logic.formula import Feedback, Formula, postorder, Variable
-from fret_monitor.messages.definitions import MessageLayout
+from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import Span
 from fret_monitor.model.policies import Policy, Report, Severity, Stale
 from fret_monitor.model.values import ValueType

@@ -25,9 +25,8 @@ from dataclasses import dataclass
 import re
 from typing import NoReturn
 
-from fret_monitor.messages.definitions import (
-    ArrayKind, check_complete, FieldType, find_message, listed, MessageField, MessageLayout,
-)
+from fret_monitor.messages.installed import check_complete, listed, nested_layout
+from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, refuse, Span, Text
 from fret_monitor.model.manifest import REDUCTIONS, SECONDS
 from fret_monitor.model.names import shown
@@ -171,7 +170,7 @@ def _functions(end: _End) -> tuple[str, ...]:
     if end.is_array:
         return _functions_of_array(kind)
     if kind.is_message and not end.is_time:
-        inner = _nested(end.inside, kind, None)
+        inner = nested_layout(end.inside, kind)
         return ('norm',) if inner.fields and all(map(_is_number, inner.fields)) else ()
     return _OF_OTHERS if kind.base in _STRINGS else ()
 
@@ -200,7 +199,7 @@ def _refuse_function(layout: MessageLayout, end: _End, path_text: Text, function
            'cannot be taken of it',
            _help(use or [f'{function}({path})' for path in _paths_for(layout, function)]
                  or [f'{written}.{path}' for path in
-                     _leaf_paths(_nested(end.inside, end.type, None))]))
+                     _leaf_paths(nested_layout(end.inside, end.type))]))
 
 
 def _paths_for(layout: MessageLayout, function: str) -> list[str]:
@@ -253,11 +252,7 @@ def _inside(layout: MessageLayout, kind: FieldType, path_text: Text,
     if not kind.is_message:
         refuse(f'{shown(path_text.value[:match.start() - 1])} is {_kind(kind)}, and has no fields',
                path_text.at(match.start() - 1, len(path_text.value)), 'remove this')
-    return _nested(layout, kind, path_text.at(0, match.start() - 1))
-
-
-def _nested(layout: MessageLayout, kind: FieldType, place: Span | None) -> MessageLayout:
-    return find_message(kind.base, layout.search_path or None, place)
+    return nested_layout(layout, kind, path_text.at(0, match.start() - 1))
 
 
 def _step(layout: MessageLayout, match: re.Match[str], path_text: Text,
@@ -312,7 +307,7 @@ def _refuse_array(end: _End, path_text: Text) -> NoReturn:
 
 
 def _refuse_message(end: _End, path_text: Text) -> NoReturn:
-    inner = _leaf_paths(_nested(end.inside, end.type, path_text.span))
+    inner = _leaf_paths(nested_layout(end.inside, end.type, path_text.span))
     functions = [f'{name}({path_text.value})' for name in _functions(end)]
     refuse(f'{shown(path_text.value)} is {_element(end.type)}', path_text.span,
            'which part of it?',
@@ -384,7 +379,7 @@ def _reachable(layout: MessageLayout, item: MessageField,
                prefix: str) -> list[tuple[str, MessageLayout]]:
     """Return a field's message, if it is installed: this is only a hint."""
     try:
-        return [(prefix, layout.nested(item.type))]
+        return [(prefix, nested_layout(layout, item.type))]
     except CompileError:
         return []
 
@@ -407,11 +402,11 @@ def check_reachable(layout: MessageLayout, field: ResolvedField, place: Span | N
         names = [item.name for item in layout.fields]
         for item in layout.fields[:names.index(step)]:
             if item.type.is_message:
-                inside = find_message(item.type.base, layout.search_path or None, place)
+                inside = nested_layout(layout, item.type, place)
                 check_complete(inside, place, tuple(around))
         kind = next(types)
         if not kind.is_message:
             return
-        layout = find_message(kind.base, layout.search_path or None, place)
+        layout = nested_layout(layout, kind, place)
         if kind.array is not ArrayKind.NONE:
             check_complete(layout, place, tuple(around))

@@ -29,8 +29,9 @@ from types import SimpleNamespace
 from typing import Any
 
 from fret_monitor.logic.specification import Signal
-from fret_monitor.messages.definitions import ArrayKind, FieldType, MessageLayout
 from fret_monitor.messages.field_path import resolve_field, ResolvedField
+from fret_monitor.messages.installed import nested_layout
+from fret_monitor.messages.layout import ArrayKind, FieldType, MessageLayout
 from fret_monitor.model.diagnostics import Source, Text
 from fret_monitor.model.values import ValueType
 from fret_monitor.runtime.fields import FieldReading, Outcome
@@ -58,14 +59,14 @@ def weight(layout: MessageLayout) -> int:
     """Return about how many values a message has."""
     total = 0
     for item in layout.fields:
-        one = weight(layout.nested(item.type)) if item.type.is_message else 1
+        one = weight(nested_layout(layout, item.type)) if item.type.is_message else 1
         is_fixed = item.type.array is ArrayKind.FIXED
         total += one * ((item.type.size or 0) if is_fixed else 1)
     return total
 
 
 def _values(layout: MessageLayout, kind: FieldType) -> st.SearchStrategy[Any]:
-    element = trees(layout.nested(kind)) if kind.is_message else _scalars(kind)
+    element = trees(nested_layout(layout, kind)) if kind.is_message else _scalars(kind)
     match kind.array:
         case ArrayKind.NONE:
             return element
@@ -122,7 +123,7 @@ def _write_message(out: bytearray, layout: MessageLayout, tree: Any, order: str)
 def _write_element(out: bytearray, layout: MessageLayout, kind: FieldType, value: Any,
                    order: str) -> None:
     if kind.is_message:
-        _write_message(out, layout.nested(kind), value, order)
+        _write_message(out, nested_layout(layout, kind), value, order)
     elif kind.base == 'string':
         data = value.encode()
         _write_number(out, 'I', len(data) + 1, order)
@@ -166,7 +167,7 @@ def message_object(layout: MessageLayout, tree: Any) -> Any:
     for item in layout.fields:
         value = getattr(tree, item.name)
         if item.type.is_message:
-            inside = layout.nested(item.type)
+            inside = nested_layout(layout, item.type)
             value = message_object(inside, value) if item.type.array is ArrayKind.NONE \
                 else [message_object(inside, element) for element in value]
         elif item.type.base == 'byte':
@@ -310,7 +311,7 @@ def written_paths(layout: MessageLayout, prefix: str = '', depth: int = 0) -> It
             yield one
             yield from (f'{function}({one})' for function in ('len', 'norm'))
             if kind.is_message:
-                yield from written_paths(layout.nested(kind), f'{one}.', depth + 1)
+                yield from written_paths(nested_layout(layout, kind), f'{one}.', depth + 1)
 
 
 def signal_of(layout: MessageLayout, name: str, topic: str, field: str) -> Signal:

@@ -27,7 +27,8 @@ from fret_monitor.logic.formula import (
 )
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Specification
-from fret_monitor.messages.definitions import MessageLayout, parse_message
+from fret_monitor.messages.definitions import parse_message
+from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import CompileError, Problems, Source, Span
 from fret_monitor.model.policies import Policy, Report, Severity
 from fret_monitor.model.values import ValueType

@@ -34,7 +34,7 @@ from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Formula, Historically, Variable, Window,
 )
 from fret_monitor.logic.specification import Signal, Specification
-from fret_monitor.messages.definitions import find_message
+from fret_monitor.messages.installed import find_message
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.values import ValueType
 from strategies import as_term, property_of

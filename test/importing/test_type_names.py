@@ -15,7 +15,7 @@
 """Types by the names that other tools give them."""
 
 from fret_monitor.importing.type_names import message_for, plain_type
-from fret_monitor.messages.definitions import find_message
+from fret_monitor.messages.installed import find_message
 from fret_monitor.model.values import ValueType
 import pytest
 

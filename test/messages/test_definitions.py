@@ -18,10 +18,10 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from fret_monitor.messages.definitions import (
-    ArrayKind, FieldType, find_message, MessageLayout, parse_message, search_path,
-)
+from fret_monitor.messages.definitions import parse_message
 from fret_monitor.messages.field_path import resolve_field
+from fret_monitor.messages.installed import find_message, fingerprint, search_path
+from fret_monitor.messages.layout import ArrayKind, FieldType, MessageLayout
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Source, Text
 from hypothesis import given, strategies
 import pytest
@@ -355,19 +355,19 @@ def _messages_of(item: Any) -> list[Any]:
 
 
 def test_a_fingerprint_is_that_of_all_that_is_serialized(prefix: Path) -> None:
-    def fingerprint() -> str:
-        return find_message('pkg_a/msg/State', [prefix]).fingerprint
+    def shape() -> str:
+        return fingerprint(find_message('pkg_a/msg/State', [prefix]))
 
-    before = fingerprint()
+    before = shape()
     cell = prefix / 'share' / 'pkg_b' / 'msg' / 'Cell.msg'
     cell.write_text('# a remark\nint8 CONSTANT=3\nfloat32 voltage 7.5\n')
-    assert fingerprint() == before
+    assert shape() == before
     cell.write_text('float32 volts\n')
-    renamed = fingerprint()
+    renamed = shape()
     cell.write_text('float64 voltage\n')
-    widened = fingerprint()
+    widened = shape()
     cell.unlink()
-    assert len({before, renamed, widened, fingerprint()}) == 4
+    assert len({before, renamed, widened, shape()}) == 4
 
 
 def test_a_type_in_idl_alone_is_refused(tmp_path: Path) -> None:
