@@ -177,7 +177,7 @@ def _whole(text: str) -> int:
 
 
 def check_topics(inputs: Iterable[InputEntry], problems: Problems) -> None:
-    """Hold together what inputs on one topic say of it."""
+    """Check that inputs on one topic agree in what concerns the topic."""
     first: dict[str, InputEntry] = {}
     for item in inputs:
         if item.topic is not None:

@@ -104,8 +104,8 @@ def survey_bundle(path: Path, problems: Problems, *,
 
     The names that were declared but cannot be used are in `Bundle.unreadable`: formulas that use
     them have no problem of their own, unless what was refused of an input does not matter to
-    them. Returns None where nothing can be used. A bundle with the policy periodic has to say a
-    period unless that is given otherwise: without `needs_period`.
+    them. Returns None where nothing can be used. With `needs_period=False`, a bundle with the
+    policy periodic may leave its period out.
     """
     try:
         source = read_source(path)
@@ -116,7 +116,7 @@ def survey_bundle(path: Path, problems: Problems, *,
 
 
 class _BundleReader:
-    """Reads one bundle: what it finds goes into the bundle or, told, into the problems."""
+    """Reads one bundle: what can be used goes into it, what is wrong into the problems."""
 
     def __init__(self, directory: Path, problems: Problems, needs_period: bool = True) -> None:
         self._directory = directory
@@ -286,7 +286,7 @@ class _BundleReader:
                 yield replace(entry, damaged=entry.damaged | damaged)
 
     def _report_outdented(self, name: DeclaredName) -> None:
-        """Tell a key of an input that stands beside the input's name."""
+        """Report a key of an input that stands beside the input's name."""
         self._problems.error(
             f"'{name.value}' is a key of an input, and no input", name.span,
             'not indented under the name of one', 'indent it deeper than the name of its input')

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Values that YAML cuts or misreads because they are not in quotes: found, told, and stepped over.
+Finds and reports values that YAML cuts or misreads because they are not in quotes.
 
 A formula such as `!p & q`, `a: b` or `[x] > 3` means something else to YAML, or nothing. The user
 gets the line to paste; the reader goes on behind the value.
@@ -51,14 +51,14 @@ _KEY_LINE = re.compile(r'[ ]+([A-Za-z_]\w*)(?=:(?:[ ]|$))')
 
 
 def report_lacking_space(match: re.Match[str], span: Span, problems: Problems) -> None:
-    """Tell of `key:value`, which `LACKS_SPACE` matches, at its place."""
+    """Report `key:value`, which `LACKS_SPACE` matches, at its place."""
     key, value = match[0][match.start(1):].split(':', 1)
     problems.error("a space is missing after the ':'", span, 'YAML takes this for a text',
                    f'{key}: {value.strip()}')
 
 
 def report_misread(source: Source, start: int, problems: Problems) -> None:
-    """Tell that the value that starts at `start` needs quotes, with the line to paste."""
+    """Report that the value that starts at `start` needs quotes, with the line to paste."""
     written = value_as_written(source, start)
     first = source.text[start]
     quotes = first in '"\''
@@ -159,7 +159,7 @@ class Repair:
     """
     What goes on behind a value that YAML cannot read.
 
-    The value is told, and replaced by a word of the same length, so that all places stay right.
+    The value is reported and replaced by a word of the same length, so that all places stay right.
     `unread` are the places of such values; those in `swallowing` have taken in keys below them.
     """
 
@@ -172,7 +172,7 @@ class Repair:
         self.swallowing: frozenset[int] = frozenset()
 
     def mend(self, error: yaml.YAMLError, last_scalar: int) -> bool:
-        """Tell the error; return whether the text was changed so that it can be read anew."""
+        """Report the error; return whether the text was changed so that it can be read anew."""
         place = min(self._place(error), max(len(self._source.text) - 1, 0))
         if self._is_tab(place) or self._lacks_space(error, place):
             return False
@@ -201,7 +201,7 @@ class Repair:
         return match is not None
 
     def _lacks_space(self, error: yaml.YAMLError, at: int) -> bool:
-        """Tell `key:value` in the line above, which is a text and no key."""
+        """Report `key:value` in the line above, which YAML reads as a text."""
         if 'mapping values' not in str(error):
             return False
         number = self._line(at) - 1
@@ -282,7 +282,7 @@ class Repair:
             report_misread(self._source, start, self._problems)
 
     def _is_too_deep(self, start: int, place: int) -> bool:
-        """Tell a key that is indented deeper than the one above, whose one word takes it in."""
+        """Report a key that is indented deeper than the one above, whose one word takes it in."""
         key = _KEY_LINE.match(self._source.line(self._line(place)))
         above = _VALUE_LINE.match(self._source.line(self._line(start)))
         begin = self._source.line_start(self._line(place))
@@ -316,7 +316,7 @@ class Repair:
         self._problems.error('not valid YAML', Span(self._source, place, place + 1), label)
 
 
-# What libyaml and PyYAML say, and what a user makes more of.
+# What libyaml and PyYAML report, and the same in the words of a user.
 _PROBLEMS = (
     ('flow sequence', 'this list is not closed'),
     ('flow mapping', 'this brace is not closed'),

@@ -15,8 +15,8 @@
 """
 The shape of a YAML mapping: which keys it may have and what stands under them.
 
-A `Shape` tells each key that is not known once, and hands out the values of the others as texts,
-choices and numbers. What has been told is None to the caller, who says no more of it.
+A `Shape` reports each unknown key once, and returns the values of the others as texts, choices
+and numbers. A value that was refused is returned as None: its problem is reported already.
 """
 
 from collections.abc import Iterable, Mapping
@@ -43,7 +43,7 @@ class Shape:
                  slips: Mapping[str, str] | None = None,
                  elsewhere: Mapping[str, str] | None = None) -> None:
         """
-        Tell all keys that are not known.
+        Report all keys that are not known.
 
         `slips` are words that are often written instead, `elsewhere` says where keys belong that
         are known in another place.
@@ -139,7 +139,7 @@ class Shape:
 
 
 def _report_comma(mapping: YamlMapping, known: tuple[str, ...], problems: Problems) -> bool:
-    """Tell a value in braces that was cut at its comma: the rest became a key without value."""
+    """Report a value in braces that was cut at its comma: the rest became a key."""
     if not mapping.is_flow:
         return False
     for (before, cut), (key, node) in zip(mapping.entries, mapping.entries[1:], strict=False):
@@ -195,7 +195,7 @@ def mapping_of(node: Node | None, what: str, problems: Problems,
 
 
 def report_choice(text: Text, key: str, words: Iterable[str], problems: Problems) -> None:
-    """Tell a word that is none of those that can be chosen."""
+    """Report a word that is not one of the choices."""
     words = list(words)
     problems.error(f"{shown(text.value)} is no choice for '{key}'", text.span,
                    'one of ' + ', '.join(words), did_you_mean(text.value, words))

@@ -15,7 +15,7 @@
 """
 A YAML text as a tree of nodes with places: no types, no anchors, no tags, no merges.
 
-`read_tree` reads one document and tells what is wrong with it as YAML. Where a value is cut or
+`read_tree` reads one document and reports what is wrong with it as YAML. Where a value is cut or
 misread by YAML because it is not in quotes, it says so with the line to paste, puts an `Unread`
 node in its place and goes on, so that the rest of the file is looked at in the same run.
 """
@@ -81,7 +81,7 @@ class YamlMapping:
 @dataclass(frozen=True, eq=False)
 class Unread:
     """
-    A place whose problem has been told already: nothing more is to be said of it.
+    A place whose problem was reported already.
 
     `has_swallowed` says that keys which stand below it may have been meant for the mapping it is
     in.
@@ -98,7 +98,7 @@ def read_tree(source: Source, problems: Problems) -> Node | None:
     """
     Read the one document of a source.
 
-    Returns None, with problems told, where there is nothing to look at: not YAML, several
+    Returns None, with problems reported, where there is nothing to look at: not YAML, several
     documents, nested too deeply, empty.
     """
     if _refuse_unprintable(source, problems):
@@ -139,7 +139,7 @@ class _Open:
 
 
 class _TooMuch(Exception):
-    """The tree is too deep or too large to go on; the problem has been told."""
+    """The tree is too deep or too large to go on; the problem was reported."""
 
 
 class _TreeBuilder:

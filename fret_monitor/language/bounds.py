@@ -39,7 +39,7 @@ class TimedBound(Diagnostic):
 
 
 def timed_bound(number: str, unit: Unit, place: Span) -> TimedBound:
-    """Return what is told of `H[0,2s] p`, before it is known what a step is."""
+    """Return the error for `H[0,2s] p`, as long as the length of a step is not known."""
     help_ = f'write {number}' if unit is Unit.TICK else 'write how many'
     return TimedBound('a bound counts steps', place, 'this has a unit', help_, number=number,
                       unit=unit)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What is said of a text that is no FRETish sentence: where, what would fit, what was meant."""
+"""Errors for a text that is not a FRETish sentence: where, what would fit, what was meant."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -219,7 +219,7 @@ _LONGEST_PHRASE = len(_PHRASES[0][0])
 
 
 def _check_english(misfit: Misfit) -> None:
-    """Tell a comparison in words where one of its words does not fit."""
+    """Report a comparison in words where one of its words does not fit."""
     lexemes = misfit.lexemes
     for start in range(max(1, misfit.index - _LONGEST_PHRASE), misfit.index + 1):
         words = tuple(misfit.written(lexeme).lower()
@@ -253,7 +253,7 @@ _TIMINGS = frozenset({'SPAN', 'UNTIL', 'BEFORE', 'AFTER', 'AT', 'PLAIN'})
 
 
 def _check_order(misfit: Misfit) -> None:
-    """Tell a timing or a condition behind the response, with the sentence to write."""
+    """Report a timing or a condition behind the response, with the sentence to write."""
     found = misfit.found
     kinds = [lexeme.type for lexeme in misfit.lexemes[:misfit.index]]
     if 'SHALL' not in kinds or 'SATISFY' not in kinds or 'INFIX' not in misfit.fitting:

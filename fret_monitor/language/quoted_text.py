@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is told of `frame = 'front'`: formulas have no strings, and names of values no quotes."""
+"""The error for `frame = 'front'`: formulas have no strings, names of values no quotes."""
 
 from dataclasses import dataclass
 

@@ -65,7 +65,7 @@ PRECEDENCE = Precedence(
     right=frozenset({'->', '^'}),
     single=frozenset({'<', '<=', '=', '!=', '>', '>='}),
     conjunction='&')
-"""How tight SMV's operators bind (DESIGN 5)."""
+"""How tight SMV's operators bind, see docs/language.md."""
 
 _WRITE = {'and': '&', 'or': '|', 'not': '!', 'implies': '->', 'iff': '<->', 'xor': 'xor',
           'unequal': '!='}
@@ -168,7 +168,7 @@ def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
 
 
 def _explain_time(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
-    """Tell a time, of one lexeme (2s) or of two (2 s); outside of bounds it is just no number."""
+    """Report a time in a bound, one lexeme (2s) or two (2 s); elsewhere, that it is no number."""
     found = lexemes[index]
     if found.type == 'TIME':
         number, unit = _TIME.findall(found.text)[0]
@@ -186,7 +186,7 @@ def _explain_time(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnost
 
 
 def _explain_open_bound(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
-    """Tell a bound that is not closed where an operand begins: H[0,10 p."""
+    """Report a bound that is not closed where an operand begins: H[0,10 p."""
     found, opened = lexemes[index], _lalr.open_brackets(lexemes[:index])
     is_operand = found.type in _lalr.OPERAND_STARTS
     if not opened or opened[-1].type != 'LBRACK' or not is_operand or (

@@ -257,7 +257,7 @@ def _inside(layout: MessageLayout, kind: FieldType, path_text: Text,
 
 def _step(layout: MessageLayout, match: re.Match[str], path_text: Text,
           is_last: bool) -> FieldType:
-    """Look up one step of a path, and hold its index against the array."""
+    """Look up one step of a path, and check its index against the array."""
     found = layout.find_field(match['name'])
     place = path_text.at(match.start('name'), match.end('name'))
     if found is None:
@@ -386,7 +386,7 @@ def _reachable(layout: MessageLayout, item: MessageField,
 
 def check_reachable(layout: MessageLayout, field: ResolvedField, place: Span | None) -> None:
     """
-    See to it that all that is serialized before the end of a field can be walked over.
+    Check that everything serialized before the end of a field has a known layout.
 
     Raises
     ------

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-How bad input is told: sources, spans in them, and diagnostics that render with a caret.
+How bad input is reported: sources, spans in them, and diagnostics that render with a caret.
 
 Every stage that reads what a user wrote reports through `Diagnostic`, with the place as a `Span`
 of a `Source`. A stage collects as many as it can in a `Problems` and raises one `CompileError`.
@@ -191,7 +191,7 @@ class CompileError(Exception):
 
 
 class Problems:
-    """Collects diagnostics of one run, so that all problems of a file are told together."""
+    """Collects diagnostics of one run, so that all problems of a file are reported together."""
 
     def __init__(self) -> None:
         """Start with none."""
@@ -203,7 +203,7 @@ class Problems:
 
     def warning(self, title: str, span: Span | None = None, label: str = '',
                 help: str = '') -> None:
-        """Add a warning: it is told, and nothing is refused."""
+        """Add a warning, which refuses nothing."""
         self._found.append(Diagnostic(title, span, label, help, Level.WARNING))
 
     def extend(self, diagnostics: Iterable[Diagnostic]) -> None:
