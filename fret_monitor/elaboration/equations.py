@@ -53,10 +53,10 @@ def equations_term(tree: Equations, scope: Scope, problems: Problems, owner: str
     `owner` is the id or name that the equations belong to; the `Feedback` nodes are called after
     it. Their equations are added to `feedback`.
     """
-    return _Node(tree, scope, problems, owner, feedback).result()
+    return _LustreNode(tree, scope, problems, owner, feedback).result()
 
 
-class _Node:
+class _LustreNode:
     """One reading of the equations of one text."""
 
     def __init__(self, tree: Equations, scope: Scope, problems: Problems, owner: str,
