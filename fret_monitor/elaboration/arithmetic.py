@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Arithmetic and comparisons of terms: which formula `x + 1` or `x > 300` is, types worked out.
+Typed formulas of arithmetic and comparisons (`x + 1`, `x > 300`).
 
-The rules are those of docs/numbers.md. A comparison is by value, so that a literal beyond the
-range of an integer operand is legal there (and always true or always false, which is warned of);
-in arithmetic it is an error.
+The rules are those of docs/numbers.md. Integers are compared by value, so a comparison accepts a
+literal outside the range of the operand's type, with a warning: it is always true or always
+false. In arithmetic such a literal is an error.
 """
 
 from fret_monitor.elaboration.terms import (
@@ -61,7 +61,7 @@ def magnitude(term: TypedTerm, operator: str) -> Number:
 
 def arithmetic(operator: BinaryOperator, left: TypedTerm, right: TypedTerm, name: str, place: Span,
                problems: Problems) -> Number:
-    """Return `left operator right`, which the user wrote as `name` at `place`."""
+    """Return `left operator right`; `name` is the operator as written, at `place`."""
     a, b = expect_number(left, name), expect_number(right, name)
     if isinstance(a, ExactNumber) and isinstance(b, ExactNumber):
         return _folded(operator, a, b, place, problems)
@@ -85,8 +85,8 @@ def power(base: TypedTerm, exponent: TypedTerm, place: Span) -> Number:
     """
     Return `base ^ exponent`.
 
-    A whole literal exponent >= 0 keeps the base's type (repeated multiplication); otherwise both
-    become FLOAT64, and one of them must be a real number.
+    With a whole literal exponent >= 0 the result has the base's type (repeated multiplication).
+    Otherwise one of the two must be a real number, and both are converted to FLOAT64.
     """
     a, b = expect_number(base, "'^'"), expect_number(exponent, "'^'")
     if isinstance(b, ExactNumber) and not b.is_real:
@@ -125,7 +125,7 @@ def _folded_power(base: ExactNumber, exponent: ExactNumber, place: Span) -> Exac
 
 def relation(operator: BinaryOperator, left: TypedTerm, right: TypedTerm, name: str, place: Span,
              problems: Problems) -> Formula:
-    """Return the comparison `left operator right`, which the user wrote as `name` at `place`."""
+    """Return the comparison `left operator right`; `name` is the operator as written."""
     if left.is_text or right.is_text or left.is_boolean or right.is_boolean:
         return _equality(operator, left, right, name)
     a, b = expect_number(left, name), expect_number(right, name)
@@ -151,7 +151,7 @@ def _typed(operator: BinaryOperator, a: Formula, b: Formula) -> Formula:
     kind = common_type([a, b])
     if kind.is_float:
         return Binary(operator, convert(a, kind), convert(b, kind))
-    # INT64 and UINT64 stay as they are: the relation compares them by value.
+    # No conversion between INT64 and UINT64: relations compare them by value.
     return Binary(operator, promoted(a), promoted(b))
 
 
@@ -169,7 +169,7 @@ def _holds(operator: BinaryOperator, a: ExactNumber, b: ExactNumber) -> bool:
 
 def _against(operator: BinaryOperator, formula: Formula, literal: ExactNumber, term: TypedTerm,
              place: Span, problems: Problems) -> Binary:
-    """Return `formula operator literal`; `term` is the literal's."""
+    """Return `formula operator literal`; `term` is the literal with its place."""
     if formula.type.is_integer:
         _warn_of_constant(operator, formula.type, literal, place, problems)
     kind = common_type([formula, literal])
@@ -183,10 +183,11 @@ def _against(operator: BinaryOperator, formula: Formula, literal: ExactNumber, t
 def _whole(operator: BinaryOperator, kind: ValueType,
            literal: ExactNumber) -> tuple[BinaryOperator, Formula]:
     """
-    Return a comparison with a constant that holds where that with the literal does.
+    Return an operator and a constant whose comparison is equivalent to that with the literal.
 
-    A literal beyond the operand's type is compared as the other 64-bit type (by value); beyond
-    both, as the end of the range with an operator that is always true or always false there.
+    A literal outside the operand's type becomes a constant of the other 64-bit type, compared by
+    value. A literal outside both types is replaced by an end of the range, with an operator that
+    is always true or always false there.
     """
     other = ValueType.INT64 if kind is ValueType.UINT64 else ValueType.UINT64
     (low, high), (least, greatest) = kind.limits, other.limits

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Durations of FRETish sentences to steps, in exact arithmetic."""
+"""Convert durations of FRETish sentences to numbers of steps, in exact arithmetic."""
 
 from collections.abc import Callable, Iterator
 from fractions import Fraction
@@ -38,15 +38,15 @@ _ONE: Final = 1_000_000_000  # 10 ** _MAX_DIGITS
 
 def steps_of(duration: Duration, period: Fraction | None) -> int:
     """
-    Return how many steps a duration is, at most 2^31 - 2.
+    Return the number of steps of a duration, at most 2^31 - 2.
 
-    `period` is how long a step is, in seconds; None where steps have no length: then the unit
-    does not matter, as in FRET.
+    `period` is the length of a step in seconds. Without one (None), the unit is ignored, as in
+    FRET.
 
     Raises
     ------
     CompileError
-        if it is no whole number of steps, or too many.
+        if the duration is not a whole number of steps, or is longer than the maximum.
     """
     number = _number(duration).value
     is_timed = period is not None and duration.unit in SECONDS
@@ -81,10 +81,10 @@ def _refuse_period(duration: Duration, seconds: Fraction, period: Fraction) -> N
 
 def _fitting_key(seconds: Fraction, period: Fraction) -> tuple[str, str]:
     """
-    Return the `period` and the `rate` that would divide a time, as a bundle has them.
+    Return the keys `period` and `rate` of a bundle with values near `period` that divide a time.
 
-    Either is empty where it cannot be written in decimals. Of a period that is none it follows
-    that the bundle has a rate.
+    A key that has no decimal value is empty. A non-decimal `period` can only come from `rate`, so
+    then only `rate` is returned.
     """
     if not _is_decimal(period):
         rates = [decimal(item) for item in _fitting(seconds, period, lambda item: 1 / item)]
@@ -96,7 +96,7 @@ def _fitting_key(seconds: Fraction, period: Fraction) -> tuple[str, str]:
 
 
 def steps_help(number: str, unit: Unit, policy: Policy, period: Fraction | None) -> str:
-    """Return what to write for a time where steps are counted."""
+    """Return the help text for a bound that has a unit of time where only steps are allowed."""
     if period is None:
         return ('write how many' if policy is Policy.PERIODIC else
                 f'write how many: policy: {policy.value} does not say how long a step is')
@@ -110,7 +110,7 @@ def steps_help(number: str, unit: Unit, policy: Policy, period: Fraction | None)
 
 def _fitting(seconds: Fraction, period: Fraction,
              written: Callable[[Fraction], Fraction]) -> Iterator[Fraction]:
-    """Yield the next shorter and the next longer period that divide a time, if decimal."""
+    """Yield the nearest shorter and longer period, as `written`, that divide a time."""
     steps = int(seconds / period)
     for tried in (range(steps + 1, steps + _TRIED), range(steps, max(0, steps - _TRIED), -1)):
         found = next((item for n in tried if _is_decimal(item := written(seconds / n))), None)
@@ -123,11 +123,11 @@ def _is_decimal(number: Fraction) -> bool:
 
 
 def decimal(number: Fraction) -> str:
-    """Return a number of at most nine decimal places in full."""
+    """Return all digits of a number that has at most nine decimal places."""
     text = f'{number.numerator * _ONE // number.denominator:0{_MAX_DIGITS + 1}d}'
     return f'{text[:-_MAX_DIGITS]}.{text[-_MAX_DIGITS:]}'.rstrip('0').rstrip('.')
 
 
 def approximate(number: Fraction) -> str:
-    """Return a number in full if that is short, else six digits of it."""
+    """Return a number exactly if it has at most nine decimal places, else with six digits."""
     return decimal(number) if _is_decimal(number) else f'about {float(number):.6g}'

@@ -12,19 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-A bundle as written becomes a specification: names, types, numbers and bounds get their meaning.
+Elaborate a parsed bundle into a specification: resolve names, infer types, check bounds.
 
 `specify` reports all mistakes of a bundle in one `CompileError`, each once and at its place. A
-name that has a mistake is not reported again where it is used. `elaborate` gives one expression
-its formula. The rules of types and numbers are in docs/numbers.md:
+name that has a mistake is not reported again where it is used. `elaborate` returns the formula of
+one expression. The rules of types and numbers are in docs/numbers.md; in short:
 
-* An input of an integer type counts as INT64 in arithmetic and comparisons, UINT64 as itself.
-* Where numbers meet: FLOAT32 with FLOAT32 stays; another float, or a float and an integer, makes
-  FLOAT64; UINT64 with its like and whole literals >= 0 stays, other integers make INT64 (a UINT64
-  modulo 2^64 in arithmetic; in comparisons both stay, and compare by value).
-* A literal is exact until it meets a typed operand: then it takes that type, rounded once. A real
-  literal (`1.0`, `1e3`) makes an integer operand FLOAT64. Literals among themselves are exact.
-* `a = b` and `a != b` take two numbers, two that are true or false, or text and its names.
+* The small integer types are promoted to INT64 in arithmetic and comparisons.
+* FLOAT32 with FLOAT32 is FLOAT32; any other pair with a float is FLOAT64. UINT64 with UINT64 or
+  a whole literal >= 0 is UINT64; any other pair of integers is INT64. (In arithmetic this
+  converts the UINT64 modulo 2^64; a comparison does not convert it, and is by value.)
+* Arithmetic between literals is exact. A literal with a typed operand is rounded once to the
+  common type. A real literal (`1.0`, `1e3`) with an integer makes both FLOAT64.
+* `a = b` and `a != b` take two numbers, two Booleans, or a text input and a name of its values.
 """
 
 from collections.abc import Iterable, Mapping
@@ -62,11 +62,11 @@ __all__ = ['Scope', 'elaborate', 'scope_of', 'specify']
 def specify(bundle: Bundle, find_message: FindMessage | None = None,
             problems: Problems | None = None) -> tuple[Specification, tuple[Diagnostic, ...]]:
     """
-    Return what a bundle means, and the warnings about it.
+    Return the specification of a bundle, and warnings.
 
-    `find_message` gives the layout of a message type by its name; the default looks where ROS
-    packages install them. `problems` are those that `survey_bundle` found, to be reported together
-    with the ones found here.
+    `find_message` returns the layout of a message type; the default searches the installed ROS
+    packages. `problems` are those that `survey_bundle` found; they are reported together with
+    those found here.
 
     Raises
     ------
@@ -94,10 +94,10 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None,
 def elaborate(tree: Expression | Equations, scope: Scope, problems: Problems | None = None,
               feedback: dict[Feedback, Formula] | None = None) -> Formula:
     """
-    Return the formula that an expression, or the result of some equations, means; of any type.
+    Return the formula of an expression, or of the result of some equations; of any type.
 
-    Warnings are added to `problems`, and the equations behind its `Feedback` nodes to `feedback`,
-    if given. A literal alone becomes INT64 or FLOAT64.
+    If given, `problems` receives the warnings, and `feedback` the equations of the formula's
+    `Feedback` nodes. A literal alone becomes INT64, UINT64 (beyond INT64) or FLOAT64.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def _references(tree: Expression | Equations | None,
 
 
 def _untimed(sentence: Sentence) -> Sentence:
-    """Return a sentence with one step in the place of a time."""
+    """Return a sentence whose duration, if it has a unit of time, is replaced by one step."""
     timing = sentence.timing
     if timing is None or timing.duration is None or timing.duration.unit not in SECONDS:
         return sentence
@@ -138,7 +138,7 @@ def _untimed(sentence: Sentence) -> Sentence:
 
 
 class _Reading:
-    """One run over a bundle: what its names mean so far, and the problems found."""
+    """The elaboration of one bundle: the names declared so far, and the problems found."""
 
     def __init__(self, problems: Problems, bundle: Bundle) -> None:
         self.problems = problems
@@ -147,13 +147,13 @@ class _Reading:
         self._feedback: dict[Feedback, Formula] = {}
 
     def skip(self, names: Iterable[str]) -> None:
-        """Leave out names whose declarations were refused: nothing more is reported about them."""
+        """Declare names whose entries the parser refused, so that uses are not reported."""
         nowhere = Span(Source('', ''), 0, 0)
         for name in names:
             self._scope.declare(name, Declaration(Role.INPUT, TypedTerm(Broken(), nowhere)))
 
     def read_inputs(self, bundle: Bundle, find_message: FindMessage) -> list[Signal | None]:
-        """Declare constants and inputs; return the inputs in order, None for a broken one."""
+        """Declare constants and inputs; return the inputs in order, None for an unusable one."""
         for constant in bundle.constants:
             self._scope.declare(constant.name.value,
                                 constant_declaration(constant, self.problems))
@@ -166,7 +166,7 @@ class _Reading:
         return signals
 
     def read_definitions(self, definitions: Iterable[Definition]) -> None:
-        """Declare all definitions, each after those that it uses; cycles are errors."""
+        """Declare all definitions in the order of their dependencies; report cycles."""
         known = {item.name.value: item for item in definitions}
         trees = {name: self._tree(item.language, item.text) for name, item in known.items()}
         uses = self._uses(trees)
@@ -183,7 +183,7 @@ class _Reading:
         self._scope.declare(item.name.value, Declaration(Role.DEFINITION, term))
 
     def _uses(self, trees: '_Trees') -> dict[str, dict[str, Span]]:
-        """Return for each definition the definitions that it uses, and the place of a use."""
+        """Return for each definition those that it uses, each with the place of its first use."""
         vocabulary_of = self._vocabularies(trees)
         names = {fret_name(name): name for name in trees}
         uses: dict[str, dict[str, Span]] = {name: {} for name in trees}
@@ -194,7 +194,7 @@ class _Reading:
         return uses
 
     def _vocabularies(self, trees: '_Trees') -> FindVocabulary:
-        """Return what finds the names of values, also of a definition that renames an input."""
+        """Return a look-up of an input's names of values, also by a definition that renames it."""
         renamed = {fret_name(name): tree.text for name, tree in trees.items()
                    if isinstance(tree, Name)}
 
@@ -213,7 +213,7 @@ class _Reading:
                             ' -> '.join(shown))
 
     def read_requirement(self, item: Requirement) -> Property | None:
-        """Return a requirement with its formula, None where it has a mistake."""
+        """Return a requirement with its formula, or None if it has a mistake."""
         tree = self._formula(item)
         term = self._property(item, tree)
         if term.is_broken:
@@ -255,7 +255,7 @@ class _Reading:
         self._check_component(tree.component)
         if self._bundle.policy is not Policy.PERIODIC:
             return sentence_term(tree, self._scope, self.problems)
-        if self._bundle.period is None:  # reported already: a time may be any number of steps
+        if self._bundle.period is None:  # reported already; any number of steps will do
             tree = _untimed(tree)
         return sentence_term(tree, self._scope, self.problems, self._bundle.period)
 
@@ -274,7 +274,7 @@ class _Reading:
             return None
 
     def _with_help(self, found: Diagnostic) -> Diagnostic:
-        """Say how many steps a bound with a unit of time is, and what a text in quotes is."""
+        """Add help that needs the bundle: its period for a timed bound, its names for a text."""
         if isinstance(found, TimedBound) and found.unit in SECONDS:
             return replace(found, help=steps_help(found.number, found.unit, self._bundle.policy,
                                                   self._bundle.period))
@@ -294,7 +294,7 @@ class _Reading:
         return Elaborator(self._scope, self.problems, is_lustre=is_lustre).term(tree)
 
     def _reached(self, formula: Formula) -> tuple[tuple[Feedback, Formula], ...]:
-        """Return the equations behind the feedback that a formula reaches, all the way."""
+        """Return the equations of all `Feedback` nodes that a formula reaches, transitively."""
         found: dict[Feedback, Formula] = {}
         todo = [formula] if self._feedback else []
         while todo:
@@ -305,7 +305,7 @@ class _Reading:
         return tuple(found.items())
 
     def shown(self, definitions: Iterable[Definition]) -> tuple[tuple[str, Formula], ...]:
-        """Return the formulas of definitions, but for numbers that no type holds."""
+        """Return the formulas of definitions, except literals that are outside every type."""
         names = self._scope.names
         terms = {item.name.value: names[item.name.value].term for item in definitions}
         found = []

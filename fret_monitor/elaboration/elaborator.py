@@ -12,15 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-One expression to one term: names resolved, types worked out, bounds read.
+Elaborate one expression to a term: resolve names, infer types, evaluate bounds.
 
-The tree is walked with an explicit stack, each node once, operands first; a mistake is reported at
-the operand it lies in, and what contains it is broken silently, so that one run reports all
-mistakes and none twice.
+The tree is traversed with an explicit stack, each node once, operands first. A mistake is
+reported at its operand, and every node that contains it becomes `Broken` without a report, so
+that one run reports all mistakes and none twice.
 
-`cells` are the operators of a Lustre node that delay an equation through itself: they become the
-`Feedback` given (or a literal that stands for one while its type is not known), and their operand
-is not walked.
+`cells` are the delays (`pre`, `Y`, `Z`) through which an equation of a Lustre node depends on
+itself. Each is replaced by the given `Feedback` (or, while its type is still unknown, by a
+literal), and its operand is not traversed.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -53,7 +53,7 @@ _ARITHMETIC = {item.value: item for item in (
     BinaryOperator.ADD, BinaryOperator.SUB, BinaryOperator.MUL, BinaryOperator.DIV,
     BinaryOperator.MOD)}
 _PRE_FUNCTIONS = frozenset({'preBool', 'preInt', 'preReal'})
-# FRET's functions of future-time logic, and those of the past that come closest.
+# FRET's future-time functions, each with its closest past-time counterpart.
 _FUTURE = {'persists': 'persisted(n, p)', 'occurs': 'occurred(n, p)', 'nextOcc': 'prevOcc(p, q)'}
 _TYPED_PAIR = _RELATIONS.keys() | {'arrow'}
 _NOT_FIRST = (Unary(UnaryOperator.NOT, FTP), Yesterday(TRUE))
@@ -63,7 +63,7 @@ FindVocabulary: TypeAlias = Callable[[str], Vocabulary | None]
 
 
 def delayed(node: Expression) -> Expression | None:
-    """Return the operand whose value at the step before is all that a node looks at, or None."""
+    """Return the operand that a node delays by one step, or None if it is not a delay."""
     match node:
         case Prefix('pre' | 'Y' | 'Z', None, argument, _, _):
             return argument
@@ -74,7 +74,7 @@ def delayed(node: Expression) -> Expression | None:
 
 
 def gives_truth(node: Expression) -> bool:
-    """Whether a node's operator gives true or false; no for those that take any type."""
+    """Whether a node's operator always has a Boolean result; False for `pre`, `ite` and names."""
     match node:
         case Boolean():
             return True
@@ -93,11 +93,11 @@ def gives_truth(node: Expression) -> bool:
 def references(root: Expression, vocabulary_of: FindVocabulary,
                through_delays: bool = True) -> dict[str, Span]:
     """
-    Return the names that an expression uses, and the first place of each.
+    Return the names that an expression refers to, each with the place of its first use.
 
-    `vocabulary_of` gives the names of a name's values, if it has some: in `state = LANDING` the
-    second is then a value of the first, and no reference. Without `through_delays`, names count
-    only if their value at the same step is used.
+    `vocabulary_of` returns the names of an input's values, if it has any: if LANDING is a value of
+    `state`, then `state = LANDING` does not refer to a name LANDING. Without `through_delays`,
+    names below a delay are left out.
     """
     found: dict[str, Span] = {}
     seen: set[Expression] = set()
@@ -130,16 +130,16 @@ Cell: TypeAlias = Formula | ExactNumber
 
 
 class Elaborator:
-    """Gives expressions of one text their meaning; see the module."""
+    """Elaborates the expressions of one text; see the module's docstring."""
 
     def __init__(self, scope: Scope, problems: Problems, *, is_lustre: bool = False,
                  cells: Mapping[Expression, Cell] | None = None,
                  left: Formula | None = FTP) -> None:
         """
-        Take what names mean and where to report mistakes.
+        Store the scope of the names and the list for reports.
 
-        `is_lustre` adds Lustre's own warnings. `left` is the left end of the interval in which
-        `persisted`, `occurred` and `prevOcc` look back, None for none.
+        `is_lustre` enables the warnings for Lustre. `left` holds at the left end of the interval
+        in which `persisted`, `occurred` and `prevOcc` look back; None for no left end.
         """
         self._scope = scope
         self._problems = problems
@@ -150,7 +150,7 @@ class Elaborator:
         self._reported: set[str] = set()
 
     def term(self, root: Expression) -> TypedTerm:
-        """Return what an expression means; mistakes are added to the problems."""
+        """Return the term of an expression; report mistakes to the problems."""
         stack = [(root, False)]
         while stack:
             node, ready = stack.pop()
@@ -189,7 +189,7 @@ class Elaborator:
         return _with_first_steps(term, node, operands)
 
     def _own_bounds(self, node: Expression, operands: list[TypedTerm]) -> Iterator[int]:
-        """Yield the numbers of steps that are written at a node itself."""
+        """Yield the numbers of steps in the bound or the arguments of a node itself."""
         match node:
             case Prefix() | Infix() if node.bound is not None:
                 past = window(node.bound, self._constant)
@@ -205,7 +205,7 @@ class Elaborator:
         return declaration.term if declaration else TypedTerm(Undeclared(node.text), node.span)
 
     def _named(self, node: Expression, operands: list[TypedTerm]) -> list[TypedTerm]:
-        """Give names of values their meaning, and report names that have none."""
+        """Replace names of values by their numbers, and report undeclared names."""
         group = () if node in self._cells else _sharing(node)
         shared = [operands[i] for i in group]
         vocabulary = next((term.vocabulary for term in shared if term.vocabulary), None)
@@ -213,7 +213,7 @@ class Elaborator:
         named = list(operands)
         for i in group:
             named[i] = self._value(parts[i], operands[i], vocabulary)
-        # Beside a name that was reported, an unknown one may well be a value of it.
+        # The unknown name may be a value of an operand that was reported: do not report it.
         is_cascade = any(operands[i].is_broken and isinstance(parts[i], Name) for i in group)
         return [term if not isinstance(term.value, Undeclared)
                 else TypedTerm(Broken(), term.span) if is_cascade and i in group
@@ -235,7 +235,7 @@ class Elaborator:
         return TypedTerm(number, node.span, vocabulary)
 
     def _settle(self, value: Undeclared, span: Span, vocabulary: Vocabulary | None) -> TypedTerm:
-        """Report an undeclared name, once, and return it broken."""
+        """Report an undeclared name, unless it was reported before; return a broken term."""
         if value.name not in self._reported:
             self._reported.add(value.name)
             self._report_unknown(value.name, span, vocabulary)
@@ -254,7 +254,7 @@ class Elaborator:
             'unknown name', help_ or f'the values are {vocabulary}')
 
     def _constant(self, node: Name) -> int:
-        """Return the number of steps that a name in a bound stands for."""
+        """Return the value of a constant in a bound; refuse other names."""
         declaration = self._scope.find(node.text)
         if declaration is None:
             refuse(f"'{node.text}' is not declared", node.span,
@@ -384,7 +384,7 @@ class Elaborator:
 
 
 def _refuse_application(node: Call, role: Role) -> NoReturn:
-    """Refuse a declared name with arguments: an element of an array, or a function."""
+    """Refuse a declared name with arguments: numbers are taken as an array's index."""
     name = node.function
     if all(isinstance(argument, Number) for argument in node.arguments):
         index = '_'.join(argument.text for argument in node.arguments
@@ -411,7 +411,7 @@ def _number(node: Number) -> ExactNumber:
 
 
 def _bare_pre(operand: TypedTerm) -> Formula:
-    """Return Lustre's `pre x` alone: at the first step, where it has no value, false or 0."""
+    """Return Lustre's `pre x` without `->`: undefined at the first step, false or 0 here."""
     if operand.is_boolean:
         return previous(TypedTerm(FALSE, operand.span), operand, "'pre'")
     argument = alike([operand], "'pre'")[0]
@@ -420,7 +420,7 @@ def _bare_pre(operand: TypedTerm) -> Formula:
 
 
 def _delay(operator: str, cell: Cell) -> Cell:
-    # Feedback is false at the first step: Y's own value there, and not Z's.
+    # Feedback is false at the first step, as Y is; Z is true there.
     if operator != 'Z' or isinstance(cell, ExactNumber):
         return cell
     return Binary(BinaryOperator.OR, FTP, cell)
@@ -445,7 +445,7 @@ def _past(node: Prefix, past: Window, argument: Formula) -> Formula:
 
 
 def _both_true(left: TypedTerm, right: TypedTerm, name: str) -> list[Formula]:
-    """Return two BOOL operands; where neither is one, both mistakes are reported."""
+    """Return two operands that must be BOOL; if neither is, raise both errors."""
     found: list[Formula] = []
     wrong: list[Diagnostic] = []
     for term in (left, right):
@@ -459,7 +459,7 @@ def _both_true(left: TypedTerm, right: TypedTerm, name: str) -> list[Formula]:
 
 
 def _sharing(node: Expression) -> tuple[int, ...]:
-    """Return which operands may be names of each other's values."""
+    """Return the indices of the operands that can name each other's values."""
     match node:
         case Infix(operator) if operator in _TYPED_PAIR:
             return (0, 1)
@@ -474,14 +474,14 @@ def _sharing(node: Expression) -> tuple[int, ...]:
 
 
 def _common(terms: Sequence[TypedTerm]) -> Vocabulary | None:
-    """Return the names of values that all terms share, but for plain numbers."""
+    """Return the vocabulary of all terms if it is the same; plain numbers are ignored."""
     found = {term.vocabulary for term in terms
              if not isinstance(term.value, ExactNumber) or term.vocabulary}
     return found.pop() if len(found) == 1 else None
 
 
 def _with_first_steps(term: TypedTerm, node: Expression, operands: list[TypedTerm]) -> TypedTerm:
-    """Add at how many first steps a bare `pre` leaves the term without a value."""
+    """Set the number of initial steps at which a bare `pre` leaves the term undefined."""
     worst = max(operands, key=lambda operand: operand.undefined, default=term)
     undefined, origin = worst.undefined, worst.origin
     match node:
@@ -496,7 +496,7 @@ def _with_first_steps(term: TypedTerm, node: Expression, operands: list[TypedTer
 
 
 def _is_guarded(node: Infix, operands: list[TypedTerm]) -> bool:
-    """Whether the other side decides at the first step: `pre p | FTP`, `pre p & !FTP`."""
+    """Whether FTP decides the result at the first step: `pre p | FTP`, `pre p & !FTP`."""
     left, right = (operand.value for operand in operands)
     if node.operator == '->':
         return left in _NOT_FIRST

@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The equations of a Lustre node to the term of its result.
+Elaborate the equations of a Lustre node to the term of its result.
 
-An equation is put in wherever its name is used, as a definition is. One that stands on itself
-does so through an operator that looks at the step before (`pre`, `YtoPre`, `ZtoPre`): there it
-becomes a `Feedback`, whose equation is handed out beside the term. Its type is the declared one
-(`int` is INT64, `real` FLOAT64), or else the one that its initial value and its equation agree on.
+An equation is substituted wherever its name is used, like a definition. An equation that depends
+on itself must do so through a delay (`pre`, `YtoPre`, `ZtoPre`). The delay becomes a `Feedback`
+node, and its equation is returned separately. The type of the node is the declared one (`int` is
+INT64, `real` FLOAT64), or else the common type of the initial value and the equation.
 """
 
 from collections.abc import Callable, Mapping
@@ -41,23 +41,23 @@ from fret_monitor.logic.numbers import ExactNumber
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse, Span
 from fret_monitor.model.values import ValueType
 
-_ROUNDS = 4  # as many steps as a type can rise: uint64, int64, float64, and one to see it stay
+_ROUNDS = 4  # a type widens at most to uint64, int64, float64; the last round changes nothing
 _TYPES = {'bool': ValueType.BOOL, 'int': ValueType.INT64, 'real': ValueType.FLOAT64}
 
 
 def equations_term(tree: Equations, scope: Scope, problems: Problems, owner: str,
                    feedback: dict[Feedback, Formula]) -> TypedTerm:
     """
-    Return what the result of some equations means; mistakes are added to the problems.
+    Return the term of the result of some equations; report mistakes to the problems.
 
-    `owner` is the id or name that the equations belong to; the `Feedback` nodes are called after
-    it. Their equations are added to `feedback`.
+    `owner` is the id or name of the requirement or definition with the equations; the names of the
+    `Feedback` nodes begin with it. Their equations are added to `feedback`.
     """
     return _LustreNode(tree, scope, problems, owner, feedback).result()
 
 
 class _LustreNode:
-    """One reading of the equations of one text."""
+    """The elaboration of the equations of one text."""
 
     def __init__(self, tree: Equations, scope: Scope, problems: Problems, owner: str,
                  feedback: dict[Feedback, Formula]) -> None:
@@ -76,7 +76,7 @@ class _LustreNode:
                          for name, item in self._equations.items()}
 
     def result(self) -> TypedTerm:
-        """Give every equation its meaning, each after those it stands on; return the result."""
+        """Elaborate the equations in the order of their dependencies; return the result's term."""
         self._check_declarations()
         for members in components(self._full):
             if is_cyclic(members, self._full):
@@ -87,7 +87,7 @@ class _LustreNode:
         return replace(self._term(result.name), span=result.expression.span)
 
     def _term(self, name: str) -> TypedTerm:
-        """Return what the name of an equation means, once it has been read."""
+        """Return the term of an equation that has been elaborated."""
         found = self._scope.find(name)
         assert found is not None
         return found.term
@@ -102,7 +102,7 @@ class _LustreNode:
     def _elaborator(self, cells: Mapping[Expression, Cell], problems: Problems) -> Elaborator:
         return Elaborator(self._scope, problems, is_lustre=True, cells=cells)
 
-    # What is declared
+    # Declarations
 
     def _check_declarations(self) -> None:
         for item in self._tree.inputs:
@@ -128,7 +128,7 @@ class _LustreNode:
             return TypedTerm(Broken(), item.span)
 
     def _read(self, name: str, elaborator: Elaborator, problems: Problems) -> None:
-        """Declare the name of an equation, once those that it stands on are declared."""
+        """Elaborate an equation and declare its name; its dependencies must be declared."""
         term = elaborator.term(self._equations[name].expression)
         if name in self._declared and not term.is_broken:
             try:
@@ -138,7 +138,7 @@ class _LustreNode:
                 term = TypedTerm(Broken(), term.span)
         self._scope.declare(name, Declaration(Role.EQUATION, term))
 
-    # What stands on itself
+    # Recursive equations
 
     def _read_recursive(self, members: list[str]) -> None:
         inside = {name: [other for other in self._at_once[name] if other in members]
@@ -153,7 +153,7 @@ class _LustreNode:
         self._read_loop(_Loop(self._tree, members, self._uses), [item[0] for item in order])
 
     def _read_loop(self, loop: '_Loop', order: list[str]) -> None:
-        """Work out the types of a loop's delays, then read its equations with them."""
+        """Find the types of a loop's delays by iteration, then elaborate its equations."""
         guesses = {delay: self._first_guess(delay) for delay in loop.delays}
         for _ in range(_ROUNDS):
             found = self._pass(loop, guesses, order, Problems())
@@ -166,7 +166,7 @@ class _LustreNode:
         delayed = self._pass(loop, cells, order, self._problems)
         for delay, term in delayed.items():
             self._close(delay, cells[delay], term)
-        # What stands on itself stands on the bounds of all of it.
+        # Every equation of a loop depends on the bounds in all of them.
         bounds = joined_bounds(*(term.bounds for term in delayed.values()),
                                *(self._term(name).bounds for name in order))
         for name in order:
@@ -175,7 +175,7 @@ class _LustreNode:
 
     def _pass(self, loop: '_Loop', cells: Mapping['_Delay', Cell], order: list[str],
               problems: Problems) -> dict['_Delay', TypedTerm]:
-        """Read the equations of a loop once, in order; return what each delay looks at."""
+        """Elaborate the equations of a loop in order; return the operand's term for each delay."""
         by_node = {node: cells[delay] for node, delay in loop.nodes.items()}
         elaborator = self._elaborator(by_node, problems)
         for name in order:
@@ -183,7 +183,7 @@ class _LustreNode:
         return {delay: elaborator.term(delay.argument) for delay in loop.delays}
 
     def _first_guess(self, delay: '_Delay') -> Cell:
-        """Return the declared type, or the initial value, or any value of the likely kind."""
+        """Return a cell of the declared type, else the initial value, else a Boolean or number."""
         declared = self._declared.get(delay.name)
         if delay.kind is not None:
             return Feedback('', delay.kind)
@@ -195,7 +195,7 @@ class _LustreNode:
         return FALSE if self._is_boolean(delay.argument) else ExactNumber(Fraction(1), False)
 
     def _initial(self, argument: Expression) -> Cell | None:
-        """Return the `i` of an equation `x = i -> ...`, if nothing of the loop is in it."""
+        """Return the `i` of an equation `x = i -> ...`, if it uses no equation."""
         if isinstance(argument, Name) and argument.text in self._equations:
             argument = self._equations[argument.text].expression
         if not isinstance(argument, Infix) or argument.operator != 'arrow':
@@ -210,7 +210,7 @@ class _LustreNode:
                 return value
 
     def _is_boolean(self, expression: Expression) -> bool:
-        """Whether an expression of a loop, not typed yet, looks like true or false."""
+        """Whether an expression of a loop, before types are known, seems to be Boolean."""
         seen: set[Expression] = set()
         stack = [expression]
         while stack:
@@ -240,7 +240,7 @@ class _LustreNode:
         return name
 
     def _close(self, delay: '_Delay', cell: Feedback, term: TypedTerm) -> None:
-        """Hand out the equation of a feedback, in the feedback's type."""
+        """Record the equation of a feedback, converted to the feedback's type."""
         match term.value:
             case Undeclared() | Broken():
                 return
@@ -269,7 +269,7 @@ class _LustreNode:
 
 @dataclass(frozen=True)
 class _Delay:
-    """What some operators of a loop look at a step later: the same expression, one feedback."""
+    """A delayed expression of a loop; all operators that delay the same one share a feedback."""
 
     name: str
     argument: Expression
@@ -278,7 +278,7 @@ class _Delay:
 
 
 class _Loop:
-    """The delays by which some equations stand on themselves."""
+    """The delays through which some equations depend on themselves."""
 
     def __init__(self, tree: Equations, members: list[str],
                  uses: Callable[[Expression, bool], list[str]]) -> None:
@@ -290,7 +290,7 @@ class _Loop:
             for node in postorder(equation.expression):
                 argument = delayed(node)
                 if argument is not None and set(uses(argument, True)) & set(members):
-                    # The second `pre x` is the first; anything else is a delay of its own.
+                    # All `pre x` of one name x share a delay; other expressions do not.
                     kind = _kind_of(node)
                     key = (argument.text if isinstance(argument, Name) else argument, kind)
                     name = argument.text if isinstance(argument, Name) else equation.name
@@ -300,7 +300,7 @@ class _Loop:
 
 
 def _kind_of(node: Expression) -> ValueType | None:
-    """Return the type that an operator wants what it delays to be, None for `pre`."""
+    """Return the type that a delay requires of its operand, None for `pre`."""
     match node:
         case Call('preInt'):
             return ValueType.INT64
@@ -317,7 +317,7 @@ def _kind(guess: Cell) -> ValueType:
 
 
 def _risen(guess: Cell, term: TypedTerm) -> Cell:
-    """Return a guess that takes in what was found under the last one."""
+    """Return a guess widened to the type that was found with the previous guess."""
     match term.value:
         case Undeclared() | Broken():
             return guess
@@ -341,7 +341,7 @@ def _broken(equation: LustreEquation) -> Declaration:
 
 
 def _declared(term: TypedTerm, declaration: LustreVariable) -> TypedTerm:
-    """Return a term as its declared type wants it."""
+    """Return a term converted to its declared type."""
     if declaration.type not in _TYPES:
         refuse(f"Lustre's type '{declaration.type}' is not known", declaration.span, '',
                did_you_mean(declaration.type, _TYPES) or 'there are bool, int and real')

@@ -13,10 +13,9 @@
 # limitations under the License.
 
 """
-One FRETish sentence to the text of its formula, without a bundle.
+Formalize one FRETish sentence without a bundle, as text.
 
-No bundle declares the names, so their types come from their use; where that shows nothing, a name
-is a real number.
+The types of the names are inferred from their use; the default is a real number.
 """
 
 from typing import Literal

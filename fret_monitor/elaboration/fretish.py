@@ -14,17 +14,18 @@
 
 
 """
-A FRETish sentence to its formula: what FRET means by it, put together from its parts.
+The formula of a FRETish sentence, composed from its scope, condition and timing as in FRET.
 
-The scope gives an `_Interval`, the stretches of steps that the sentence speaks of; the condition
-gives the trigger, the steps from which its timing counts; the timing gives a `_Base`, what must
-hold at a step of an interval. A base that must hold at every step of all intervals is `H (inside
--> base)`; one that is asked for at the end (`eventually`, `finally`) must hold at the last step
-of every past interval, and now, if an interval is open: false then means "not yet".
+The scope defines the intervals in which the sentence applies (`_Interval`). The condition defines
+the trigger, the steps from which the timing counts. The timing defines the base formula, which
+must hold at the steps of an interval. For most timings the base must hold at every step of every
+interval: `H (inside -> base)`. For `eventually` and `finally` it must hold at the last step of
+every past interval, and at the current step if an interval is open; a false verdict then means
+"not yet".
 
-The `only` scopes speak of what lies outside, and ask there for the negation: the response must
-not be given at that timing. So `only in m shall the sw eventually satisfy r` is `r` never outside
-of m, and `always` is `!r` at some time.
+An `only` scope applies outside of its mode, and requires there the negation of the sentence. So
+`only in m shall the sw eventually satisfy r` requires that r never holds outside of m, and with
+`always`, that r is false there at some step.
 
 Sources: D. Giannakopoulou et al., 'Formal Requirements Elicitation with FRET' (REFSQ 2020) and
 'Automated Formalization of Structured Natural Language Requirements' (IST 137, 2021). Intervals
@@ -53,26 +54,26 @@ from fret_monitor.model.diagnostics import CompileError, Problems
 def sentence_term(sentence: Sentence, scope: Scope, problems: Problems,
                   period: Fraction | None = None) -> TypedTerm:
     """
-    Return what a sentence means; mistakes are added to the problems.
+    Return the term of a sentence; report mistakes to the problems.
 
-    With a `period` (seconds), a step is one period, and durations with a unit of time become
-    steps of it; without, they count steps, as in FRET.
+    With a `period` (seconds per step), durations with a unit of time are converted to steps;
+    without one, their numbers count steps, as in FRET.
     """
     return _Formalisation(sentence, scope, problems, period).term()
 
 
 def is_not_yet(sentence: Sentence) -> bool:
     """
-    Whether a false verdict only says "not yet": it turns true when what is asked for comes.
+    Whether a false verdict means "not yet": it can still become true.
 
-    So for eventually and finally, and for a sentence without timing; of the `only` scopes, for
-    always, never and finally. For all others, false stays false.
+    This holds for `eventually`, `finally` and no timing; with an `only` scope, for `always`,
+    `never` and `finally`. All other sentences stay false.
     """
     timing, _ = _meant(sentence)
     return timing in (TimingKind.EVENTUALLY, TimingKind.FINALLY)
 
 
-# What the timing of an `only` scope asks for outside: the negation, of the negated response.
+# The dual of each timing: an `only` scope requires the dual, of the negated response.
 _NEGATED = {
     TimingKind.EVENTUALLY: TimingKind.ALWAYS,
     TimingKind.ALWAYS: TimingKind.EVENTUALLY,
@@ -84,7 +85,7 @@ _NEGATED = {
 
 
 def _meant(sentence: Sentence) -> tuple[TimingKind, bool]:
-    """Return the timing that must be met in the intervals, and whether by the negation of r."""
+    """Return the timing required in the intervals, and whether the response is negated."""
     timing = sentence.timing_kind
     is_negated = False
     if timing is TimingKind.NONE:
@@ -104,7 +105,7 @@ _SCOPE_WORDS = {
 
 
 class _Formalisation:
-    """One sentence on its way to a formula."""
+    """The formalisation of one sentence."""
 
     def __init__(self, sentence: Sentence, scope: Scope, problems: Problems,
                  period: Fraction | None) -> None:
@@ -112,7 +113,7 @@ class _Formalisation:
         self._problems = problems
         self._period = period
         self._bounds: frozenset[int] = frozenset()
-        # A scope's own expression looks back without an end.
+        # No left end: FRET does not limit how far the scope's own expression looks back.
         mode: Formula | None = TRUE
         if sentence.scope is not None:
             outside = Elaborator(scope, problems, left=None)
@@ -123,7 +124,7 @@ class _Formalisation:
         self._elaborator = Elaborator(scope, problems, left=self._interval.left)
 
     def term(self) -> TypedTerm:
-        """Return the formula; each part is read, so that all mistakes are reported."""
+        """Return the formula; elaborates every part, so that all mistakes are reported."""
         sentence = self._sentence
         condition, stop, steps = self._condition(), self._stop(), self._steps()
         response = self._truth(self._elaborator, sentence.response, "'satisfy'")
@@ -137,7 +138,7 @@ class _Formalisation:
         return TypedTerm(formula, sentence.span, bounds=joined_bounds(self._bounds, (steps,)))
 
     def _is_value(self, phrase: ScopePhrase, scope: Scope) -> bool:
-        """Report a mode that is only the name of a value, with the scope to write."""
+        """Report a mode that is the name of a value; return whether it is."""
         mode = phrase.mode
         if not isinstance(mode, Name) or scope.find(mode.text) or mode.text not in scope.owners:
             return False
@@ -152,7 +153,7 @@ class _Formalisation:
 
     def _truth(self, elaborator: Elaborator, expression: Expression, operator: str,
                ) -> Formula | None:
-        """Return the formula of a part that is true or false, None where it has a mistake."""
+        """Return the formula of a part that must be Boolean, or None if it has a mistake."""
         term = elaborator.term(expression)
         if term.is_broken:
             return None
@@ -192,9 +193,10 @@ class _Formalisation:
 @dataclass(frozen=True, eq=False)
 class _Interval:
     """
-    Stretches of steps [left, right): from each step where `left` holds up to the next `right`.
+    Intervals of steps [left, right), from a step where `left` holds to the next `right`.
 
-    `inside` holds at the steps of an interval. `right` is None where the end of the trace ends it.
+    `inside` holds at the steps of an interval. `right` is None if intervals last to the end of the
+    trace.
     """
 
     left: Formula
@@ -228,7 +230,7 @@ def _interval(kind: ScopeKind, mode: Formula) -> _Interval:
 
 @dataclass(frozen=True, eq=False)
 class _Timed:
-    """What the timings are made of: interval, condition, stop (TRUE for none) and steps."""
+    """The parameters of a timing; `stop` is TRUE if there is none."""
 
     interval: _Interval
     condition: Formula
@@ -237,7 +239,7 @@ class _Timed:
     steps: int
 
     def formula(self, timing: TimingKind, response: Formula, is_only: bool) -> Formula:
-        """Return the formula of the sentence; `response` is negated already where it must be."""
+        """Return the formula of the sentence; `response` is already negated if required."""
         if timing in (TimingKind.EVENTUALLY, TimingKind.FINALLY):
             return self._at_the_end(self._unless_idle(
                 response if timing is TimingKind.FINALLY else self._once(response)))
@@ -256,16 +258,16 @@ class _Timed:
         return Historically(ALWAYS, base if inside is TRUE else _implies(inside, base))
 
     def _at_the_end(self, base: Formula) -> Formula:
-        """Ask for a base at the last step of every past interval, and now if one is open."""
+        """Require a base at the last step of past intervals, and now if an interval is open."""
         interval = self.interval
         now = base if interval.inside is TRUE else _implies(interval.inside, base)
         if interval.right is None:
             return now
-        # Z, not Y: what ends at the first step has not begun.
+        # Z, not Y: an interval that ends at the first step is empty.
         past = Historically(ALWAYS, _implies(interval.right, WeakYesterday(base)))
         return _and(past, now)
 
-    # What happened since the interval began
+    # Events since the start of the interval
 
     @property
     def _has_condition(self) -> bool:
@@ -273,7 +275,7 @@ class _Timed:
 
     @property
     def _trigger(self) -> Formula:
-        """Where the timing starts: at the condition's rising, or wherever it holds, or left."""
+        """Where the timing starts: at the condition's rising edge, while it holds, or at left."""
         match self.condition_kind:
             case ConditionKind.NONE:
                 return self.interval.left
@@ -286,13 +288,13 @@ class _Timed:
                 return _and(self.condition, _or(Yesterday(was_off), self.interval.left))
 
     def _unless_idle(self, demand: Formula) -> Formula:
-        """Ask for something only once the condition has held in this interval."""
+        """Require something only after the condition has held in this interval."""
         if not self._has_condition:
             return demand
         return _or(_since(_not(self.condition), self.interval.left), demand)
 
     def _once(self, event: Formula) -> Formula:
-        """Whether an event has come since the (last) trigger."""
+        """Whether an event has occurred since the last trigger."""
         if self._trigger is FTP:
             return Once(ALWAYS, event)
         return _not(_since(_not(event), self._trigger))
@@ -335,7 +337,7 @@ class _Timed:
         return _and(self._for(_not(response)), self._within_steps(response, self.steps + 1))
 
     def _not_after(self, denial: Formula) -> Formula:
-        """Ask for `denial` at n + 1 steps after the trigger, or for the response before."""
+        """Require `denial` n + 1 steps after the trigger, unless the response came earlier."""
         recent = Window(0, self.steps)
         due = Once(Window(self.steps + 1, self.steps + 1), self._trigger)
         came_before = Yesterday(Once(recent, _not(denial)))
@@ -345,7 +347,7 @@ class _Timed:
 # Connectives
 
 def _since(held: Formula, start: Formula) -> Formula:
-    """Whether something holds at every step from a start on; `held SI start` in FRET's words."""
+    """Whether `held` holds at every step from the last start on; FRET's `held SI start`."""
     if start is FTP:
         return Historically(ALWAYS, held)
     return Since(ALWAYS, held, _and(held, start))

@@ -14,10 +14,11 @@
 """
 The predefined functions of FRET: their names, arguments and formulas.
 
-`abs`, `min`, `max`, `ite`, `pre` take what the rules of docs/numbers.md allow; FRET's typed
-spellings (`absInt`, `preReal` ...) also say what they take. `persisted`, `occurred` and `prevOcc`
-look back to the left end of the interval they stand in: `FTP`, or the left end of the scope of a
-FRETish sentence; in the expression of a scope itself they have none. The formulas are FRET's.
+docs/numbers.md defines the operand types of `abs`, `min`, `max`, `ite` and `pre`; FRET's typed
+spellings (`absInt`, `preReal` ...) restrict them. `persisted`, `occurred` and `prevOcc` look back
+at most to the left end of the interval in which they are used: `FTP`, or the left end of the
+scope of a FRETish sentence. In the expression of a scope there is no left end. The formulas are
+FRET's.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,9 +41,9 @@ from fret_monitor.model.values import ValueType
 @dataclass(frozen=True)
 class Application:
     """
-    A call, ready to be given its meaning; the number of arguments fits.
+    A call with elaborated arguments, whose number is correct.
 
-    `left` is true at the left end of the interval that the call looks back in, None for no end.
+    `left` holds at the left end of the interval in which the call looks back; None for no end.
     """
 
     name: str
@@ -53,17 +54,17 @@ class Application:
 
     @property
     def quoted(self) -> str:
-        """The name as messages show it."""
+        """The quoted name, for messages."""
         return f"'{self.name}'"
 
 
 @dataclass(frozen=True)
 class Function:
     """
-    A predefined function: what its arguments are called, in each form, and its meaning.
+    A predefined function: the arguments of each form, and its formula.
 
-    `gives_truth`: the result is true or false, whatever the arguments. `counts_steps`: all
-    arguments but the last are numbers of steps.
+    `gives_truth`: the result is Boolean for all arguments. `counts_steps`: all arguments except
+    the last are numbers of steps.
     """
 
     forms: tuple[str, ...]
@@ -77,13 +78,13 @@ class Function:
 
 
 def choice(condition: TypedTerm, yes: TypedTerm, no: TypedTerm, name: str) -> Formula:
-    """Return `if condition then yes else no`; the branches meet in one type."""
+    """Return `if condition then yes else no`; the branches are converted to a common type."""
     first, second = alike([yes, no], name)
     return Choice(expect_bool(condition, name), first, second)
 
 
 def previous(initial: TypedTerm, argument: TypedTerm, name: str) -> Formula:
-    """Return `initial -> pre argument`; both meet in one type."""
+    """Return `initial -> pre argument`; both are converted to a common type."""
     first, second = alike([initial, argument], name)
     return Previous(first, second)
 
@@ -114,7 +115,7 @@ def _pre(call: Application) -> Formula:
 
 
 def _check_kind(call: Application, terms: Sequence[TypedTerm]) -> None:
-    """Refuse what FRET's typed spelling does not take: Bool, Int or Real at the name's end."""
+    """Refuse arguments of another type than the suffix of the name: Bool, Int or Real."""
     for term in terms:
         if call.name.endswith('Bool'):
             expect_bool(term, call.quoted)
@@ -132,7 +133,7 @@ def _check_whole(call: Application, term: TypedTerm, value: Number) -> None:
 
 
 def _real(call: Application, term: TypedTerm) -> TypedTerm:
-    """Return an argument as the typed spelling wants it: `...Real` makes an integer a real."""
+    """Convert an integer argument of a function `...Real` to a real number."""
     if not call.name.endswith('Real'):
         return term
     value = expect_number(term, call.quoted)

@@ -11,17 +11,18 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Names that stand on other names: an order to read them in, and their cycles."""
+"""Graphs of names that depend on other names: dependency order and cycles."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
 
 def components(graph: Mapping[str, Sequence[str]]) -> list[list[str]]:
     """
-    Return the strongly connected components, each after all those that it leads to.
+    Return the strongly connected components, each after all components that it depends on.
 
-    `graph` gives for each name the names it leads to, all of them keys. The algorithm is
-    Tarjan's (1972), with an explicit stack: chains of definitions get long.
+    `graph` maps each name to the names it depends on, all of them keys. The algorithm is
+    Tarjan's (1972), with an explicit stack, because chains of definitions can exceed Python's
+    recursion limit.
     """
     found: list[list[str]] = []
     index: dict[str, int] = {}
@@ -59,12 +60,12 @@ def _closed(name: str, open_names: dict[str, None]) -> list[str]:
 
 
 def is_cyclic(component: Sequence[str], graph: Mapping[str, Sequence[str]]) -> bool:
-    """Whether a component's names lead back to themselves."""
+    """Whether the names of a component depend on themselves."""
     return len(component) > 1 or component[0] in graph[component[0]]
 
 
 def cycle(component: Sequence[str], graph: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return a shortest way from a cyclic component's first name to itself, both ends included."""
+    """Return a shortest cycle from a component's first name to itself, both ends included."""
     start = component[0]
     inside = set(component)
     ways = [[start]]

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The languages of formulas: the one place that knows which reader reads which."""
+"""The parser of each language of formulas."""
 
 import re
 from typing import assert_never
@@ -27,12 +27,12 @@ from fret_monitor.model.diagnostics import CompileError, Diagnostic, Text
 
 def read_formula(language: Language, text: Text) -> Expression | Equations | Sentence:
     """
-    Return what a requirement says: a sentence in FRETish, a tree in the other languages.
+    Parse the text of a requirement: a sentence in FRETish, an expression in other languages.
 
     Raises
     ------
     CompileError
-        if the text is not of its language.
+        if the text is not in its language.
     """
     try:
         if language is Language.FRETISH:
@@ -55,11 +55,11 @@ _SHALL = re.compile(r'\bshall\b', re.IGNORECASE)
 
 
 def _language_of(text: Text, tried: Language) -> Language | None:
-    """Return the language that a text is in, if it is clearly not the one that was tried."""
+    """Return the language of a text that failed to parse, if it is clearly another one."""
     if _SHALL.search(text.value):
         return None if tried is Language.FRETISH else Language.FRETISH
     if tried is not Language.FRETISH or text.value.strip().startswith('"'):
-        return None  # text in quotes would be a name, as a formula
+        return None  # other languages read quoted text as a name
     return next((other for other in (Language.PTLTL, Language.COCOSPEC) if _reads(other, text)),
                 None)
 
@@ -74,12 +74,12 @@ def _reads(language: Language, text: Text) -> bool:
 
 def read_expression(language: Language, text: Text) -> Expression | Equations:
     """
-    Return the tree of an expression, as definitions are; in FRETish it is no sentence.
+    Parse a definition; in FRETish it is an expression, not a sentence.
 
     Raises
     ------
     CompileError
-        if the text is not of its language.
+        if the text is not in its language.
     """
     match language:
         case Language.PTLTL:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the names of a formula stand for: inputs, constants, definitions, and names of values."""
+"""The declared names of a formula: inputs, constants, definitions, and names of values."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ _NOWHERE = Span(Source('<scope>', ''), 0, 0)
 
 
 class Role(Enum):
-    """What a name was declared as, in the user's words."""
+    """The kind of a declaration; the value is its description in messages."""
 
     INPUT = 'an input'
     CONSTANT = 'a constant'
@@ -41,7 +41,7 @@ class Role(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Declaration:
-    """A declared name: its role, and what it means (its span is where it is declared)."""
+    """A declared name: its role, and its term, whose span is the place of the declaration."""
 
     role: Role
     term: TypedTerm
@@ -52,10 +52,10 @@ _PREDEFINED = {'FTP': Declaration(Role.PREDEFINED, TypedTerm(FTP, _NOWHERE))}
 
 class Scope:
     """
-    The names that a formula may use; `FTP` is always there.
+    The names that a formula may use; `FTP` is always declared.
 
-    It grows while a bundle is read. A name is found in both spellings: FRET writes `a_DOT_b` in
-    formulas for `a.b`. Names of an inner scope hide those of the outer one.
+    Declarations are added while a bundle is elaborated. A name is found in both spellings: FRET
+    writes `a_DOT_b` in formulas for `a.b`. Names of an inner scope hide those of the outer one.
     """
 
     def __init__(self, names: Mapping[str, Declaration] | None = None,
@@ -68,24 +68,24 @@ class Scope:
             self.declare(name, item)
 
     def declare(self, name: str, item: Declaration) -> None:
-        """Declare a name, or declare it anew."""
+        """Declare a name; replaces an earlier declaration."""
         self._names[name] = self._spelled[fret_name(name)] = item
 
     def find(self, name: str) -> Declaration | None:
-        """Return what declares a name, in either spelling, None if nothing does."""
+        """Return the declaration of a name in either spelling, or None."""
         found = self._names.get(name) or self._spelled.get(fret_name(name))
         if found is None and self._outer is not None:
             return self._outer.find(name)
         return found or _PREDEFINED.get(name)
 
     def vocabulary_of(self, name: str) -> Vocabulary | None:
-        """Return the names of a declared name's values, None if it has none."""
+        """Return the vocabulary of a declared name, or None."""
         found = self.find(name)
         return found.term.vocabulary if found else None
 
     @property
     def names(self) -> Mapping[str, Declaration]:
-        """All declared names, as they are declared."""
+        """All declared names, in the spelling of their declaration."""
         return {**self._outer.names, **self._names} if self._outer else self._names
 
     @property
@@ -95,7 +95,7 @@ class Scope:
 
     @property
     def owners(self) -> dict[str, list[str]]:
-        """For each name of a value, the inputs that have it."""
+        """For each name of a value, the inputs with that value."""
         found: dict[str, list[str]] = {}
         for name, vocabulary in self.vocabularies.items():
             if self.names[name].role is Role.INPUT:
@@ -105,12 +105,12 @@ class Scope:
 
     @property
     def vocabularies(self) -> dict[str, Vocabulary]:
-        """The names of values, for each name that has some."""
+        """The vocabulary of each declared name that has one."""
         return {name: item.term.vocabulary for name, item in self.names.items()
                 if item.term.vocabulary is not None}
 
     def help_for(self, name: str) -> str:
-        """Return what to do about a name that nothing declares."""
+        """Return the help text for an undeclared name."""
         owners = self.owners.get(name)
         if owners:
             owner = owners[0]
@@ -121,7 +121,7 @@ class Scope:
             'declare it under inputs, constants or definitions')
 
     def known(self) -> Iterator[str]:
-        """Yield all names that could have been meant."""
+        """Yield all names that can be suggested for a misspelled one."""
         yield from self.names
         yield from self.owners
         yield 'FTP'
@@ -131,10 +131,10 @@ def scope_of(variables: Iterable[Variable] = (),
              constants: Mapping[str, bool | int | Fraction] | None = None,
              values: Mapping[str, tuple[tuple[str, int | str], ...]] | None = None) -> Scope:
     """
-    Make a scope by hand, for tests and tools.
+    Return a scope without a bundle, for tests and tools.
 
-    A constant is a bool, an int (a whole number) or a Fraction (a real one); `values` are the
-    names of values for each variable that has some.
+    A constant is a bool, an int (a whole number) or a Fraction (a real number); `values` maps a
+    variable to the names of its values.
     """
     names = {}
     for variable in variables:

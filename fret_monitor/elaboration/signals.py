@@ -14,8 +14,8 @@
 """
 The inputs and constants of a bundle, with their types and values checked.
 
-An input's type is that of the message field that feeds it, or the plain type that is given. What
-cannot be used is added to the problems, and what stands on it is broken silently.
+The type of an input is that of its message field, or the scalar type in the bundle. Mistakes are
+added to the problems; the declaration is then `Broken`, so that its uses are not reported.
 """
 
 from collections.abc import Callable
@@ -43,7 +43,7 @@ _TRUTHS = {'true': TRUE, 'false': FALSE}
 
 
 def constant_declaration(entry: ConstantEntry, problems: Problems) -> Declaration:
-    """Return what a constant means: true, false, or an exact number."""
+    """Return the declaration of a constant: a Boolean or an exact number."""
     value = _TRUTHS.get(entry.value.value.strip().lower())
     if value is not None:
         return Declaration(Role.CONSTANT, TypedTerm(value, entry.value.span))
@@ -59,9 +59,9 @@ def constant_declaration(entry: ConstantEntry, problems: Problems) -> Declaratio
 def input_declaration(entry: InputEntry, find_message: FindMessage,
                       problems: Problems) -> tuple[Signal | None, Declaration]:
     """
-    Return an input's signal, None where it cannot be used, and what its name means.
+    Return the signal of an input, None if it cannot be used, and the declaration of its name.
 
-    Of an input that the reader has found damaged, the rest is checked.
+    If the parser refused a part of the entry, the other parts are checked all the same.
     """
     try:
         signal = _signal(entry, find_message, problems)
@@ -82,7 +82,7 @@ def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) ->
     values = None if 'values' in entry.damaged else _values(entry, kind, problems)
     stored_as = ValueType.INT32 if kind is None else kind
     if values is None:
-        # A number can be checked; anything else may be the name of a value.
+        # Without usable values, only a numeric initial value can be checked.
         if kind and entry.initial and looks_like_number(entry.initial.value.strip()):
             _initial(entry, kind, ())
         return None
@@ -90,7 +90,7 @@ def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) ->
     try:
         initial = _initial(entry, stored_as, values)
     except CompileError as error:
-        # The input has a type all the same, and what reads it can be checked.
+        # Continue: the type is known, so that formulas with this input can be checked.
         problems.extend(error.diagnostics)
     return Signal(
         name=entry.name.value,
@@ -109,7 +109,7 @@ def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) ->
 
 
 def _is_type_damaged(entry: InputEntry, find_message: FindMessage) -> bool:
-    """Return whether the reader refused what decides the type; look for the message anyway."""
+    """Whether the parser refused the input's type or field; report an unknown message too."""
     if entry.type is None:
         return 'type' in entry.damaged
     if 'field' not in entry.damaged or '/' not in entry.type.value:
@@ -124,7 +124,7 @@ def _qos_value(text: str) -> str | int:
 
 def _type(entry: InputEntry, find_message: FindMessage) -> tuple[
         ValueType | None, MessageLayout | None, ResolvedField | None]:
-    """Return the type of an input, None for a string; its message, and the field of that."""
+    """Return the type of an input (None for a string), its message, and the message's field."""
     if entry.type is None:
         refuse(f"the input '{entry.name}' has no type", entry.name.span, '',
                'type: std_msgs/msg/Float32')
@@ -156,7 +156,7 @@ def _scalar(name: str, text: Text, plain: dict[str, ValueType]) -> ValueType | N
 
 def _values(entry: InputEntry, kind: ValueType | None,
             problems: Problems) -> tuple[tuple[str, int | str], ...] | None:
-    """Return what the names of an input's values stand for, None where one of them is wrong."""
+    """Return the names of an input's values with the values, or None if one is wrong."""
     if kind is None and not entry.values:
         refuse(f"the input '{entry.name}' is text, and monitors read numbers",
                (entry.type or entry.name).span, 'a string needs names for its values',
@@ -177,7 +177,7 @@ def _values(entry: InputEntry, kind: ValueType | None,
 
 
 def _string(item: ValueEntry) -> str:
-    """Return the string that a name of a text input stands for."""
+    """Return the string of a name of values."""
     if not item.is_string:
         refuse(f"'{item.name}' cannot be a value of text", item.value.span, 'this is a number',
                f'{item.name}: "{item.value}"')
@@ -185,7 +185,7 @@ def _string(item: ValueEntry) -> str:
 
 
 def _value(item: ValueEntry, kind: ValueType) -> int:
-    """Return the number that a name of a number input stands for."""
+    """Return the number of a name of values."""
     title = f"'{item.name}' cannot be a value of type {kind.value}"
     if item.is_string:
         refuse(title, item.value.span, 'this is text', 'write the number without quotes')
@@ -201,7 +201,7 @@ def _value(item: ValueEntry, kind: ValueType) -> int:
 
 def _initial(entry: InputEntry, kind: ValueType,
              values: tuple[tuple[str, int | str], ...]) -> bool | int | float | None:
-    """Return the value an input has before the first message, as it is stored."""
+    """Return the value of an input before the first message, as stored in the input's type."""
     if entry.initial is None:
         return None
     text = entry.initial.value.strip()

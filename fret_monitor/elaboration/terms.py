@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Terms: what an expression means while its types are being worked out, and how types meet.
+Terms: expressions during type inference, and the rules for common types.
 
-A `TypedTerm` is a typed `Formula`, or an `ExactNumber` that has no type yet, or a name that only a
-comparison can place (`LANDING` in `state = LANDING`), or a mistake already reported. `unify`,
-`convert` and `cast` are the rule by which types meet (docs/numbers.md); errors are
-`CompileError`, with the place of the operand that does not fit.
+A `TypedTerm` holds a typed `Formula`, an `ExactNumber` without a type yet, a name that only a
+comparison can resolve (`LANDING` in `state = LANDING`), or a mark that a mistake was reported.
+`unify`, `convert` and `cast` implement the conversions of docs/numbers.md. Errors are
+`CompileError`, at the place of the operand with the wrong type.
 """
 
 from collections.abc import Iterable, Sequence
@@ -36,9 +36,9 @@ _MANY = 8
 @dataclass(frozen=True)
 class Vocabulary:
     """
-    The names of an input's values, `(name, number or string)` each, as in `Signal.values`.
+    The names of an input's values: pairs `(name, number or string)`, as in `Signal.values`.
 
-    A string counts as the index of its first place among the strings.
+    A string is represented by the index of its first occurrence in the values.
     """
 
     values: tuple[tuple[str, int | str], ...]
@@ -50,27 +50,27 @@ class Vocabulary:
 
     @cached_property
     def numbers(self) -> dict[str, int]:
-        """The number that each name stands for."""
+        """The number of each name."""
         found = [value for _, value in self.values]
         return {name: value if isinstance(value, int) else found.index(value)
                 for name, value in self.values}
 
     def __str__(self) -> str:
-        """Return the names for a message, the first ones where there are many."""
+        """Return the names for a message; only the first ones if there are many."""
         names = [name for name, _ in self.values]
         return ', '.join(names[:_MANY]) + (', ...' if len(names) > _MANY else '')
 
 
 @dataclass(frozen=True, eq=False)
 class Undeclared:
-    """A name that is nothing in its scope; it may be a value's name in a comparison."""
+    """A name without a declaration; it may be the name of a value in a comparison."""
 
     name: str
 
 
 @dataclass(frozen=True, eq=False)
 class Broken:
-    """The place of a mistake that was reported; whatever is made of it is broken silently."""
+    """An expression with a mistake that was reported; what contains it is broken, too."""
 
 
 Value: TypeAlias = Formula | ExactNumber | Undeclared | Broken
@@ -80,12 +80,12 @@ Number: TypeAlias = Formula | ExactNumber
 @dataclass(frozen=True, eq=False)
 class TypedTerm:
     """
-    The meaning of an expression, and where it stands.
+    The value of an expression, and its place.
 
-    `vocabulary` are the names of its values, if it is an input that has some (or `pre` or a
-    choice of such). `undefined` is the number of first steps at which a bare `pre` of Lustre
-    leaves it without a value, `origin` the place of that `pre`. `bounds` are the numbers of steps
-    that were written in it, the largest few.
+    `vocabulary` is set if it is an input with names of values, or `pre` or a choice of such
+    inputs. `undefined` is the number of initial steps at which it has no value, because of a
+    `pre` of Lustre without `->` at the place `origin`. `bounds` are the largest few of the
+    numbers of steps in its text.
     """
 
     value: Value
@@ -97,12 +97,12 @@ class TypedTerm:
 
     @property
     def is_broken(self) -> bool:
-        """Whether a mistake in it was reported."""
+        """Whether it contains a mistake, which was reported."""
         return isinstance(self.value, Broken)
 
     @property
     def is_boolean(self) -> bool:
-        """Whether it is true or false."""
+        """Whether it is Boolean."""
         match self.value:
             case ExactNumber() | Undeclared() | Broken():
                 return False
@@ -126,7 +126,7 @@ def joined_bounds(*bounds: Iterable[int]) -> frozenset[int]:
 
 
 def describe(term: TypedTerm) -> str:
-    """Say in the user's words what a term is."""
+    """Return a description of a term for messages."""
     if term.is_text:
         return 'text'
     match term.value:
@@ -143,7 +143,7 @@ def describe(term: TypedTerm) -> str:
 
 
 def expect_bool(term: TypedTerm, operator: str) -> Formula:
-    """Return a term's formula, which must be BOOL for `operator`, as the user wrote it."""
+    """Return a term's formula; refuse it unless it is BOOL, as `operator` requires."""
     value = term.value
     if not term.is_boolean or isinstance(value, (ExactNumber, Undeclared, Broken)):
         refuse(f'{operator} takes what is true or false', term.span,
@@ -154,7 +154,7 @@ def expect_bool(term: TypedTerm, operator: str) -> Formula:
 def _truth_help(term: TypedTerm) -> str:
     written = term.span.source.text[term.span.start:term.span.end]
     match term.value:
-        case ExactNumber() if written.isidentifier():  # a constant
+        case ExactNumber() if written.isidentifier():  # the name of a constant
             return f'compare it with something, as in x <= {written}'
         case ExactNumber(value, _, _) if value in (0, 1):
             return f"write {'TRUE' if value else 'FALSE'}"
@@ -166,7 +166,7 @@ def _truth_help(term: TypedTerm) -> str:
 
 
 def expect_number(term: TypedTerm, operator: str) -> Number:
-    """Return a term's formula or literal, which must be a number for `operator`."""
+    """Return a term's formula or literal; refuse it unless it is a number."""
     if term.is_text:
         refuse(f'{operator} takes numbers', term.span, 'this is text',
                f'text can be compared by = and != with its names: {term.vocabulary}')
@@ -178,11 +178,10 @@ def expect_number(term: TypedTerm, operator: str) -> Number:
 
 def unify(numbers: Iterable[Number]) -> ValueType | None:
     """
-    Return the type in which numbers meet; None if all are literals, and meet exactly.
+    Return the common type of some numbers; None if all are literals, which stay exact.
 
-    A float64, or a float beside an integer, makes float64; else a float32 makes float32; an
-    integer beside a real literal makes float64; uint64 with none but its like and literals >= 0
-    makes uint64; all other integers make int64.
+    float64, if one is float64, or a float or real literal occurs with an integer; else float32,
+    if one is; else uint64, if all are uint64 or literals >= 0; else int64.
     """
     values = list(numbers)
     literals = [value for value in values if isinstance(value, ExactNumber)]
@@ -201,7 +200,7 @@ def unify(numbers: Iterable[Number]) -> ValueType | None:
 
 
 def common_type(values: Iterable[Number]) -> ValueType:
-    """Return the type in which numbers meet that must have one, `unify` or that of literals."""
+    """Return the common type of some numbers; int64, uint64 or float64 if all are literals."""
     numbers = list(values)
     kind = unify(numbers)
     if kind is not None:
@@ -215,17 +214,17 @@ def common_type(values: Iterable[Number]) -> ValueType:
 
 
 def promoted(formula: Formula) -> Formula:
-    """Return a number in a type that operators take: the small integers become INT64."""
+    """Return a number in a type that operators take: small integer types become INT64."""
     return convert(formula, common_type([formula]))
 
 
 def convert(formula: Formula, kind: ValueType) -> Formula:
-    """Return a number in the type `kind`: INT64, FLOAT64, or its own."""
+    """Convert a number to the type `kind`."""
     return formula if formula.type is kind else Conversion(formula, kind)
 
 
 def cast(term: TypedTerm, value: Number, kind: ValueType) -> Formula:
-    """Return a term's number in the type `kind`; a literal is rounded here, once."""
+    """Convert the number of a term to the type `kind`; a literal is rounded here, once."""
     if not isinstance(value, ExactNumber):
         return convert(value, kind)
     try:
@@ -236,9 +235,9 @@ def cast(term: TypedTerm, value: Number, kind: ValueType) -> Formula:
 
 def alike(terms: Sequence[TypedTerm], operator: str) -> list[Formula]:
     """
-    Return formulas of one type: all BOOL, or all numbers of their common type.
+    Return the terms as formulas of one type: all BOOL, or all numbers of the common type.
 
-    Text is alike only among names and inputs of the same `values`.
+    Texts must have the same vocabulary.
     """
     if any(term.is_boolean for term in terms):
         return [_same_truth(term, operator) for term in terms]
@@ -257,7 +256,7 @@ def _same_truth(term: TypedTerm, operator: str) -> Formula:
 
 
 def same_text(terms: Sequence[TypedTerm], operator: str) -> list[Formula]:
-    """Return the indices, as INT64, of terms that are all text with the same `values`."""
+    """Return the indices of texts as INT64; all must have the same vocabulary."""
     vocabulary = next(term.vocabulary for term in terms if term.is_text)
     for term in terms:
         if term.vocabulary != vocabulary:
@@ -270,7 +269,7 @@ def same_text(terms: Sequence[TypedTerm], operator: str) -> list[Formula]:
 
 
 def formula_of(term: TypedTerm) -> Formula:
-    """Return a term's formula; a literal becomes int64 or float64, as written."""
+    """Return a term's formula; a whole literal becomes int64 or uint64, a real one float64."""
     match term.value:
         case Undeclared() | Broken():
             raise AssertionError('mistakes are reported before')

@@ -15,10 +15,10 @@
 """
 The types of undeclared names, inferred from how expressions use them.
 
-What is negated is Boolean, what is compared with a number is a number, what `preInt` takes is a
-whole number, and both sides of `=` have one type. Expressions that must have one type form a
-class in a union-find forest; the class has the type that any of its members needs. A use that
-contradicts an earlier one changes nothing: the type check reports it later.
+An operand of `!` is Boolean, an operand of `<` a number, an operand of `preInt` an integer, and
+both sides of `=` have the same type. Expressions that must have the same type form a class in a
+union-find forest; the class has the type that one of its members requires. A use that contradicts
+an earlier one is ignored, because the type check reports it later.
 """
 
 from collections.abc import Iterable
@@ -39,7 +39,7 @@ _ALL_NUMBERS = frozenset({'abs', 'min', 'max'})
 
 
 class TypesByUse:
-    """Collects uses of names; BOOL, INT64 (only a whole number will do) or FLOAT64 for each."""
+    """Collects uses of names, and infers BOOL, INT64 (if a use requires an integer) or FLOAT64."""
 
     def __init__(self) -> None:
         self._indices: dict[Expression | str, int] = {}
@@ -48,21 +48,21 @@ class TypesByUse:
         self._types: list[ValueType | None] = []
 
     def type_of(self, name: str) -> ValueType | None:
-        """Return the type of a name, None where its uses do not show it."""
+        """Return the type of a name, or None if its uses do not determine it."""
         index = self._indices.get(fret_name(name))
         return None if index is None else self._types[self._root(index)]
 
     def declare(self, name: str, known: ValueType) -> None:
-        """Add a type that is known otherwise; of number types, only that they are numbers."""
+        """Add a declared type; a number type only adds that the name is a number."""
         self._expect(_BOOL if known is _BOOL else _REAL, [fret_name(name)])
 
     def add_property(self, expression: Expression) -> None:
-        """Add the uses in an expression that is Boolean."""
+        """Add the uses in a Boolean expression."""
         self._add(expression)
         self._expect(_BOOL, [expression])
 
     def add_definition(self, name: str, expression: Expression) -> None:
-        """Add the uses in an expression that has a name."""
+        """Add the uses in a definition."""
         self._add(expression)
         self._unify([fret_name(name), expression])
 
@@ -73,7 +73,7 @@ class TypesByUse:
                 self._expect(_BOOL, [node])
 
     def _add_operator(self, node: Expression) -> None:
-        """Add what an operator says of its operands, and of its result if that is no truth."""
+        """Add the types that an operator requires of its operands and its result."""
         match node:
             case Name('FTP'):
                 self._expect(_BOOL, [node])
@@ -159,7 +159,7 @@ class TypesByUse:
 
 
 def _common(one: ValueType | None, other: ValueType | None) -> ValueType | None:
-    """Return the type that meets both needs; None for a contradiction, or if both are None."""
+    """Return the type that satisfies two requirements; None for a contradiction, or for none."""
     if one is None or one is other:
         return other
     if other is None:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Bounds as written (`[0,10]`, `[<n]`) to the windows of distances that they mean."""
+"""Convert bounds (`[0,10]`, `[<n]`) to windows of distances into the past."""
 
 from collections.abc import Callable
 
@@ -29,15 +29,15 @@ _FRETS_EMPTY = Window(0, -1)
 
 def window(bound: Bound | None, constant: Callable[[Name], int]) -> Window:
     """
-    Return the window of a bound; that of no bound is the whole past.
+    Return the window of a bound; without a bound, the whole past.
 
-    `constant` gives the number of a name in the bound; what it raises is raised.
+    `constant` returns the number of a name in the bound; its exceptions are passed on.
 
     Raises
     ------
     CompileError
-        if an end is no whole number, is negative (but for FRET's `[0,-1]`), is above 2^31 - 1,
-        or lies before the other.
+        if an end is not a whole number, is negative (except in FRET's `[0,-1]`), is above
+        2^31 - 1, or if the upper end is below the lower end.
     """
     if bound is None:
         return ALWAYS
