@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Fixtures of the tests with ROS 2; without rclpy there are none of them."""
+"""Fixtures of the tests with ROS 2; without rclpy these tests are not collected."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -29,7 +29,7 @@ except ImportError:
     collect_ignore_glob.append('*')
 
 
-# Its monitors take the messages in C, and then in Python: both ways pass the same tests.
+# Its monitors read the messages in C, and then in Python: both must pass the same tests.
 BOTH_WAYS = {'test_monitor_node'}
 
 
@@ -42,7 +42,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.fixture
 def hot_path(request: pytest.FixtureRequest) -> Iterator[str]:
-    """Have monitors started with a parameter `hot_path`."""
+    """Start monitors with each value of the parameter `hot_path`."""
     from ros import harness
     harness.HOT_PATH = request.param
     yield request.param
@@ -58,11 +58,11 @@ def _joined(domain: int) -> Iterator['Partner']:
 
 @pytest.fixture
 def partner(domain: int) -> Iterator['Partner']:
-    """Return a node of the test's own in a domain of its own."""
+    """Return a node of the test in a ROS domain of its own."""
     yield from _joined(domain)
 
 
 @pytest.fixture
 def stranger(domain: int) -> Iterator['Partner']:
-    """Return another one, which the middleware takes for another process."""
+    """Return a second node, in a context of its own, as another process would have."""
     yield from _joined(domain)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Real nodes in real processes, and somebody in the same domain who talks and listens to them."""
+"""Monitor and logger as real processes, and a node in the same domain that talks to them."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -39,7 +39,7 @@ from rclpy.subscription import Subscription
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
-PATIENCE = 30.0  # s; these machines are busy
+PATIENCE = 30.0  # s; the machines that run the tests may be busy
 START = 'import sys; from fret_monitor.ros.{0} import main; sys.argv[0] = "{0}"; sys.exit(main())'
 READY = {'monitor': 'watching', 'logger': 'listening'}
 
@@ -50,7 +50,7 @@ LATCHED = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE,
 
 
 def wait_until(is_true: Callable[[], bool], what: str, patience: float = PATIENCE) -> None:
-    """Wait until something is true; fail with the words if that takes too long."""
+    """Wait until a condition holds; fail with `what` after `patience` seconds."""
     end = monotonic() + patience
     while not is_true():
         assert monotonic() < end, f'waited in vain: {what}'
@@ -62,11 +62,11 @@ HOT_PATH: str | None = None
 
 
 class NodeProcess:
-    """One of the two executables, started as a user would."""
+    """The monitor or the logger, started as a user would."""
 
     def __init__(self, name: str, *arguments: str, environment: dict[str, str] | None = None,
                  folder: Path | None = None) -> None:
-        """Start it with these ROS arguments; ROS_DOMAIN_ID and the like are the caller's."""
+        """Start it with these ROS arguments; the caller sets ROS_DOMAIN_ID and the like."""
         self.name = name
         if name == 'monitor' and HOT_PATH is not None and 'hot_path' not in ' '.join(arguments):
             arguments = (*arguments, '-p', f'hot_path:={HOT_PATH}')
@@ -80,7 +80,7 @@ class NodeProcess:
 
     @property
     def output(self) -> str:
-        """What it has written so far, to both streams."""
+        """Return what it has written so far, to both streams."""
         size = os.fstat(self._file.fileno()).st_size
         return os.pread(self._file.fileno(), size, 0).decode(errors='replace')
 
@@ -98,7 +98,7 @@ class NodeProcess:
         return self.status(patience)
 
     def status(self, patience: float = PATIENCE) -> int:
-        """Wait for its end and return the exit status."""
+        """Wait until it ends and return the exit status."""
         try:
             return self.process.wait(patience)
         except subprocess.TimeoutExpired:
@@ -106,7 +106,7 @@ class NodeProcess:
             raise AssertionError(f'{self.name} did not end:\n{self.output}') from None
 
     def kill(self) -> None:
-        """See to it that nothing is left."""
+        """Kill the process if it still runs, and close its file."""
         if self.process.poll() is None:
             self.process.kill()
             self.process.wait()
@@ -116,7 +116,7 @@ class NodeProcess:
 @contextmanager
 def started(name: str, *arguments: str, environment: dict[str, str] | None = None,
             folder: Path | None = None) -> Iterator[NodeProcess]:
-    """Start a node, wait until it works, and see to it that it ends; well, if the test is well."""
+    """Start a node and wait until it is ready; it must end well if the test succeeds."""
     node = NodeProcess(name, *arguments, environment=environment, folder=folder)
     try:
         node.wait_for(READY[name])
@@ -133,10 +133,10 @@ def _is_matched(subscription: Subscription) -> bool:
 
 
 class Partner:
-    """A node of the test's own: publishes, and counts violations."""
+    """A node of the test: publishes, and counts violations."""
 
     def __init__(self, domain: int, namespace: str = '/') -> None:
-        """Join a domain."""
+        """Create the node in a domain and spin it in a thread."""
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain,
                    signal_handler_options=SignalHandlerOptions.NO)
@@ -153,7 +153,7 @@ class Partner:
             self._executor.spin_once(timeout_sec=0.1)
 
     def close(self) -> None:
-        """Leave."""
+        """Stop spinning and destroy the node."""
         self._is_closing = True
         self._thread.join()
         self._executor.shutdown()
@@ -165,7 +165,7 @@ class Partner:
         return self.node.create_publisher(message, topic, profile)
 
     def listen(self, *handlers: str, prefix: str = 'copilot/handlerprop') -> None:
-        """Count what comes on handlers, given by what their names end in, once they are there."""
+        """Count messages on the handlers whose names end so, once their publishers are there."""
         def listener(name: str) -> Callable[[Empty], None]:
             def count(_: Empty) -> None:
                 self.heard[name] += 1
@@ -177,10 +177,10 @@ class Partner:
             wait_until(partial(_is_matched, subscription), f'a publisher of handler {name}')
 
     def wait_for_listener(self, *publishers: Publisher) -> None:
-        """Wait until a monitor listens as the publishers' offer allows, old subscriptions gone."""
+        """Wait until only current, compatible subscriptions of a monitor are matched."""
         for publisher in publishers:
             wait_until(partial(self._is_heard, publisher), f'a listener to {publisher.topic_name}')
-        # The reader knows the writer a moment later than the writer the reader.
+        # Discovery is not symmetric: the reader matches a moment after the writer.
         sleep(0.3)
 
     def _is_heard(self, publisher: Publisher) -> bool:
@@ -190,7 +190,7 @@ class Partner:
             for item in listed if item.node_name == 'fret_monitor')
 
     def expect(self, expected: dict[str, int]) -> None:
-        """Wait until as many violations came as expected, and a while longer for none more."""
+        """Wait for as many violations as expected, and a while longer to see that no more come."""
         wanted = Counter({name: number for name, number in expected.items() if number})
         end = monotonic() + PATIENCE
         while +self.heard != wanted and monotonic() < end:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Somebody who reads `/diagnostics`."""
+"""A subscriber of `/diagnostics`."""
 
 from time import monotonic
 from typing import Any
@@ -22,28 +22,28 @@ from ros.harness import Partner, PATIENCE, wait_until
 
 
 class Operator:
-    """What is on /diagnostics."""
+    """Collects the reports on /diagnostics."""
 
     def __init__(self, partner: Partner) -> None:
-        """Subscribe."""
+        """Subscribe to /diagnostics."""
         self.heard: list[Any] = []
         partner.node.create_subscription(
             DiagnosticArray, '/diagnostics', self.heard.append, 10)
 
     def status(self, name: str) -> tuple[bytes, str, dict[str, str]]:
-        """Return level, message and values of a status of the next report."""
+        """Return level, message and values of one status in the next report."""
         self.wait(1)
         status = next(item for item in self.heard[-1].status
                       if item.name == f'fret_monitor: {name}')
         return status.level, status.message, {item.key: item.value for item in status.values}
 
     def wait(self, reports: int) -> None:
-        """Wait for so many reports from now."""
+        """Wait for so many further reports."""
         wanted = len(self.heard) + reports
         wait_until(lambda: len(self.heard) >= wanted, 'a report on /diagnostics')
 
     def wait_for(self, name: str, level: bytes, words: str) -> dict[str, str]:
-        """Wait until a status is of this level and says so; return its values."""
+        """Wait until a status has this level and these words in its message; return its values."""
         found = self.status(name)
         end = monotonic() + PATIENCE
         while found[0] != level or words not in found[1]:
@@ -52,7 +52,7 @@ class Operator:
         return found[2]
 
     def periods(self) -> dict[str, int]:
-        """Return what is counted of the periods, once nothing more comes."""
+        """Return the counters of the periods, once they no longer change."""
         last, now = None, self.status('periods of bundle')[2]
         end = monotonic() + PATIENCE
         while last != now:

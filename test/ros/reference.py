@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a node has to announce, found without any code of its own: by the reference semantics."""
+"""The violations that a node must publish, computed by the reference semantics alone."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ Message = tuple[str, dict[str, Value]]
 
 def expected(bundle: Path, messages: Sequence[Message],
              policy: Policy = Policy.EVERY_MESSAGE) -> dict[str, int]:
-    """Return how often each requirement is announced, for messages in this order."""
+    """Return how often each requirement is violated, for messages in this order."""
     specification = build.read(bundle, policy=policy).specification
     return dict(Counter({
         item.handler.removeprefix('handlerprop'): _announced(item, messages, policy)
@@ -48,7 +48,7 @@ def _announced(item: Property, messages: Sequence[Message], policy: Policy) -> i
 
 def _rows(read: set[str], messages: Sequence[Message],
           policy: Policy) -> list[dict[str, Value]]:
-    """Return the inputs of each step: at first there is none, until all inputs have a value."""
+    """Return the inputs of each step; there is no step before all inputs have a value."""
     values: dict[str, Value] = {}
     fresh: set[str] = set()
     rows = []

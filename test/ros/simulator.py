@@ -15,8 +15,8 @@
 """
 A process that publishes `/clock` as a simulator does, driven by lines on standard input.
 
-`STRIDE COUNT PAUSE` publishes COUNT times, each STRIDE seconds later than before (which may be
-less than 0), with PAUSE seconds of real time between, and then writes the time it is.
+`STRIDE COUNT PAUSE` publishes COUNT times, each STRIDE seconds later than before (STRIDE may be
+negative), with PAUSE seconds of real time between; it then prints the simulated time.
 """
 
 from collections.abc import Iterator
@@ -35,20 +35,20 @@ from rosgraph_msgs.msg import Clock
 
 
 class Simulator:
-    """The process, from the outside."""
+    """Starts the process and drives it."""
 
     def __init__(self) -> None:
-        """Start it; ROS_DOMAIN_ID is the caller's."""
+        """Start the process; the caller sets ROS_DOMAIN_ID."""
         self.process = subprocess.Popen(
             [sys.executable, str(Path(__file__).resolve())], env=dict(os.environ), text=True,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
     def go(self, seconds: float, stride: float = 0.02, speed: float = 2.0) -> float:
-        """Let so many seconds go by, so much faster than real ones; return the time."""
+        """Let simulated time run for so many seconds at a speed; return the time."""
         return self._tell(stride, round(seconds / stride), stride / speed)
 
     def jump(self, seconds: float) -> float:
-        """Let time go on or back by so much at once; return the time."""
+        """Step the time forward or back at once; return the time."""
         return self._tell(seconds, 1, 0.0)
 
     def _tell(self, stride: float, count: int, pause: float) -> float:
@@ -58,7 +58,7 @@ class Simulator:
         return float(self.process.stdout.readline())
 
     def end(self) -> None:
-        """End it."""
+        """End the process."""
         assert self.process.stdin and self.process.stdout
         self.process.stdin.close()
         self.process.stdout.close()
@@ -67,7 +67,7 @@ class Simulator:
 
 @contextmanager
 def simulating() -> Iterator[Simulator]:
-    """Have a simulator, and see to its end."""
+    """Start a simulator and end it afterwards."""
     simulator = Simulator()
     try:
         yield simulator
@@ -79,7 +79,7 @@ def simulating() -> Iterator[Simulator]:
 
 
 def main() -> None:
-    """Publish as told; time begins at 0, which is not published."""
+    """Read lines and publish; time begins at 0, which is not published."""
     rclpy.init()
     node = Node('simulator')
     publisher = node.create_publisher(Clock, '/clock', QoSProfile(depth=1))

@@ -17,7 +17,7 @@ A process that publishes numbers on a topic, and that can be killed.
 
 It is driven by lines on standard input. `say COUNT PAUSE` publishes so many numbers, from 0 on,
 with PAUSE seconds between. `go PAUSE` publishes until the next line, `greet PAUSE` likewise, but
--1 each time. After each it writes how many numbers it has said since its start.
+-1 each time. After each command it prints how many numbers it has published since its start.
 """
 
 from collections.abc import Callable, Iterator
@@ -33,8 +33,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 import std_msgs.msg
 
-# Fast DDS keeps a process that died for 20 s; one may ask for less for itself. Whoever does not
-# hear of it for so long, stopped perhaps, takes it for dead as well.
+# Fast DDS keeps a participant that died for 20 s; a participant may ask for a shorter lease. One
+# that sends nothing for so long, because it was stopped perhaps, is removed as well.
 _SHORT_LEASE = """<?xml version="1.0" encoding="UTF-8"?>
 <profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
   <participant profile_name="mortal" is_default_profile="true"><rtps><builtin>
@@ -48,10 +48,10 @@ _SHORT_LEASE = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 class Talker:
-    """The process, from the outside."""
+    """Starts the process and drives it."""
 
     def __init__(self, topic: str, message: str, depth: int, profile: Path | None) -> None:
-        """Start it; ROS_DOMAIN_ID is the caller's. With a profile it is mortal."""
+        """Start the process; the caller sets ROS_DOMAIN_ID. A profile sets a short lease."""
         environment = dict(os.environ)
         if profile is not None:
             profile.write_text(_SHORT_LEASE, encoding='utf-8')
@@ -61,13 +61,13 @@ class Talker:
             env=environment, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
     def greet(self, wait: Callable[[], None]) -> None:
-        """Greet until `wait` returns: whoever has heard a greeting hears all that follows."""
+        """Publish -1 until `wait` returns: the subscription then receives all that follows."""
         self._tell('greet 0.02')
         wait()
         self.stop()
 
     def say(self, count: int, pause: float = 0.0) -> int:
-        """Publish so many numbers; return how many it has said in all."""
+        """Publish so many numbers; return how many it has published in all."""
         self._tell(f'say {count} {pause}')
         return self._answer()
 
@@ -76,17 +76,17 @@ class Talker:
         self._tell(f'go {pause}')
 
     def stop(self) -> int:
-        """Stop publishing; return how many it has said in all."""
+        """Stop publishing; return how many it has published in all."""
         self._tell('stop')
         return self._answer()
 
     def kill(self) -> None:
-        """Kill it, whatever it does, so that it can tell nobody."""
+        """Kill the process at once, so that it cannot leave the graph in order."""
         self.process.kill()
         self.close()
 
     def close(self) -> None:
-        """Let it end; it leaves the graph as it should."""
+        """End the process; it leaves the graph in order."""
         assert self.process.stdin and self.process.stdout
         self.process.stdin.close()
         self.process.wait(30)
@@ -108,7 +108,7 @@ class Talker:
 @contextmanager
 def talking(folder: Path, topic: str = 'n', message: str = 'Int32',
             depth: int = 1000, is_mortal: bool = True) -> Iterator[Talker]:
-    """Have a talker, and see to its end."""
+    """Start a talker and close it afterwards."""
     talker = Talker(topic, message, depth, folder / 'mortal.xml' if is_mortal else None)
     try:
         yield talker
@@ -121,7 +121,7 @@ def talking(folder: Path, topic: str = 'n', message: str = 'Int32',
 
 
 def main() -> None:
-    """Publish as told."""
+    """Read lines and publish."""
     topic, message, depth = sys.argv[1:]
     kind = getattr(std_msgs.msg, message)
     number = type(kind().data)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The benchmark of the nodes: its programs in C build, and count every message that there was."""
+"""The benchmark of the nodes: its C programs build, and every message is counted."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -47,20 +47,20 @@ def test_every_subject_counts_and_answers_every_message(short: bench.Bench) -> N
     assert all(0.0 < p50[name] <= p99[name] for name in p50)
 
 
-def test_a_large_message_is_counted_by_all_who_take(short: bench.Bench) -> None:
+def test_a_large_message_is_counted_by_every_subject_that_takes(short: bench.Bench) -> None:
     rows = list(bench.cloud(replace(short, seconds=0.4)))
     assert {row.note for row in rows} <= {'', 'in C', 'in Python'}
     work = short.work(('points',), bench.CLOUDS, content='cloud', depth=10)
     assert bench.sample(short.load, work, short.unread(work)).counted == 0
 
 
-def test_no_more_is_kept_of_a_flood_than_there_was(short: bench.Bench) -> None:
+def test_a_flood_is_never_counted_as_more_messages_than_were_sent(short: bench.Bench) -> None:
     rows = list(bench.flood(short))
     assert len(rows) >= 3
     assert all(0.0 < row.value <= 100.0 for row in rows)
 
 
-def test_a_start_goes_from_the_first_subscription_to_the_first_step(short: bench.Bench) -> None:
+def test_a_start_ends_with_the_first_step_after_the_first_subscription(short: bench.Bench) -> None:
     handler = 'copilot/handlerpropR'
     work = bench.Work(('a', 'b'), 1, 0.0, echo=handler)
     bundle = short.bundle(
@@ -71,7 +71,7 @@ def test_a_start_goes_from_the_first_subscription_to_the_first_step(short: bench
         assert 0.0 < start.first <= start.every <= start.step
 
 
-def test_what_is_missing_is_told_and_ratios_are_of_one_round() -> None:
+def test_missing_figures_are_reported_and_ratios_compare_the_same_round() -> None:
     in_python = replace(SAMPLE, way='in Python', cpu=30.0)
     found = {'rcl in C': [SAMPLE, replace(SAMPLE, cpu=20.0), SAMPLE],
              bench.UNREAD: [replace(SAMPLE, counted=0, answers=0)] * 3,
@@ -85,7 +85,7 @@ def test_what_is_missing_is_told_and_ratios_are_of_one_round() -> None:
         'rcl in C': '', bench.UNREAD: '', 'monitor': 'in Python, 1 messages missing'}
 
 
-def test_a_subject_that_does_not_start_is_told_with_what_it_said(short: bench.Bench) -> None:
+def test_a_subject_that_does_not_start_is_reported_with_its_output(short: bench.Bench) -> None:
     work = short.work(('a',), 100.0)
     bad = short.bundle('bad', bench.float_input('a', 'a'), '  - {id: R, ptltl: "nobody > 0.0"}\n')
     with pytest.raises(SystemExit, match='nobody'):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The demo, and the vehicle that flies in it."""
+"""The demo and the simulated vehicle in it."""
 
 from collections import Counter
 import os
@@ -32,7 +32,7 @@ BUNDLE = ROOT / 'config' / 'quadrotor.yaml'
 
 pytestmark = pytest.mark.skipif(not DEMO.exists(), reason='the examples are elsewhere')
 
-# A program that prints the flight, so that the example need not be importable here
+# A program that prints the flight, so that this process need not import the example
 FLIGHT = """
 import sys
 sys.path.insert(0, sys.argv[1])
@@ -67,7 +67,7 @@ def test_a_flight_with_a_fault_violates_two_requirements_once() -> None:
 
 
 def test_the_running_example_is_fret_s_formula() -> None:
-    # FRET's rules for `if` ... `within` and `persisted` (shared/data/README.md), spelled out
+    # FRET's formula for `if` ... `within` and `persisted` (shared/data/README.md), written out
     sentence = build.read(BUNDLE).specification.properties[0]
     overload = '(current_consumption > 15.0 & wind_speed > 8.0)'
     persisted = f'(H[0,10] {overload} & H[0,9] !FTP)'
@@ -84,7 +84,7 @@ def test_the_running_example_is_fret_s_formula() -> None:
 
 
 @pytest.mark.usefixtures('domain')
-def test_the_demo_tells_of_both_violations_and_is_content() -> None:
+def test_the_demo_logs_both_violations_and_succeeds() -> None:
     done = subprocess.run(
         [sys.executable, str(DEMO)], capture_output=True, text=True, check=False, timeout=120,
         env={**os.environ, 'PYTHONPATH': os.pathsep.join([str(ROOT), *sys.path])})

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Details of violations can be read whatever the inputs are called."""
+"""Details of violations can be read for any name of an input."""
 
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ requirements:
 """
 
 
-def test_an_input_may_be_called_like_a_key_of_all_details(
+def test_an_input_may_have_the_name_of_a_key_of_every_detail(
     partner: Partner, tmp_path: Path,
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Bundles of config/ and programs of examples/ at work.
+Bundles of config/ and programs of examples/ with a simulated robot.
 
-A requirement of a bundle is kept by what is right, and not by a fault.
+A requirement of a bundle holds while the robot works, and is violated by a fault.
 """
 
 from collections.abc import Callable
@@ -44,7 +44,7 @@ if not CONFIG.is_dir():
 
 
 class Robot:
-    """Says again and again what its sensors and its controllers have to say."""
+    """Publishes the messages of its sensors and controllers at a fixed rate."""
 
     def __init__(self, partner: Partner) -> None:
         self.partner = partner
@@ -52,18 +52,18 @@ class Robot:
         self.says: list[Callable[[], None]] = []
 
     def go_on(self, seconds: float) -> None:
-        """Go on like this for a while."""
+        """Publish the current values for some seconds."""
         for _ in range(round(seconds / 0.05)):
             self._say()
 
     def keeps(self, seconds: float) -> None:
-        """Go on like this for a while, which violates nothing."""
+        """Publish the current values for some seconds, without a violation."""
         self.partner.heard.clear()
         self.go_on(seconds)
         assert not self.partner.heard
 
     def until(self, handler: str) -> None:
-        """Go on like this until a requirement is violated, alone."""
+        """Publish until this requirement, and no other, is violated."""
         self.partner.heard.clear()
 
         def is_heard() -> bool:
@@ -108,7 +108,7 @@ class Base(Robot):
         return message
 
 
-def test_a_mobile_base_is_watched(partner: Partner) -> None:
+def test_a_mobile_base_violates_each_requirement_by_its_fault(partner: Partner) -> None:
     handlers = ('BASE_001', 'BASE_002', 'BASE_003', 'BASE_004')
 
     def afresh() -> Base:
@@ -133,7 +133,7 @@ def test_a_mobile_base_is_watched(partner: Partner) -> None:
         base.until('BASE_003')
         afresh().time -= 2.0
         base.until('BASE_004')
-        # Stands as it was told, and was told to go on before two seconds were over
+        # It stopped on command, and was commanded to drive on before two seconds were over
         afresh().commanded = 0.0
         base.go_on(0.5)
         base.commanded = 0.3
@@ -141,7 +141,7 @@ def test_a_mobile_base_is_watched(partner: Partner) -> None:
         base.keeps(2.5)
 
 
-def test_a_mobile_base_that_goes_blind_violates_what_is_said_of_its_scan(
+def test_a_mobile_base_whose_scan_stops_violates_the_requirements_on_it(
     partner: Partner,
 ) -> None:
     with started('monitor', '-p', f'spec:={CONFIG / "mobile_base.yaml"}'):
@@ -153,7 +153,7 @@ def test_a_mobile_base_that_goes_blind_violates_what_is_said_of_its_scan(
         base.until('BASE_002')
 
 
-def test_a_mobile_base_whose_scans_are_of_nothing_but_nan_is_blocked(partner: Partner) -> None:
+def test_a_mobile_base_whose_scans_hold_only_nan_counts_as_blocked(partner: Partner) -> None:
     with started('monitor', '-p', f'spec:={CONFIG / "mobile_base.yaml"}'):
         partner.listen('BASE_001', 'BASE_002', 'BASE_003', 'BASE_004')
         base = Base(partner)
@@ -182,7 +182,7 @@ class Arm(Robot):
             lambda: stops.publish(Bool(data=self.stop))]
 
 
-def test_an_arm_is_watched(partner: Partner) -> None:
+def test_an_arm_violates_each_requirement_by_its_fault(partner: Partner) -> None:
     def afresh() -> Arm:
         arm.position, arm.velocity, arm.effort = [0.0] * 6, [0.0] * 6, [1.0] * 6
         arm.stop = False
@@ -204,7 +204,7 @@ def test_an_arm_is_watched(partner: Partner) -> None:
         arm.until('ARM_002')
         afresh().velocity[1] = nan
         arm.until('ARM_002')
-        # Comes to rest in time, and moves while the button is still pressed
+        # It comes to rest in time, and moves while the button is still pressed
         afresh().velocity[0] = 0.5
         arm.go_on(0.5)
         arm.stop = True
@@ -219,7 +219,7 @@ def test_an_arm_is_watched(partner: Partner) -> None:
         arm.until('ARM_006')
 
 
-def test_an_arm_that_does_not_stop_is_told(partner: Partner) -> None:
+def test_an_arm_that_does_not_stop_is_a_violation(partner: Partner) -> None:
     with started('monitor', '-p', f'spec:={CONFIG / "arm.yaml"}'):
         partner.listen('ARM_003')
         arm = Arm(partner)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The nodes in every executor that rclpy has, with messages taken in C and in Python."""
+"""The nodes in every executor of rclpy, with messages read in C and in Python."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -45,7 +45,7 @@ EXECUTORS: list[Callable[..., Any]] = [
 
 @contextmanager
 def spun(executor: Any, node: Any) -> Iterator[None]:
-    """Have an executor serve a node in a thread of its own."""
+    """Spin a node in an executor, in a thread of its own."""
     executor.add_node(node)
     is_over = Event()
 
@@ -103,7 +103,7 @@ def test_every_message_is_a_step_in_every_executor(
             'the count of messages in /diagnostics')
 
 
-def test_periods_are_steps_in_every_executor(
+def test_every_period_is_a_step_in_every_executor(
     partner: Partner, stranger: Partner, executor: Any, tmp_path: Path,
 ) -> None:
     with spun(executor, MonitorNode(context=stranger.context, parameter_overrides=[

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The feed over real DDS: who is heard, in which order, and how often."""
+"""The feed over real DDS: which publishers it receives, in which order, and how often."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -36,7 +36,7 @@ LATCHED_BEST_EFFORT = QoSProfile(
 
 
 class Listener:
-    """A node with a feed, and all that came out of it."""
+    """A node with a feed that records all it delivers."""
 
     def __init__(self, context: Context, topics: str, fixed: dict[str, str | int]) -> None:
         self.node = Node('fret_monitor', context=context)
@@ -51,7 +51,7 @@ class Listener:
         return keep
 
     def numbers(self, publisher: int) -> list[int]:
-        """Return what one of several publishers sent; they count in thousands of their own."""
+        """Return the numbers of one publisher; each counts in a thousand of its own."""
         return [number for _, number in self.got if number // 1000 == publisher]
 
 
@@ -79,7 +79,7 @@ def send(publishers: list[Publisher], begin: int = 0, end: int = 30, pause: floa
 @pytest.mark.parametrize('offer', [RELIABLE, BEST_EFFORT, LATCHED, LATCHED_BEST_EFFORT],
                          ids=['reliable', 'best effort', 'latched', 'latched best effort'])
 @pytest.mark.parametrize('is_late', [False, True], ids=['early', 'late'])
-def test_a_publisher_is_heard_once_each_message_whatever_it_offers(
+def test_each_message_is_received_once_whatever_qos_its_publisher_offers(
     partner: Partner, offer: QoSProfile, is_late: bool,
 ) -> None:
     if is_late:
@@ -101,7 +101,7 @@ def test_a_publisher_is_heard_once_each_message_whatever_it_offers(
             assert listener.numbers(0) == list(range(30))
 
 
-def test_no_message_is_lost_or_stepped_twice_when_the_subscription_is_made_anew(
+def test_no_message_is_lost_or_stepped_twice_when_the_subscription_is_replaced(
     partner: Partner,
 ) -> None:
     first = partner.publisher(Int32, 'x', RELIABLE)
@@ -114,23 +114,23 @@ def test_no_message_is_lost_or_stepped_twice_when_the_subscription_is_made_anew(
         sleep(0.3)
         heard = listener.numbers(1)
         assert listener.numbers(0) == list(range(300))
-        # The second is heard from where it was found, and without a gap.
+        # The second publisher is received from its discovery on, without a gap.
         assert heard == list(range(heard[0], 1300))
         assert heard[0] < 1200
 
 
-def test_what_a_latched_publisher_said_before_is_heard_once(partner: Partner) -> None:
+def test_the_history_of_a_latched_publisher_is_received_once(partner: Partner) -> None:
     publisher = partner.publisher(Int32, 'x', LATCHED)
     send([publisher], 0, 5)
     with listening(partner) as listener:
         wait_until(lambda: len(listener.got) >= 5, 'what was said before')
         send([publisher], 5, 10)
         wait_until(lambda: len(listener.got) >= 10, 'what is said now')
-        sleep(2.5)  # beyond the end of the old subscription
+        sleep(2.5)  # until the old subscription is gone
         assert listener.numbers(0) == list(range(10))
 
 
-def test_what_a_latched_publisher_said_before_does_not_come_after_what_it_says_now(
+def test_the_history_of_a_latched_publisher_does_not_come_after_its_new_messages(
     partner: Partner,
 ) -> None:
     publisher = partner.publisher(Int32, 'x', LATCHED)
@@ -140,7 +140,7 @@ def test_what_a_latched_publisher_said_before_does_not_come_after_what_it_says_n
         sleep(0.3)
         send([publisher], 5, 6)
         sleep(0.2)
-        # Heard is 5; then the subscription is made anew, and gets the history too.
+        # 5 is received; then the subscription is replaced, and the new one gets the history too.
         listener.feed.start()
         wait_until(lambda: bool(listener.got), 'the first one')
         sleep(0.5)
@@ -149,7 +149,7 @@ def test_what_a_latched_publisher_said_before_does_not_come_after_what_it_says_n
         assert listener.numbers(0) == [5, 6, 7, 8, 9]
 
 
-def test_a_latched_and_a_best_effort_publisher_are_both_heard(partner: Partner) -> None:
+def test_a_latched_and_a_best_effort_publisher_are_both_received(partner: Partner) -> None:
     publishers = [partner.publisher(Int32, 'x', offer) for offer in (LATCHED, BEST_EFFORT)]
     with listening(partner) as listener:
         wait_until(lambda: publishers[0].get_subscription_count() > 0
@@ -186,14 +186,14 @@ def test_the_order_is_kept_when_the_clock_was_set_back(
         for number, topic in enumerate('zyx'):
             publishers[topic].publish(Int32(data=number))
         sleep(0.2)
-        # All that has come is from the future now, and waits for a round.
+        # All messages received now have stamps in the future, and wait for one round.
         monkeypatch.setattr('fret_monitor.ros.feed.time_ns', lambda: 1)
         listener.feed.start()
         wait_until(lambda: len(listener.got) == 3, 'three messages')
         assert listener.got == [('z', 0), ('y', 1), ('x', 2)]
 
 
-def test_a_quality_that_the_bundle_asks_for_stays_and_who_is_not_heard_is_told(
+def test_a_qos_profile_of_the_bundle_stays_and_incompatible_publishers_are_reported(
     partner: Partner, capfd: pytest.CaptureFixture[str],
 ) -> None:
     best_effort, reliable = (partner.publisher(Int32, 'x', offer)
@@ -210,13 +210,13 @@ def test_a_quality_that_the_bundle_asks_for_stays_and_who_is_not_heard_is_told(
     assert 'is reliable, volatile: leave `reliability` out there\n' in told
 
 
-def test_a_publisher_of_another_type_is_told_once_with_both_types(
+def test_a_publisher_of_another_type_is_reported_once_with_both_types(
     partner: Partner, stranger: Partner, capfd: pytest.CaptureFixture[str],
 ) -> None:
     publisher = partner.publisher(Int32, 'x')
     with listening(partner) as listener:
         partner.wait_for_listener(publisher)
-        # One process cannot have two types on a topic, even in one context.
+        # A process cannot use two types on one topic, not even in two contexts of rclpy.
         other = stranger.publisher(Float32, 'x')
         sleep(1.0)
         other.publish(Float32(data=1.0))
@@ -244,7 +244,7 @@ def test_an_error_in_a_callback_stops_the_feed_and_is_kept(partner: Partner) -> 
     assert str(feed.failure) == 'oh'
 
 
-def test_a_latched_message_that_is_older_than_those_of_another_publisher_is_heard(
+def test_a_latched_message_older_than_those_of_another_publisher_is_received(
     partner: Partner,
 ) -> None:
     depth_of_one = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Message types by name, and why a field of a message cannot be used."""
+"""Message types found by name, and the reasons why a field of a message is unusable."""
 
 from typing import Any
 
@@ -37,14 +37,14 @@ def why(item: ManifestInput, message: Any) -> str:
     return why_unusable(item, serialize_message(message), type(message))
 
 
-def test_an_array_that_is_too_short_is_told_with_its_size() -> None:
+def test_an_array_that_is_too_short_is_reported_with_its_size() -> None:
     item = an_input(ValueType.FLOAT64, 'effort', 1)
     for size, shown in ((1, '1 element'), (0, '0 elements')):
         message = sensor_msgs.JointState(effort=[1.0] * size)
         assert why(item, message) == f'effort[1] cannot be read (the array has {shown})'
 
 
-def test_of_arrays_in_arrays_the_one_too_short_is_named() -> None:
+def test_among_nested_arrays_the_one_that_is_too_short_is_named() -> None:
     status = message_class('diagnostic_msgs/msg/DiagnosticStatus')
     message = message_class('diagnostic_msgs/msg/DiagnosticArray')(status=[status()])
     inner = an_input(ValueType.INT32, 'status', 0, 'values', 2, 'value', values=(('A', 'a'),))
@@ -54,19 +54,19 @@ def test_of_arrays_in_arrays_the_one_too_short_is_named() -> None:
     assert why(outer, message) == 'status[1].level cannot be read (status has 1 element)'
 
 
-def test_a_string_outside_the_values_is_told_and_a_long_one_cut() -> None:
+def test_a_string_outside_the_values_is_reported_and_a_long_one_cut() -> None:
     item = an_input(ValueType.INT32, 'data', values=(('IDLE', 'idle'),))
     assert why(item, std_msgs.String(data='broken\n')) == (
         r"data is 'broken\n', which is not among its values in the bundle")
     assert len(why(item, std_msgs.String(data='x' * 100_000))) < 130
 
 
-def test_an_empty_array_that_was_to_be_reduced_is_told() -> None:
+def test_an_empty_array_that_is_to_be_reduced_is_reported() -> None:
     item = an_input(ValueType.FLOAT32, 'ranges', reduction='min')
     assert why(item, sensor_msgs.LaserScan()) == 'min(ranges) has no value (the array is empty)'
 
 
-def test_bytes_that_are_no_message_cannot_be_read() -> None:
+def test_bytes_that_are_no_message_are_unreadable() -> None:
     item = an_input(ValueType.FLOAT32, 'data')
     assert why_unusable(item, b'', std_msgs.Float32) == 'data cannot be read'
 
@@ -82,6 +82,6 @@ def test_feedback_of_actions_has_a_class() -> None:
 
 
 @pytest.mark.parametrize('name', ['no_such_msgs/msg/Bool', 'std_msgs/msg/NoSuch'])
-def test_a_type_that_is_not_installed_is_told_with_its_package(name: str) -> None:
+def test_a_type_that_is_not_installed_is_reported_with_its_package(name: str) -> None:
     with pytest.raises(MessageTypeError, match=rf'{name} is not installed.*{name.split("/")[0]}'):
         message_class(name)

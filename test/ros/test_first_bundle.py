@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The first bundle of the README, live: its nodes, its test messages, its line in the log."""
+"""The first bundle of the README over real DDS: nodes, test messages and the logged line."""
 
 import os
 from pathlib import Path
@@ -34,7 +34,7 @@ if not README.is_file():
 
 
 def publish(command: str) -> subprocess.CompletedProcess[str]:
-    """Run a line of the README that publishes test messages."""
+    """Run one of the README's commands that publish test messages."""
     program, *arguments = shlex.split(command)
     assert program == 'python'
     paths = os.pathsep.join([str(ROOT), *sys.path])

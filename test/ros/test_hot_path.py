@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where C takes the messages: that it reads them where the middleware has them."""
+"""Receiving in C: messages are read where the middleware has stored them."""
 
 from pathlib import Path
 from typing import Any
@@ -39,7 +39,7 @@ requirements:
 """
 
 
-def test_a_topic_that_cannot_be_read_in_place_is_copied_and_no_other(
+def test_only_a_topic_that_cannot_be_read_in_place_is_copied(
     partner: Partner, stranger: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
@@ -75,7 +75,7 @@ requirements:
 
 
 @pytest.mark.parametrize(('hot_path', 'is_in_place'), [('on', True), ('off', False)])
-def test_a_subscription_is_read_in_place_on_the_hot_path_alone(
+def test_a_subscription_is_read_in_place_only_on_the_hot_path(
     domain: int, tmp_path: Path, hot_path: str, is_in_place: bool,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -104,7 +104,7 @@ def test_a_subscription_is_read_in_place_on_the_hot_path_alone(
         context.try_shutdown()
 
 
-def test_messages_are_read_in_place_with_known_versions_alone() -> None:
+def test_messages_are_read_in_place_only_with_known_versions() -> None:
     if get_rmw_implementation_identifier() != 'rmw_fastrtps_cpp':
         pytest.skip('only Fast DDS is read in place')
     context = rclpy.Context()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Signals at the worst of times: while threads are started, and while they are waited for."""
+"""Signals while threads are being started, and while the node waits for them to end."""
 
 import os
 from pathlib import Path
@@ -32,7 +32,7 @@ requirements:
   - {id: R, ptltl: "x < 1.0"}
 """
 
-# Interrupts `destroy_node` where it waits for the feed's thread, and goes on publishing.
+# Interrupts `destroy_node` while it waits for the feed's thread, and goes on publishing.
 PROGRAM = """
 import gc, signal, threading
 import rclpy
@@ -92,7 +92,7 @@ def threads(node: NodeProcess) -> int:
 def test_a_signal_while_the_threads_start_ends_the_node(bundle: Path) -> None:
     arguments = ('-p', f'spec:={bundle}', '-p', 'hot_path:=on')
     with started('monitor', *arguments) as node:
-        sleep(0.5)  # the middleware's threads too
+        sleep(0.5)  # until the middleware has started its threads too
         running = threads(node)
     for before in (3, 2, 2, 2, 1, 1):
         node = NodeProcess('monitor', *arguments)
@@ -107,7 +107,7 @@ def test_a_signal_while_the_threads_start_ends_the_node(bundle: Path) -> None:
 
 @pytest.mark.usefixtures('domain')
 @pytest.mark.parametrize('thread', ['feed', 'details'])
-def test_an_interrupted_end_leaves_nothing_that_crashes(bundle: Path, thread: str) -> None:
+def test_an_interrupted_shutdown_does_not_crash(bundle: Path, thread: str) -> None:
     program = PROGRAM.format(bundle=str(bundle), thread=thread)
     done = subprocess.run(
         [sys.executable, '-c', program], text=True, stdout=subprocess.PIPE,

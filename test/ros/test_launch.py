@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The launch file, where ROS 2's launch is installed (it is not among the wheels)."""
+"""The launch file, where ROS 2's launch is installed (there is no wheel of it)."""
 
 import os
 from pathlib import Path

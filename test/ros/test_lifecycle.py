@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The monitor as a managed node: what each state means, over real DDS, with a real process."""
+"""The monitor as a managed node: each state and transition, over real DDS, in a real process."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -57,7 +57,7 @@ def bundle(tmp_path: Path) -> Path:
 
 
 class Manager:
-    """Whoever manages the node: asks for transitions, and for the state."""
+    """Manages the node: requests transitions, and its state."""
 
     def __init__(self, partner: Partner, node: str = '/fret_monitor') -> None:
         self._change = partner.node.create_client(ChangeState, f'{node}/change_state')
@@ -71,7 +71,7 @@ class Manager:
         return answer.result()
 
     def ask(self, *transitions: int) -> list[bool]:
-        """Ask for transitions, one after another; return which of them succeeded."""
+        """Request transitions in order; return which of them succeeded."""
         return [self._call(self._change, ChangeState.Request(
             transition=Transition(id=number))).success for number in transitions]
 
@@ -86,7 +86,7 @@ class Manager:
 
 @contextmanager
 def waiting(*arguments: str) -> Iterator[NodeProcess]:
-    """Start a node that does not start by itself; it ends well if the test is well."""
+    """Start a node that stays unconfigured; it must end well if the test succeeds."""
     node = NodeProcess('monitor', '-p', 'autostart:=false', *arguments)
     try:
         node.wait_for('waiting to be configured and activated')
@@ -97,7 +97,7 @@ def waiting(*arguments: str) -> Iterator[NodeProcess]:
 
 
 def count_listener(partner: Partner, *names: str) -> None:
-    """Count violations of handlers, which may be withdrawn and advertised again meanwhile."""
+    """Count violations of handlers, whose publishers may come and go meanwhile."""
     def counted(name: str) -> Callable[[Empty], None]:
         def count(_: Empty) -> None:
             partner.heard[name] += 1
@@ -111,7 +111,7 @@ def count_listener(partner: Partner, *names: str) -> None:
 def wait_for_handlers(partner: Partner, count: int, *names: str) -> None:
     wait_until(lambda: all(partner.node.count_publishers(f'copilot/handlerprop{name}') == count
                            for name in names), f'{count} publishers of {names}')
-    sleep(0.3)  # one side knows of the other a moment later
+    sleep(0.3)  # discovery is not symmetric: one side matches a moment later
 
 
 def test_in_each_state_the_node_does_what_the_state_means(
@@ -146,7 +146,7 @@ def test_in_each_state_the_node_does_what_the_state_means(
             x.publish(Float32(data=0.9))
         partner.expect({'R_1': 2, 'R_2': 1})
 
-        # What was before is past: its violation, its first step, its value.
+        # Nothing of the time before remains: no violation, no first step, no value.
         assert manager.ask(ACTIVATE) == [True]
         partner.wait_for_listener(x)
         x.publish(Float32(data=0.9))
@@ -161,7 +161,7 @@ def test_in_each_state_the_node_does_what_the_state_means(
         assert manager.state == State.PRIMARY_STATE_FINALIZED
 
 
-def test_shutdown_of_an_active_node_releases_all(partner: Partner, bundle: Path) -> None:
+def test_shutdown_of_an_active_node_releases_everything(partner: Partner, bundle: Path) -> None:
     x = partner.publisher(Float32, 'x')
     with started('monitor', '-p', f'spec:={bundle}'):
         partner.wait_for_listener(x)
@@ -202,7 +202,7 @@ def test_a_changed_bundle_is_read_by_the_next_configure(partner: Partner, bundle
         partner.expect({'R_1': 2, 'R_3': 1})
 
 
-def test_a_transition_that_is_none_from_here_is_refused_and_nothing_else_happens(
+def test_a_transition_that_the_state_does_not_have_is_refused_without_effect(
     partner: Partner, bundle: Path,
 ) -> None:
     x = partner.publisher(Float32, 'x')
@@ -216,7 +216,7 @@ def test_a_transition_that_is_none_from_here_is_refused_and_nothing_else_happens
         partner.expect({'R_1': 1})
 
 
-def test_an_error_of_ours_is_logged_and_leaves_the_node_to_be_configured_again(
+def test_an_internal_error_is_logged_and_the_node_can_be_configured_again(
     partner: Partner, bundle: Path, monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
@@ -237,11 +237,11 @@ def test_an_error_of_ours_is_logged_and_leaves_the_node_to_be_configured_again(
         assert 'watching 2 requirements' in capfd.readouterr().err
     finally:
         node.destroy_node()
-    node.destroy_node()  # a second time is as good
+    node.destroy_node()  # a second call has no effect
 
 
 @pytest.mark.parametrize('is_in_place', [False, True])
-def test_a_compiled_folder_that_changed_is_loaded_anew(
+def test_a_compiled_folder_that_changed_is_loaded_again(
     partner: Partner, bundle: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str],
     is_in_place: bool,
 ) -> None:
@@ -287,7 +287,7 @@ def test_a_released_bundle_is_freed_at_once(
 
 @contextmanager
 def composed(partner: Partner, bundle: Path, executor: Executor) -> Iterator[MonitorNode]:
-    """Make a monitor among the nodes of one's own program; the caller spins."""
+    """Create a monitor as a component of another program; the caller spins it."""
     node = MonitorNode(context=partner.context, cli_args=['--ros-args'],
                        parameter_overrides=[Parameter('spec', value=str(bundle))])
     executor.add_node(node)
@@ -299,7 +299,7 @@ def composed(partner: Partner, bundle: Path, executor: Executor) -> Iterator[Mon
 
 
 @pytest.mark.parametrize('kind', [SingleThreadedExecutor, MultiThreadedExecutor])
-def test_a_monitor_works_in_ones_own_program_with_any_executor(
+def test_a_monitor_works_inside_another_program_with_any_executor(
     kind: type[Executor], partner: Partner, stranger: Partner, bundle: Path,
 ) -> None:
     executor = kind(context=partner.context)
@@ -322,7 +322,7 @@ def test_a_monitor_works_in_ones_own_program_with_any_executor(
     assert 'fret_monitor' not in partner.node.get_node_names()
 
 
-def test_what_goes_wrong_in_the_feed_is_raised_where_the_node_is_spun(
+def test_an_error_in_the_feed_is_raised_where_the_node_is_spun(
     partner: Partner, bundle: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def fail(topic: str) -> None:
@@ -338,7 +338,7 @@ def test_what_goes_wrong_in_the_feed_is_raised_where_the_node_is_spun(
 
 
 @pytest.mark.parametrize('hot_path', ['on', 'off'])
-def test_cleanup_leaves_nothing_that_keeps_the_library_of_the_monitor(
+def test_cleanup_leaves_no_reference_to_the_library_of_the_monitor(
     partner: Partner, tmp_path: Path, hot_path: str,
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'
@@ -346,7 +346,7 @@ def test_cleanup_leaves_nothing_that_keeps_the_library_of_the_monitor(
     node = MonitorNode(context=partner.context, parameter_overrides=[
         Parameter('spec', value=str(bundle)), Parameter('hot_path', value=hot_path)])
     gc.collect()
-    gc.disable()  # a cycle would keep it until some later collection
+    gc.disable()  # otherwise a collection could hide a reference cycle
     try:
         opened = weakref.ref(node._sessions[0].opened)
         monitor = weakref.ref(node._sessions[0].opened.monitor)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The logger among strangers: what it is told, by whom, and in which order."""
+"""The logger and its messages: from a monitor or not, in any order."""
 
 from collections.abc import Callable
 from functools import partial
@@ -50,14 +50,14 @@ def _is_heard(publisher: Publisher) -> bool:
 
 
 class Voice:
-    """Somebody who says what a monitor would, and other things."""
+    """Publishes the messages of a monitor, and others."""
 
     def __init__(self, partner: Partner) -> None:
         self._empty = partner.publisher(Empty, 'copilot/handlerpropA_1')
         self._details = partner.publisher(diagnostic_msgs.DiagnosticArray, 'copilot/violations')
         for publisher in (self._empty, self._details):
             wait_until(partial(_is_heard, publisher), 'a logger')
-        sleep(0.5)  # the logger knows us a moment later, and may subscribe anew
+        sleep(0.5)  # until the logger has matched, and perhaps replaced its subscription
 
     def violation(self) -> None:
         self._empty.publish(Empty())
@@ -80,7 +80,7 @@ def right(step: int, value: str = '0.7') -> tuple[tuple[str, str], ...]:
 
 
 def lines(node: NodeProcess, number: int) -> list[str]:
-    """Wait for so many violations and return what was told of them."""
+    """Wait for so many violations and return their lines in the log."""
     wait_until(lambda: node.output.count('A-1 violated at') >= number, f'{number} lines')
     return [line.partition('A-1 violated at ')[2] for line in node.output.splitlines()
             if 'A-1 violated at' in line]
@@ -98,7 +98,7 @@ WRONG: dict[str, Callable[[Voice], None]] = {
 
 
 @pytest.mark.parametrize('kind', WRONG)
-def test_what_no_monitor_says_is_passed_over(
+def test_messages_that_no_monitor_publishes_are_ignored(
     kind: str, partner: Partner, arguments: tuple[str, ...],
 ) -> None:
     with started('logger', *arguments) as node:
@@ -116,7 +116,7 @@ MS = 10**6  # ns
 
 
 def paired(pairing: Pairing, now: float = 1e9) -> list[int | None]:
-    """Return the steps of all violations that are due, None where there is no detail."""
+    """Return the steps of all violations that are due; None for one without a detail."""
     found = iter(lambda: pairing.take(now), None)
     return [item.detail.step if item.detail is not None else None for item in found]
 
@@ -135,7 +135,7 @@ def test_a_violation_is_reported_with_its_detail_in_any_order(detail_comes_first
     assert paired(pairing, now=0.0) == [0, 1, 2, 3, 4]
 
 
-def test_a_violation_waits_for_its_detail_for_a_moment_only() -> None:
+def test_a_violation_waits_for_its_detail_for_a_short_time_only() -> None:
     pairing = Pairing()
     pairing.add_violation('R', 0, 10, now=0.0)
     assert paired(pairing, now=0.2) == []
@@ -146,7 +146,7 @@ def test_a_violation_waits_for_its_detail_for_a_moment_only() -> None:
     assert paired(pairing, now=1.5) == [None]
 
 
-def test_details_that_were_suppressed_shift_none_to_another_violation() -> None:
+def test_suppressed_details_do_not_pair_other_details_with_the_wrong_violation() -> None:
     pairing = Pairing()
     for step in range(200):
         pairing.add_violation('R', 0, step * MS + 10, now=0.0)
@@ -175,7 +175,7 @@ def test_the_logger_needs_no_compiler_and_builds_nothing(
     assert not (tmp_path / 'home' / 'fret_monitor').exists()
 
 
-def test_overrides_decide_the_quality_of_what_is_listened_to(
+def test_overrides_decide_the_qos_of_the_subscriptions(
     partner: Partner, arguments: tuple[str, ...],
 ) -> None:
     override = 'qos_overrides./copilot/handlerpropA_1.subscription.reliability'

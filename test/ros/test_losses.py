@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages that are lost are counted and told, and none that is not."""
+"""Lost messages are counted and reported, and no others."""
 
 from pathlib import Path
 import signal
@@ -38,7 +38,7 @@ requirements:
 """
 
 
-def test_what_one_publisher_left_out_is_lost() -> None:
+def test_a_gap_in_the_sequence_of_one_publisher_is_a_loss() -> None:
     gaps = Gaps()
     gaps.confirm(ONE)
     for number in (7, 8, 10, 9, 10, 14):
@@ -52,7 +52,7 @@ def test_what_one_publisher_left_out_is_lost() -> None:
 
 
 @pytest.mark.parametrize('then', [OTHER, ONE | OTHER, frozenset()])
-def test_what_may_be_of_another_publisher_is_not_lost(then: frozenset[bytes]) -> None:
+def test_a_gap_that_another_publisher_may_explain_is_no_loss(then: frozenset[bytes]) -> None:
     gaps = Gaps()
     gaps.confirm(ONE)
     gaps.note(1)
@@ -63,7 +63,7 @@ def test_what_may_be_of_another_publisher_is_not_lost(then: frozenset[bytes]) ->
     assert gaps.lost == 0
 
 
-def test_without_numbers_nothing_is_lost() -> None:
+def test_without_sequence_numbers_no_loss_is_counted() -> None:
     gaps = Gaps()
     gaps.confirm(ONE)
     for number in (1, 2**64 - 1, 0, 2):
@@ -72,7 +72,7 @@ def test_without_numbers_nothing_is_lost() -> None:
     assert gaps.lost == 0
 
 
-def test_a_queue_that_overflows_is_told(
+def test_a_queue_that_overflows_is_reported(
     partner: Partner, capfd: pytest.CaptureFixture[str],
 ) -> None:
     go, got = Event(), []
@@ -99,7 +99,7 @@ def test_a_queue_that_overflows_is_told(
 
 
 @pytest.mark.parametrize('hot_path', ['on', 'off'])
-def test_what_a_stopped_monitor_missed_is_told(
+def test_the_messages_that_a_stopped_monitor_missed_are_reported(
     partner: Partner, tmp_path: Path, hot_path: str,
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the monitor tells of inputs that do not come, or come and cannot be used."""
+"""What the monitor reports about inputs without messages, or with unusable ones."""
 
 from pathlib import Path
 from time import sleep
@@ -43,7 +43,7 @@ requirements:
 """
 
 
-def test_what_cannot_be_used_and_what_does_not_come_is_told_once(
+def test_unusable_and_missing_values_are_reported_once(
     partner: Partner, tmp_path: Path,
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'
@@ -97,7 +97,7 @@ requirements:
 """
 
 
-def test_a_requirement_that_rests_on_initial_values_is_told(
+def test_a_requirement_that_rests_on_initial_values_is_reported(
     partner: Partner, tmp_path: Path,
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'
@@ -120,7 +120,7 @@ def test_a_requirement_that_rests_on_initial_values_is_told(
                       "for 'estop' (it has its initial value)")
 
 
-def test_the_first_line_says_the_period(partner: Partner, tmp_path: Path) -> None:
+def test_the_first_line_of_the_log_has_the_period(partner: Partner, tmp_path: Path) -> None:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(SCAN, encoding='utf-8')
     with started('monitor', '-p', f'spec:={bundle}', '-p', 'policy:=periodic',
@@ -129,7 +129,7 @@ def test_the_first_line_says_the_period(partner: Partner, tmp_path: Path) -> Non
 
 
 class Values:
-    """What `describe_missing` asks of an evaluator."""
+    """The part of an evaluator that `describe_missing` reads."""
 
     def __init__(self, manifest: Manifest, values: dict[int, float],
                  messages: dict[int, int] | None = None) -> None:
@@ -146,7 +146,7 @@ class Values:
 
 
 def a_manifest(count: int) -> Manifest:
-    """Return one of so many requirements, each of an input and topic of its own."""
+    """Return a manifest of so many requirements, each with an input and topic of its own."""
     names = [f'x{index}' for index in range(count)]
     return Manifest(
         'm', 'm', '', Policy.EVERY_MESSAGE, None,
@@ -167,24 +167,24 @@ def test_nothing_is_missing_when_every_input_has_a_value() -> None:
     assert missing(Values(a_manifest(2), {0: 0.0, 1: 0.0}), [PublisherStatus()] * 2) is None
 
 
-def test_only_who_waits_is_told_with_what_it_waits_for() -> None:
+def test_only_waiting_requirements_are_reported_with_their_missing_inputs() -> None:
     assert missing(Values(a_manifest(2), {0: 0.0}), [PublisherStatus(), PublisherStatus(2)]) == (
         "R-1 is not evaluated yet: nothing received on /x1 (2 publishers) for 'x1'")
 
 
-def test_an_input_that_nothing_reads_is_not_told() -> None:
+def test_an_input_that_nothing_reads_is_not_reported() -> None:
     manifest = a_manifest(3)
     read = Manifest(**{**vars(manifest), 'requirements': manifest.requirements[:2]})
     assert missing(Values(read, {0: 0.0, 1: 0.0}), [PublisherStatus()] * 3) is None
     assert '/x2' not in missing(Values(read, {0: 0.0}), [PublisherStatus()] * 3)
 
 
-def test_publishers_of_another_type_are_no_publishers_of_the_type() -> None:
+def test_publishers_of_another_type_do_not_count_as_publishers() -> None:
     told = missing(Values(a_manifest(1), {}), [PublisherStatus(0, (), ('std_msgs/msg/Int32',))])
     assert '(0 publishers of std_msgs/msg/Float32)' in told
 
 
-def test_of_many_the_first_five_are_named() -> None:
+def test_only_the_first_five_of_many_are_named() -> None:
     told = missing(Values(a_manifest(300), {}), [PublisherStatus()] * 300)
     assert told.startswith('R-0, R-1, R-2, R-3, R-4 and 295 more are not evaluated yet: ')
     assert told.endswith("on /x4 (0 publishers) for 'x4' and 295 more")

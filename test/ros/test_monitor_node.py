@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The monitor as a process over real DDS: every violation that is due is announced, none else."""
+"""The monitor as a process over real DDS: it publishes every violation, and no other."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -96,9 +96,9 @@ class Talker:
 
 def until_told(logger: NodeProcess, pattern: str, do: Callable[[], None]) -> None:
     """
-    Do something again and again until the logger tells of it.
+    Repeat an action until the logger has written a line that matches.
 
-    Nobody but the two knows when monitor and logger have found one another.
+    The test cannot observe when monitor and logger have discovered each other.
     """
     def is_told() -> bool:
         do()
@@ -118,12 +118,12 @@ def monitoring(partner: Partner, *arguments: str, handlers: tuple[str, ...] = HA
 
 @pytest.mark.parametrize('policy', [
     Policy.EVERY_MESSAGE, Policy.RELEVANT_MESSAGE, Policy.ALL_INPUTS])
-def test_every_violation_is_announced_and_none_else(
+def test_every_violation_is_published_and_no_other(
     policy: Policy, partner: Partner, bundle: Path,
 ) -> None:
     messages = random_messages(600, seed=3)
     wanted = expected(bundle, messages, policy)
-    assert len({*wanted.values()}) > 3  # the requirements tell of different things
+    assert len({*wanted.values()}) > 3  # the requirements have different numbers of violations
     with monitoring(partner, '-p', f'spec:={bundle}', '-p', f'policy:={policy.value}') as node:
         Talker(partner).say(messages)
         partner.expect(wanted)
@@ -131,7 +131,7 @@ def test_every_violation_is_announced_and_none_else(
             in node.output
 
 
-def test_publishers_of_every_quality_are_heard_by_one_monitor(
+def test_publishers_of_every_qos_are_received_by_one_monitor(
     partner: Partner, bundle: Path,
 ) -> None:
     messages = random_messages(300, seed=4)
@@ -140,7 +140,7 @@ def test_publishers_of_every_quality_are_heard_by_one_monitor(
         partner.expect(expected(bundle, messages))
 
 
-def test_a_reset_starts_afresh_and_keeps_the_values(partner: Partner, bundle: Path) -> None:
+def test_a_reset_starts_again_and_keeps_the_values(partner: Partner, bundle: Path) -> None:
     first, second = random_messages(100, seed=5), random_messages(100, seed=6)
     last = {name: value for _, fed in first for name, value in fed.items()}
     with monitoring(partner, '-p', f'spec:={bundle}'):
@@ -150,14 +150,14 @@ def test_a_reset_starts_afresh_and_keeps_the_values(partner: Partner, bundle: Pa
         partner.expect(counts)
         assert partner.reset().startswith('restarted 4 step groups')
         partner.heard.clear()
-        # A second start in which all inputs have their values from the first message on
+        # A second start, with values of all inputs from the first message on
         known = {**last, 'x': 3.0}
         messages = [(second[0][0], {**known, **second[0][1]}), *second[1:]]
         talker.say(second)
         partner.expect(expected(bundle, messages))
 
 
-def test_topics_and_handlers_lie_in_the_namespace_and_can_be_remapped(
+def test_topics_and_handlers_are_in_the_namespace_and_can_be_remapped(
     partner: Partner, bundle: Path,
 ) -> None:
     messages = random_messages(100, seed=7)
@@ -177,13 +177,13 @@ def test_topics_and_handlers_lie_in_the_namespace_and_can_be_remapped(
         assert 'restarted' in partner.reset('/robot/one/fret_monitor/reset')
 
 
-def test_bytes_that_are_no_message_are_no_step_and_told_once(
+def test_bytes_that_are_no_message_cause_no_step_and_are_reported_once(
     partner: Partner, bundle: Path,
 ) -> None:
     messages = random_messages(40, seed=8)
     with monitoring(partner, '-p', f'spec:={bundle}') as node:
         talker = Talker(partner)
-        # a header and no number; an encoding there is none of; not even a header
+        # a header without a number; an unknown encoding; less than a header
         for message, garbage in zip(messages, cycle((b'\0\1\0\0', b'\xff' * 8, b'\0', b''))):
             talker.publishers['x'].publish(garbage)
             talker.say([message])
@@ -207,7 +207,7 @@ requirements:
 """
 
 
-def test_inputs_of_one_topic_share_a_step_and_what_cannot_be_used_is_left_out(
+def test_inputs_of_one_topic_share_a_step_and_unusable_fields_are_left_out(
     partner: Partner, tmp_path: Path,
 ) -> None:
     bundle = write(tmp_path, JOINTS)
@@ -227,9 +227,9 @@ def test_inputs_of_one_topic_share_a_step_and_what_cannot_be_used_is_left_out(
         partner.expect({'AGE': 1})
         move(0, 0.0, 2.0, 1.0)  # ELBOW and BOTH
         partner.expect({'AGE': 1, 'ELBOW': 1, 'BOTH': 1})
-        move(0, 0.0)  # neither elbow nor wrist: both stay, and so do the violations
+        move(0, 0.0)  # neither elbow nor wrist: both keep their values, so the violations repeat
         partner.expect({'AGE': 1, 'ELBOW': 2, 'BOTH': 2})
-        state.publish(String(data='broken'))  # not among the values: a step all the same
+        state.publish(String(data='broken'))  # not among the values: still a step
         partner.expect({'AGE': 1, 'ELBOW': 3, 'BOTH': 3})
         state.publish(String(data='moving'))
         partner.expect({'AGE': 1, 'ELBOW': 4, 'BOTH': 4})
@@ -237,7 +237,7 @@ def test_inputs_of_one_topic_share_a_step_and_what_cannot_be_used_is_left_out(
         partner.expect({'AGE': 1, 'ELBOW': 5, 'BOTH': 5, 'STILL': 1})
 
 
-def test_with_the_policy_periodic_steps_come_with_time(partner: Partner, bundle: Path) -> None:
+def test_under_the_policy_periodic_time_triggers_the_steps(partner: Partner, bundle: Path) -> None:
     with monitoring(partner, '-p', f'spec:={bundle}', '-p', 'policy:=periodic',
                     '-p', 'rate:=20.0'):
         Talker(partner).publishers['p'].publish(Bool(data=False))
@@ -248,14 +248,14 @@ def test_with_the_policy_periodic_steps_come_with_time(partner: Partner, bundle:
         assert {*partner.heard} == {'R_5'}
 
 
-def test_a_publisher_of_another_type_is_told(partner: Partner, bundle: Path) -> None:
+def test_a_publisher_of_another_type_is_reported(partner: Partner, bundle: Path) -> None:
     with monitoring(partner, '-p', f'spec:={bundle}') as node:
         partner.publisher(Int32, 'topic/x')
         node.wait_for('/partner publishes std_msgs/msg/Int32 on /topic/x, where the bundle says '
                       'std_msgs/msg/Float32')
 
 
-def test_what_was_compiled_runs_without_a_compiler(
+def test_a_compiled_bundle_runs_without_a_compiler(
     partner: Partner, bundle: Path, tmp_path: Path,
 ) -> None:
     build.write(build.generate_monitor(build.read(bundle)), tmp_path / 'library')
@@ -278,12 +278,12 @@ def test_what_was_compiled_runs_without_a_compiler(
         wait_until(lambda: all(
             logger.output.removeprefix(told).count(f'{handler.replace("_", "-")} violated at')
             == count for handler, count in wanted.items()), 'a line for each violation')
-    # Copies of the libraries, and nothing that was compiled.
+    # The cache holds copies of the libraries, and nothing compiled here.
     kept = (tmp_path / 'home' / 'fret_monitor').rglob('*.*')
     assert {file.suffix for file in kept} == {'.so', '.json'}
 
 
-def test_the_logger_tells_id_sentence_and_time_by_severity(
+def test_the_logger_writes_id_sentence_and_time_by_severity(
     partner: Partner, tmp_path: Path,
 ) -> None:
     bundle = write(tmp_path, BUNDLE + """
@@ -309,7 +309,7 @@ def test_the_logger_tells_id_sentence_and_time_by_severity(
         assert abs(float(lines['R-6'].split()[4].rstrip(':')) - now) < 20
 
 
-def test_details_tell_step_time_and_values_while_somebody_listens(
+def test_details_have_step_time_and_values_while_there_is_a_subscriber(
     partner: Partner, tmp_path: Path,
 ) -> None:
     bundle = write(tmp_path, """
@@ -351,7 +351,7 @@ requirements:
         logger.wait_for(f'R-2 violated at {float(values[1][1]):.3f}: x < 0.25 [step 1: x = 0.3]')
 
 
-def test_details_are_limited_and_the_rest_counted_while_handlers_tell_all(
+def test_details_are_limited_and_counted_while_handlers_publish_every_violation(
     partner: Partner, tmp_path: Path,
 ) -> None:
     bundle = write(tmp_path, """
@@ -381,7 +381,7 @@ requirements:
         assert int(last['suppressed']) > 0
 
 
-def test_diagnostics_tell_of_requirements_and_topics(
+def test_diagnostics_report_requirements_and_topics(
     partner: Partner, stranger: Partner, bundle: Path,
 ) -> None:
     heard: list[Any] = []
@@ -414,7 +414,7 @@ def test_diagnostics_tell_of_requirements_and_topics(
                 'a publisher of std_msgs/msg/Int32, and not std_msgs/msg/Float32')
 
 
-def test_the_quality_that_the_bundle_asks_for_is_the_one_of_the_subscription(
+def test_the_subscription_has_the_qos_of_the_bundle(
     partner: Partner, tmp_path: Path,
 ) -> None:
     bundle = write(tmp_path, """
@@ -430,7 +430,7 @@ requirements:
     x = partner.publisher(Float32, 'x', LATCHED)
     with monitoring(partner, '-p', f'spec:={bundle}', handlers=('R_1',)):
         wait_until(lambda: x.get_subscription_count() > 0, 'a match')
-        sleep(1.0)  # long enough for the monitor to find the publisher better than that
+        sleep(1.0)  # long enough to adapt to the publisher, if it did
         x.publish(Float32(data=1.0))
         partner.expect({'R_1': 1})
         offered, = (item.qos_profile for item in partner.node.get_subscriptions_info_by_topic('x'))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The standard parameters for the quality of service: read as rclpy names them, or refused."""
+"""The parameters `qos_overrides`: named as rclpy names them, and refused where they are wrong."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ from ros.harness import BEST_EFFORT, NodeProcess, Partner, RELIABLE, started, wa
 from std_msgs.msg import Empty, Float32
 
 
-def test_what_rclpy_would_do_with_the_same_parameters_is_done(partner: Partner) -> None:
+def test_overrides_have_the_effect_that_they_have_in_rclpy(partner: Partner) -> None:
     values: dict[str, str | int] = {
         'reliability': 'best_effort', 'durability': 'transient_local', 'history': 'keep_all',
         'depth': 7}
@@ -46,7 +46,7 @@ def test_what_rclpy_would_do_with_the_same_parameters_is_done(partner: Partner) 
     node.destroy_node()
 
 
-def test_an_override_stands_above_the_bundle_and_of_other_topics_nothing_is_said() -> None:
+def test_an_override_beats_the_bundle_and_leaves_other_topics_alone() -> None:
     overrides = Overrides({
         'spec': 'x.yaml', 'qos_overrides./x.subscription.reliability': 'RELIABLE',
         'qos_overrides./y.subscription.reliability': 'best_available',
@@ -75,7 +75,7 @@ def test_an_override_stands_above_the_bundle_and_of_other_topics_nothing_is_said
     ('/x.depth', 1, "is none; write 'qos_overrides./TOPIC.subscription.POLICY'"),
     ('/x.service.depth', 1, "is none; write 'qos_overrides./TOPIC.subscription.POLICY'"),
 ])
-def test_what_cannot_be_is_refused_with_what_can(
+def test_a_wrong_value_is_refused_with_the_possible_ones(
     name: str, value: str | int, told: str,
 ) -> None:
     with pytest.raises(Refusal) as caught:
@@ -85,7 +85,7 @@ def test_what_cannot_be_is_refused_with_what_can(
     assert '/y.subscription.depth' in second
 
 
-def test_what_violations_are_announced_with_stays() -> None:
+def test_the_qos_of_violations_cannot_be_overridden() -> None:
     overrides = Overrides({'qos_overrides./copilot/handlerpropR.publisher.depth': 1})
     overrides.refuse_publishers(['/copilot/handlerpropQ'])
     with pytest.raises(Refusal, match='their depth is -p handler_depth:=NUMBER'):
@@ -121,7 +121,7 @@ def spec(tmp_path: Path) -> tuple[str, str]:
     return '-p', f'spec:={path}'
 
 
-def test_an_override_decides_what_a_subscription_asks_for(
+def test_an_override_decides_the_qos_of_a_subscription(
     partner: Partner, spec: tuple[str, str],
 ) -> None:
     x = partner.publisher(Float32, '/far/x', BEST_EFFORT)
@@ -142,7 +142,7 @@ def test_an_override_decides_what_a_subscription_asks_for(
     ('/x.subscription.reliability:=sure', "is 'sure', and has to be one of reliable, best_effort"),
     ('/copilot/handlerpropR.publisher.depth:=1', 'cannot be given: violations are announced'),
 ])
-def test_a_monitor_does_not_start_with_an_override_that_cannot_be(
+def test_a_monitor_does_not_start_with_a_wrong_override(
     domain: int, spec: tuple[str, str], override: str, told: str,
 ) -> None:
     node = NodeProcess('monitor', *spec, '-p', f'qos_overrides.{override}')

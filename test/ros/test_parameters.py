@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parameters at run time: what they say of themselves, what may change, and why the rest not."""
+"""Parameters at run time: their descriptions, which may change, and why others may not."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -54,14 +54,14 @@ def call(partner: Partner, kind: Any, name: str, request: Any) -> Any:
 
 
 def set_to(partner: Partner, **values: object) -> list[tuple[bool, str]]:
-    """Set parameters of the monitor as `ros2 param set` does; return what it says to each."""
+    """Set parameters of the monitor as `ros2 param set` does; return result and reason of each."""
     messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
     answer = call(partner, SetParameters, '/fret_monitor/set_parameters',
                   SetParameters.Request(parameters=messages))
     return [(result.successful, result.reason) for result in answer.results]
 
 
-def test_every_parameter_says_what_it_means(partner: Partner, bundle: Path) -> None:
+def test_every_parameter_has_a_description(partner: Partner, bundle: Path) -> None:
     with started('monitor', '-p', f'spec:={bundle}'):
         answer = call(partner, DescribeParameters, '/fret_monitor/describe_parameters',
                       DescribeParameters.Request(names=NAMES))
@@ -100,7 +100,7 @@ def test_overrides_of_the_quality_of_service_are_listed_and_described(
             False, f'{names[0]}: read at the start of the process only')
 
 
-def test_what_is_read_by_configure_changes_in_no_other_state_and_takes_effect_then(
+def test_parameters_read_by_configure_change_only_before_it_and_then_take_effect(
     partner: Partner, bundle: Path,
 ) -> None:
     with waiting() as node:
@@ -129,7 +129,7 @@ def test_what_is_read_by_configure_changes_in_no_other_state_and_takes_effect_th
         assert set_to(partner, use_sim_time=True) == [(True, '')]
 
 
-def test_a_periodic_bundle_may_leave_its_period_to_a_parameter(
+def test_a_periodic_bundle_may_take_its_period_from_a_parameter(
     partner: Partner, bundle: Path,
 ) -> None:
     bundle.write_text(BUNDLE + 'evaluation: {policy: periodic}\n', encoding='utf-8')
@@ -144,15 +144,15 @@ def test_a_periodic_bundle_may_leave_its_period_to_a_parameter(
 @pytest.mark.parametrize(('word', 'told'), [
     ('auto', 'messages are taken in C'), ('on', 'messages are taken in C'),
     ('off', 'messages are taken in Python: hot_path is off')])
-def test_who_takes_the_messages_is_a_parameter(
+def test_a_parameter_decides_whether_c_or_python_reads_the_messages(
     word: str, told: str, partner: Partner, bundle: Path,
 ) -> None:
-    # `on` and `off` are truth values to YAML, and words to us.
+    # YAML reads `on` and `off` as booleans; here they are words.
     with started('monitor', '-p', f'spec:={bundle}', '-p', f'hot_path:={word}') as node:
         assert told in node.output
 
 
-def test_the_level_of_the_log_changes_at_any_time(partner: Partner, bundle: Path) -> None:
+def test_the_log_level_changes_at_any_time(partner: Partner, bundle: Path) -> None:
     with started('monitor', '-p', f'spec:={bundle}') as node:
         assert set_to(partner, log_level='loud')[0] == (
             False, "parameter 'log_level' is 'loud', and has to be one of debug, info, warn, "
@@ -173,7 +173,7 @@ def made(partner: Partner) -> Iterator[list[MonitorNode | LoggerNode]]:
         node.destroy_node()
 
 
-def test_a_level_given_at_the_start_is_in_force_from_the_start(
+def test_a_log_level_given_at_the_start_applies_from_the_start(
     partner: Partner, bundle: Path, made: list[MonitorNode | LoggerNode],
     capfd: pytest.CaptureFixture[str],
 ) -> None:
@@ -183,7 +183,7 @@ def test_a_level_given_at_the_start_is_in_force_from_the_start(
     assert 'watching' not in capfd.readouterr().err
 
 
-def test_a_parameter_that_the_node_has_not_is_told_with_the_nearest(
+def test_an_unknown_parameter_is_reported_with_the_nearest_name(
     partner: Partner, bundle: Path, made: list[MonitorNode | LoggerNode],
     capfd: pytest.CaptureFixture[str],
 ) -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Periods that came late or never are counted and logged, whatever the clock does."""
+"""Late and missed periods are counted and logged, whatever the clock does."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -24,7 +24,7 @@ TENTH = 10**8
 
 
 def ticked(*ticks: tuple[float, float]) -> Schedule:
-    """Return a schedule of 0.1 s after ticks at some times, each with the next planned one (s)."""
+    """Return a schedule of 0.1 s after these ticks: (time, next planned time), in seconds."""
     schedule = Schedule(0.1)
     for now, following in ticks:
         schedule.tick(round(now * 1e9), round(following * 1e9))
@@ -57,11 +57,11 @@ def test_periods_without_a_tick_are_counted(periods: int) -> None:
 
 
 def test_a_tick_later_than_its_own_period_is_late() -> None:
-    # The executor was busy between the timer and its callback
+    # The executor was busy between the timer and its callback.
     assert counts(ticked((10.1, 10.2), (10.37, 10.3))) == (2, 1, 0, 0)
 
 
-def test_time_that_goes_back_starts_the_periods_anew_and_misses_none() -> None:
+def test_time_that_goes_back_restarts_the_periods_and_misses_none() -> None:
     schedule = ticked((1000.1, 1000.2), (5.3, 5.4), (5.4, 5.5))
     assert counts(schedule) == (3, 0, 0, 1)
     line, = schedule.reports()
@@ -73,14 +73,14 @@ def test_before_there_is_time_no_period_is_missed() -> None:
     assert counts(ticked((0.0, 0.1), (1e9, 1e9 + 0.1), (1e9 + 0.1, 1e9 + 0.2))) == (3, 0, 0, 0)
 
 
-def test_what_goes_on_is_told_now_and_then_with_all_of_it() -> None:
+def test_a_lasting_problem_is_logged_at_intervals_with_its_total() -> None:
     schedule = ticked((10.1, 10.2), (10.3, 10.4))
     assert len(schedule.reports()) == 1
     schedule.tick(11 * 10 * TENTH, 11 * 10 * TENTH + TENTH)
     assert schedule.missed > 1 and schedule.reports() == [], 'not so soon'
 
 
-def test_a_throttle_lets_one_pass_at_a_time() -> None:
+def test_a_throttle_lets_one_message_pass_per_interval() -> None:
     throttle = Throttle(3600)
     assert [throttle.passes() for _ in range(3)] == [True, False, False]
     throttle = Throttle(0)
@@ -131,7 +131,7 @@ def test_a_thread_preempted_between_two_readings_of_the_time_sees_no_jump(
     assert now == node.time and following == 1001 * TENTH
 
 
-def test_a_change_of_the_clock_is_announced_before_the_next_call() -> None:
+def test_a_change_of_the_clock_is_reported_before_the_next_call() -> None:
     events: list[object] = []
     node: Any = FakeNode()
     NodeTimer(node, 0.1, lambda now, following: events.append('call'),

@@ -31,7 +31,7 @@ Use = tuple[str, str]
 
 
 def allowed(node: str) -> set[Use]:
-    """Return what the policy allows a node: (what, full name)."""
+    """Return what the policy allows a node: kind of use, and full name."""
     found: set[Use] = set()
     for profile in ElementTree.parse(POLICY).iterfind(f'.//profile[@node="{node}"]'):
         assert profile.get('ns') == '/'
@@ -49,7 +49,7 @@ def _full_name(node: str, name: str) -> str:
 
 
 def used(partner: Partner, node: str) -> set[Use]:
-    """Return what the graph knows that a node does."""
+    """Return what a node does according to the graph."""
     asked = {
         'publish': partner.node.get_publisher_names_and_types_by_node,
         'subscribe': partner.node.get_subscriber_names_and_types_by_node,
@@ -73,7 +73,7 @@ def test_the_policy_allows_what_a_node_does_and_nothing_else(
         assert used(partner, node) == expected
 
 
-def test_an_enclave_has_one_node_and_the_path_that_the_page_tells() -> None:
+def test_an_enclave_has_one_node_and_the_path_in_the_documentation() -> None:
     page = (ROOT / 'docs' / 'security.md').read_text(encoding='utf-8')
     enclaves = ElementTree.parse(POLICY).findall('.//enclave')
     assert len(enclaves) == 2

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Publishers of every quality on one topic, early and late: each message is one step."""
+"""Publishers of every QoS on one topic, early and late: each message is one step."""
 
 from pathlib import Path
 from time import sleep
@@ -38,7 +38,7 @@ KINDS = {'reliable': RELIABLE, 'best effort': BEST_EFFORT, 'latched': LATCHED,
 
 @pytest.mark.parametrize('hot_path', ['on', 'off'])
 @pytest.mark.parametrize('first', KINDS)
-def test_late_comers_of_every_kind_are_heard_beside_one_that_never_stops(
+def test_late_publishers_of_every_qos_are_received_beside_one_that_never_stops(
     partner: Partner, tmp_path: Path, first: str, hot_path: str,
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'
@@ -64,7 +64,7 @@ def test_late_comers_of_every_kind_are_heard_beside_one_that_never_stops(
                 return publisher.get_subscription_count() > 0  # noqa: B023  called at once
 
             wait_until(is_heard, f'a listener to the {kind} one')
-            go_on(30)  # the reader knows the writer a moment later
+            go_on(30)  # discovery is not symmetric: the reader matches a moment after the writer
             for number in range(20):
                 publisher.publish(Int32(data=number))
                 sent += 1

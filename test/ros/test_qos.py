@@ -31,33 +31,33 @@ def kinds(profile: QoSProfile) -> tuple[ReliabilityPolicy, DurabilityPolicy]:
     return profile.reliability, profile.durability
 
 
-def test_without_a_publisher_the_least_is_asked_for() -> None:
+def test_without_a_publisher_the_subscription_requests_the_least() -> None:
     assert kinds(wanted_profile((), {})) == (
         ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
 
 
 @pytest.mark.parametrize('offers', list(product(OFFERS, OFFERS)))
-def test_every_publisher_is_heard_and_as_well_as_it_can(
+def test_every_publisher_is_received_with_the_best_qos_it_offers(
     offers: tuple[QoSProfile, QoSProfile],
 ) -> None:
     wanted = wanted_profile(offers, {})
     assert all(hears(wanted, offer) for offer in offers)
     for better in OFFERS:
         if all(hears(better, offer) for offer in offers):
-            # The policies are ordered: reliable, 1, before best effort, 2; transient local, 1.
+            # The enumerations are ordered: reliable is 1, best effort 2; transient local is 1.
             assert wanted.reliability.value <= better.reliability.value
             assert wanted.durability.value <= better.durability.value
 
 
 @pytest.mark.parametrize(('offer', 'request_'), list(product(OFFERS, OFFERS)))
-def test_who_hears_whom_is_what_the_middleware_says(
+def test_compatible_profiles_are_those_that_the_middleware_calls_compatible(
     offer: QoSProfile, request_: QoSProfile,
 ) -> None:
     compatibility, _ = qos_check_compatible(offer, request_)
     assert hears(request_, offer) is (compatibility != QoSCompatibility.ERROR)
 
 
-def test_what_the_bundle_says_is_not_decided_by_publishers() -> None:
+def test_publishers_do_not_change_what_the_bundle_sets() -> None:
     fixed: dict[str, str | int] = {
         'reliability': 'best_effort', 'durability': 'volatile', 'depth': 3,
         'history': 'keep_all'}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a node does not start with: told on one screen, status 1, and nothing left behind."""
+"""A node that refuses to start: all problems on one screen, status 1, nothing left behind."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -42,7 +42,7 @@ WRONG = BUNDLE.replace('y > 3', 'z > 3')
 
 @pytest.fixture
 def context(partner: Partner) -> Iterator[Context]:
-    """Return a context in which no node of ours is left in the end."""
+    """Return a context and check that no node of ours is left in it in the end."""
     yield partner.context
     assert partner.node.get_node_names() == ['partner']
 
@@ -61,13 +61,13 @@ def refusal(context: Context, *remappings: str, **parameters: object) -> str:
     return str(found.value)
 
 
-def test_nothing_to_monitor_is_told_with_what_to_write(context: Context) -> None:
+def test_nothing_to_monitor_is_reported_with_the_parameters_to_write(context: Context) -> None:
     assert refusal(context) == (
         'error: nothing to monitor: name a bundle with -p spec:=FILE, '
         'or a compiled one with -p library:=FOLDER')
 
 
-def test_all_problems_of_the_parameters_are_told_together(context: Context) -> None:
+def test_all_problems_of_the_parameters_are_reported_together(context: Context) -> None:
     told = refusal(context, spec=12, policy='sometimes', period=-1, rate='often',
                    hot_path='perhaps')
     assert told.splitlines() == [
@@ -81,7 +81,7 @@ def test_all_problems_of_the_parameters_are_told_together(context: Context) -> N
         "error: parameter 'hot_path' is 'perhaps', and has to be one of auto, on, off"]
 
 
-def test_what_is_read_at_once_is_refused_at_once(context: Context) -> None:
+def test_parameters_read_at_the_start_are_refused_at_the_start(context: Context) -> None:
     assert refusal(context, spec='x', autostart='perhaps', log_level='loud').splitlines() == [
         "error: parameter 'log_level' is 'loud', and has to be one of debug, info, warn, error, "
         'fatal',
@@ -104,7 +104,7 @@ def test_period_and_rate_do_not_go_together(context: Context) -> None:
     assert 'give one of them' in refusal(context, spec='x', period=0.1, rate=10)
 
 
-def test_a_period_needs_the_policy_periodic_and_that_a_period(
+def test_a_period_needs_the_policy_periodic_and_the_policy_needs_a_period(
     context: Context, tmp_path: Path,
 ) -> None:
     bundle = str(write(tmp_path))
@@ -116,7 +116,7 @@ def test_a_period_needs_the_policy_periodic_and_that_a_period(
         context, spec=bundle, policy='periodic')
 
 
-def test_a_bundle_that_is_not_there_is_told_by_its_name(context: Context, tmp_path: Path) -> None:
+def test_a_missing_bundle_is_reported_by_its_name(context: Context, tmp_path: Path) -> None:
     assert refusal(context, spec='no.yaml') == (
         f"error: there is no file 'no.yaml' in "
         f'{" nor in ".join(map(str, [Path.cwd(), *config_folders()]))}')
@@ -151,20 +151,20 @@ def test_a_bundle_of_another_package_is_found_in_its_share_folder(
         'workspace is not sourced')
 
 
-def test_several_bundles_in_a_word_are_told_how_to_be_written(context: Context) -> None:
+def test_several_bundles_in_one_string_are_refused_with_a_list(context: Context) -> None:
     assert refusal(context, spec='a.yaml,b.yaml') == (
         "error: there is no file 'a.yaml,b.yaml'; for several bundles: "
         '-p spec:="[a.yaml, b.yaml]"')
 
 
-def test_a_wrong_bundle_is_told_as_check_tells_it(context: Context, tmp_path: Path) -> None:
+def test_a_wrong_bundle_is_reported_as_by_check(context: Context, tmp_path: Path) -> None:
     bundle = write(tmp_path, WRONG)
     told = refusal(context, spec=str(bundle))
     assert told.startswith(f'{bundle}:7:31: error: ')
     assert '^' in told
 
 
-def test_inputs_off_ros_are_refused_with_the_lines_to_write(
+def test_inputs_without_a_topic_are_refused_with_the_lines_to_write(
     context: Context, tmp_path: Path,
 ) -> None:
     bundle = write(tmp_path, """
@@ -184,7 +184,7 @@ requirements:
         '    w:', '      topic: w', '      type: std_msgs/msg/Float64']
 
 
-def test_topics_that_are_remapped_to_one_are_refused(context: Context, tmp_path: Path) -> None:
+def test_topics_remapped_to_one_name_are_refused(context: Context, tmp_path: Path) -> None:
     told = refusal(context, 'y:=x', spec=str(write(tmp_path)))
     assert told.startswith("error: 'x' and 'y' are both remapped to /x; ")
 
@@ -195,11 +195,11 @@ def compiled(folder: Path, text: str = BUNDLE) -> str:
     return str(folder / 'library')
 
 
-def test_a_folder_without_a_compiled_bundle_is_told(context: Context, tmp_path: Path) -> None:
+def test_a_folder_without_a_compiled_bundle_is_refused(context: Context, tmp_path: Path) -> None:
     assert 'holds no compiled bundle' in refusal(context, library=str(tmp_path))
 
 
-def test_a_bundle_and_a_compiled_one_are_told_apart(context: Context, tmp_path: Path) -> None:
+def test_bundles_and_compiled_folders_are_not_mixed_up(context: Context, tmp_path: Path) -> None:
     library = compiled(tmp_path)
     bundle = tmp_path / 'bundle.yaml'
     assert refusal(context, spec=library) == (
@@ -230,7 +230,7 @@ def test_a_library_that_does_not_fit_its_manifest_is_refused(
     assert "requirement 0 is 'R1' instead of 'R2'" in refusal(context, library=str(library))
 
 
-def test_what_would_need_compiling_anew_is_refused(context: Context, tmp_path: Path) -> None:
+def test_changes_that_need_a_new_compilation_are_refused(context: Context, tmp_path: Path) -> None:
     library = compiled(tmp_path)
     assert 'with that policy in the bundle' in refusal(
         context, library=library, policy='periodic', period=1.0)
@@ -238,7 +238,7 @@ def test_what_would_need_compiling_anew_is_refused(context: Context, tmp_path: P
         context, library=library, period=1.0)
 
 
-def test_a_message_type_that_is_not_installed_is_told(context: Context, tmp_path: Path) -> None:
+def test_a_message_type_that_is_not_installed_is_refused(context: Context, tmp_path: Path) -> None:
     library = Path(compiled(tmp_path))
     manifest = library / 'manifest.json'
     manifest.write_text(manifest.read_text().replace('std_msgs/msg/Int32', 'my_msgs/msg/Int32'))
@@ -260,7 +260,7 @@ def test_the_logger_refuses_what_the_monitor_does(context: Context, tmp_path: Pa
     (['spec:=x y'], "error: unknown ROS arguments ['spec:=x y']: a parameter has -p before it: "
                     "-p 'spec:=x y'\n"),
 ])
-def test_a_process_that_refuses_ends_with_status_one_and_a_clear_word(
+def test_a_process_that_refuses_ends_with_status_one_and_a_clear_message(
     name: str, arguments: list[str], told: str, domain: int, tmp_path: Path,
 ) -> None:
     node = NodeProcess(name, *arguments, folder=tmp_path)
@@ -273,7 +273,7 @@ def test_a_process_that_refuses_ends_with_status_one_and_a_clear_word(
 
 
 @pytest.mark.parametrize('name', ['monitor', 'logger'])
-def test_without_a_folder_of_logs_it_says_what_to_set(
+def test_without_a_log_folder_it_names_the_variable_to_set(
     name: str, domain: int, tmp_path: Path,
 ) -> None:
     (tmp_path / 'file').write_text('', encoding='utf-8')
@@ -289,7 +289,7 @@ def test_without_a_folder_of_logs_it_says_what_to_set(
         node.kill()
 
 
-def test_what_cannot_be_kept_is_told_once_with_what_to_do(domain: int, tmp_path: Path) -> None:
+def test_an_unwritable_cache_is_reported_once_with_the_remedy(domain: int, tmp_path: Path) -> None:
     (tmp_path / 'file').write_text('', encoding='utf-8')
     home = tmp_path / 'file' / 'ros'
     with started('monitor', '-p', f'spec:={write(tmp_path)}', folder=tmp_path,

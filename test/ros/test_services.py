@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Services and actions as topics: events of calls, goals' status and feedback, over real DDS."""
+"""Services and actions as topics over real DDS: events of calls, status and feedback of goals."""
 
 from pathlib import Path
 from time import sleep
@@ -51,7 +51,7 @@ requirements:
 """
 
 
-def test_calls_goals_and_feedback_are_heard(partner: Partner, tmp_path: Path) -> None:
+def test_calls_goals_and_feedback_are_received(partner: Partner, tmp_path: Path) -> None:
     bundle = tmp_path / 'services.yaml'
     bundle.write_text(BUNDLE, encoding='utf-8')
     node = partner.node
@@ -81,8 +81,8 @@ def test_calls_goals_and_feedback_are_heard(partner: Partner, tmp_path: Path) ->
             wait_until(ended.done, 'its end')
             return partner.heard['COUNT'] > 0
 
-        # Nobody but the two knows when a hidden publisher and the monitor have found one another.
-        # Of an event without a request: the input keeps its value, which is told.
+        # The test cannot observe when a hidden publisher and the monitor have matched.
+        # An event without a request leaves the input's value unchanged, which is reported.
         wait_until(call, 'a call')
         wait_until(set_goal, 'a goal')
         wait_until(lambda: partner.heard['COUNT'] % 3 == 0 and partner.heard['GOALS'] > 0

@@ -34,7 +34,7 @@ inputs:
 requirements:
   - {id: R-1, ptltl: "x < 0.5 & y < 0.5"}
 """
-# Steps on the messages on x alone
+# Steps on messages on x only
 SECOND = """
 format: 1
 inputs:
@@ -79,14 +79,14 @@ def test_each_of_several_bundles_steps_by_its_own_rule(
         partner.expect({'R_3': 1})
         x.publish(Float32(data=0.9))
         partner.expect({'R_3': 1, 'R_1': 1})
-        # R-1 steps on what comes on x and y, R-2 on x, R-3 on z.
+        # R-1 steps on messages on x and y, R-2 on x, R-3 on z.
         y.publish(Float32(data=0.2))
         x.publish(Float32(data=0.1))
         partner.expect({'R_3': 1, 'R_1': 2, 'R_2': 1})
         assert partner.reset() == 'restarted 3 step groups; input values kept'
 
 
-def test_diagnostics_tell_apart_what_two_bundles_say_of_one_topic(
+def test_diagnostics_keep_two_bundles_on_one_topic_apart(
     partner: Partner, bundles: tuple[Path, Path], tmp_path: Path,
 ) -> None:
     (tmp_path / 'other').mkdir()
@@ -104,7 +104,7 @@ def test_diagnostics_tell_apart_what_two_bundles_say_of_one_topic(
         wait_until(lambda: {name for name in names if ' topic ' in name} == topics, str(topics))
 
 
-def test_the_logger_tells_of_several_bundles(
+def test_the_logger_serves_several_bundles(
     partner: Partner, bundles: tuple[Path, Path],
 ) -> None:
     with started('logger', '-p', listed(bundles)) as logger, \
@@ -141,7 +141,7 @@ def test_a_handler_that_two_bundles_share_is_refused_with_both_places(
         'copilot/handlerpropR_1: give one of them another id')
 
 
-def test_what_is_wrong_with_any_of_the_bundles_is_told_together(
+def test_the_problems_of_all_bundles_are_reported_together(
     partner: Partner, tmp_path: Path,
 ) -> None:
     first = write(tmp_path, 'first', FIRST.replace('& y', '& a'))
@@ -152,7 +152,7 @@ def test_what_is_wrong_with_any_of_the_bundles_is_told_together(
     assert "error: there is no file 'third.yaml'" in told
 
 
-def test_compiled_folders_come_as_a_list_too(
+def test_compiled_folders_may_be_given_as_a_list(
     partner: Partner, bundles: tuple[Path, Path], tmp_path: Path,
 ) -> None:
     folders = [tmp_path / 'one', tmp_path / 'two']
@@ -168,7 +168,7 @@ def test_compiled_folders_come_as_a_list_too(
         "error: parameters 'spec' and 'library' name 1 and 2: where both are given, each")
 
 
-def test_monitors_of_other_names_share_a_namespace_and_one_of_the_same_is_told(
+def test_monitors_of_different_names_share_a_namespace_and_a_duplicate_is_reported(
     partner: Partner, bundles: tuple[Path, Path],
 ) -> None:
     with started('monitor', '-p', f'spec:={bundles[0]}') as first, \

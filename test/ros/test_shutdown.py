@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Both nodes end on SIGINT and SIGTERM, every time, idle and flooded, and without a word."""
+"""Both nodes end quietly on SIGINT and SIGTERM, every time, idle and flooded."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -26,7 +26,7 @@ import pytest
 from ros.harness import NodeProcess, Partner, READY, wait_until
 from std_msgs.msg import Empty, Float32
 
-# The monitor takes messages in C, and in Python; the logger in Python only.
+# The monitor reads messages in C, and in Python; the logger in Python only.
 nodes = pytest.mark.parametrize(
     'name, hot_path', [('monitor', 'on'), ('monitor', 'off'), ('logger', 'off')],
     indirect=['hot_path'])
@@ -34,7 +34,7 @@ signals = pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 
 TIMES = 20
 AT_ONCE = 4
-PATIENCE = 5.0  # s; two of them on an idle machine, and this one starts others meanwhile
+PATIENCE = 5.0  # s; it takes two on an idle machine, and other nodes start meanwhile
 
 BUNDLE = """
 format: 1
@@ -47,7 +47,7 @@ requirements:
 
 @pytest.fixture(scope='module')
 def parameter(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Return what a node is started with: a compiled bundle, since that is quickest."""
+    """Return the parameter to start a node with: a compiled bundle, which starts fastest."""
     folder = tmp_path_factory.mktemp('compiled')
     (folder / 'bundle.yaml').write_text(BUNDLE)
     build.write(build.generate_monitor(build.read(folder / 'bundle.yaml')), folder / 'library')
@@ -56,7 +56,7 @@ def parameter(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.fixture
 def flood(partner: Partner) -> Iterator[None]:
-    """Publish at several kHz, half of it violations, for the monitor and for the logger."""
+    """Publish at several kHz to monitor and logger; half of the messages are violations."""
     values = partner.publisher(Float32, 'x')
     violations = partner.publisher(Empty, 'copilot/handlerpropR1')
     is_over = Event()
@@ -91,7 +91,7 @@ def end_all(name: str, number: signal.Signals, parameter: str) -> None:
                 assert node.status(PATIENCE) == 0, node.output
                 told = [line for line in node.output.splitlines()
                         if not line.startswith(('[INFO]', '[ERROR]')) or 'context' in line]
-                # A flood may overflow a queue, which is told.
+                # A flood may overflow a queue, which is logged.
                 told = [line for line in told if ' lost on /' not in line]
                 assert told == []
         finally:
@@ -129,7 +129,7 @@ def catches(process: int, number: signal.Signals) -> bool:
 def test_a_node_that_is_still_starting_ends_quietly(
     name: str, hot_path: str, number: signal.Signals, parameter: str, domain: int,
 ) -> None:
-    # Before Python has started (the wheels start it twice) no program of Python's has a say.
+    # Before Python runs (with the wheels it starts twice), no Python code can handle a signal.
     for delay in (0.0, 0.05, 0.1, 0.2, 0.3, 0.5):
         node = NodeProcess(name, '-p', parameter)
         try:
@@ -141,7 +141,7 @@ def test_a_node_that_is_still_starting_ends_quietly(
             node.kill()
 
 
-def test_further_signals_do_not_disturb_the_end(parameter: str, domain: int) -> None:
+def test_further_signals_do_not_disturb_the_shutdown(parameter: str, domain: int) -> None:
     node = NodeProcess('monitor', '-p', parameter)
     try:
         node.wait_for(READY['monitor'])

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The long run, for a short while: it finds nothing, and would find what were wrong."""
+"""The soak test, run briefly: it reports no difference, and would report one."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -35,7 +35,7 @@ def prepared(domain: int) -> Iterator[bench.Bench]:
 
 @pytest.fixture
 def wrong(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Let the reference overlook a violation of the first requirement; return its row."""
+    """Remove a violation of the first requirement from the reference; return its row."""
     right, after = soak.turn_of, 700
     rows: list[int] = []
 
@@ -72,7 +72,7 @@ def test_one_violation_too_many_ends_the_run_of_the_node(prepared: bench.Bench) 
         list(soak.soak(prepared, 5000, 'node'))
 
 
-def test_violations_of_all_turns_are_added_up() -> None:
+def test_the_violations_of_all_turns_are_summed() -> None:
     first = tuple((row % 3 == 0,) for row in range(soak.TURN))
     later = tuple((row % 7 == 0,) for row in range(soak.TURN))
     turn = soak.Turn(('R',), (0.0,) * soak.TURN, first, later)
@@ -82,13 +82,13 @@ def test_violations_of_all_turns_are_added_up() -> None:
         assert turn.violations(messages) == {'R': rows.count((False,))}
 
 
-def test_memory_that_grows_in_the_second_half_is_told() -> None:
+def test_memory_that_grows_in_the_second_half_is_reported() -> None:
     steady = soak.Result('x', 1, 1.0, *soak.halves([10.0, 50.0, 50.0, 50.0, 50.5, 51.0]), 0)
     growing = soak.Result('x', 1, 1.0, *soak.halves([10.0, 50.0, 51.0, 52.0, 53.0, 55.0]), 0)
     assert (steady.is_flat, growing.is_flat) == (True, False)
 
 
-def test_parts_are_nearly_equal_and_make_the_whole() -> None:
+def test_the_parts_are_nearly_equal_and_add_up_to_the_whole() -> None:
     for number in (20, 21, 399, 10_000_000):
         parts = soak.parts_of(number)
         assert sum(parts) == number and max(parts) - min(parts) <= 1

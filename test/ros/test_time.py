@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The monitor as a process and its time: periods and timeouts, simulated and real."""
+"""The monitor as a process, under simulated and real time: periods and timeouts."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -70,7 +70,7 @@ def since(before: dict[str, int], now: dict[str, int]) -> dict[str, int]:
     return {key: now[key] - before[key] for key in now}
 
 
-def test_steps_follow_the_clock_through_pauses_haste_and_jumps(
+def test_steps_follow_the_clock_through_pauses_speed_changes_and_jumps(
     partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path,
 ) -> None:
     with started('monitor', '-p', write(tmp_path, PERIODIC), *SIMULATED) as node:
@@ -90,7 +90,7 @@ def test_steps_follow_the_clock_through_pauses_haste_and_jumps(
         assert found['ticks'] + found['missed'] == 50 and found['ticks'] > 40
 
         before = operator.periods()
-        operator.wait(2)  # time stands still
+        operator.wait(2)  # simulated time stands still
         assert operator.periods() == before
 
         simulator.go(60.0, speed=20.0)
@@ -110,11 +110,11 @@ def test_steps_follow_the_clock_through_pauses_haste_and_jumps(
         assert found['ticks'] + found['missed'] in (19, 20)
         assert found['restarts'] == 1
         node.wait_for(f'time went back from {now + 4000:.1f}'[:-2])
-        # Each step violates R, and every one is announced.
+        # Each step violates R, and each violation is published.
         partner.expect({'R': operator.periods()['ticks']})
 
 
-def test_without_a_clock_it_is_told_what_waits(partner: Partner, tmp_path: Path) -> None:
+def test_without_a_clock_the_waiting_bundle_is_reported(partner: Partner, tmp_path: Path) -> None:
     with started('monitor', '-p', write(tmp_path, PERIODIC), *SIMULATED) as node:
         node.wait_for('use_sim_time is set, and no time was received on /clock yet: the policy '
                       'periodic waits')
@@ -127,7 +127,7 @@ def test_periods_that_a_stopped_process_missed_are_counted(
         wait_until(lambda: bool(operator.heard), 'a report')
         before = operator.status('periods of bundle')[2]
         node.process.send_signal(signal.SIGSTOP)
-        sleep(3.0)  # the process sleeps, and no event can tell
+        sleep(3.0)  # stopped by a signal: no timer runs
         node.process.send_signal(signal.SIGCONT)
         node.wait_for('missed (no step)')
         values = operator.wait_for('periods of bundle', b'\0', 'in time')
@@ -135,7 +135,7 @@ def test_periods_that_a_stopped_process_missed_are_counted(
         assert int(values['restarts']) == 0
 
 
-def test_the_time_that_counts_may_change_while_the_monitor_runs(
+def test_use_sim_time_may_change_while_the_monitor_runs(
     partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path,
 ) -> None:
     from rcl_interfaces.msg import Parameter, ParameterValue
@@ -153,7 +153,7 @@ def test_the_time_that_counts_may_change_while_the_monitor_runs(
         assert int(operator.wait_for('periods of bundle', b'\0', 'in time')['ticks']) > 0
         simulate(True)
         simulator.jump(1000.0)
-        operator.periods()  # until nothing comes any more
+        operator.periods()  # until no more steps come
         before = operator.periods()
         simulator.go(2.0)
         found = since(before, operator.periods())
@@ -169,7 +169,7 @@ def silence(node: NodeProcess) -> int:
 
 
 @pytest.mark.parametrize('hot_path', ['on', 'off'])
-def test_an_input_that_falls_silent_violates_what_reads_it_in_the_time_of_the_node(
+def test_an_input_that_falls_silent_violates_its_requirements_in_the_time_of_the_node(
     partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path, hot_path: str,
 ) -> None:
     with started('monitor', '-p', write(tmp_path, SILENT), *SIMULATED,
@@ -187,7 +187,7 @@ def test_an_input_that_falls_silent_violates_what_reads_it_in_the_time_of_the_no
         operator.wait(3)  # a simulation that stands still is no silence
         assert silence(node) == 0
         simulator.go(0.5)
-        # X has a value and XZ waits for z: both are told at once, and once.
+        # X has a value and XZ waits for z: each is reported at once, and once only.
         partner.expect({'X': 1, 'ONSET': 1, 'XZ': 1})
         assert silence(node) == 1
         assert "for 'x': X, ONSET, XZ violated until one comes" in node.output
@@ -206,7 +206,7 @@ def test_an_input_that_falls_silent_violates_what_reads_it_in_the_time_of_the_no
         partner.expect({'X': 2, 'ONSET': 2, 'XZ': 2})
 
         x.publish(Float32(data=1.0))
-        operator.wait_for('X', b'\1', 'satisfied, on old values of x')  # nobody has looked yet
+        operator.wait_for('X', b'\1', 'satisfied, on old values of x')  # not checked yet
         simulator.go(0.5)
         operator.wait_for('X', b'\0', 'satisfied')
         node.wait_for('values on /x again after')
@@ -221,7 +221,7 @@ def test_an_input_that_falls_silent_violates_what_reads_it_in_the_time_of_the_no
         partner.expect({'X': 4, 'ONSET': 3, 'XZ': 3})
 
 
-def test_in_real_time_an_input_that_never_speaks_is_told_and_a_speaking_one_is_not(
+def test_in_real_time_an_input_without_messages_is_reported_and_one_with_messages_is_not(
     partner: Partner, operator: Operator, tmp_path: Path,
 ) -> None:
     with started('monitor', '-p', write(tmp_path, SILENT)) as node:
@@ -233,4 +233,4 @@ def test_in_real_time_an_input_that_never_speaks_is_told_and_a_speaking_one_is_n
         node.wait_for("for 'x': X, ONSET, XZ violated until one comes")
         before = node.output.count("s for 'y'")
         operator.wait(3)
-        assert node.output.count("s for 'y'") == before <= 1  # at first, maybe
+        assert node.output.count("s for 'y'") == before <= 1  # perhaps once, at the start

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Inputs that fall silent: found in time, not too early, and whatever the clock does."""
+"""Silent inputs are found in time, not too early, whatever the clock does."""
 
 import random
 
@@ -22,11 +22,11 @@ from fret_monitor.ros.timeouts import Silence, TimeoutTracker
 import pytest
 
 SECOND = 10**9
-START = 100 * SECOND  # at 0 there is no time
+START = 100 * SECOND  # 0 means that there is no time yet
 
 
 class Counters:
-    """What came of each input so far."""
+    """Counts the messages of each input."""
 
     def __init__(self, *timeouts: float | None) -> None:
         self.received = [0] * len(timeouts)
@@ -35,24 +35,24 @@ class Counters:
              for index, timeout in enumerate(timeouts)], self.received.__getitem__)
 
     def look(self, seconds: float) -> tuple[list[int], list[int]]:
-        """Look at a time; return which inputs fell silent, and which spoke again."""
+        """Check at a time; return the inputs that fell silent, and those that resumed."""
         begun, ended = self.tracker.check(START + round(seconds * SECOND))
         return [item.index for item in begun], [item.index for item in ended]
 
 
-def test_nothing_is_looked_for_without_a_timeout() -> None:
+def test_without_a_timeout_nothing_is_checked() -> None:
     counters = Counters(None, None)
     assert counters.tracker.period is None
     assert counters.look(0) == counters.look(100) == ([], [])
     assert counters.tracker.count(0) is None
 
 
-def test_an_input_that_no_topic_feeds_is_not_watched() -> None:
+def test_an_input_without_a_topic_is_not_checked() -> None:
     item = ManifestInput('x', ValueType.BOOL, None, None, (), (), None, timeout=1.0)
     assert TimeoutTracker([item], lambda index: 0).period is None
 
 
-def test_the_shortest_timeout_says_how_often_to_look() -> None:
+def test_the_shortest_timeout_sets_the_interval_of_the_checks() -> None:
     assert Counters(8.0, None, 2.0).tracker.period == 0.2
     assert Counters(0.001).tracker.period == 0.005
 
@@ -68,7 +68,7 @@ def test_a_silence_is_found_after_its_timeout_and_before_a_quarter_more(seed: in
     counters.look(time)
     for number in range(1, 2000):
         planned = number * period
-        if chance.random() < 0.2:  # a value, somewhere between two looks
+        if chance.random() < 0.2:  # a value at some time between two checks
             last = planned - chance.random() * period
             counters.received[0] += 1
         time = planned + chance.random() * period / 10  # a timer is late, never early
@@ -84,7 +84,7 @@ def test_a_silence_is_found_after_its_timeout_and_before_a_quarter_more(seed: in
     assert told > 5
 
 
-def test_an_input_that_never_spoke_is_silent_since_the_first_look() -> None:
+def test_an_input_without_any_message_is_silent_since_the_first_check() -> None:
     counters = Counters(1.0)
     for eighth in range(8):
         assert counters.look(1000 + eighth / 8) == ([], [])
@@ -93,7 +93,7 @@ def test_an_input_that_never_spoke_is_silent_since_the_first_look() -> None:
     assert counters.tracker.silent() == [Silence(0, 0, 1125 * 10**6)]
 
 
-def test_a_silence_is_told_once_and_so_is_its_end_with_how_long_it_was() -> None:
+def test_a_silence_is_reported_once_and_its_end_once_with_its_length() -> None:
     counters = Counters(1.0)
     found = [counters.look(eighth / 8) for eighth in range(17)]
     assert found.count(([0], [])) == 1 and found[8] == ([0], [])
@@ -107,7 +107,7 @@ def test_a_silence_is_told_once_and_so_is_its_end_with_how_long_it_was() -> None
 
 
 @pytest.mark.parametrize('leap', [0.6, 1.0, 3600.0])
-def test_a_leap_of_time_is_no_silence(leap: float) -> None:
+def test_a_jump_forward_in_time_is_no_silence(leap: float) -> None:
     counters = Counters(1.0)
     counters.look(0)
     counters.look(0.125)
@@ -118,7 +118,7 @@ def test_a_leap_of_time_is_no_silence(leap: float) -> None:
     assert counters.look(later + 7 / 8) == ([0], []), 'from there on it is'
 
 
-def test_a_clock_that_always_leaps_does_not_hide_a_silence() -> None:
+def test_a_clock_that_always_jumps_does_not_hide_a_silence() -> None:
     counters = Counters(1.0)
     counters.look(0)
     assert counters.look(10) == ([], [])

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Violations that could not be published are counted, and told."""
+"""Violations that could not be published are counted and reported."""
 
 from pathlib import Path
 
@@ -45,7 +45,7 @@ def watch(tmp_path: Path) -> SharedEvaluator:
     return SharedEvaluator(Evaluator(build.build(bundle).monitor))
 
 
-def test_what_a_context_that_ended_does_not_publish_is_counted(
+def test_violations_not_published_because_the_context_ended_are_counted(
     watch: SharedEvaluator, domain: int,
 ) -> None:
     context = Context()
@@ -59,7 +59,7 @@ def test_what_a_context_that_ended_does_not_publish_is_counted(
     assert watch.unpublished == 3
 
 
-def test_operators_see_it(watch: SharedEvaluator, partner: Partner) -> None:
+def test_diagnostics_count_such_violations(watch: SharedEvaluator, partner: Partner) -> None:
     operator = Operator(partner)
     node = Node('fret_monitor', context=partner.context)
     health = Health(node, watch)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the nodes say of themselves on the command line."""
+"""The nodes' help on the command line."""
 
 import os
 from pathlib import Path
