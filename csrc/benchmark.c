@@ -12,7 +12,8 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// benchmark.c: how long a step takes. The timed loop touches filled buffers and nothing else.
+/// benchmark.c: measures the time of steps. The inputs are generated before, so that the timed
+/// loop only steps.
 
 #define _POSIX_C_SOURCE 199309L
 
@@ -24,9 +25,9 @@ FM_EXPORT uint64_t fm_benchmark(
   const struct fm_monitor * monitor, void * state, const void * rows, uint64_t stride,
   uint64_t n_rows, bool * verdicts);
 
-/// Step all groups once for each of n_rows inputs structs that lie `stride` bytes apart.
-/// Returns the nanoseconds it took. The caller owns all blocks, and has reset the state.
-/// O(n_rows x operations).
+/// Step all groups once for each of n_rows inputs structs, which are `stride` bytes apart. Returns
+/// the elapsed time in nanoseconds. The caller owns all blocks and has reset the state. Cannot
+/// fail. Any thread, with its own blocks. O(n_rows x operations).
 uint64_t fm_benchmark(
   const struct fm_monitor * monitor, void * state, const void * rows, uint64_t stride,
   uint64_t n_rows, bool * verdicts)

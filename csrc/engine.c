@@ -14,7 +14,7 @@
 
 /// engine.c: see engine.h for the contract.
 ///
-/// One mutex guards all of it. The functions whose names end in _locked are called with it held.
+/// One mutex guards the whole struct. Functions whose names end in _locked need it held.
 
 #define _POSIX_C_SOURCE 200809L
 
@@ -38,8 +38,8 @@ struct fm_engine
   pthread_cond_t violation_queued;
   pthread_cond_t detail_queued;
   struct fm_engine_options options;
-  struct fm_field * fields;     // of one message
-  struct fm_violation * found;  // by one step
+  struct fm_field * fields;     // of the message being read
+  struct fm_violation * found;  // violations of the steps of one message
   struct topic * topics;
   struct fm_outbox outbox;
   int (* now)(void * clock, int64_t * nanoseconds);
@@ -198,7 +198,7 @@ static struct timespec in_milliseconds(uint32_t milliseconds)
   return end;
 }
 
-// Wait until a queue holds something, for so long at most, or until the engine is closed.
+// Wait until the queue is not empty, the engine is closed, or the time is over.
 static void wait_locked(
   struct fm_engine * engine, pthread_cond_t * is_queued, const uint32_t * queued,
   uint32_t milliseconds)
@@ -318,7 +318,7 @@ size_t fm_engine_evidence(
   return size;
 }
 
-// Store what was read. Returns whether all of it could be used.
+// Store the fields that were read, and count the others. Returns whether all could be used.
 static bool store_locked(struct fm_engine * engine, uint32_t topic, const struct fm_field * fields)
 {
   const struct fm_topic * fed = &engine->options.topics[topic];

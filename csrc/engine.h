@@ -12,17 +12,18 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// engine.h: an evaluator that several threads share, fed with serialized messages.
+/// engine.h: an evaluator that several threads share, and that reads serialized messages.
 ///
-/// Whoever takes a message from the middleware passes its bytes to fm_engine_message, which reads
-/// the fields, stores the inputs and steps, under one mutex. Violations and details of them go to
-/// queues, which other threads empty: a thread that delivers messages never publishes, and never
-/// waits for Python.
+/// The thread that takes a message from the middleware passes its bytes to fm_engine_message,
+/// which reads the fields, stores the inputs and steps, under one mutex. Violations and their
+/// details are queued for other threads, so that a thread that delivers messages never publishes
+/// and never waits for Python.
 ///
-/// All functions may be called from any thread, except fm_engine_create and fm_engine_destroy. They
-/// hold the mutex only while they run, and block for nothing but the mutex, except where a time to
-/// wait is given. The only function they call with the mutex held is the clock, which must not
-/// block. Without a stated complexity a function is O(1).
+/// All functions may be called from any thread at any time, except fm_engine_create and
+/// fm_engine_destroy. They wait for nothing except the mutex, unless they have a parameter
+/// `milliseconds`, and release the mutex before they return or wait. The only foreign function
+/// that they call with the mutex held is the clock, which must not block. Without a stated
+/// complexity a function is O(1). An index out of range is ignored, or gives zeros.
 
 #ifndef ENGINE_H_
 #define ENGINE_H_
@@ -38,18 +39,18 @@ extern "C" {
 
 struct fm_engine;
 
-/// What an engine runs. All of it outlives the engine and stays the caller's; nobody else calls the
-/// evaluator as long as the engine lives.
+/// What an engine runs. The caller owns all of it, keeps it until the engine is destroyed, and
+/// does not call the evaluator in the meantime.
 struct fm_engine_options
 {
   struct fm_evaluator * evaluator;
   const struct fm_monitor * monitor;
   const struct fm_readers * readers;  // NULL: no topics
-  const struct fm_topic * topics;     // as the evaluator has them
+  const struct fm_topic * topics;     // those of the evaluator
   uint32_t n_topics;
 };
 
-/// What became of a message.
+/// The result of delivering a message.
 enum fm_receipt
 {
   FM_RECEIVED = 0,
@@ -57,15 +58,16 @@ enum fm_receipt
   FM_REPEATED = 2      // received before, by another subscription; not counted, no step
 };
 
-/// Make an engine; NULL if the readers are not those of the topics, or memory is short.
+/// Make an engine; NULL if the readers do not fit the topics, or memory is short.
 /// O(requirements + topics); allocates.
 FM_EXPORT struct fm_engine * fm_engine_create(const struct fm_engine_options * options);
 
-/// Free it. No other thread may be in a call on it, or call later: close it and join them before.
+/// Free an engine. No other thread may call a function of it now or later: close the engine and
+/// join these threads first. O(topics).
 FM_EXPORT void fm_engine_destroy(struct fm_engine * engine);
 
-/// Ignore messages from now on. Waiting for violations and details ends, now and later, once their
-/// queues are empty.
+/// Ignore messages from now on. Calls that wait for a violation or detail return at once when the
+/// queue is empty.
 FM_EXPORT void fm_engine_close(struct fm_engine * engine);
 FM_EXPORT bool fm_engine_is_closed(struct fm_engine * engine);
 
@@ -82,9 +84,9 @@ FM_EXPORT void fm_engine_stale(
 FM_EXPORT bool fm_engine_is_stale(struct fm_engine * engine, uint32_t input);
 FM_EXPORT void fm_engine_reset(struct fm_engine * engine);
 
-/// Stamp violations by a clock instead of the messages' times of reception; NULL: no clock.
-/// `now` writes nanoseconds and returns 0; where it fails, the time of reception is used. The clock
-/// outlives the engine, or the next call of this.
+/// Stamp the violations of messages with the time of a clock; with `now` NULL, with the time of
+/// reception. `now` writes nanoseconds and returns 0; if it fails, the time of reception is used.
+/// The clock must live until the engine is destroyed or this is called again.
 FM_EXPORT void fm_engine_use_clock(
   struct fm_engine * engine, int (* now)(void * clock, int64_t * nanoseconds), void * clock);
 
@@ -93,9 +95,10 @@ FM_EXPORT void fm_engine_begin_handover(
   struct fm_engine * engine, uint32_t topic, bool has_history);
 FM_EXPORT void fm_engine_end_handover(struct fm_engine * engine, uint32_t topic);
 
-/// Take up to `room` violations from the queue, oldest first. If there are none, wait for up to
-/// `milliseconds`, not at all for 0. Returns their number; 0 after the time, or when the engine is
-/// closed and the queue empty. One thread takes at a time, which keeps them in order. O(room).
+/// Take up to `room` violations from the queue, oldest first. If the queue is empty, waits for up
+/// to `milliseconds` (0: does not wait). Returns their number; 0 if the time is over, or the
+/// engine is closed and the queue empty. One thread at a time, which keeps the violations in
+/// order. O(room).
 FM_EXPORT uint32_t fm_engine_take(
   struct fm_engine * engine, struct fm_violation * out, uint32_t room, uint32_t milliseconds);
 
@@ -103,26 +106,26 @@ FM_EXPORT uint32_t fm_engine_take(
 FM_EXPORT void fm_engine_want_details(
   struct fm_engine * engine, bool are_wanted, uint32_t most_per_s);
 
-/// As fm_outbox_take_detail; waits as fm_engine_take does. One thread takes at a time. A violation
-/// does not wait for its detail, nor the reverse.
+/// As fm_outbox_take_detail; waits as fm_engine_take does. One thread at a time. The two queues
+/// are independent: a violation does not wait for its detail, nor a detail for its violation.
 FM_EXPORT bool fm_engine_take_detail(
   struct fm_engine * engine, struct fm_detail * out, uint32_t milliseconds);
 
-/// Copy the first message of a topic that had a field that could not be used, and forget it, so
-/// that the next one is kept. Returns its size, 0 if there is none. If the size is more than
-/// `room`, nothing is written and the message stays. O(size).
+/// Take the kept message of a topic: the first one with a field that could not be used. After
+/// that, the next such message is kept. Returns its size, 0 if there is none. If the size is more
+/// than `room`, nothing is written and the message stays. O(size).
 FM_EXPORT size_t fm_engine_evidence(
   struct fm_engine * engine, uint32_t topic, uint8_t * out, size_t room);
 
 /// As fm_arrivals_lost, of a topic.
 FM_EXPORT uint64_t fm_engine_lost(struct fm_engine * engine, uint32_t topic);
 
-/// Violations that were not published: the queue was full (2^20) or had no memory to grow, or a
-/// publisher failed and said so with fm_engine_count_unpublished.
+/// Violations that were not published: those dropped because the queue was full (2^20) or could
+/// not grow, and those counted with fm_engine_count_unpublished after a publisher failed.
 FM_EXPORT uint64_t fm_engine_unpublished(struct fm_engine * engine);
 FM_EXPORT void fm_engine_count_unpublished(struct fm_engine * engine, uint64_t more);
 
-/// As those of the evaluator.
+/// As the functions of the same names in evaluator.h.
 FM_EXPORT struct fm_requirement_counts fm_engine_requirement_counts(
   struct fm_engine * engine, uint32_t requirement);
 FM_EXPORT struct fm_input_counts fm_engine_input_counts(

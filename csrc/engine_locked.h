@@ -12,8 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// engine_locked.h: what takes messages needs of an engine beyond engine.h: to take a message, read
-/// it where it lies, and deliver it, with no other message in between.
+/// engine_locked.h: the functions of an engine that its receivers need beyond engine.h. With them
+/// a receiver takes, reads and delivers a message under one lock, with no other message in
+/// between. O(1) and without failure, except where stated.
 
 #ifndef ENGINE_LOCKED_H_
 #define ENGINE_LOCKED_H_
@@ -25,11 +26,11 @@
 void fm_engine_lock(struct fm_engine * engine);
 void fm_engine_unlock(struct fm_engine * engine);
 
-/// How the messages of a topic are read. Constant; needs no lock. `topic` is in range.
+/// The reader of a topic. Constant; any thread, without the lock. `topic` must be in range.
 const struct fm_reader * fm_engine_reader(const struct fm_engine * engine, uint32_t topic);
 
-/// A message that was read: the fields, in the order of the topic's inputs, if it is decoded; its
-/// bytes, where any field cannot be used.
+/// A message after reading. `fields`, in the order of the topic's inputs, are valid if it was
+/// decoded; `message` and `size` if some field cannot be used. Owned by the caller.
 struct fm_reading
 {
   const struct fm_field * fields;
@@ -38,7 +39,8 @@ struct fm_reading
   bool is_decoded;
 };
 
-/// As fm_engine_message, of a message that was read, with the lock held. `topic` is in range.
+/// As fm_engine_message, for a message that was read already. Call it with the lock held. `topic`
+/// must be in range.
 uint32_t fm_engine_deliver_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin);

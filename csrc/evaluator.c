@@ -14,14 +14,14 @@
 
 /// evaluator.c: see evaluator.h for the contract.
 ///
-/// One block of memory holds it all: a cell for each input, group, requirement and topic, two
-/// pools of indices, the verdicts, and the module's inputs and state. `lay_out` is the one place
-/// that computes where each of them lies.
+/// One block of memory holds everything: a cell for each input, group, requirement and topic, two
+/// pools of indices, the verdicts, and the module's inputs and state. Only `lay_out` computes
+/// their offsets.
 ///
-/// What a group waits for is counted, never searched: `unset` counts its inputs that have no
-/// value, `awaited` those that were not received since its last step. Whether an input is fresh
-/// for a group needs no flag for the pair: each store takes the next number of a clock, and a
-/// group remembers what the clock said when it stepped.
+/// Each group counts the inputs it waits for, so that no call searches for them: `unset` counts
+/// its inputs without a value, `awaited` those that were not received since its last step. A store
+/// increments a clock; an input is new for a group if its `received_at` is later than the group's
+/// `stepped_at`. This needs no flag for each pair of input and group.
 
 #include "evaluator.h"
 
@@ -34,7 +34,7 @@ struct input_cell
 {
   void * place;          // in the module's struct of inputs
   uint32_t * readers;    // the groups that read it, ascending
-  uint64_t received_at;  // the clock at its last store, 0 before the first
+  uint64_t received_at;  // the clock at its last store; 0 before the first
   struct fm_input_counts counts;
   uint32_t n_readers;
   uint32_t topic;
@@ -46,12 +46,12 @@ struct input_cell
 struct group_cell
 {
   uint64_t steps;         // since start or reset
-  uint64_t steps_before;  // those before the last reset
+  uint64_t steps_before;  // steps before the last reset
   uint64_t stepped_at;    // the clock at its last step or reset
   uint32_t unset;         // inputs without a value
   uint32_t awaited;       // inputs not received since stepped_at
-  uint32_t stale;         // inputs that are
-  bool knows_stale;       // its verdicts were made false for that
+  uint32_t stale;         // stale inputs
+  bool knows_stale;       // its verdicts were set to false for them
 };
 
 struct requirement_cell
@@ -64,7 +64,7 @@ struct requirement_cell
 
 struct topic_cell
 {
-  uint32_t * groups;  // those that read an input of it, and those that read none; ascending
+  uint32_t * groups;  // those that read an input of this topic, or no input at all; ascending
   struct fm_topic_counts counts;
   uint32_t n_groups;
 };
@@ -87,7 +87,7 @@ struct fm_evaluator
 
 // ---- layout ------------------------------------------------------------------------------------
 
-// Where each part of the block begins, in bytes from its start.
+// Offsets of the parts of the block, in bytes.
 struct layout
 {
   uint64_t inputs;
@@ -100,10 +100,10 @@ struct layout
   uint64_t input_values;
   uint64_t state;
   uint64_t end;
-  bool fits;  // in the address space; the rest means nothing otherwise
+  bool fits;  // in the address space; if not, the offsets are invalid
 };
 
-// Take `count` things of `size` bytes at the end of the layout; return where they begin.
+// Append `count` elements of `size` bytes to the layout. Returns their offset.
 static uint64_t take(struct layout * layout, uint64_t count, uint64_t size)
 {
   const uint64_t begin = layout->end;
@@ -151,8 +151,8 @@ static struct layout lay_out(const struct fm_evaluator_options * options)
   layout.input_values = take(&layout, monitor->inputs_bytes, 1);
   layout.state = take(&layout, monitor->state_bytes, 1);
   layout.readers = take(&layout, readings, sizeof(uint32_t));
-  // An input has one topic at most, so each reading puts a group on at most one topic's list; a
-  // group that reads nothing is on all of them.
+  // An input has at most one topic, so each input that a group reads puts the group on at most one
+  // topic's list. A group that reads no input is on the lists of all topics.
   layout.topic_groups = take(&layout, readings, sizeof(uint32_t));
   (void)take(&layout, without_inputs * options->n_topics, sizeof(uint32_t));
   return layout;
@@ -169,7 +169,7 @@ uint64_t fm_evaluator_bytes(const struct fm_evaluator_options * options)
 
 // ---- checks ------------------------------------------------------------------------------------
 
-// Bytes of a stored value; 0 where there is no such type.
+// Size of a stored value in bytes; 0 for an unknown type.
 static uint32_t size_of(enum fm_type type)
 {
   switch (type) {
@@ -226,7 +226,8 @@ static bool holds_its_own(const struct fm_monitor * monitor, uint32_t g)
   return true;
 }
 
-// Every requirement stands in one group, the one it names, so that no step announces it twice.
+// Each requirement must be listed once, by the group it names: a step that judged it twice would
+// announce it twice.
 static bool groups_are_sound(const struct fm_monitor * monitor)
 {
   uint64_t placed = 0;
@@ -294,7 +295,8 @@ static void count_readers(struct fm_evaluator * evaluator)
   }
 }
 
-// List for each input the groups that read it. Groups come in order, so each list ascends.
+// Build each input's list of the groups that read it. Groups are visited in order, so that each
+// list is ascending.
 static void list_readers(struct fm_evaluator * evaluator, uint32_t * pool)
 {
   const struct fm_monitor * monitor = evaluator->monitor;
@@ -313,8 +315,8 @@ static void list_readers(struct fm_evaluator * evaluator, uint32_t * pool)
   }
 }
 
-// Give each topic its inputs, and room for its groups. False if an index is out of range, or an
-// input has two topics.
+// Assign the inputs to their topics, and reserve each topic's list of groups. Returns false if an
+// index is out of range or an input has two topics.
 static bool make_topics(
   struct fm_evaluator * evaluator, const struct fm_topic * topics, uint32_t * pool)
 {
@@ -394,8 +396,9 @@ struct fm_evaluator * fm_evaluator_init(
 
 // ---- values ------------------------------------------------------------------------------------
 
-// Signed integers are stored through their unsigned twins, whose conversion wraps by definition:
-// an intN_t is two's complement. memcpy, since a module's struct is of a type unknown here.
+// Signed integers are stored as unsigned ones of the same size: conversion to unsigned wraps by
+// definition, and intN_t is two's complement. memcpy, because the type of the module's struct is
+// not known here.
 static void write_value(void * place, enum fm_type type, union fm_value value)
 {
   const bool truth = value.i != 0;
@@ -431,8 +434,8 @@ static void write_value(void * place, enum fm_type type, union fm_value value)
   }
 }
 
-// As write_value, from an object of the input's type. A bool is read as a byte: one that is
-// neither 0 nor 1 would make the C that reads it undefined.
+// As write_value, from an object of the input's type. A bool is read as a byte and normalised: to
+// read a bool whose byte is neither 0 nor 1 is undefined behaviour.
 static void copy_value(void * place, enum fm_type type, const void * from)
 {
   if (type == FM_BOOL) {
@@ -443,7 +446,7 @@ static void copy_value(void * place, enum fm_type type, const void * from)
   }
 }
 
-// An input has been written. With its first value its readers wait for one input less.
+// Note that an input has a value. With its first one, its readers wait for one input less.
 static void note_value(struct fm_evaluator * evaluator, struct input_cell * input)
 {
   if (!input->has_value) {
@@ -456,7 +459,8 @@ static void note_value(struct fm_evaluator * evaluator, struct input_cell * inpu
   }
 }
 
-// Note for each reader that the input is received anew; count a value that one never stepped on.
+// Mark the input as received for each reader. Counts the value before as overwritten if some
+// reader took no step on it.
 static void renew(struct fm_evaluator * evaluator, struct input_cell * input)
 {
   bool missed = false;
@@ -473,8 +477,8 @@ static void renew(struct fm_evaluator * evaluator, struct input_cell * input)
   input->received_at = evaluator->clock;
 }
 
-// A group's last stale input was stored. A group that is not ready takes no step that could set
-// its verdicts, so they are set here.
+// Called when the last stale input of a group was stored. A group that is not ready cannot step,
+// so that its verdicts are set to true here.
 static void end_timeout(struct fm_evaluator * evaluator, uint32_t g)
 {
   const struct fm_group * group = &evaluator->monitor->groups[g];
@@ -563,7 +567,7 @@ void fm_evaluator_undecodable(struct fm_evaluator * evaluator, uint32_t topic)
 
 // ---- steps -------------------------------------------------------------------------------------
 
-// Where announced violations go: `out` may be NULL, then they are counted only.
+// Collects announced violations. With `out` NULL they are only counted.
 struct report
 {
   struct fm_violation * out;
@@ -604,7 +608,7 @@ static void judge_group(struct fm_evaluator * evaluator, uint32_t g, struct repo
   }
 }
 
-// The verdicts of a stale group are false, whatever its formulas say of old values.
+// Set the verdicts of a stale group to false: its formulas were evaluated on old values.
 static void overrule(struct fm_evaluator * evaluator, uint32_t g)
 {
   const struct fm_group * group = &evaluator->monitor->groups[g];
@@ -614,7 +618,7 @@ static void overrule(struct fm_evaluator * evaluator, uint32_t g)
   evaluator->groups[g].knows_stale = true;
 }
 
-// Judge the verdicts of a group's step, and count it.
+// Judge the verdicts of a group's step, and count the step.
 static void account(struct fm_evaluator * evaluator, uint32_t g, struct report * report)
 {
   const struct fm_group * group = &evaluator->monitor->groups[g];

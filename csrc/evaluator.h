@@ -14,8 +14,8 @@
 
 /// evaluator.h: when a step is due, what is ready, what is reported, what is counted.
 ///
-/// The one place that decides this; the node and `simulate` only pass values to it.
-/// The caller owns all memory: it asks fm_evaluator_bytes and passes a block aligned to 16 bytes.
+/// No other code decides this; the node and `simulate` only pass values to it.
+/// The caller owns all memory: it passes a block of fm_evaluator_bytes bytes, aligned to 16.
 /// Not thread-safe: callers that share an evaluator hold a mutex around each call.
 /// No function allocates, blocks, or fails except by the stated return value. Without a stated
 /// complexity a function is O(1).
@@ -38,8 +38,9 @@ enum fm_policy
   FM_PERIODIC = 3           // all ready groups, at fm_evaluator_tick only
 };
 
-/// What a topic feeds: the inputs, as indices. Constant, owned by the caller, outlives the
-/// evaluator. A topic need not feed any; an input is fed by one topic at most, once.
+/// The inputs that the messages of a topic set, as indices. Constant, owned by the caller,
+/// outlives the evaluator. A topic may set no input; an input is listed at most once, by one
+/// topic.
 struct fm_topic
 {
   const uint32_t * inputs;
@@ -91,14 +92,15 @@ struct fm_topic_counts
 
 struct fm_evaluator;
 
-/// Bytes of memory an evaluator of these options needs, all included (0 if the monitor's ABI is
-/// not FM_ABI, or no address space could hold it). O(groups).
+/// Bytes of memory that an evaluator with these options needs; 0 if the monitor's ABI is not
+/// FM_ABI, or the evaluator does not fit in the address space. O(groups).
 FM_EXPORT uint64_t fm_evaluator_bytes(const struct fm_evaluator_options * options);
 
-/// Make an evaluator in `memory` (aligned to 16, fm_evaluator_bytes long), no input with a value,
-/// every group at its start. Returns it, or NULL if an index in the options or the monitor is out
-/// of range or out of order, an input has two topics, a requirement does not stand in the one
-/// group it names, or the ABI is another. `report_onset` may be NULL: none. O(bytes).
+/// Make an evaluator in `memory` (aligned to 16, fm_evaluator_bytes long): no input has a value,
+/// and every group is at its start. Returns it, or NULL if an index in the options or the monitor
+/// is out of range or out of order, an input has two topics, a requirement is not listed once, by
+/// the group it names, or the ABI is not FM_ABI. `report_onset` NULL: every violation is
+/// announced. O(bytes).
 FM_EXPORT struct fm_evaluator * fm_evaluator_init(
   void * memory, const struct fm_evaluator_options * options);
 
@@ -119,15 +121,15 @@ FM_EXPORT void fm_evaluator_initial(
 FM_EXPORT void fm_evaluator_initial_from(
   struct fm_evaluator * evaluator, uint32_t input, const void * value);
 
-/// Count a field that cannot be used: the input stays as it was.
+/// Count a field that cannot be used. The input keeps its value.
 FM_EXPORT void fm_evaluator_unusable(struct fm_evaluator * evaluator, uint32_t input);
 
-/// Count a message that cannot be decoded: it is no step.
+/// Count a message that cannot be decoded. No group steps.
 FM_EXPORT void fm_evaluator_undecodable(struct fm_evaluator * evaluator, uint32_t topic);
 
 /// An input has timed out: until its next store it is stale, and so is each group that reads it. A
-/// stale group still steps, on the old values, so that its past goes on; but all its verdicts are
-/// false, whatever its formulas say.
+/// stale group still steps, on the old values, which keeps its temporal state up to date; but all
+/// its verdicts are false, whatever its formulas evaluate to.
 /// A group that becomes stale by this call violates its requirements once, without a step, ready
 /// or not. They are counted and, unless report_onset finds the last verdict false already,
 /// announced, with the number of the group's next step. `out` and the return value are as those of
@@ -142,9 +144,9 @@ FM_EXPORT uint32_t fm_evaluator_stale(
   struct fm_evaluator * evaluator, uint32_t input, uint64_t received, int64_t stamp,
   struct fm_violation * out);
 
-/// A message of a topic has been stored: take the steps that the policy wants.
+/// A message of a topic has been stored: take the steps that the policy requires.
 /// Writes the violations to announce to `out`, by group, then requirement; `out` has room for
-/// n_requirements, or is NULL: they are counted only. Returns their number.
+/// n_requirements, or is NULL: they are only counted. Returns their number.
 /// A group that reads no input steps with every message, except with FM_PERIODIC. With
 /// FM_ALL_INPUTS a field that cannot be used does not count as received.
 /// O(operations of the groups that step), and a comparison for each group that might have.
@@ -159,17 +161,17 @@ FM_EXPORT uint32_t fm_evaluator_tick(
 
 /// Take many rows of a trace at once: for each, store a value of every input that has a column,
 /// then fm_evaluator_tick. `columns` holds n_inputs pointers, each to n_rows values of the input's
-/// type (bool: bytes), or NULL: the input stays as it is. `verdicts` gets n_requirements flags a
-/// row, row after row, or is NULL. Returns how many violations were announced.
+/// type (bool: bytes), or NULL: the input keeps its value. `verdicts` has room for n_requirements
+/// flags for each row, row after row, or is NULL. Returns how many violations were announced.
 /// O(n_rows x operations).
 FM_EXPORT uint64_t fm_evaluator_rows(
   struct fm_evaluator * evaluator, const void * const * columns, uint64_t n_rows,
   bool * verdicts);
 
-/// Start all groups afresh: cells, first time point, step numbers, last verdicts (onset), and
-/// what counts as received anew. The inputs' values and the counters stay, and a stale input is
-/// stale until its next store. O(state bytes).
-/// The verdicts read true again until the next step, or fm_evaluator_stale.
+/// Put all groups at their start: temporal state, first time point, step numbers, last verdicts
+/// (for report_onset), and which inputs were received since the last step. The inputs keep their
+/// values, the counters go on, and a stale input is stale until its next store. O(state bytes).
+/// The verdicts are true until the next step, or fm_evaluator_stale.
 FM_EXPORT void fm_evaluator_reset(struct fm_evaluator * evaluator);
 
 /// Whether every input that the group reads has a value.
@@ -188,14 +190,15 @@ FM_EXPORT const void * fm_evaluator_inputs(const struct fm_evaluator * evaluator
 /// Whether an input has a value.
 FM_EXPORT bool fm_evaluator_has_value(const struct fm_evaluator * evaluator, uint32_t input);
 
-/// Copy the current value of an input to an object of its type. Returns whether it has one; without
-/// one, zero is written, and nothing for an index out of range.
+/// Copy the current value of an input to an object of its type. Returns whether it has one;
+/// without one, zero is written, and nothing for an index out of range.
 FM_EXPORT bool fm_evaluator_value(
   const struct fm_evaluator * evaluator, uint32_t input, void * out);
 
 /// Whether an input is stale.
 FM_EXPORT bool fm_evaluator_is_stale(const struct fm_evaluator * evaluator, uint32_t input);
 
+/// Counters; all 0, and the verdict true, for an index out of range.
 FM_EXPORT struct fm_requirement_counts fm_evaluator_requirement_counts(
   const struct fm_evaluator * evaluator, uint32_t requirement);
 FM_EXPORT struct fm_input_counts fm_evaluator_input_counts(

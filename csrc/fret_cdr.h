@@ -12,19 +12,20 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// fret_cdr.h: what generated readers of messages stand on.
+/// fret_cdr.h: decodes serialized messages; generated readers call it.
 ///
-/// ROS 2 sends messages as plain CDR (XCDR version 1): four bytes that tell the byte order, then
-/// the fields in the order of the definition. A number stands where its offset behind those four
-/// bytes is a multiple of its size; a sequence is its length (uint32) and its elements; a string is
-/// its length with the zero at its end, and its bytes; a wstring is its length, and each of its
-/// UTF-16 units in four bytes, without a zero.
+/// ROS 2 sends messages as plain CDR (XCDR version 1): a header of four bytes that gives the byte
+/// order, then the fields in the order of the definition. A number is aligned to its size, counted
+/// from the end of the header. A sequence is its length (uint32) and its elements. A string is its
+/// length, which includes the terminating zero, and its bytes. A wstring is its length and its
+/// UTF-16 units, four bytes each, without a terminating zero.
 ///
-/// A cursor goes through the bytes once. Where something is not there, it goes to the end, `ok` is
-/// false from then on, and whatever is read is zero or empty: generated code need look only once.
-/// Contract for all of it: static inline, reads nothing but the bytes of the message, at any
-/// alignment; no allocation, no undefined behaviour for any bytes. O(1), but for strings that are
-/// counted off and reductions, which are O(elements that are there).
+/// A cursor goes through the bytes once. When the message is too short, the cursor moves to the
+/// end, `ok` is false from then on, and all later reads return zero or empty values. Generated
+/// code therefore checks `ok` only once, at the end.
+/// Contract: all functions are static inline and read only the bytes of the message, at any
+/// alignment; no allocation, no undefined behaviour for any bytes; any thread. O(1), except that
+/// skipping strings and reducing arrays is O(elements in the message).
 
 #ifndef FRET_CDR_H_
 #define FRET_CDR_H_
@@ -34,17 +35,17 @@
 #include "fret_cells.h"
 #include "fret_fields.h"
 
-/// A place in a message.
+/// A cursor in a message.
 struct fm_cdr
 {
-  const uint8_t * bytes;  // behind the encapsulation header
+  const uint8_t * bytes;  // after the encapsulation header
   size_t size;
   size_t at;  // at most size
-  bool big;   // the byte order is big endian
-  bool ok;    // all so far was there
+  bool big;   // big endian
+  bool ok;    // no read has gone past the end
 };
 
-/// The elements of an array of numbers or truth values.
+/// The elements of an array of numbers or bools, in the message.
 struct fm_cdr_array
 {
   const uint8_t * bytes;
@@ -52,7 +53,8 @@ struct fm_cdr_array
   bool big;
 };
 
-/// The bytes of a string without its zero, or of the units of a wstring; `length` of them.
+/// A string or wstring in the message, without a terminating zero. `length` counts the bytes of a
+/// string, the UTF-16 units of a wstring.
 struct fm_cdr_text
 {
   const uint8_t * bytes;
@@ -60,21 +62,21 @@ struct fm_cdr_text
   bool big;
 };
 
-/// A string that has a name in the bundle: UTF-8.
+/// One of the strings that an input lists under `values`: UTF-8.
 struct fm_cdr_name
 {
   const char * bytes;
   uint32_t length;
 };
 
-/// A wstring that has a name in the bundle: UTF-16.
+/// As fm_cdr_name, for a wstring: UTF-16.
 struct fm_cdr_wide_name
 {
   const uint16_t * units;
   uint32_t length;
 };
 
-/// Begin to read a message; false if it is not plain CDR.
+/// Put the cursor at the start of a message; returns false if it is not plain CDR.
 static inline bool fm_cdr_open(struct fm_cdr * c, const uint8_t * message, size_t size)
 {
   if (size < 4u || message[0] != 0u || message[1] > 1u) {
@@ -88,15 +90,15 @@ static inline bool fm_cdr_open(struct fm_cdr * c, const uint8_t * message, size_
   return true;
 }
 
-/// Give up: the rest of the message is not there.
+/// Fail: all later reads return zero or empty values.
 static inline void fm_cdr_fail(struct fm_cdr * c)
 {
   c->at = c->size;
   c->ok = false;
 }
 
-/// Go to the next multiple of `alignment` (a power of 2) and past `size` bytes; returns them, or
-/// NULL if they are not there.
+/// Take `size` bytes, aligned to `alignment` (a power of 2). Returns them, or NULL if the message
+/// is too short.
 static inline const uint8_t * fm_cdr_take(struct fm_cdr * c, size_t alignment, uint64_t size)
 {
   const size_t padding = (0u - c->at) & (alignment - 1u);
@@ -110,28 +112,28 @@ static inline const uint8_t * fm_cdr_take(struct fm_cdr * c, size_t alignment, u
   return taken;
 }
 
-/// Go past `size` bytes that begin at a multiple of `alignment`.
+/// Skip `size` bytes, aligned to `alignment`.
 static inline void fm_cdr_skip(struct fm_cdr * c, size_t alignment, uint64_t size)
 {
   (void)fm_cdr_take(c, alignment, size);
 }
 
-/// Take `count` elements of `size` bytes each, which is not 0; the first begins at a multiple of
-/// `alignment`. None at all take no padding either. Returns NULL if they are not there, or none.
+/// Take `count` elements of `size` bytes each (not 0), the first aligned to `alignment`. Returns
+/// NULL if the message is too short, or `count` is 0; then not even padding is skipped.
 static inline const uint8_t * fm_cdr_take_many(
   struct fm_cdr * c, size_t alignment, uint64_t size, uint32_t count)
 {
   if (count == 0u) {
     return NULL;
   }
-  if (count > (uint64_t)(c->size - c->at) / size) {  // no product that could overflow
+  if (count > (uint64_t)(c->size - c->at) / size) {  // size * count could overflow
     fm_cdr_fail(c);
     return NULL;
   }
   return fm_cdr_take(c, alignment, size * count);
 }
 
-/// Go past `count` elements, as fm_cdr_take_many.
+/// Skip `count` elements, as fm_cdr_take_many.
 static inline void fm_cdr_skip_many(
   struct fm_cdr * c, size_t alignment, uint64_t size, uint32_t count)
 {
@@ -193,7 +195,7 @@ FM_CDR_NUMBER(uint64, uint64_t, 64)
 FM_CDR_NUMBER(float32, float, 32)
 FM_CDR_NUMBER(float64, double, 64)
 
-/// Truth values: any byte but 0 is true.
+/// Bools: any byte except 0 is true.
 static inline bool fm_cdr_bool(struct fm_cdr * c) {return fm_cdr_uint8(c) != 0u;}
 
 static inline bool fm_cdr_bool_at(const struct fm_cdr_array * array, uint32_t index)
@@ -201,7 +203,8 @@ static inline bool fm_cdr_bool_at(const struct fm_cdr_array * array, uint32_t in
   return array->bytes[index] != 0u;
 }
 
-/// The length of a sequence; 0 if it is not there, or above `bound`, which its type sets.
+/// The length of a sequence. Fails and returns 0 if the message is too short, or the length is
+/// above `bound`, the limit of the sequence's type.
 static inline uint32_t fm_cdr_count(struct fm_cdr * c, uint32_t bound)
 {
   const uint32_t count = fm_cdr_uint32(c);
@@ -212,7 +215,7 @@ static inline uint32_t fm_cdr_count(struct fm_cdr * c, uint32_t bound)
   return count;
 }
 
-/// An array of `count` numbers of `size` bytes each; empty if they are not all there.
+/// An array of `count` numbers of `size` bytes each; empty if the message is too short.
 static inline struct fm_cdr_array fm_cdr_array(struct fm_cdr * c, uint32_t size, uint32_t count)
 {
   struct fm_cdr_array array = {fm_cdr_take_many(c, size, size, count), count, c->big};
@@ -222,7 +225,7 @@ static inline struct fm_cdr_array fm_cdr_array(struct fm_cdr * c, uint32_t size,
   return array;
 }
 
-/// A string; empty if it is not there.
+/// A string; empty if the message is too short.
 static inline struct fm_cdr_text fm_cdr_string(struct fm_cdr * c)
 {
   struct fm_cdr_text text = {NULL, 0u, c->big};
@@ -234,7 +237,7 @@ static inline struct fm_cdr_text fm_cdr_string(struct fm_cdr * c)
   return text;
 }
 
-/// A wstring; empty if it is not there.
+/// A wstring; empty if the message is too short.
 static inline struct fm_cdr_text fm_cdr_wstring(struct fm_cdr * c)
 {
   struct fm_cdr_text text = {NULL, fm_cdr_uint32(c), c->big};
@@ -245,7 +248,7 @@ static inline struct fm_cdr_text fm_cdr_wstring(struct fm_cdr * c)
   return text;
 }
 
-/// Go past `count` strings; stops at the first that is not there.
+/// Skip `count` strings; stops where the message is too short. O(strings in the message).
 static inline void fm_cdr_skip_strings(struct fm_cdr * c, uint32_t count)
 {
   for (uint32_t i = 0u; i < count && c->ok; ++i) {
@@ -262,7 +265,8 @@ static inline void fm_cdr_skip_wstrings(struct fm_cdr * c, uint32_t count)
   }
 }
 
-/// What became of a field: read as bool or intN, as uintN, as a float, or not.
+/// Make an fm_field: from a bool or intN, a uintN, a float, an index outside its array of `length`
+/// elements, or an empty array.
 static inline struct fm_field fm_field_i(int64_t value)
 {
   const struct fm_field field = {{.i = value}, FM_FIELD_READ, 0u};
@@ -293,7 +297,7 @@ static inline struct fm_field fm_field_empty(void)
   return field;
 }
 
-/// The place of a string among the names of an input's values. O(bytes of the names).
+/// The index of a string in the `values` of an input, or FM_FIELD_UNNAMED. O(bytes of the names).
 static inline struct fm_field fm_field_name(
   const struct fm_cdr_text * text, const struct fm_cdr_name * names, uint32_t n_names)
 {
@@ -316,7 +320,7 @@ static inline bool fm_cdr_is_wide(
   }
   for (uint32_t i = 0u; i < text->length; ++i) {
     const uint32_t unit = fm_cdr_bits32(text->bytes + 4u * (size_t)i, text->big);
-    if ((uint16_t)unit != name->units[i]) {  // as other nodes read it
+    if ((uint16_t)unit != name->units[i]) {  // other nodes ignore the upper 16 bits too
       return false;
     }
   }
@@ -335,21 +339,22 @@ static inline struct fm_field fm_field_wide_name(
   return field;
 }
 
-/// sec and nanosec, in seconds.
+/// A time or duration in seconds.
 static inline double fm_cdr_seconds(int32_t sec, uint32_t nanosec)
 {
   return (double)sec + (double)nanosec * 1e-9;
 }
 
-/// Sums of integers, which wrap at 64 bits.
+/// A sum of signed integers, which wraps at 64 bits.
 static inline struct fm_field fm_field_sum_i(uint64_t total)
 {
   return fm_field_i(fm_signed(total));
 }
 
-/// Reductions of arrays, from the first element to the last. `member` is the one of fm_value,
-/// `sum` the type in which is summed and `result` what makes a field of that. Of an empty array
-/// there is no min, max or mean; an element `is_nan` is no min or max unless all are.
+/// Reductions of arrays, from the first element to the last. `member` of fm_value holds an
+/// element, `sum` is the type of the sum, and `result` makes a field of the sum. min, max and mean
+/// of an empty array are FM_FIELD_EMPTY. min and max skip elements for which `is_nan` is true,
+/// unless it is for all. O(elements).
 #define FM_CDR_REDUCTIONS(name, type, member, sum, result, is_nan) \
   static inline struct fm_field fm_field_min_ ## name(const struct fm_cdr_array * array) \
   { \

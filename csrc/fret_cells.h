@@ -12,14 +12,15 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// fret_cells.h: the state cells and the arithmetic that generated monitors stand on.
+/// fret_cells.h: the state cells and the arithmetic of generated monitors.
 ///
-/// Contract for all of it: static inline, O(1) time (a power: at most 64 rounds), no loop without
-/// a fixed bound, no allocation, no failure, no undefined behaviour for any argument. A cell's
-/// state is owned by the caller, changed by nobody else, and starts as each cell says; a cell is
-/// called exactly once a step. In comments t is the current step and p, q are the arguments.
+/// Contract: all functions are static inline, take O(1) time (a power: at most 64 rounds), do not
+/// allocate or fail, and have no undefined behaviour for any argument. The caller owns the state
+/// of a cell, initialises it as stated with the cell, and calls the cell exactly once in each
+/// step; only the cell changes it. Any number of threads, if each has its own state. In comments p
+/// and q are the arguments.
 ///
-/// C99; the numbers need IEEE 754 and no excess precision.
+/// C99; floating point must be IEEE 754 without excess precision.
 
 #ifndef FRET_CELLS_H_
 #define FRET_CELLS_H_
@@ -42,21 +43,22 @@
 /// Bit k of a word, k < 64.
 static inline bool fm_bit(uint64_t word, unsigned k) {return ((word >> k) & 1u) != 0u;}
 
-/// Counters. The state is one unsigned integer. No cell branches: what a robot measures is hard to
-/// predict.
+/// Counters. The state is one unsigned integer. The cells do not branch, because sensor values
+/// make branches hard to predict.
 ///
-/// The first three keep what the age of something will be at the next step; any number above
-/// bound is never. Ages stop where the highest bit is set: bound is less than that. The last two
-/// need an integer that can hold bound + 1.
-/// once_within    O[0,bound] p: the age is the steps since the last p; starts at bound + 1, and
-///                true until step m without any p from bound - m.
-/// always_within  H[0,bound] p: the age is the steps since the last !p; starts likewise.
-/// since_within   p S[0,bound] q: the age is the steps since the last q that p has held after;
-///                starts at bound + 1.
-/// once_before    O[bound,inf) p: 1 + the steps since the first p, up to bound + 1; 0 is never,
-///                and the start.
-/// since_before   p S[bound,inf) q: 1 + the steps since the oldest q that p has held after; 0 is
-///                none, and the start.
+/// The state of the first three is an age: the number of steps, at the next step, since an event.
+/// An age above `bound` means that the event lies outside the window, or never happened. An age
+/// saturates once its highest bit is set, so that `bound` must be below that bit's value.
+/// once_within    O[0,bound] p. Event: p. Starts at bound + 1; if it starts at bound - m instead,
+///                it is true up to step m (counted from 0) even without p.
+/// always_within  H[0,bound] p. Event: !p. Starts at bound + 1; if it starts at bound - m instead,
+///                it is false up to step m even without !p.
+/// since_within   p S[0,bound] q. Event: q, with p at every later step. Starts at bound + 1.
+///
+/// The state of the last two is 1 + the number of steps since an event, at most bound + 1, which
+/// the type must be able to hold; 0 means that there was none. Starts at 0.
+/// once_before    O[bound,inf) p. Event: the first p.
+/// since_before   p S[bound,inf) q. Event: the oldest q with p at every later step.
 #define FM_COUNTER_CELLS(suffix, type) \
   static inline type fm_ones_if_ ## suffix(bool p) \
   { \
@@ -102,8 +104,9 @@ FM_COUNTER_CELLS(u8, uint8_t)
 FM_COUNTER_CELLS(u16, uint16_t)
 FM_COUNTER_CELLS(u32, uint32_t)
 
-/// Shift registers: p of `steps` steps ago, 1 < steps <= the bits of the type. The state is one
-/// unsigned integer whose lowest `steps` bits start as what is to be seen before there is a p.
+/// Shift registers: return p of `steps` steps ago, 1 < steps <= bits of the type. The state is one
+/// unsigned integer. Its lowest `steps` bits start as the values to return in the first `steps`
+/// steps, the highest of them first.
 #define FM_LINE_CELL(suffix, type) \
   static inline bool fm_delay_ ## suffix(type * line, unsigned steps, bool p) \
   { \
@@ -117,7 +120,7 @@ FM_LINE_CELL(u16, uint16_t)
 FM_LINE_CELL(u32, uint32_t)
 FM_LINE_CELL(u64, uint64_t)
 
-/// A ring of bits: returns the bit at `position` and puts p there. The state is an array of
+/// A ring of bits: returns the bit at `position` and replaces it by p. The state is an array of
 /// (length + 7) / 8 bytes, all 0 or all 255 at the start; position < length.
 static inline bool fm_delay_ring(uint8_t * ring, uint32_t position, bool p)
 {
@@ -128,13 +131,14 @@ static inline bool fm_delay_ring(uint8_t * ring, uint32_t position, bool p)
   return out;
 }
 
-/// The position after this one, for all rings of a length; 0 at the start.
+/// The position for the next step; rings of the same length share it. Starts at 0.
 static inline uint32_t fm_next_position(uint32_t position, uint32_t length)
 {
   return position + 1u == length ? 0u : position + 1u;
 }
 
-/// Two's complement of 64 bits as a signed number, without relying on the compiler's choice.
+/// The signed number that 64 bits of two's complement represent. A cast of a number above
+/// INT64_MAX would be implementation-defined.
 static inline int64_t fm_signed(uint64_t bits)
 {
   return bits <= (uint64_t)INT64_MAX ? (int64_t)bits : -(int64_t)(~bits) - 1;
@@ -212,7 +216,7 @@ FM_NUMBER_FUNCTIONS(u64, uint64_t)
 FM_NUMBER_FUNCTIONS(f32, float)
 FM_NUMBER_FUNCTIONS(f64, double)
 
-/// Comparison by value of a signed number a and an unsigned number b.
+/// Compare a signed number a and an unsigned number b by value.
 static inline bool fm_less_iu(int64_t a, uint64_t b) {return a < 0 || (uint64_t)a < b;}
 static inline bool fm_less_ui(uint64_t b, int64_t a) {return a > 0 && b < (uint64_t)a;}
 static inline bool fm_equal_iu(int64_t a, uint64_t b) {return a >= 0 && (uint64_t)a == b;}

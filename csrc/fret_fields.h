@@ -13,50 +13,50 @@
 // limitations under the License.
 
 
-/// fret_fields.h: from a serialized message to the values of the inputs that its topic feeds.
+/// fret_fields.h: reads the inputs of a topic from its serialized messages.
 ///
-/// `compile` generates one reader a topic, out of the message definition. Contract for all of
-/// them: they only read `size` bytes at `message`, at any alignment; no allocation, no state, no
-/// failure other than by the stated return value; no undefined behaviour for any bytes. Time: O(1)
-/// up to the last field that is needed, but for what lies before it and has a length of its own:
-/// arrays of strings or of messages before it, and arrays that are reduced, are walked over once.
+/// `compile` generates one reader for each topic from the message definition. Contract: a reader
+/// reads only `size` bytes at `message`, at any alignment; it does not allocate, keeps no state,
+/// fails only by the stated return value, and has no undefined behaviour for any bytes. Any
+/// thread. O(fields up to the last one needed), and O(elements) for each array that is reduced,
+/// and for each array of strings or messages before the last field needed.
 
 #ifndef FRET_FIELDS_H_
 #define FRET_FIELDS_H_
 
 #include "fret_monitor.h"
 
-/// What became of a field.
+/// The result of reading a field.
 enum fm_outcome
 {
-  FM_FIELD_READ = 0,     // `value` holds it
+  FM_FIELD_READ = 0,     // `value` holds the field
   FM_FIELD_OUTSIDE = 1,  // the index is outside its array, which has `length` elements
-  FM_FIELD_UNNAMED = 2,  // the string is none of the input's `values`; it has `length` bytes
+  FM_FIELD_UNNAMED = 2,  // the string is not one of the input's `values`; it has `length` bytes
                          // (a wstring: UTF-16 units)
-  FM_FIELD_EMPTY = 3     // an empty array has no minimum, maximum or mean
+  FM_FIELD_EMPTY = 3     // the minimum, maximum or mean of an empty array
 };
 
-/// A field as read.
+/// A field of a message.
 struct fm_field
 {
-  union fm_value value;  // the member that the input's type asks for
+  union fm_value value;  // the member for the input's type
   uint32_t outcome;      // enum fm_outcome
   uint32_t length;
 };
 
-/// How the messages of a topic are read.
+/// The reader of a topic.
 struct fm_reader
 {
-  /// Read the topic's inputs, in the order of the manifest, into `fields` (n_inputs of them).
-  /// The message is CDR with its encapsulation header, as the middleware hands it out, of either
-  /// byte order. Returns false if it cannot be decoded as far as the last field that is needed: it
-  /// is too short, or of another encoding; `fields` means nothing then.
+  /// Read the topic's inputs, in the order of the manifest, into `fields`, which has room for
+  /// n_inputs. The message is CDR of either byte order, with its encapsulation header, as the
+  /// middleware delivers it. Returns false if it is too short for the last field needed, or has
+  /// another encoding; the content of `fields` is then unspecified.
   bool (* read)(const uint8_t * message, size_t size, struct fm_field * fields);
   uint32_t n_inputs;
 };
 
-/// The readers of a bundle, a topic each, in the order of the manifest. A library exports the
-/// function that returns this, named in the manifest, if the bundle has topics.
+/// The readers of a bundle, one for each topic, in the order of the manifest. If the bundle has
+/// topics, its library exports a function that returns this; the manifest gives its name.
 struct fm_readers
 {
   uint32_t abi;  // FM_ABI

@@ -12,16 +12,16 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// fret_monitor.h: what generated monitors and those who drive them agree on.
+/// fret_monitor.h: the interface between generated monitors and the programs that run them.
 ///
 /// A generated module defines one `struct fm_monitor` and exports one function that returns it.
-/// The description is constant; all that changes lies in two blocks of memory that the caller
-/// owns: the inputs (a struct of the module, one field an input) and the state (likewise).
-/// Nothing here or in a generated module allocates, blocks, or keeps anything outside them, so
-/// that any number of monitors run in one process, and one monitor in several threads where each
-/// has blocks of its own.
+/// This description is constant. All that changes is in two blocks of memory that the caller owns:
+/// the inputs (a struct of the module with one field for each input) and the state (another struct
+/// of the module). A generated module does not allocate, block, or write outside these blocks.
+/// Any number of monitors may run in one process, and one monitor in several threads if each
+/// thread has its own blocks.
 ///
-/// C99. Complexity, failure and ownership are stated with each entry.
+/// C99. Complexity, failure and ownership are stated with each function.
 
 #ifndef FRET_MONITOR_H_
 #define FRET_MONITOR_H_
@@ -30,7 +30,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/// For functions that are to be part of their callers.
+/// For functions that must be inlined.
 #ifndef FM_INLINE
 #if defined(__GNUC__)
 #define FM_INLINE static inline __attribute__((always_inline))
@@ -39,7 +39,7 @@
 #endif
 #endif
 
-/// What a library shows to others; all else is built with hidden visibility.
+/// For functions that a library exports; everything else is built with hidden visibility.
 #ifndef FM_EXPORT
 #if defined(__GNUC__)
 #define FM_EXPORT __attribute__((visibility("default")))
@@ -48,7 +48,7 @@
 #endif
 #endif
 
-/// The layout of the structs below. A driver refuses a module of another number.
+/// Version of the layout of the structs below. A module with another one is refused.
 #define FM_ABI 1u
 
 /// How an input is stored in the struct of inputs.
@@ -67,7 +67,7 @@ enum fm_type
   FM_FLOAT64 = 10
 };
 
-/// One input: its type and its place in the struct of inputs, in bytes from the start.
+/// One input: its type, and its offset in the struct of inputs, in bytes.
 struct fm_input
 {
   const char * name;
@@ -75,8 +75,8 @@ struct fm_input
   uint8_t type;  // enum fm_type
 };
 
-/// A value on its way in: the member that the input's type asks for
-/// (i: bool and intN, u: uintN, f: float32 and float64; a float32 is stored as (float)f).
+/// A value for an input. The member follows from the input's type: i for bool and intN, u for
+/// uintN, f for float32 and float64; a float32 is stored as (float)f.
 union fm_value
 {
   int64_t i;
@@ -84,45 +84,45 @@ union fm_value
   double f;
 };
 
-/// A step group: requirements that read the same inputs, and start and step together.
+/// A step group: requirements that read the same inputs, and therefore start and step together.
 struct fm_group
 {
   const uint32_t * inputs;  // indices into fm_monitor.inputs, ascending
   uint32_t n_inputs;
   const uint32_t * requirements;  // indices into fm_monitor.requirements, ascending
   uint32_t n_requirements;
-  /// Put the group's part of the state at its start: the next step is the first time point.
+  /// Initialise the group's part of the state: the next step is the first time point.
   /// O(state bytes of the group); cannot fail.
   void (* reset)(void * state);
   /// Take one step on the current inputs. Writes the verdict of each of the group's requirements
-  /// to verdicts[index of the requirement] (true: satisfied) and leaves the others alone.
+  /// to verdicts[index of the requirement] (true: satisfied); writes no other verdict.
   /// O(operations of the group), independent of all bounds; cannot fail.
   void (* step)(void * state, const void * inputs, bool * verdicts);
 };
 
-/// A requirement: its id as the bundle has it.
+/// A requirement: its id in the bundle, and the index of its group.
 struct fm_requirement
 {
   const char * id;
   uint32_t group;
 };
 
-/// A compiled bundle. Constant, and valid as long as the library is loaded.
+/// A compiled bundle. Constant; valid while its library is loaded.
 struct fm_monitor
 {
   uint32_t abi;  // FM_ABI
   uint32_t n_inputs;
   uint32_t n_groups;
   uint32_t n_requirements;
-  uint64_t state_bytes;   // sizeof the state struct; align as max_align_t or 16
+  uint64_t state_bytes;   // sizeof the state struct; align it as max_align_t, or to 16 bytes
   uint64_t inputs_bytes;  // sizeof the struct of inputs
   const struct fm_input * inputs;
   const struct fm_group * groups;
   const struct fm_requirement * requirements;
   const char * name;
   const char * source_hash;  // SHA-256 of the generated C, as in the manifest, or ""
-  /// Step all groups, as their own functions would one after the other, in less time.
-  /// NULL: there is no such function. Complexity and failure as there.
+  /// Step all groups: the same result as their step functions, called in order, in less time.
+  /// NULL if there is no such function. O(operations of all groups); cannot fail.
   void (* step)(void * state, const void * inputs, bool * verdicts);
 };
 

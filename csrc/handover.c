@@ -21,7 +21,7 @@
 
 #define N_KEYS 4096u
 
-// What tells a message from all others of its topic.
+// Identifies a message among all of its topic.
 struct fm_message_key
 {
   int64_t sent;
@@ -41,7 +41,7 @@ static bool has_number(const struct fm_origin * origin)
   return origin->sequence != 0 && origin->sequence != UINT64_MAX;
 }
 
-// The place of a publisher, n_publishers if it is not known.
+// The index of a publisher; n_publishers if it is not known.
 static uint32_t find(const struct fm_arrivals * arrivals, const uint8_t * gid)
 {
   uint32_t place = 0;
@@ -53,7 +53,8 @@ static uint32_t find(const struct fm_arrivals * arrivals, const uint8_t * gid)
   return place;
 }
 
-// Move a publisher to the front, or put a new one there in place of the one that sent longest ago.
+// Move a publisher to the front, or insert a new one there. If all places are taken, the publisher
+// that sent longest ago is removed.
 static struct fm_publisher * bring_to_front(struct fm_arrivals * arrivals, const uint8_t * gid)
 {
   struct fm_publisher * const front = &arrivals->publishers[0];
@@ -116,8 +117,8 @@ static bool is_in_ring(const struct fm_arrivals * arrivals, const struct fm_orig
   return false;
 }
 
-// Whether the old subscription was past this message when the handover began. By the number, where
-// there is one: a publisher's clock may be set back.
+// Whether the old subscription had received this message or a later one when the handover began.
+// Compares numbers where there are any, because a publisher's clock may be set back.
 static bool is_from_before(const struct fm_publisher * publisher, const struct fm_origin * origin)
 {
   return has_number(origin) ? origin->sequence <= publisher->last_before :
@@ -130,7 +131,8 @@ static bool is_older(const struct fm_publisher * publisher, const struct fm_orig
          origin->sent < publisher->sent;
 }
 
-// Only of the new subscription: what the old one still holds is in order, and new.
+// Only messages of the new subscription can be history: those still queued in the old one are in
+// order, and were not received before.
 static bool is_history(const struct fm_arrivals * arrivals, const struct fm_origin * origin)
 {
   const uint32_t place = find(arrivals, gid_of(origin));

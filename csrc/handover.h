@@ -12,15 +12,15 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// handover.h: repeated and lost messages of one topic.
+/// handover.h: finds repeated and lost messages of one topic.
 ///
-/// A subscription whose quality of service does not fit is replaced: for a while both the old and
-/// the new one receive messages. From fm_arrivals_begin_handover to fm_arrivals_end_handover
-/// messages that have been received already are recognised.
+/// A subscription whose quality of service does not fit is replaced; during this handover both the
+/// old and the new one receive messages. From fm_arrivals_begin_handover to
+/// fm_arrivals_end_handover, messages that were received before are recognised as repeated.
 ///
-/// Publishers number their messages. A number that is left out is a lost message: a queue
-/// overflowed, the network dropped it, or the middleware could not decode it. What a publisher sent
-/// before its first received message is not counted, nor what one without a gid lost.
+/// Publishers number their messages. A missing number counts as a lost message: a queue
+/// overflowed, the network dropped it, or the middleware could not decode it. Numbers before the
+/// first message received from a publisher are not counted, nor those of messages without a gid.
 ///
 /// Not thread-safe: the caller holds a mutex. The caller owns the struct and zeroes it first.
 
@@ -30,63 +30,64 @@
 #include "fret_monitor.h"
 
 #define FM_GID_BYTES 16u
-/// Publishers of a topic that are known at a time. Where more send in turn, no loss is found.
+/// Publishers of a topic that are remembered. If more than these send in turn, losses are missed.
 #define FM_MOST_PUBLISHERS 64u
 
-/// Where a message is from.
+/// The origin of a message.
 struct fm_origin
 {
-  int64_t received;    // ns; the stamp of what it violates, if there is no clock
+  int64_t received;    // ns; the stamp of its violations, if there is no clock
   int64_t sent;        // ns, by its publisher's clock
-  uint64_t sequence;   // its publisher's number of it, from 1; 0 or UINT64_MAX: none
+  uint64_t sequence;   // its number, counted by its publisher from 1; 0 or UINT64_MAX: none
   const uint8_t * gid; // of the publisher, FM_GID_BYTES; NULL: not known
-  bool is_retired;     // it came by a subscription that is being replaced
+  bool is_retired;     // received by a subscription that is being replaced
 };
 
 struct fm_publisher
 {
   uint8_t gid[FM_GID_BYTES];
-  uint64_t first;        // the first number received, 0 before that
+  uint64_t first;        // the first number received; 0: none yet
   uint64_t last;         // the highest number received
-  int64_t sent;          // the latest of its times of sending
+  int64_t sent;          // the latest time at which it sent a message
   uint64_t last_before;  // `last` and `sent` when the handover began
   int64_t sent_before;
 };
 
 struct fm_message_key;
 
-/// What is known of the messages of a topic.
+/// The messages of a topic that were received.
 struct fm_arrivals
 {
   struct fm_publisher publishers[FM_MOST_PUBLISHERS];  // the one that sent last comes first
   uint32_t n_publishers;
   uint64_t lost;
   uint64_t lost_before;         // `lost` when the handover began
-  struct fm_message_key * keys; // a ring of those received since then, allocated for its time
-  uint64_t n_keys;              // so far
+  struct fm_message_key * keys; // a ring of those received during the handover; NULL outside it
+  uint64_t n_keys;              // received during the handover
   bool is_handover;
   bool has_history;
 };
 
-/// Expect messages twice from now on. `has_history`: the new subscription also brings what its
-/// publishers sent earlier. Without memory for a ring (128 KiB), or beyond its 4096 messages,
-/// repetitions of what was received during the handover are not recognised. O(publishers).
+/// Begin a handover: from now on a message may arrive twice. `has_history`: the new subscription
+/// also receives messages that its publishers sent earlier. Allocates a ring of 128 KiB. If that
+/// fails, or beyond the ring's 4096 messages, repetitions of messages that were first received
+/// during the handover are not recognised. O(publishers).
 void fm_arrivals_begin_handover(struct fm_arrivals * arrivals, bool has_history);
 
-/// Expect no message twice any more, and free the ring. O(1).
+/// End the handover, and free the ring. O(1).
 void fm_arrivals_end_handover(struct fm_arrivals * arrivals);
 
-/// Whether a message was received before, or is history. Always false outside a handover.
+/// Whether a message was received before, or is history. False outside a handover.
 /// O(messages since the handover began), 4096 at most.
 bool fm_arrivals_is_repeated(
   const struct fm_arrivals * arrivals, const struct fm_origin * origin);
 
-/// Note a message that is not repeated, and the gap in front of it. O(1) for the publisher that
-/// sent last, O(FM_MOST_PUBLISHERS) for another.
+/// Note a message that is not repeated, and count the numbers missing before it as lost. O(1) for
+/// the publisher that sent last, O(FM_MOST_PUBLISHERS) for another.
 void fm_arrivals_note(struct fm_arrivals * arrivals, const struct fm_origin * origin);
 
-/// Messages that were lost. During a handover those lost before it: what one subscription left out
-/// the other may still bring. O(1).
+/// The number of lost messages. During a handover it is the number before the handover: a message
+/// that one subscription lost may still arrive by the other. O(1).
 uint64_t fm_arrivals_lost(const struct fm_arrivals * arrivals);
 
 #endif  // HANDOVER_H_

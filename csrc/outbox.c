@@ -27,7 +27,7 @@
 #define MOST_DETAILS 1024u
 #define DETAIL_MEMORY_BYTES (4u << 20)
 
-// How many details of a requirement this second has seen.
+// The number of details of a requirement that were queued in a second.
 struct fm_quota
 {
   int64_t second;

@@ -12,13 +12,12 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// outbox.h: violations and details on their way out.
+/// outbox.h: queues of violations and of their details, to be published by other threads.
 ///
-/// Two queues: violations, which are never suppressed, and details of them, which are kept only
-/// while they are wanted and are limited.
+/// Violations are never suppressed. Details are queued only while wanted, and are limited.
 ///
-/// Not thread-safe: the caller holds a mutex. The caller owns the struct; its memory is the
-/// outbox's own.
+/// Not thread-safe: the caller holds a mutex. The caller owns the struct; the outbox owns the
+/// memory that the struct points to, except for the monitor.
 
 #ifndef OUTBOX_H_
 #define OUTBOX_H_
@@ -26,11 +25,11 @@
 #include "evaluator.h"
 
 /// One violation in detail, followed in memory by the values of the inputs (the module's struct),
-/// and by a byte for each input: 1 where it has a value, and 2 more where it is stale.
+/// and by a byte of flags for each input: 1 if it has a value, 2 if it is stale.
 struct fm_detail
 {
   struct fm_violation violation;
-  uint64_t suppressed;  // details of this requirement that were left out so far
+  uint64_t suppressed;  // details of this requirement that were not queued so far
 };
 
 struct fm_quota;
@@ -53,16 +52,16 @@ struct fm_outbox
   bool wants_details;
 };
 
-/// Make an empty outbox. False if memory is short; fm_outbox_free is to be called all the same.
-/// O(requirements).
+/// Make an empty outbox. Returns false if memory is short; the caller must call fm_outbox_free
+/// even then. The monitor outlives the outbox. O(requirements).
 bool fm_outbox_init(struct fm_outbox * outbox, const struct fm_monitor * monitor);
 
 /// Free its memory. A zeroed outbox may be freed. O(1).
 void fm_outbox_free(struct fm_outbox * outbox);
 
-/// Queue a violation, and a detail of it if details are wanted and within their limit; the values
-/// are those that the evaluator has now. Amortised O(1) and O(inputs) for a detail; allocates when
-/// the queue grows. Beyond 2^20 violations, or without memory, it is counted as unpublished.
+/// Queue a violation, and a detail with the evaluator's current values if details are wanted and
+/// within their limit. Amortised O(1), O(inputs) with a detail; allocates when the queue grows. If
+/// the queue is full (2^20) or cannot grow, the violation is counted as unpublished.
 void fm_outbox_add(
   struct fm_outbox * outbox, const struct fm_violation * violation,
   const struct fm_evaluator * evaluator);
@@ -70,9 +69,10 @@ void fm_outbox_add(
 /// Take up to `room` violations, oldest first. Returns their number. O(room).
 uint32_t fm_outbox_take(struct fm_outbox * outbox, struct fm_violation * out, uint32_t room);
 
-/// Keep details from now on, at most so many a second of a requirement and 1024 in all; the others
-/// are counted (fm_detail.suppressed). Where none are wanted, those in the queue are dropped.
-/// Allocates 4 MiB at most, once; without memory no details are kept. O(1).
+/// Queue details from now on, at most `most_per_s` a second for each requirement, and 1024 at a
+/// time; the others are counted (fm_detail.suppressed). With `are_wanted` false, no details are
+/// queued, and those in the queue are dropped. Allocates once, about 4 MiB at most; if that fails,
+/// no details are queued. O(1).
 void fm_outbox_want_details(
   struct fm_outbox * outbox, bool are_wanted, uint32_t most_per_s);
 

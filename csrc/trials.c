@@ -12,15 +12,18 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// trials.c: many short traces through one step group, and what may follow on a state. `explain`
-/// looks for its examples with it. No function allocates or fails; the caller owns all blocks.
+/// trials.c: runs many short traces through one step group, and computes successor states.
+/// `explain` searches for its examples with it.
+///
+/// No function allocates or fails; the caller owns all memory. Not thread-safe: one thread at a
+/// time uses a `struct fm_trials` and the blocks it points to.
 
 #include <string.h>
 
 #include "fret_monitor.h"
 
-/// A group and the memory it is tried in. `watched` are at most 32 requirements of the group,
-/// whose verdicts become bits, the first the lowest.
+/// A group and the memory it runs on. `watched` are at most 32 requirements of the group. Their
+/// verdicts are returned as bits; the first requirement is the lowest bit.
 struct fm_trials
 {
   const struct fm_group * group;
@@ -30,7 +33,7 @@ struct fm_trials
   uint32_t n_watched;
 };
 
-/// So many steps in which the inputs have the values of a row; 0 steps: a new trace begins.
+/// Take `steps` steps with the inputs of one row. 0 steps: reset the group; a new trace begins.
 struct fm_run
 {
   uint32_t row;
@@ -63,14 +66,14 @@ static uint32_t take_step(const struct fm_trials * const trials, const void * co
   return bits;
 }
 
-/// Bytes of memory that fm_trials_init needs. O(1).
+/// Size of the memory that fm_trials_init needs, in bytes. O(1).
 uint64_t fm_trials_bytes(void)
 {
   return sizeof(struct fm_trials);
 }
 
-/// Say in `memory` (aligned to 8) what is to be tried. All that is pointed to stays the caller's
-/// and outlives it; `state` and `verdicts` are as the step function wants them. O(1).
+/// Initialise a `struct fm_trials` in `memory` (aligned to 8). The blocks behind the pointers must
+/// outlive it. `state` and `verdicts` are passed to the group's step function. O(1).
 void fm_trials_init(
   void * const memory, const struct fm_group * const group, void * const state,
   bool * const verdicts, const uint32_t * const watched, const uint32_t n_watched)
@@ -83,8 +86,8 @@ void fm_trials_init(
   trials->n_watched = n_watched;
 }
 
-/// Take the steps of some traces, and write the verdicts of each step to `bits`. The rows are
-/// inputs structs, `stride` bytes apart. O(steps x operations).
+/// Take the steps of all runs, and write the verdicts of each step to `bits`, one word for each
+/// step. `inputs` are rows, each an inputs struct, `stride` bytes apart. O(steps x operations).
 void fm_trials_run(
   const struct fm_trials * const trials, const void * const inputs, const uint64_t stride,
   const struct fm_run * const runs, const uint64_t n_runs, uint32_t * bits)
@@ -100,8 +103,9 @@ void fm_trials_run(
   }
 }
 
-/// Take a step from one state with each of n_rows rows, and write the states that follow, one
-/// after the other, and the verdicts. A state is `size` bytes at `begin` of the struct of state.
+/// Take one step from the state `from` with each of n_rows rows. Writes the successor states to
+/// `states`, one after the other, and the verdicts to `bits`. A state is the `size` bytes at
+/// offset `begin` of the state struct: the part that belongs to the group.
 /// O(n_rows x (size + operations)).
 void fm_trials_follow(
   const struct fm_trials * const trials, const void * const inputs, const uint64_t stride,

@@ -63,7 +63,7 @@ static void * run(void * argument)
   return NULL;
 }
 
-// Start the thread with all signals blocked: they are for the main thread.
+// Start the thread with all signals blocked, so that the main thread handles them.
 static bool start_thread(struct fm_announcer * announcer)
 {
   sigset_t all;

@@ -12,8 +12,8 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// announcer.h: one thread that publishes the violations of an engine. A thread of its own, since
-/// publishing inside the middleware's callback hung at the end of a process.
+/// announcer.h: a thread that publishes the violations of an engine. Publishing inside the
+/// middleware's callback hung when a process ended.
 
 #ifndef ANNOUNCER_H_
 #define ANNOUNCER_H_
@@ -28,16 +28,17 @@ extern "C" {
 struct fm_announcer;
 
 /// Start a thread that publishes a std_msgs/msg/Empty for each violation of the engine, in order.
-/// It is the one thread that takes from the engine. `publishers`: rmw_publisher_t, one for each
-/// requirement in the manifest's order; copied. A violation whose publisher fails is counted
-/// (fm_engine_unpublished). The engine, the middleware and the publishers outlive the announcer.
-/// NULL if no thread can be made, or memory is short. O(n_publishers); from any thread.
+/// No other thread may take violations from the engine. `publishers`: rmw_publisher_t, one for
+/// each requirement in the manifest's order; the array is copied. If a publisher fails, the
+/// violation is counted (fm_engine_unpublished). The engine, the middleware and the publishers
+/// outlive the announcer. NULL if no thread can be made, or memory is short. O(n_publishers); from
+/// any thread.
 FM_EXPORT struct fm_announcer * fm_announcer_start(
   struct fm_engine * engine, const struct fm_middleware * middleware, void * const * publishers,
   uint32_t n_publishers);
 
-/// Wait for the thread, which ends when the engine is closed and all is published; free it. From
-/// any thread but its own, once.
+/// Wait for the thread, which ends when the engine is closed and all violations are published, and
+/// free the announcer. Call it once, from any other thread.
 FM_EXPORT void fm_announcer_join(struct fm_announcer * announcer);
 
 #ifdef __cplusplus

@@ -86,7 +86,7 @@ bool fm_in_place_find(
   void (* make_cdr)(void * self, void * buffer, int endianness, int version),
   struct fm_in_place * found)
 {
-  enum { BUFFER_WORDS = 8, CDR_WORDS = 64 };  // where to look; the objects may be larger
+  enum { BUFFER_WORDS = 8, CDR_WORDS = 64 };  // searched; the objects may be larger
   uint64_t buffer[64] = {0};
   uint64_t cdr[256] = {0};
   char data[40] = {0};

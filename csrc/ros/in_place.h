@@ -12,13 +12,13 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// in_place.h: messages that are read where the middleware has them, without a copy.
+/// in_place.h: reads messages in the middleware's buffer, without a copy.
 ///
 /// A subscription is made with a type support that differs from the message's own in one function:
-/// instead of making a message of the serialized bytes, Fast DDS calls fm_in_place_read with the
-/// object of Fast CDR that holds them. This relies on private layouts of rmw_fastrtps_cpp and Fast
-/// CDR, and is to be used only with the versions that fret_monitor/ros/in_place.py lists. With
-/// others, messages are copied.
+/// instead of deserializing a message, Fast DDS calls fm_in_place_read with the Fast CDR object
+/// that holds the serialized bytes. This relies on private layouts of rmw_fastrtps_cpp and Fast
+/// CDR, so that it is used only with the versions that fret_monitor/ros/in_place.py lists. With
+/// other versions, messages are copied.
 
 #ifndef IN_PLACE_H_
 #define IN_PLACE_H_
@@ -54,19 +54,19 @@ struct fm_type_support
 };
 
 /// A type support whose messages are read in place. `support` comes first: a pointer to it is a
-/// pointer to all. It must not move or be freed as long as the middleware may use it.
+/// pointer to the whole. It must not be moved or freed while the middleware may use it.
 struct fm_in_place_type
 {
-  struct fm_type_support support;            // what a subscription is made with
+  struct fm_type_support support;            // passed to the subscription
   const struct fm_type_support * original;   // of rosidl_typesupport_c
-  struct fm_type_support fast;               // that of Fast DDS, except for its callbacks
+  struct fm_type_support fast;               // a copy of Fast DDS's, with these callbacks:
   struct fm_type_callbacks callbacks;
-  void * spare[8];                           // NULL: a longer struct ends in no callbacks
+  void * spare[8];                           // NULL: no callbacks, should the struct be longer
 };
 
-/// Find where Fast CDR keeps what it reads, from objects that its own constructors make:
-/// FastBuffer(char *, size_t) and Cdr(FastBuffer &, Endianness, CdrVersion). Returns false if they
-/// are not as expected. O(1). One thread at a time for one `found`.
+/// Find the offsets of Fast CDR's private members, by searching objects that its own constructors
+/// make: FastBuffer(char *, size_t) and Cdr(FastBuffer &, Endianness, CdrVersion). Returns false
+/// if they are not found. O(1). One thread at a time for one `found`.
 FM_EXPORT bool fm_in_place_find(
   void (* make_buffer)(void * self, char * data, size_t size),
   void (* make_cdr)(void * self, void * buffer, int endianness, int version),

@@ -12,11 +12,11 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// middleware.h: what is called of the middleware (rmw, ROS 2 Jazzy), and its structs.
+/// middleware.h: the functions and structs of the middleware (rmw, ROS 2 Jazzy) that are used.
 ///
-/// The functions are found by name in the libraries that the process has loaded, and the structs
-/// are declared here, so that neither a build nor a robot needs the headers of ROS. A test compares
-/// the structs with the headers, where they are installed.
+/// The functions are looked up by name in the libraries that the process has loaded, and the
+/// structs are declared here, so that neither a build nor a robot needs the headers of ROS. A test
+/// compares the structs with the headers, if these are installed.
 
 #ifndef MIDDLEWARE_H_
 #define MIDDLEWARE_H_
@@ -42,7 +42,7 @@ struct fm_serialized
   struct fm_allocator allocator;
 };
 
-/// rmw_message_info_t. Only to be passed as part of an fm_padded_info.
+/// rmw_message_info_t. Passed only as part of an fm_padded_info.
 struct fm_message_info
 {
   int64_t source_timestamp;
@@ -54,7 +54,7 @@ struct fm_message_info
   bool from_intra_process;
 };
 
-/// With spare room, for a middleware whose struct is longer.
+/// Room for rmw_message_info_t, even if the middleware's struct is longer.
 struct fm_padded_info
 {
   struct fm_message_info info;
@@ -63,15 +63,15 @@ struct fm_padded_info
 
 typedef void (* fm_on_message)(const void * user_data, size_t count);
 
-/// Where an object of Fast CDR (eprosima::fastcdr::Cdr) keeps the message it reads, in bytes.
+/// Offsets, in bytes, of private members of eprosima::fastcdr::Cdr and FastBuffer.
 struct fm_in_place
 {
-  size_t buffer_of_cdr;   // a pointer to its FastBuffer
-  size_t data_of_buffer;  // in that one, a pointer to the bytes of the message
-  size_t size_of_buffer;  // and their number
+  size_t buffer_of_cdr;   // in a Cdr: the pointer to its FastBuffer
+  size_t data_of_buffer;  // in a FastBuffer: the pointer to the bytes of the message
+  size_t size_of_buffer;  // in a FastBuffer: their number
 };
 
-/// What is called of the middleware; 0 is success.
+/// The middleware's functions. Those that return an int return 0 on success.
 struct fm_middleware
 {
   /// rmw_take_serialized_message_with_info

@@ -14,11 +14,11 @@
 
 /// receiver.c: see receiver.h for the contract.
 ///
-/// Locks. The middleware calls `on_message` with locks of its own for that subscription held, and
-/// `on_message` then locks the engine's mutex. Taking locks the same locks of the middleware. So a
-/// thread outside a callback must not take with the engine's mutex held: it would wait for the
-/// callback, which waits for the mutex. `fm_receiver_drain` sets a flag under the mutex that keeps
-/// callbacks from taking, and takes without the mutex.
+/// Lock order. The middleware calls `on_message` while it holds its own locks for the
+/// subscription, and `on_message` then locks the engine's mutex. To take a message needs the same
+/// locks of the middleware. A thread outside a callback must therefore not take while it holds the
+/// engine's mutex: it could deadlock with a callback. `fm_receiver_drain` sets `is_draining` under
+/// the mutex, which keeps callbacks from taking, and then takes without the mutex.
 
 #define _POSIX_C_SOURCE 200809L
 
@@ -30,17 +30,17 @@
 #include "engine_locked.h"
 #include "receiver_reading.h"
 
-#define MOST_IN_CALLBACK 64u  // messages: other topics wait for the mutex meanwhile
+#define MOST_IN_CALLBACK 64u  // messages; other topics wait for the mutex meanwhile
 #define MOST_DRAINED 1000u    // messages
-#define QUIET_POLLS 16u       // of which one drains
+#define QUIET_POLLS 16u       // one in 16 polls without a callback drains
 
 struct fm_receiver
 {
   struct fm_engine * engine;
   const struct fm_middleware * middleware;
   void * subscription;
-  // Of the thread that takes: a callback under the mutex, or the drain.
-  struct fm_serialized message;  // as taken; where it is read in place, a copy of what is unusable
+  // Used only by the thread that takes: a callback under the mutex, or the drain.
+  struct fm_serialized message;  // as taken; read in place: a copy, if a field cannot be used
   struct fm_field * fields;
   struct fm_reading reading;
   uint32_t topic;
@@ -49,9 +49,9 @@ struct fm_receiver
   bool is_retired;
   bool is_stopped;
   bool is_draining;
-  bool is_awaited;    // a callback came while it was drained
+  bool is_awaited;    // a callback came during the drain
   bool is_behind;     // the last callback or drain stopped at its limit
-  bool probes;        // the next callback takes more than it is notified of
+  bool probes;        // the next callback takes more messages than its count
   bool was_notified;  // a callback came since the last poll
   uint32_t quiet;     // polls since the last callback
 };
@@ -138,9 +138,9 @@ void fm_receiver_read(struct fm_receiver * receiver, const uint8_t * message, si
 
 enum result
 {
-  EMPTY,    // nothing is waiting, or the middleware fails
+  EMPTY,    // no message is waiting, or the middleware failed
   TAKEN,
-  DROPPED   // the middleware dropped what was waiting: it had no CDR header
+  DROPPED   // the middleware dropped a message without a CDR header
 };
 
 static enum result take(struct fm_receiver * receiver, struct fm_message_info * info)
@@ -174,8 +174,8 @@ static void deliver_locked(struct fm_receiver * receiver, const struct fm_messag
   (void)fm_engine_deliver_locked(receiver->engine, receiver->topic, &receiver->reading, &origin);
 }
 
-// Take as many as the middleware has notified of: to ask whether there is one more costs a tenth
-// of a message, and a later one has a callback of its own.
+// Take the `count` messages of a notification, or up to the limit when catching up or probing.
+// Asking for one more each time would cost a tenth of a message; a later one has its own callback.
 static void take_locked(struct fm_receiver * receiver, size_t count)
 {
   struct fm_padded_info padded;
@@ -197,7 +197,7 @@ static void on_message(const void * user_data, size_t count)
 {
   struct fm_receiver * receiver = (struct fm_receiver *)user_data;
   if (receiver->middleware->has_error()) {
-    receiver->middleware->forget_error();  // somebody else's: the thread may be a publisher's
+    receiver->middleware->forget_error();  // left by other code: this may be a publisher's thread
   }
   fm_engine_lock(receiver->engine);
   receiver->was_notified = true;
@@ -209,8 +209,8 @@ static void on_message(const void * user_data, size_t count)
   fm_engine_unlock(receiver->engine);
 }
 
-// Returns whether draining is over: nothing came while the queue was found empty, or it has taken
-// enough. What is left then is for the next callback or poll.
+// End the drain, unless a callback came meanwhile and left its messages to it. With `is_enough` it
+// always ends, and the next callback or poll takes the rest. Returns whether it ended.
 static bool end_draining(struct fm_receiver * receiver, bool is_enough)
 {
   fm_engine_lock(receiver->engine);
@@ -226,7 +226,7 @@ static void drain(struct fm_receiver * receiver)
 {
   struct fm_padded_info padded;
   uint32_t left = MOST_DRAINED;
-  receiver->middleware->forget_error();  // one that this thread may have had before
+  receiver->middleware->forget_error();  // left by earlier calls in this thread
   do {
     enum result result = EMPTY;
     while (left > 0 && (result = take(receiver, &padded.info)) != EMPTY) {
@@ -284,8 +284,8 @@ void fm_receiver_drain(struct fm_receiver * receiver)
   drain(receiver);
 }
 
-// Messages of this topic wait while it is drained, and one of another topic may overtake them:
-// a quiet topic is drained seldom, therefore.
+// While a topic is drained, its callbacks leave their messages to the drain, and later messages of
+// other topics may be delivered first. A quiet topic is therefore drained on few polls only.
 static bool begin_poll(struct fm_receiver * receiver)
 {
   fm_engine_lock(receiver->engine);

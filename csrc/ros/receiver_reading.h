@@ -12,8 +12,8 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// receiver_reading.h: what in_place.c needs of a receiver. Called from within its take_message,
-/// by the thread that takes.
+/// receiver_reading.h: the functions of a receiver for in_place.c. The middleware's take_message
+/// calls it back, so that these functions run in the thread that takes. They cannot fail.
 
 #ifndef RECEIVER_READING_H_
 #define RECEIVER_READING_H_
@@ -22,11 +22,11 @@
 
 struct fm_receiver;
 
-/// Where the middleware's objects keep a message. O(1).
+/// The offsets of Fast CDR's private members. Owned by the middleware's struct. O(1).
 const struct fm_in_place * fm_receiver_in_place(const struct fm_receiver * receiver);
 
-/// Read the fields of a message that the middleware holds for the time of this call; it is copied
-/// where any of them cannot be used. O(fields).
+/// Read the fields of a message that is valid only during this call. The message is copied if it
+/// cannot be decoded or some field cannot be used. O(fields), O(size) with a copy.
 void fm_receiver_read(struct fm_receiver * receiver, const uint8_t * message, size_t size);
 
 #endif  // RECEIVER_READING_H_
