@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-C text to shared library to `Monitor`.
+Compile C to shared libraries, and load them as `Monitor` objects.
 
-A library is compiled, kept and found again by `build_library`, and opened by `load`. Nothing here
-knows of bundles and formulas, or of ROS.
+`build_library` compiles a library, or returns it from the cache; `load` opens it. This package
+does not depend on bundles, formulas or ROS.
 """
 
 from fret_monitor.native.cache import (

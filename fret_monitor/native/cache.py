@@ -13,19 +13,20 @@
 # limitations under the License.
 
 """
-Libraries built from C text, and kept, so that a second start compiles nothing.
+A cache of libraries built from C text, so that a second start compiles nothing.
 
-A library lives in `$ROS_HOME/fret_monitor/KEY/` (`ROS_HOME` is `~/.ros` when unset), beside its
-sources and a seal: the name and SHA-256 of the library. KEY is the SHA-256 of all that decides
-what it is: sources, headers, compiler, flags, machine; for a copy, the SHA-256 of the library.
-A folder gets its name only when it is complete, by one rename: two processes may build the same
-library, and one that is killed leaves nothing that could be taken for a library. Somebody who can
-write there can run code as the user: a folder that others own or can write is refused, and so is
-each entry in it. Where the folder cannot be written at all, libraries are built for one run.
+An entry is the folder `$ROS_HOME/fret_monitor/KEY/` (`ROS_HOME` is `~/.ros` when unset). It holds
+the library, its sources and a seal: the name and SHA-256 of the library. KEY is the SHA-256 of
+everything that determines the library: sources, headers, compiler, flags, machine; for a copy, the
+SHA-256 of the library. An entry is built under a temporary name and renamed when it is complete:
+two processes may build the same library, and a killed process leaves no incomplete entry. Whoever
+can write to the cache can run code as the user, so that a cache or entry that others own or can
+write is refused. If the cache cannot be written, libraries are built for one run only.
 
-The date of a seal says when its library was last used. After a build, libraries that were not used
-for 90 days are removed, and the longest unused beyond 200; never one used within a day. A process
-that has loaded a library keeps it, removed or not.
+The modification time of a seal is the time of the library's last use. After a build, libraries
+that were not used for 90 days are removed; of those left, all but the 200 most recently used. A
+library used within the last day is never removed. A process that has loaded a library can go on
+using it after its removal.
 """
 
 import atexit
@@ -51,7 +52,7 @@ from fret_monitor.native.compiler import (
 from fret_monitor.native.errors import CacheError, CompilerError, LibraryError, NativeError
 from fret_monitor.native.monitor import is_cut_short
 
-#: The evaluator, and what feeds it from the middleware: one library.
+#: The sources of the library with the evaluator, the engine and the receivers.
 EVALUATOR_SOURCES = (
     'evaluator.c', 'handover.c', 'outbox.c', 'engine.c',
     'ros/receiver.c', 'ros/in_place.c', 'ros/announcer.c',
@@ -59,10 +60,10 @@ EVALUATOR_SOURCES = (
 
 _SEAL = 'seal.json'
 _UNFINISHED = '.building-'
-_LITTER_AGE = 24 * 3600.0  # seconds after which an unfinished folder belongs to nobody
-_UNUSED_AGE = 90 * 24 * 3600.0  # seconds after which a library that nobody asked for is removed
-_MOST = 200  # libraries that are kept, but for those asked for within a day
-_FULL = 1 << 20  # bytes free below which a failed build is put down to a full disk
+_LITTER_AGE = 24 * 3600.0  # seconds after which an unfinished folder is removed
+_UNUSED_AGE = 90 * 24 * 3600.0  # seconds after which an unused library is removed
+_MOST = 200  # libraries that are kept, not counting those used within a day
+_FULL = 1 << 20  # with fewer free bytes, a failed build is attributed to a full disk
 
 _log = logging.getLogger(__name__)
 
@@ -72,7 +73,7 @@ def build_library(
     compiler: Compiler | None = None, timeout: float = TIMEOUT,
 ) -> Path:
     """
-    Compile C files to one shared library, or find it where it was built before.
+    Compile C files to one shared library, or return it from the cache.
 
     Parameters
     ----------
@@ -83,21 +84,21 @@ def build_library(
     headers
         file name to text of the headers they include; `runtime_headers` when None.
     compiler
-        None for what `find_compiler` finds.
+        the result of `find_compiler` when None.
     timeout
         seconds for the compiler.
 
     Returns
     -------
     Path
-        the library. It stays there when it was kept, and until this process ends otherwise.
+        the library: in the cache, or in a temporary folder that is removed when this process ends.
 
     Raises
     ------
     CompilerError
         if there is no compiler, or it fails.
     CacheError
-        if the folder of built libraries could be written by somebody else.
+        if other users can write to the cache.
     """
     compiler = compiler or find_compiler()
     texts = {**(runtime_headers() if headers is None else headers), **sources}
@@ -109,11 +110,11 @@ def build_library(
 
 def private_copy(library: Path) -> Path:
     """
-    Copy a library to a place of its own, under a name of its content, to be opened there.
+    Copy a library into the cache, under the hash of its content, and return the copy.
 
-    The file may then be overwritten or removed while it is in use, and a file of other content at
-    the same path is opened as another library. The copy is kept as built libraries are, or until
-    this process ends where nothing can be kept.
+    The original may then be overwritten or removed while the copy is in use. dlopen returns the
+    library that is already open if the path is the same; a changed file gets another path here. If
+    the cache cannot be used, the copy exists until this process ends.
 
     Raises
     ------
@@ -132,7 +133,7 @@ def private_copy(library: Path) -> Path:
     try:
         return entry.kept() or entry.make()
     except CacheError:
-        pass  # somebody else can write there
+        pass  # other users can write to the cache
     try:
         return entry.make_for_now('others can write there')
     except CacheError as error:
@@ -141,7 +142,7 @@ def private_copy(library: Path) -> Path:
 
 @cache
 def _warn_once(root: Path, reason: str) -> None:
-    """Warn once of a folder that cannot be written, for all libraries that are built."""
+    """Warn that the cache cannot be written, once for all libraries."""
     _log.warning(
         '%s cannot be written (%s): the library is built for this run only, and every start will '
         'compile again: make it writable, make room, or set ROS_HOME to another folder',
@@ -150,12 +151,12 @@ def _warn_once(root: Path, reason: str) -> None:
 
 def is_kept(library: Path) -> bool:
     """
-    Return whether a library is one that `build_library` has kept, and whole; note its use.
+    Return whether a library is an undamaged entry of the cache; note its use.
 
     Raises
     ------
     CacheError
-        if the folder of built libraries could be written by somebody else.
+        if other users can write to the cache.
     """
     root = cache_directory()
     try:
@@ -172,31 +173,32 @@ def is_kept(library: Path) -> bool:
 
 
 def is_ours(path: Path) -> bool:
-    """Return whether a file or folder is no link, and one that only this user can write."""
+    """Return whether only this user can write a file or folder; False for a link."""
     status = path.lstat()
     return not stat.S_ISLNK(status.st_mode) and status.st_uid == os.geteuid() \
         and not stat.S_IMODE(status.st_mode) & 0o022
 
 
 def note_use(file: Path) -> None:
-    """Let a file's date say that it was used now; where that is impossible, it stays old."""
+    """Set the modification time of a file to now; do nothing if that fails."""
     with suppress(OSError):
         os.utime(file)
 
 
 def forget(dates: Mapping[Path, float], most: int) -> None:
     """
-    Remove files or folders that are not used: beyond 90 days, and the oldest beyond `most`.
+    Remove files or folders unused for 90 days, and all but the `most` most recently used.
 
-    `dates` says when each was last used (seconds since the epoch); a day is spared.
+    `dates` are the times of their last use, in seconds since the epoch. Those used within the last
+    day are kept.
     """
     now = time.time()
     by_age = sorted(dates, key=lambda path: dates[path], reverse=True)
     for number, path in enumerate(by_age):
         age = now - dates[path]
         if age > _UNUSED_AGE or (number >= most and age > _LITTER_AGE):
-            with suppress(OSError):  # somebody else was quicker
-                # By one rename first: nobody sees half of it.
+            with suppress(OSError):  # another process removed it first
+                # Renamed first, so that no process finds a folder that is partly removed.
                 doomed = path.with_name(f'{_UNFINISHED}{os.getpid()}-{path.name}')
                 path.rename(doomed)
                 _remove(doomed)
@@ -216,7 +218,7 @@ def evaluator_files() -> dict[str, str]:
 
 
 def evaluator_library() -> Path:
-    """Return the library of the evaluator and what is around it; errors as `build_library`."""
+    """Return the library of the evaluator and the engine; errors as `build_library`."""
     files = evaluator_files()
     headers = {name: text for name, text in files.items() if name.endswith('.h')}
     return build_library({name: text for name, text in files.items() if name not in headers},
@@ -226,15 +228,15 @@ def evaluator_library() -> Path:
 @cache
 def csrc_directory() -> Path:
     """
-    Return the folder of the hand-written C, that of this package before any other.
+    Return the folder of the hand-written C.
 
-    It is `csrc` beside the package in the source tree, and `share/fret_monitor/csrc` in a prefix
-    where it is installed.
+    It is `csrc` beside the package in a source tree, else `share/fret_monitor/csrc` in an
+    installation prefix.
 
     Raises
     ------
     NativeError
-        if there is none: the package is not installed as a whole.
+        if there is none, because the package is only partly installed.
     """
     candidates = _csrc_candidates()
     for folder in candidates:
@@ -254,13 +256,13 @@ def _csrc_candidates() -> list[Path]:
 
 
 def cache_directory() -> Path:
-    """Return the folder of built libraries; it need not exist."""
+    """Return the folder of the cache; it need not exist."""
     home = os.environ.get('ROS_HOME') or os.path.join(os.path.expanduser('~'), '.ros')
     return Path(os.path.abspath(home)) / 'fret_monitor'
 
 
 class _Build:
-    """What a library is built from."""
+    """The sources, compiler and settings that a library is built from."""
 
     def __init__(
         self, files: Mapping[str, bytes], sources: tuple[str, ...], library: str,
@@ -273,7 +275,7 @@ class _Build:
         self._timeout = timeout
 
     def key(self) -> str:
-        """Return a name for all that decides what the library is."""
+        """Return the hash of everything that determines the library."""
         decisive = [
             {file: sha256(text).hexdigest() for file, text in sorted(self._files.items())},
             self._sources, self.library, self._compiler.identity,
@@ -292,7 +294,7 @@ class _Build:
 
 
 class _Entry:
-    """A folder of the cache with one library: its name, and how to fill it."""
+    """An entry of the cache: its key, its library, and the function that makes the library."""
 
     def __init__(self, key: str, library: str, fill: Callable[[Path], None],
                  warn: Callable[[Path, str], None] | None = None) -> None:
@@ -303,16 +305,16 @@ class _Entry:
         self._folder = self._root / key
 
     def kept(self) -> Path | None:
-        """Return the library if it is there and whole; note its use."""
+        """Return the library if it is in the cache and undamaged; note its use."""
         try:
             _refuse_foreign(self._root)
         except OSError:
-            return None  # there is no such folder, or we cannot see it
+            return None  # the cache does not exist, or cannot be accessed
         library = self._folder / self._library
         return library if is_kept(library) else None
 
     def make(self) -> Path:
-        """Make the library where it is kept or, where nothing can be, in a private folder."""
+        """Make the library in the cache or, if that fails, in a private folder."""
         try:
             return self._make_kept()
         except OSError as error:
@@ -352,18 +354,19 @@ class _Entry:
 
     def _complete(self, folder: Path) -> None:
         self._fill(folder)
-        (folder / self._library).chmod(0o755)  # with a umask of 002 a group could write it
+        (folder / self._library).chmod(0o755)  # with a umask of 002 the group could write it
         seal = json.dumps(_seal(folder / self._library))
         (folder / _SEAL).write_text(seal, encoding='utf-8')
 
     def _publish(self, unfinished: Path) -> None:
-        """Give the finished folder its name, unless another process did so meanwhile."""
+        """Rename the finished folder, unless another process made the entry meanwhile."""
         try:
             unfinished.rename(self._folder)
         except OSError:
             if is_kept(self._folder / self._library):
                 return
-            # What is there is damaged. It is moved out of the way, not emptied in its place.
+            # The existing entry is damaged. Renamed first, so that no process finds it half
+            # removed.
             damaged = unfinished.with_name(f'{unfinished.name}-damaged')
             self._folder.rename(damaged)
             unfinished.rename(self._folder)
@@ -372,9 +375,9 @@ class _Entry:
 
 def _refuse_garbage(library: Path, compiler: Compiler) -> None:
     """
-    Raise for what is no library: once kept, it would be in the way for good.
+    Raise if the compiler did not write a complete library: the cache would keep the file.
 
-    It need not be one for this machine: a robot's may be made here.
+    The library may be for another machine, since a robot's may be cross-compiled.
     """
     what = 'none at all'
     if library.is_file():
@@ -388,7 +391,7 @@ def _refuse_garbage(library: Path, compiler: Compiler) -> None:
 
 
 def _seal(library: Path) -> dict[str, str]:
-    """Return what is written down of a library when it is complete."""
+    """Return the content of the seal of a library."""
     return {'library': library.name, 'sha256': sha256(library.read_bytes()).hexdigest()}
 
 
@@ -405,17 +408,17 @@ def _refuse_foreign(folder: Path) -> None:
 
 
 def _sweep(root: Path) -> None:
-    """Remove what processes that died midway left behind."""
+    """Remove unfinished folders that killed processes left."""
     for left in root.glob(f'{_UNFINISHED}*'):
         try:
             if time.time() - left.lstat().st_mtime > _LITTER_AGE:
                 _remove(left)
         except OSError:
-            continue  # somebody else was quicker
+            continue  # another process removed it first
 
 
 def _evict(root: Path) -> None:
-    """Remove libraries that nobody has asked for in a long time."""
+    """Remove libraries that have not been used for a long time."""
     dates = {}
     for seal in root.glob(f'*/{_SEAL}'):
         with suppress(OSError):

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The C compiler: found, asked who it is, and run.
+Find, identify and run the C compiler.
 
-What comes in are folders with C files of ours; what goes out is a shared library, or a
-`CompilerError` with the command and what the compiler said. Nothing is kept here.
+`compile_library` takes a folder with C files and writes a shared library there, or raises a
+`CompilerError` with the command and the compiler's output. Nothing is cached here.
 """
 
 from collections import deque
@@ -33,31 +33,31 @@ import time
 
 from fret_monitor.native.errors import CompilerError
 
-# No -march=native: a library may be carried to another machine. No -ffast-math and no contraction:
-# a verdict is the same on every machine, bit for bit that of the reference evaluator.
+# No -march=native, because a library may be copied to another machine. No -ffast-math and no
+# contraction, so that verdicts are the same on every machine and equal the reference evaluator's.
 COMPILE_FLAGS = (
     '-std=c99', '-O2', '-fPIC', '-fvisibility=hidden', '-ffp-contract=off',
-    '-fno-builtin-pow',  # a folded or inlined pow may differ from the library's
+    '-fno-builtin-pow',  # a constant-folded or inlined pow may differ from the library's
     '-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Wswitch-enum',
 )
 LINK_FLAGS = ('-shared', '-Wl,-z,defs')
 LIBRARIES = ('-lm', '-pthread')
 TIMEOUT = 600.0  # seconds for all commands of one library
 
-_SEARCHED = ('CPATH', 'C_INCLUDE_PATH', 'LIBRARY_PATH')  # variables: where compilers look
+_SEARCHED = ('CPATH', 'C_INCLUDE_PATH', 'LIBRARY_PATH')  # environment variables with search paths
 _LAST_LINES = 30
-_LAST_BYTES = 1 << 16  # of what a compiler says; one that goes mad does not fill the memory
+_LAST_BYTES = 1 << 16  # of a compiler's output that are kept, so that it cannot fill the memory
 _VERSION_TIMEOUT = 20.0
 
 
 @dataclass(frozen=True)
 class Compiler:
     """
-    A C compiler: the command that starts it, and who it is.
+    A C compiler: the command that starts it, and its identity.
 
-    `identity` changes when the compiler does: its file, size and date, what it says of its
-    version, and the variables that say where it looks for headers and libraries. It is part of
-    the key under which libraries are kept.
+    `identity` changes when the compiler does. It consists of the path, size and date of its file,
+    the output of `--version`, and the environment variables with its search paths. It is part of
+    the key of libraries in the cache.
     """
 
     command: tuple[str, ...]
@@ -108,9 +108,9 @@ def _identified(command: tuple[str, ...], environment: Mapping[str, str]) -> Com
 
 
 def _version(command: Sequence[str]) -> str:
-    """Return what `--version` says; a compiler that does not know the option is no worse."""
+    """Return the output of `--version`, also if the compiler does not support the option."""
     try:
-        # In a group of its own, so that killing it reaches the processes it starts.
+        # In a process group of its own, so that killing it also kills its children.
         process = subprocess.Popen(
             [*command, '--version'], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL, env=_environment(), process_group=0)
@@ -130,7 +130,7 @@ def _version(command: Sequence[str]) -> str:
 
 
 def _environment() -> dict[str, str]:
-    """Return ours, in the language that stays the same."""
+    """Return the environment with the C locale, so that messages are always in English."""
     return {**os.environ, 'LC_ALL': 'C'}
 
 
@@ -144,20 +144,20 @@ def compile_library(
     Parameters
     ----------
     compiler
-        what `find_compiler` gave.
+        the result of `find_compiler`.
     sources
         file names in `folder`, at least one.
     library
-        the file name to make in `folder`.
+        the file name of the library in `folder`.
     folder
-        where the compiler is run. Files get names relative to it, so no path gets into them.
+        where the compiler runs. It gets relative names, so that the library contains no path.
     timeout
-        seconds for all of it.
+        seconds for all commands together.
 
     Raises
     ------
     CompilerError
-        if a command fails, or the time is over; no process is left behind.
+        if a command fails, or the time is over; no process is left running.
     """
     deadline = time.monotonic() + timeout
     link = (*compiler.command, *COMPILE_FLAGS, *LINK_FLAGS, '-o', library)
@@ -172,7 +172,7 @@ def compile_library(
 
 @dataclass(frozen=True, eq=False)
 class _Running:
-    """A command under way; `output` is the last of what it has said so far."""
+    """A running command; `output` is the last part of its output so far."""
 
     command: tuple[str, ...]
     process: subprocess.Popen[bytes]
@@ -198,7 +198,7 @@ def _run(commands: Iterable[tuple[str, ...]], folder: Path, deadline: float) -> 
 
 def _start(command: tuple[str, ...], folder: Path, selector: DefaultSelector) -> _Running:
     try:
-        # A group of its own, so that killing it reaches the processes a compiler starts.
+        # In a process group of its own, so that killing it also kills its children.
         process = subprocess.Popen(
             command, cwd=folder, env=_environment(), stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, process_group=0)
@@ -213,7 +213,7 @@ def _start(command: tuple[str, ...], folder: Path, selector: DefaultSelector) ->
 def _ended(
     running: Iterable[_Running], selector: DefaultSelector, deadline: float,
 ) -> Iterable[_Running]:
-    """Wait until a command says something; yield those that have closed their output."""
+    """Wait for output of a command; yield the commands that have closed their output."""
     ready = selector.select(max(0.0, deadline - time.monotonic()))
     if not ready:
         raise _too_slow(next(iter(running)))
@@ -262,7 +262,7 @@ def _kill(running: _Running) -> None:
     try:
         os.killpg(running.process.pid, signal.SIGKILL)
     except ProcessLookupError:
-        pass  # it has ended meanwhile
+        pass  # it has already ended
     running.process.wait()
     _close(running)
 

@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-What Python calls of csrc, for cffi: declarations found in the headers.
+Find the declarations for cffi in the headers of csrc, and generate `binding.py` from them.
 
-cffi needs a parser of C to read declarations, which takes it longer than all else at a start, and
-a robot may have neither the headers nor the parser. So what cffi makes of them is kept as
-`binding.py`. After a change of a header:
+cffi needs a C parser to read declarations. Parsing would take most of the time of a start, and a
+robot may have neither the headers nor the parser. Run this after a header has changed:
 
     python3 -m fret_monitor.native.declarations
 """
@@ -65,7 +64,7 @@ def declarations() -> str:
 
 def binding_text() -> str:
     """Return the text of `binding.py`, without its licence."""
-    # Not at the top: a robot has `_cffi_backend` and need not load the parser of C.
+    # Imported here, because a robot needs only `_cffi_backend` and may have no C parser.
     from cffi import FFI
     ffi = FFI()
     ffi.cdef(declarations())
@@ -78,7 +77,7 @@ def binding_text() -> str:
 
 
 def write_binding() -> None:
-    """Write `binding.py` anew, under the licence of this file."""
+    """Write `binding.py`, with the licence of this file."""
     here = Path(__file__)
     licence = here.read_text(encoding='utf-8').partition('\n"""')[0]
     here.with_name('binding.py').write_text(

@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What can go wrong between C text and a loaded monitor. None of it is the bundle's fault."""
+"""Errors of compiling, caching and loading C. They are never caused by the bundle."""
 
 
 class NativeError(Exception):
-    """C cannot be compiled, kept or loaded here; the text says why and what to do."""
+    """C cannot be compiled, cached or loaded; the text says why and what to do."""
 
 
 class CompilerError(NativeError):
@@ -24,8 +24,8 @@ class CompilerError(NativeError):
 
 
 class CacheError(NativeError):
-    """The folder of built libraries is not one that only this user can write."""
+    """The cache cannot be used: others can write to it, or no folder can be written."""
 
 
 class LibraryError(NativeError):
-    """A library cannot be loaded, or is not the one that its manifest describes."""
+    """A library cannot be loaded, or does not match its manifest."""

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The folder that `compile` writes and `library:=` runs: libraries, manifest, sources.
+The folder that `compile` writes and `library:=` opens: libraries, manifest, sources.
 
-A robot opens it without parser or compiler.
+Opening it needs neither the parser nor a C compiler.
 """
 
 from collections.abc import Iterator, Mapping
@@ -38,7 +38,7 @@ _SOURCES = Path('src')
 
 @dataclass(frozen=True)
 class CompiledFolder:
-    """What a folder holds: the manifest, and where the two libraries are."""
+    """A compiled folder: its manifest, and the paths of its two libraries."""
 
     manifest: Manifest
     library: Path
@@ -46,12 +46,12 @@ class CompiledFolder:
 
     def private(self) -> 'CompiledFolder':
         """
-        Return it with copies of the libraries, which can be opened while the folder changes.
+        Copy the libraries, so that the folder may change while they are loaded.
 
         Raises
         ------
         LibraryError
-            if a library cannot be read, or copied.
+            if a library cannot be read or copied.
         """
         return replace(self, library=private_copy(self.library),
                        evaluator=private_copy(self.evaluator))
@@ -63,7 +63,7 @@ def library_file(manifest: Manifest) -> str:
 
 
 def is_compiled(directory: Path) -> bool:
-    """Whether a folder looks like one that was compiled."""
+    """Whether a folder looks like one that `compile` wrote."""
     return (directory / MANIFEST_FILE).is_file() and (directory / EVALUATOR_FILE).is_file()
 
 
@@ -118,10 +118,10 @@ def check_writable(directory: Path) -> None:
 def write_folder(directory: Path, manifest: Manifest, library: Path,
                  sources: Mapping[str, str]) -> None:
     """
-    Write what a robot needs to run a bundle: libraries, manifest, and the sources.
+    Write the folder that a robot needs to run a bundle: libraries, manifest, and sources.
 
-    The folder appears as a whole or not at all. One that was written before is replaced.
-    `sources` are the texts of the generated C by file name.
+    The folder is written under a temporary name and then renamed; a compiled folder at the same
+    path is replaced. `sources` are the texts of the generated C by file name.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def write_folder(directory: Path, manifest: Manifest, library: Path,
     """
     check_writable(directory)
     evaluator = evaluator_library()
-    place = Path(os.path.realpath(directory))  # a symbolic link stays one
+    place = Path(os.path.realpath(directory))  # a symbolic link is not replaced
     with _refusing(directory):
         place.parent.mkdir(parents=True, exist_ok=True)
         unfinished = Path(tempfile.mkdtemp(prefix='.fret_monitor-', dir=place.parent))
@@ -149,7 +149,7 @@ def write_folder(directory: Path, manifest: Manifest, library: Path,
 
 @contextmanager
 def _refusing(directory: Path) -> Iterator[None]:
-    """Turn an error of the file system into a refusal."""
+    """Turn an error of the file system into a `CompileError`."""
     try:
         yield
     except FileExistsError as error:
@@ -170,7 +170,7 @@ def _others(place: Path) -> Iterator[Path]:
 
 
 def source_files(generated: Mapping[str, str]) -> dict[str, str]:
-    """Return all C of the folder `src` by file name: what is generated, and the hand-written."""
+    """Return all files of the folder `src` by name: the generated and the hand-written C."""
     return {**evaluator_files(), **generated}
 
 

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-A compiled bundle, loaded: its library is opened and held against its manifest.
+Load a compiled bundle: open its library and compare it with its manifest.
 
-A library that is not the one its manifest describes would announce one requirement's violation
-under the name of another, so nothing is taken on trust: interface number, hash of the sources,
-names and types of the inputs, ids of the requirements, groups, all in order.
+With the wrong library, a violation of one requirement could be announced as that of another.
+Loading therefore compares the interface number, the hash of the sources, the names and types of
+the inputs, the ids of the requirements, and the groups.
 """
 
 from collections.abc import Iterator
@@ -34,32 +34,32 @@ from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.errors import LibraryError
 
-CData: TypeAlias = Any  # what cffi hands out has types of C, none of Python
+CData: TypeAlias = Any  # objects of cffi have C types, which Python's type checker cannot see
 
 _FLAGS = ffi.RTLD_NOW | ffi.RTLD_LOCAL
 _C_LIBRARY: Any = ffi.dlopen(None)
-# Looked up now: cffi looks a function up at its first use, and that would wipe out what dlerror
-# has to say.
+# Looked up at import: cffi looks a function up at its first use, which would clear the error that
+# dlerror is to return.
 _dlopen, _dlsym, _dlclose, _dlerror = (
     _C_LIBRARY.dlopen, _C_LIBRARY.dlsym, _C_LIBRARY.dlclose, _C_LIBRARY.dlerror)
 
 
 class Library:
-    """A shared library, open for as long as this object lives. Its names stay its own."""
+    """A shared library, open while this object lives. Its symbols are local to it."""
 
     def __init__(self, path: Path, *, origin: Path | None = None) -> None:
         """
-        Open it; errors name `origin`, where `path` is a copy of that.
+        Open it; errors name `origin` if `path` is a copy of it.
 
         Raises
         ------
         LibraryError
-            if it is missing or no library for this machine.
+            if it is missing, or is not a library for this machine.
         """
         self.path = origin or path
         if is_cut_short(path):
             raise LibraryError(f'cannot load {self.path}: the file is cut short')
-        # With a slash in it, so that no other folder is searched.
+        # dlopen searches other folders for a name without a slash.
         handle = _dlopen(os.fsencode(os.path.abspath(path)), _FLAGS)
         if handle == ffi.NULL:
             raise LibraryError(f'cannot load {self.path}: {_reason()}')
@@ -75,16 +75,16 @@ class Library:
 
 def is_cut_short(path: Path) -> bool:
     """
-    Return whether an ELF file ends before its section headers, which stand last.
+    Return whether an ELF file ends before its section headers, which come last.
 
-    dlopen maps such a file without a word, and the process dies of SIGBUS later.
+    dlopen maps such a file without an error, and the process is killed by SIGBUS later.
     """
     try:
         with path.open('rb') as file:
             head = file.read(64)
             size = os.fstat(file.fileno()).st_size
     except OSError:
-        return False  # dlopen says what is wrong
+        return False  # dlopen will give the reason
     if len(head) < 64 or head[:4] != b'\x7fELF':
         return False
     order = '<' if head[5] == 1 else '>'
@@ -109,9 +109,9 @@ class Monitor:
     """
     A loaded bundle. `pointer` is its `const struct fm_monitor *`.
 
-    `readers` is its `const struct fm_readers *`, None if it has no topics. All is constant: any
-    number of evaluators, in any threads, may stand on one. The library stays open while this
-    object, or an evaluator made of it, lives.
+    `readers` is its `const struct fm_readers *`, None if it has no topics. Both are constant: any
+    number of evaluators, in any threads, may use them. The library stays open while this object or
+    an evaluator made from it lives.
     """
 
     manifest: Manifest
@@ -134,14 +134,14 @@ def load(library: Path, manifest: Manifest, *, origin: Path | None = None) -> Mo
     library
         the shared library of the generated C.
     manifest
-        what was written with it; `manifest.symbol` is where the library is entered.
+        the manifest that was written with it; `manifest.symbol` is the exported function.
     origin
-        what `library` is a copy of, to be named in errors.
+        the file that `library` is a copy of, named in errors.
 
     Raises
     ------
     LibraryError
-        if the library cannot be loaded, or is not the one of this manifest.
+        if the library cannot be loaded, or does not match the manifest.
     """
     opened = Library(library, origin=origin)
     enter = ffi.cast('const struct fm_monitor * (*)(void)', opened.find(manifest.symbol))
@@ -163,7 +163,7 @@ class CompiledMonitor:
     """
     A compiled bundle that is not loaded yet; `monitor` loads it on first use.
 
-    `warnings` are about what the bundle says; `sources` are the files it was read from.
+    `warnings` are those of the bundle; `sources` are the files it was read from.
     """
 
     manifest: Manifest
@@ -179,20 +179,20 @@ class CompiledMonitor:
 
 def load_evaluator(library: Path) -> CData:
     """
-    Load the evaluator's library; its functions are the attributes of what is returned.
+    Load the evaluator's library; the result has its functions as attributes.
 
     Raises
     ------
     LibraryError
-        if it cannot be loaded, or is no evaluator of this version.
+        if it cannot be loaded, or is not an evaluator of this version.
     """
     Library(library).find('fm_engine_create')
-    # It stays: a thread of the middleware may be in it when Python lets go of everything.
+    # Never unloaded: at exit a thread of the middleware may still run its code.
     return ffi.dlopen(os.path.abspath(library), _FLAGS | ffi.RTLD_NODELETE)
 
 
 def _differences(monitor: Monitor) -> Iterator[str]:
-    """Yield what differs. The order matters: the first differences make the rest unreadable."""
+    """Yield the differences; each check relies on those before it."""
     pointer, manifest = monitor.pointer, monitor.manifest
     if pointer == ffi.NULL:
         yield 'it describes no monitor'

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-How much stack C functions take, and what they call, as the compiler reports it.
+The stack use and call graph of C functions, as reported by the compiler.
 
-gcc writes a call graph with the frame of every function beside an object (`-fcallgraph-info=su`,
-from gcc 10 on); other compilers have nothing like it. A frame holds the return address.
+gcc 10 and later write a call graph with the frame size of every function
+(`-fcallgraph-info=su`); other compilers have no such option. A frame includes the return address.
 """
 
 from collections.abc import Iterable, Mapping
@@ -37,16 +37,16 @@ _FRAME = re.compile(r'(\d+) bytes \((.*?)\)')
 
 
 class StackError(Exception):
-    """A call graph that gives no bound: recursion, or a frame whose size is not fixed."""
+    """The stack has no bound: there is recursion, or a frame whose size is not fixed."""
 
 
 @dataclass(frozen=True)
 class CallGraph:
     """
-    The functions of some C files: bytes of their frames, and what they call.
+    The functions of some C files: the bytes of their frames, and the functions they call.
 
-    What is called and has no frame is defined elsewhere; `INDIRECT` stands for a call through a
-    pointer. Names of static functions begin with their file's.
+    A called function without a frame is defined elsewhere; `INDIRECT` is a call through a pointer.
+    The name of a static function begins with that of its file.
     """
 
     frames: Mapping[str, int]
@@ -54,7 +54,7 @@ class CallGraph:
 
     @property
     def external(self) -> frozenset[str]:
-        """What is called and not defined here, but for calls through pointers."""
+        """The called functions that are not defined here, except calls through pointers."""
         called = {name for names in self.calls.values() for name in names}
         return frozenset(called - self.frames.keys() - {INDIRECT})
 
@@ -62,7 +62,7 @@ class CallGraph:
         """
         Return the most bytes of stack that a call of `entry` takes, its own frame included.
 
-        A function that is not defined here counts for nothing, a call through a pointer as
+        A function that is not defined here counts as 0 bytes, a call through a pointer as
         `indirect` bytes.
 
         Raises
@@ -85,7 +85,7 @@ class CallGraph:
 @dataclass(frozen=True)
 class WorstStack:
     """
-    The most bytes of stack that a step takes: the monitors', and the evaluator's above them.
+    The most bytes of stack that a step takes, in the monitors' code and in the evaluator's.
 
     `library` names the functions of the C library that are called; their stack is not included.
     """
