@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The nodes, for one's own rclpy program: `from fret_monitor.ros import MonitorNode`.
+The nodes, for use in an rclpy program: `from fret_monitor.ros import MonitorNode`.
 
-They are imported when they are asked for: without ROS 2 the rest of the package works, and what
-handles signals is loaded before rclpy.
+A node is imported on first use. So the rest of the package works without ROS 2, and an executable
+can set its signal handlers before it imports rclpy.
 """
 
 from importlib import import_module

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The log lines at the start: one for all, and one for each bundle if there are several."""
+"""The log lines at the start: one in total, and one for each bundle if there are several."""
 
 from collections.abc import Iterator, Sequence
 
@@ -20,7 +20,7 @@ from fret_monitor.ros.compiled import Opened
 
 
 def announcement(opened: Sequence[Opened]) -> Iterator[str]:
-    """Yield the lines; the last begins with `watching`."""
+    """Yield the lines; the last one begins with `watching`."""
     if len(opened) == 1:
         yield f'watching {_contents(opened)}, {_terms(opened[0])}'
         return
@@ -48,5 +48,5 @@ def _state(opened: Sequence[Opened]) -> str:
 
 
 def count(number: int, noun: str) -> str:
-    """Return a number of things."""
+    """Return a number and its noun, in the plural unless the number is 1."""
     return f'{number} {noun}' if number == 1 else f'{number} {noun}s'

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Where the parameter `spec` finds a bundle.
+Find the bundle that the parameter `spec` names.
 
-It takes a path, `package://PKG/PATH` in the share folder of an installed package, or the name of
+`spec` is a path, `package://PKG/PATH` in the share folder of an installed package, or the name of
 a file in this package's `config/`.
 """
 
@@ -34,7 +34,7 @@ def find_bundle(spec: str) -> Path:
     """
     Return the file that `spec` names.
 
-    A path at which there is no file is returned as it is.
+    A path without a file is returned unchanged.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def find_bundle(spec: str) -> Path:
 
 
 def where_searched(path: Path) -> str:
-    """Return where `find_bundle` has looked for a relative path, for an error message."""
+    """Return the folders that `find_bundle` searched for a relative path, for an error message."""
     folders = [Path.cwd(), *(config_folders() if _is_name(path) else ())]
     return ' nor in '.join(map(str, folders))
 
@@ -77,7 +77,7 @@ def _in_package(spec: str) -> Path:
 
 
 def _shares(package: str) -> Iterator[Path]:
-    """Yield the share folders of a package; of this one its source tree first."""
+    """Yield the share folders of a package; for this package its source tree comes first."""
     source = Path(fret_monitor.__file__).resolve().parents[1]
     if package == _OWN and (source / 'package.xml').is_file():
         yield source

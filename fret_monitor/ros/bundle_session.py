@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-A bundle that is run on a node: subscriptions in, evaluator, violations out.
+One bundle on a node: from its subscriptions through the evaluator to published violations.
 
-Messages are read and stepped by C, taken by C too where the middleware lets it (`hot_path`), and
-by a thread of the feed otherwise. What violates is queued, and published by threads of their own.
-What a watch makes on the node, it takes away again.
+C decodes the messages and steps the evaluator. C also takes the messages where the middleware
+allows it (`hot_path`); otherwise the feed's thread does. Violations are queued, and published from
+the queue (`publisher_threads`). Closing a session removes from the node all that it created there.
 """
 
 from collections.abc import Sequence
@@ -50,43 +50,42 @@ from rclpy.node import Node
 from rclpy.timer import Timer
 from rclpy.utilities import get_rmw_implementation_identifier
 
-_PATIENCE = 5.0  # s until it is told what has not come at all
+_PATIENCE = 5.0  # s after the start until missing inputs are logged
 
 
 class BundleSession:
     """
-    Watches one bundle from each `start` to the next `stop`, on a node of somebody else.
+    Monitors one bundle on a given node, from each `start` to the next `stop`.
 
-    Between them and before it has its evaluator and its publishers, and nothing is stepped or
-    announced; `close` releases all. Its timers are served by the node's executor; messages need
-    none.
+    While it is stopped it keeps an evaluator and the publishers, but steps and publishes nothing.
+    `close` releases everything. The node's executor runs the timers; messages need no executor.
     """
 
     def __init__(self, node: Node, opened: Opened, *, hot_path: str = 'auto',
                  name: str = '', handler_depth: int = DEFAULT_HANDLER_DEPTH) -> None:
         """
-        Prepare to watch.
+        Prepare to monitor.
 
-        `hot_path` says whether C takes the messages (auto, on, off); `name` tells the bundle in
-        diagnostics from others on the same node.
+        `hot_path` decides whether C takes the messages (auto, on, off); `name` is the bundle's
+        name in diagnostics, empty if the node has only one bundle.
 
         Raises
         ------
         Refusal
-            if the bundle cannot be watched on this node. Nothing is left on the node.
+            if the bundle cannot be monitored on this node. Nothing is left on the node.
         """
         self.opened = opened
         self._node = node
         self._hot_path = hot_path
         self._name = name
-        self._clock: Any = node.get_clock()  # a ROSClock, annotated as less in Jazzy
+        self._clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
         self._advertised = ExitStack()
         self._running = ExitStack()
         self._feed: Feed | None = None
         self._handler_publisher: HandlerPublisher | None = None
         self._health: Health | None = None
         self._missing_timer: Timer | None = None
-        self._told: set[int | str] = set()  # inputs and topics of which something odd was told
+        self._told: set[int | str] = set()  # keys of log lines that appear only once
         refuse_inputs_off_ros(self.manifest)
         self._classes = _message_classes(self.manifest)
         self._watch = self._new_watch()
@@ -96,13 +95,13 @@ class BundleSession:
                 self._refuse_merged_topics()
                 self._read_overrides()
                 self._advertise(handler_depth)
-            except InvalidTopicNameException as error:  # the namespace or a remapping is wrong
+            except InvalidTopicNameException as error:  # from the namespace or a remapping
                 raise Refusal(f'cannot subscribe or advertise: {error}') from None
             undo.pop_all()
 
     @property
     def manifest(self) -> Manifest:
-        """What is known of the bundle."""
+        """The manifest of the bundle."""
         return self.opened.monitor.manifest
 
     def _new_watch(self) -> SharedEvaluator:
@@ -117,12 +116,12 @@ class BundleSession:
 
     def start(self) -> None:
         """
-        Start watching: from here on messages and periods step the evaluator.
+        Start monitoring: from now on messages and periods step the evaluator.
 
         Raises
         ------
         Refusal
-            if the node cannot subscribe. Nothing is begun then.
+            if the node cannot subscribe. Nothing is left running then.
         """
         with ExitStack() as undo:
             undo.callback(self.stop)
@@ -154,7 +153,7 @@ class BundleSession:
         self._keep(self._missing_timer)
 
     def _forget_timers(self) -> None:
-        """Break the cycles of references through callbacks, so that a release frees the bundle."""
+        """Break reference cycles through callbacks, so that a release frees the bundle."""
         self._health = self._missing_timer = None
 
     def _stale(self, index: int, received: int) -> None:
@@ -166,7 +165,7 @@ class BundleSession:
         self._publish_due()
 
     def _publish_due(self) -> None:
-        """Publish what is violated; the announcer does, where C takes the messages."""
+        """Publish queued violations; where C takes the messages, the announcer publishes them."""
         if self._handler_publisher is not None:
             self._handler_publisher.publish_due()
 
@@ -175,26 +174,26 @@ class BundleSession:
 
     def stop(self) -> None:
         """
-        Stop watching; the next start begins with nothing: no past, and no values.
+        Stop monitoring; the next start has a new evaluator, without past and without values.
 
-        What was sent meanwhile is not known then, and what was sent before is old.
+        The old values may be outdated by then, and the messages sent in between are missing.
         """
         self._running.close()
         self._watch = self._new_watch()
 
     def close(self) -> None:
-        """Stop watching, and take away from the node all that it was given; twice is once."""
+        """Stop monitoring, and remove everything from the node; a second call does nothing."""
         self._running.close()
         self._advertised.close()
 
     def reset(self) -> int:
-        """Start all step groups afresh between two steps; return how many there are."""
+        """Reset all step groups between two steps; return how many there are."""
         self._watch.reset()
         return len(self.manifest.groups)
 
-    # Where subscriptions, evaluator and publishers are connected. What begins first ends last: the
-    # threads that publish outlive the subscriptions. Each of them closes the evaluator before it
-    # waits, so that an interrupted `stop` leaves no thread waiting.
+    # Publishers and subscriptions are closed in reverse order of creation, so the threads that
+    # publish outlive the subscriptions. To end, each of these threads first has the evaluator
+    # closed, so that an interrupted `stop` leaves no thread waiting.
 
     def _connect(self) -> None:
         middleware = self._middleware()
@@ -232,11 +231,11 @@ class BundleSession:
                                self._node.resolve_topic_name(topic.name), dict(topic.qos)))
         feed.start()
         self._feed = feed
-        # Not before: the first line takes rclpy a tenth of a second.
+        # Logged after the start, since rclpy needs 0.1 s for its first log line.
         self._node.get_logger().info(f'messages are taken {self._way}', once=True)
 
     def _class_in_place(self, middleware: Middleware, topic: str, message_class: Any) -> Any:
-        """Return the class for reading in place; where there is none, the messages are copied."""
+        """Return the class for reading in place, or `message_class` if messages must be copied."""
         try:
             return middleware.class_in_place(message_class)
         except Unavailable as reason:
@@ -246,7 +245,7 @@ class BundleSession:
             return message_class
 
     def _middleware(self) -> Middleware | None:
-        """Return what the hot path calls, None where the feed is to take the messages."""
+        """Return the functions for the hot path; None if the feed has to take the messages."""
         self._way = f'in C, inside {get_rmw_implementation_identifier()}'
         if self._hot_path == 'off':
             self._fall_back('hot_path is off')
@@ -268,7 +267,7 @@ class BundleSession:
         self._way = f'in Python: {reason}'
 
     def _follow_clock(self, middleware: Middleware | None) -> None:
-        """Stamp violations by the node's clock where that is simulated."""
+        """Stamp violations with the node's clock while its time is simulated."""
         if middleware is None:
             return
         handle = self._clock.handle
@@ -305,7 +304,7 @@ class BundleSession:
         return self._feed.statuses() if self._feed is not None else ()
 
     def _report_health(self) -> None:
-        # In the executor, so that whoever spins the node is told.
+        # Raised in the executor, so that the error reaches the program that spins the node.
         if self._feed is not None and self._feed.failure is not None:
             raise self._feed.failure
         if self._health is not None:  # None: stopped meanwhile
@@ -325,7 +324,7 @@ class BundleSession:
                 '/diagnostics counts them')
 
     def _log_unusable_fields(self, topic: int, message: bytes) -> None:
-        """Tell which fields of a message cannot be used, of an input once."""
+        """Log the fields of a message that cannot be used, once for each input."""
         readings = read_fields(self.opened.monitor, topic, message)
         for index, reading in zip(self.manifest.topics[topic].inputs, readings or ()):
             if reading.outcome is not Outcome.READ:
@@ -367,7 +366,7 @@ class BundleSession:
                 DETAILS_TOPIC, *map(handler_topic, self.manifest.requirements))])
 
     def _refuse_merged_topics(self) -> None:
-        """Refuse remappings that lead two topics together: a message would be two steps."""
+        """Refuse remappings of two topics to one: each message would cause two steps."""
         names: dict[str, str] = {}
         for topic in self.manifest.topics:
             full = self._node.resolve_topic_name(topic.name)
@@ -385,7 +384,7 @@ def refuse_inputs_off_ros(manifest: Manifest) -> None:
     Raises
     ------
     Refusal
-        if there are such, with the lines to write for them.
+        if there are any; the message has the lines to add to the bundle.
     """
     read = {index for group in manifest.groups for index in group.inputs}
     lines = [line for index in sorted(read) for line in _lines_wanted(manifest.inputs[index])]

@@ -15,8 +15,8 @@
 """
 From a node's settings to a loaded monitor.
 
-Parser, code generator and compiler are needed for a bundle only, and imported only then: a
-compiled folder runs on robots that have none of them.
+Parser, code generator and compiler are imported only to compile a bundle: a compiled folder runs
+on robots that have none of them.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -40,9 +40,9 @@ class Opened:
     """
     A monitor ready to run.
 
-    `evaluator` is None where the evaluator is to be built, or found built. `period` is in
-    seconds, None but with the policy periodic. `origin` tells a person where it came from,
-    `warnings` what is odd about the bundle.
+    `evaluator` is the library of the evaluator; None: it is built, or taken from the cache.
+    `period` is in seconds, None unless the policy is periodic. `origin` describes for the log
+    where the monitor was loaded from; `warnings` are those about the bundle.
     """
 
     monitor: Monitor
@@ -60,7 +60,7 @@ def open_monitors(settings: Settings) -> list[Opened]:
     Raises
     ------
     Refusal
-        with all that is wrong with bundles, folders, the compiler, or the combination.
+        with all problems of the bundles, the folders, the compiler, or their combination.
     """
     opened = _all(lambda origin: _open(settings, origin), settings.origins)
     _refuse_shared_handlers(settings.origins, [item.monitor.manifest for item in opened])
@@ -68,14 +68,14 @@ def open_monitors(settings: Settings) -> list[Opened]:
 
 
 def open_manifests(settings: Settings) -> list[Manifest]:
-    """Return what is known of the bundles or compiled folders; raises `Refusal`."""
+    """Return the manifests of the bundles or compiled folders; raises `Refusal`."""
     manifests = _all(lambda origin: _manifest(settings, origin), settings.origins)
     _refuse_shared_handlers(settings.origins, manifests)
     return manifests
 
 
 def _all[T](open_one: Callable[[Origin], T], origins: Sequence[Origin]) -> list[T]:
-    """Open all, so that what is wrong with any of them is told together."""
+    """Open all origins, so that the problems of all of them are reported together."""
     opened, refused = [], []
     for origin in origins:
         try:
@@ -90,7 +90,7 @@ def _all[T](open_one: Callable[[Origin], T], origins: Sequence[Origin]) -> list[
 
 
 def _refuse_slips(origin: Origin) -> None:
-    """Refuse what is there, but goes with the other parameter, and what is not there."""
+    """Refuse a path that belongs to the other parameter, or that does not exist."""
     spec, library = origin.spec, origin.library
     if library is not None and os.path.isfile(library):
         raise Refusal(f"'{library}' is a file, and not the folder of a compiled bundle"
@@ -110,7 +110,7 @@ def _refuse_slips(origin: Origin) -> None:
 
 
 def _refuse_shared_handlers(origins: Sequence[Origin], manifests: Sequence[Manifest]) -> None:
-    """Refuse two requirements whose violations nobody could tell apart."""
+    """Refuse two requirements with the same handler topic."""
     first: dict[str, tuple[Origin, ManifestRequirement]] = {}
     problems = []
     for origin, manifest in zip(origins, manifests):
@@ -126,7 +126,7 @@ def _refuse_shared_handlers(origins: Sequence[Origin], manifests: Sequence[Manif
 
 
 def _place(origin: Origin, requirement: ManifestRequirement) -> str:
-    """Return where a requirement is written, as exactly as can be said."""
+    """Return file, line and column of a requirement, or only the origin if they are unknown."""
     if origin.spec is not None:
         from fret_monitor.bundle.reader import survey_bundle
         bundle = survey_bundle(origin.spec, Problems())
@@ -156,7 +156,7 @@ def _manifest(settings: Settings, origin: Origin) -> Manifest:
 
 @contextmanager
 def _told() -> Iterator[None]:
-    """Turn a user's mistake into a refusal to start."""
+    """Raise `Refusal` in place of errors that the user can correct."""
     try:
         yield
     except CompileError as error:
@@ -180,7 +180,7 @@ def _open_library(settings: Settings, origin: Origin, directory: Path) -> Opened
     folder = open_folder(directory)
     _refuse_other_bundle(origin.spec, directory, folder.manifest)
     policy = _policy_of(settings, folder.manifest)
-    private = folder.private()  # which the folder's next version does not disturb
+    private = folder.private()  # so that replacing the folder does no harm
     monitor = load(private.library, folder.manifest, origin=folder.library)
     return Opened(monitor, private.evaluator, policy, folder.manifest.period,
                   f'compiled before, in {directory}', ())
@@ -197,7 +197,7 @@ def _refuse_other_bundle(spec: Path | None, directory: Path, manifest: Manifest)
 
 
 def _policy_of(settings: Settings, manifest: Manifest) -> Policy:
-    """Return the policy to run a compiled folder with; durations are compiled into it."""
+    """Return the policy to run; refuse what contradicts the durations that are compiled in."""
     policy = settings.policy or manifest.policy
     if Policy.PERIODIC in (policy, manifest.policy) and policy is not manifest.policy:
         raise Refusal(

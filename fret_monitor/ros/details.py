@@ -15,8 +15,8 @@
 """
 The details of violations: `copilot/violations` (docs/ros.md, Topics).
 
-A detail says which requirement, at which step and time, on which values. It is built only while
-somebody listens, and published when it is made; the handler's message does not wait for it.
+A detail has the requirement, the step and time of the violation, and the values of its inputs. It
+is built only while the topic has a subscriber. The handler's message does not wait for it.
 """
 
 from dataclasses import dataclass
@@ -60,7 +60,7 @@ class Detail:
 
 
 def read_detail(status: DiagnosticStatus) -> Detail | None:
-    """Return what `Details` has published; None if the status has another form."""
+    """Parse a status that `Details` has published; return None if it has another form."""
     pairs = [(item.key, item.value) for item in status.values]
     if tuple(key for key, _ in pairs[:4]) != _OF_ALL:
         return None
@@ -72,10 +72,10 @@ def read_detail(status: DiagnosticStatus) -> Detail | None:
 
 
 class Details:
-    """Publishes details of violations while somebody listens."""
+    """Publishes details of violations."""
 
     def __init__(self, node: Node, manifest: Manifest, depth: int = DEFAULT_HANDLER_DEPTH) -> None:
-        """Advertise the topic; `depth` is that of its queue."""
+        """Advertise the topic, with a queue of `depth` messages."""
         self._node = node
         self._manifest = manifest
         self.listening = Event()
@@ -84,7 +84,7 @@ class Details:
             event_callbacks=PublisherEventCallbacks(matched=lambda _: self.listening.set()))
 
     def listeners(self) -> int:
-        """Return the number of listeners; `listening` is set whenever it changes."""
+        """Return the number of subscribers; `listening` is set whenever it changes."""
         return int(self._publisher.get_subscription_count())
 
     def publish(self, detail: ViolationDetail) -> None:
@@ -116,23 +116,23 @@ class Details:
 
 
 def _key(name: str) -> str:
-    """Return the key of an input: its name, with a prefix if that is a key already."""
+    """Return the key of an input: its name, with a prefix if that is one of `_OF_ALL`."""
     return f'input {name}' if name in _OF_ALL else name
 
 
 def _name(key: str) -> str:
-    """Return the input of a key."""
+    """Return the name of the input with a key; the inverse of `_key`."""
     name = key.removeprefix('input ')
     return name if name in _OF_ALL else key
 
 
 def as_time(nanoseconds: int) -> Time:
-    """Return a time stamp of ROS."""
+    """Convert nanoseconds to a ROS time stamp."""
     return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
 
 def show(item: ManifestInput, value: Value) -> str:
-    """Return a value as the bundle would write it, a named one by its name."""
+    """Return a value as written in a bundle; a named value by its name."""
     if value is None:
         return '(none yet)'
     for place, (name, number) in enumerate(item.values):

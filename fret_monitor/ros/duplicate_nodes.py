@@ -12,19 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A warning about another node of the same name: a call or remapping of one means both."""
+"""A warning about another node of the same name: calls and remappings then affect both."""
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-_CHECKS = 10  # one a second; the later of two nodes finds the other in this time
+_CHECKS = 10  # one per second; long enough to discover a node that was started earlier
 
 
 class DuplicateNodes:
-    """Looks for nodes of the same full name, and warns once."""
+    """Looks for another node of the same full name, and warns once."""
 
     def __init__(self, node: Node) -> None:
-        """Start; the node's executor does the checks."""
+        """Start; the node's executor runs the checks."""
         self._node = node
         self._left = _CHECKS
         self._timer = node.create_timer(

@@ -13,16 +13,16 @@
 # limitations under the License.
 
 """
-Messages of several topics in the order of their reception, taken by a thread.
+Take the messages of several topics in the order of their reception.
 
-rclpy's executor spends 70 us on a message and takes topic after topic, so that the order across
-topics is lost. Here one thread waits on all subscriptions, takes the serialized messages, and
-delivers them in the order of the middleware's reception times. The same thread watches the
-publishers, and replaces a subscription that does not match one of them.
+rclpy's executor needs 70 us for a message and takes the messages of one topic after another, which
+loses the order across topics. Here one thread waits on all subscriptions, takes the serialized
+messages, and delivers them in the order of the middleware's reception times. The same thread
+checks the publishers periodically, and replaces a subscription that does not match one of them.
 
-Where C takes the messages of a topic (`Receiver`), the thread only watches the publishers.
+Where C takes the messages (`Receiver`), the thread only checks the publishers.
 
-No executor knows the subscriptions. All of them belong to the feed's thread.
+The subscriptions are used by the feed's thread only, and not by an executor.
 """
 
 from collections import deque
@@ -54,62 +54,62 @@ thread.
 
 
 class Receiver(Protocol):
-    """What takes the messages of one subscription outside this thread."""
+    """Takes the messages of one subscription without the feed's thread."""
 
     def drain(self) -> None:
-        """Take what has come."""
+        """Take the messages in the queue."""
 
     def poll(self) -> None:
-        """Take what arrived without a notification; called now and then."""
+        """Take messages whose notification was lost; called periodically."""
 
     def retire(self) -> None:
-        """Another subscription is about to take the place of this one."""
+        """Mark the subscription as one that is being replaced."""
 
     def stop(self) -> None:
-        """End taking; nothing is delivered after it."""
+        """Stop taking; nothing is delivered afterwards."""
 
 
 class TopicReceiver(Protocol):
-    """What takes the messages of a topic outside this thread."""
+    """Takes the messages of a topic without the feed's thread."""
 
     def open(self, subscription: RclSubscription) -> Receiver:
-        """Begin to take from a subscription."""
+        """Start taking the messages of a subscription."""
 
     def begin_handover(self, *, has_history: bool) -> None:
-        """Expect messages of two subscriptions, and a history from the new one."""
+        """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
 
     def end_handover(self) -> None:
-        """There is one subscription again."""
+        """Expect no duplicates any more: the old subscription is closed."""
 
     @property
     def lost(self) -> int:
-        """Messages that were sent and never came, by any of its subscriptions."""
+        """Messages lost: sent, and not received by any subscription of the topic."""
 
 
-_WAIT_NS = 200_000_000  # an idle wait without an end can outlive a shutdown
-_REVIEW_PERIOD = 0.25  # s between two looks at who publishes
-_REVIEWED_AT_ONCE = 50  # topics, of 50 us each: 1 % of a processor, however many there are
-# How long an old subscription is kept beside a new one: until every publisher has found it.
-_OVERLAP = 2.0  # s for which a subscription is kept that is being replaced, at most
-_ASSURED = 0.5  # s behind which one that has matched all publishers hears them
-_GRACE = 1.0  # s after its end for which repetitions of what it brought are recognised
-_NAMED = 2.0  # s in which the node of a publisher becomes known, if it has one
+_WAIT_NS = 200_000_000  # a wait without a timeout could outlast a shutdown
+_REVIEW_PERIOD = 0.25  # s between two checks of the publishers
+_REVIEWED_AT_ONCE = 50  # topics per check, 50 us each: at most 1 % of a processor
+# In a handover the old subscription is kept until all publishers have discovered the new one.
+_OVERLAP = 2.0  # s until the old subscription is closed, at most
+_ASSURED = 0.5  # s until it is closed if the new one has matched all publishers
+_GRACE = 1.0  # s after it was closed, during which duplicates are still recognised
+_NAMED = 2.0  # s until a publisher is logged without the name of its node
 _UNNAMED = '_NODE_NAME_UNKNOWN_'
-_REMEMBERED = 4096  # messages of a topic that would be recognised if they came again
+_REMEMBERED = 4096  # messages of a topic in which duplicates are found
 
-# reception time, (source time, sequence number) that tell it from others, data, topic,
-# whether it came by a subscription that has been replaced
+# reception time, (source time, sequence number) as the message's identity, data, topic,
+# whether it was received by the old subscription of a handover
 _Taken = tuple[int, tuple[int, int], bytes, '_Topic', bool]
 
 
 @dataclass(frozen=True)
 class PublisherStatus:
     """
-    The publishers of a topic, as far as they are known.
+    The discovered publishers of a topic.
 
-    `publishers` counts those of the topic's type; `unheard` names those of them whose quality of
-    service does not match; `other_types` are the types of all others; `lost` counts messages that
-    were sent and never received.
+    `publishers` counts those of the topic's type; `unheard` names the nodes of those whose quality
+    of service does not match; `other_types` are the types of the other publishers; `lost` counts
+    lost messages.
     """
 
     publishers: int = 0
@@ -119,10 +119,10 @@ class PublisherStatus:
 
 
 class Feed:
-    """Hands messages of any number of topics to callbacks, one at a time, in its own thread."""
+    """Delivers the messages of any number of topics, one at a time, in a thread of its own."""
 
     def __init__(self, node: Node) -> None:
-        """Feed from a node's subscriptions; nothing is delivered before `start`."""
+        """Subscribe on a node; nothing is delivered before `start`."""
         self._node = node
         self._topics: list[_Topic] = []
         self._next_reviewed = 0
@@ -137,15 +137,15 @@ class Feed:
     def subscribe(self, name: str, message_type: str, message_class: Any,
                   deliver: Deliver | TopicReceiver, fixed: Mapping[str, str | int]) -> None:
         """
-        Subscribe to a topic, before `start`; all topics of a feed have taps, or none has.
+        Subscribe to a topic, before `start`.
 
-        `fixed` is the part of the quality of service that is not chosen by who publishes
-        (`qos.wanted_profile`).
+        `deliver` is a `TopicReceiver` for all topics of a feed, or for none. `fixed` is the part
+        of the quality of service that does not follow the publishers (`qos.wanted_profile`).
 
         Raises
         ------
         Refusal
-            if the middleware refuses, as it does a second type of a topic in one process.
+            if the middleware refuses: for example a second type of a topic in one process.
         """
         try:
             topic = _Topic(self._node, name, message_type, message_class, deliver, fixed)
@@ -169,9 +169,9 @@ class Feed:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop delivering, and destroy the subscriptions. Nothing is delivered after it."""
+        """Stop delivering, and destroy the subscriptions; nothing is delivered afterwards."""
         self._closing.set()
-        with ExitStack() as last:  # whatever interrupts it
+        with ExitStack() as last:  # all of them run, even if one is interrupted
             last.callback(self._guard.destroy_when_not_in_use)
             last.callback(self._topics.clear)
             for topic in self._topics:
@@ -186,11 +186,11 @@ class Feed:
 
     @property
     def failure(self) -> BaseException | None:
-        """What a callback raised, if one did; nothing is delivered after that."""
+        """The error that ended the thread, if any; nothing is delivered after it."""
         return self._kept.error
 
     def _run(self) -> None:
-        # An error that only ended the thread would leave a node that lives on and watches nothing.
+        # The error is kept for `failure`: otherwise the node would run on without monitoring.
         with self._kept:
             self._loop()
 
@@ -222,7 +222,7 @@ class Feed:
             len(self._sources), 1, 0, 0, 0, 0, self._node.context.handle)
 
     def _wait(self, nanoseconds: int) -> None:
-        # rcl clears what is not ready, so that all have to be added again
+        # rcl removes from the set what is not ready, so everything is added again.
         self._wait_set.clear_entities()
         for handle, _, _ in self._sources:
             self._wait_set.add_subscription(handle)
@@ -231,14 +231,14 @@ class Feed:
 
     def _take(self) -> Iterable[_Taken]:
         """
-        Take what has come in, oldest first.
+        Take the received messages, oldest first.
 
-        While one topic is emptied, an earlier message than the last one taken from it may come
-        in on another: what came after the beginning waits for the next round, but no longer, in
-        case the clock was set back.
+        A message received after this call began is held until the next call: a topic that was
+        emptied before it may have an older one by then. It is held only once, since the clock may
+        have been set back.
         """
         now = time_ns()
-        # One of each subscription at most, so that sorting leaves the order of a topic alone
+        # At most one message per subscription is held, so sorting keeps the order of a topic.
         rounds = [sorted(self._held, key=itemgetter(0))]
         self._held = []
         for handle, topic, is_retired in self._sources:
@@ -262,7 +262,7 @@ class Feed:
 
 
 class _Keeper(AbstractContextManager[None]):
-    """Keeps an exception that is raised inside, and ends it there."""
+    """Catches and keeps an exception that is raised inside the block."""
 
     def __init__(self) -> None:
         self.error: BaseException | None = None
@@ -291,7 +291,7 @@ class _Topic:
         self.status = PublisherStatus()
         self._told: set[object] = set()
         self._known: set[bytes] = set()
-        self._unnamed: dict[bytes, float] = {}  # publishers, and since when they are there
+        self._unnamed: dict[bytes, float] = {}  # publishers without a known node, and since when
         self._recent: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED)
         self._seen: set[tuple[int, int]] | None = None
         self._has_history = False
@@ -307,23 +307,23 @@ class _Topic:
         self._throttle = Throttle()
 
     def open(self) -> None:
-        """Let the receiver begin, if there is one."""
+        """Start the receiver, if there is one."""
         if self.receiver is not None:
             self._current_receiver = self.receiver.open(self._current)
 
     def handles(self) -> list[tuple[Any, bool]]:
-        """Return what to wait on and take from, and whether it is retired; those first."""
+        """Return the subscriptions' handles, and whether each is retired; retired ones first."""
         return [*((item.handle, True) for item, _, _ in self._retired),
                 (self._current.handle, False)]
 
     def deliver(self, taken: _Taken) -> None:
-        """Hand a message on, unless it has come already by the other subscription."""
+        """Deliver a message, unless it is a duplicate or history."""
         stamp, key, data, _, is_retired = taken
-        if not is_retired:  # what the new one brings is not lost
+        if not is_retired:  # the new one may still receive what the old one lost
             self._gaps.note(key[1])
         if self._seen is not None:
-            # What only the new one brings and is older than what was heard, is history; of several
-            # publishers, whose messages are not told apart here, it may be one's only message.
+            # Drop history older than the newest message; only safe with one publisher: rclpy does
+            # not say who sent a message, and the history may be all that another one sent.
             is_history = self._has_history and not is_retired and len(self._known) == 1 \
                 and key[0] < self._newest
             if key in self._seen or is_history:
@@ -349,7 +349,7 @@ class _Topic:
                 receiver.drain()
 
     def review(self) -> None:
-        """Read the publishers, log those that do not match, replace the subscription if due."""
+        """Check the publishers, log mismatches, and replace the subscription if due."""
         self._let_go()
         if self._current_receiver is not None:
             self._current_receiver.poll()
@@ -379,9 +379,9 @@ class _Topic:
 
     def _named(self, publishers: list[TopicEndpointInfo]) -> set[bytes]:
         """
-        Return the publishers that can be told of by name, or have none.
+        Return the publishers that can be logged: those with a known node, or none for `_NAMED` s.
 
-        The middleware tells of a publisher first, and of its node a moment later.
+        The middleware discovers a publisher first, and its node a moment later.
         """
         now = monotonic()
         self._unnamed = {
@@ -394,8 +394,8 @@ class _Topic:
         before = self._current
         unheard = [item for item in publishers
                    if not qos.hears(before.qos_profile, item.qos_profile)]
-        # The new one may be sent what the old one was sent too; and a publisher's history, which
-        # must not come after what it has said since.
+        # The new subscription may receive duplicates of what the old one received, and history,
+        # which must not be delivered after newer messages.
         self._seen = set(self._recent)
         self._newest = max((source for source, _ in self._recent), default=0)
         self._has_history = wanted.durability is DurabilityPolicy.TRANSIENT_LOCAL
@@ -426,7 +426,7 @@ class _Topic:
                 self._overlaps_until = now + _GRACE
         if self._retired or self._overlaps_until is None:
             return
-        # What the old one brought may still wait in the new one.
+        # Wait a moment longer: the queue of the new subscription may still hold duplicates.
         if now >= self._overlaps_until:
             self._overlaps_until = None
             self._seen = None
@@ -440,8 +440,9 @@ class _Topic:
         """
         Return how many messages were lost.
 
-        Where C takes them it counts. Here the middleware counts too, but what was before a history
-        as well; two that count may have counted the same ones.
+        Where C takes the messages, C counts. Otherwise this is the larger of two counts that may
+        include the same messages: sequence gaps, and the middleware's count. For transient local
+        the latter is not used, since it includes messages older than the history received.
         """
         if self.receiver is not None:
             return self.receiver.lost
@@ -474,7 +475,7 @@ class _Topic:
                 f'{self._remedy(publisher)}')
 
     def _remedy(self, publisher: TopicEndpointInfo) -> str:
-        """Return what to do about what is fixed and keeps a publisher from being heard."""
+        """Return the advice for fixed policies that keep a publisher from matching."""
         names = [f'`{name}`' for name in qos.misfits(
             self._current.qos_profile, publisher.qos_profile) if name in self._fixed]
         return f': leave {" and ".join(names)} out there' if names else ''
@@ -492,4 +493,4 @@ def _who(publisher: TopicEndpointInfo) -> str:
 
 
 def _unused_delivery(data: bytes, received: int, sent: int) -> None:
-    """Never called: the topic has a receiver."""
+    """Do nothing; never called, since the topic has a receiver."""

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Message types as rclpy knows them, and why a field of a message cannot be used.
+Message classes of rclpy, and the reason why a field of a message cannot be used.
 
-Fields are read in C (`csrc/fret_fields.h`); here is what is told of them.
+C reads the fields (`csrc/fret_fields.h`). Only the text for a log line is made here.
 """
 
 from importlib import import_module
@@ -29,7 +29,7 @@ from rclpy.serialization import deserialize_message
 UNDECODABLE = (AssertionError, RuntimeError, SystemError, ValueError)
 """What rclpy raises of bytes that are no message."""
 
-_SHOWN = 60  # characters of a string that is none of the values
+_SHOWN = 60  # characters of a value in a log line
 
 
 class MessageTypeError(Exception):
@@ -43,7 +43,7 @@ def message_class(message_type: str) -> Any:
     Raises
     ------
     MessageTypeError
-        if there is none.
+        if it is not installed.
     """
     package, folder, name = message_type.split('/')
     try:
@@ -56,7 +56,7 @@ def message_class(message_type: str) -> Any:
 
 
 def _class_of(module: ModuleType, name: str) -> Any:
-    """Return a class of a module; `X_FeedbackMessage` of an action lies inside that of X."""
+    """Return a class of a module; `X_FeedbackMessage` lies inside the class of the action X."""
     action, _, part = name.rpartition('_')
     if part == 'FeedbackMessage' and hasattr(module, action):
         return getattr(module, action).Impl.FeedbackMessage
@@ -64,7 +64,7 @@ def _class_of(module: ModuleType, name: str) -> Any:
 
 
 def why_unusable(item: ManifestInput, message: bytes, kind: Any) -> str:
-    """Return why the field of an input cannot be used in a serialized message, for a person."""
+    """Return why the field of an input cannot be used in a serialized message, for the log."""
     field = _path_text(item.path)
     try:
         value = deserialize_message(message, kind)

@@ -24,15 +24,15 @@ from std_msgs.msg import Empty
 
 
 def handler_topic(requirement: ManifestRequirement) -> str:
-    """Return the topic of a requirement, relative to the namespace of who uses it."""
+    """Return the topic of a requirement, relative to the namespace of the node."""
     return f'copilot/{requirement.handler}'
 
 
 class Handlers:
-    """Announces violations; `publishers` are by requirement."""
+    """Publishes violations; `publishers` has one publisher for each requirement, in order."""
 
     def __init__(self, node: Node, manifest: Manifest, depth: int = DEFAULT_HANDLER_DEPTH) -> None:
-        """Advertise the handlers of all requirements; `depth` is that of each queue."""
+        """Advertise the topics of all requirements, each with a queue of `depth` messages."""
         profile = violation_profile(depth)
         self._node = node
         self._message = serialize_message(Empty())

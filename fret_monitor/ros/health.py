@@ -15,9 +15,10 @@
 """
 The state of the monitor on `/diagnostics`, once a second (docs/ros.md, Topics).
 
-A status for each requirement and each topic, one for the periods if there are any, and one for
-violations that could not be published, named `NODE: ITEM`, as aggregators expect. A
-sentence for the log says what keeps requirements from being evaluated.
+There is a status for each requirement and each topic, one for the periods with the policy
+periodic, and one for violations that could not be published. Each is named `NODE: ITEM`, as
+diagnostic aggregators expect. `describe_missing` makes the log line about requirements that are
+not evaluated yet.
 """
 
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -34,19 +35,19 @@ from fret_monitor.runtime import SharedEvaluator
 
 from rclpy.node import Node
 
-PERIOD = 1.0  # s
+PERIOD = 1.0  # s between two reports
 
 
 class Health:
-    """Publishes diagnostics while somebody listens."""
+    """Publishes diagnostics while `/diagnostics` has a subscriber."""
 
     def __init__(self, node: Node, evaluator: SharedEvaluator,
                  timeouts: TimeoutTracker | None = None, schedule: Schedule | None = None,
                  bundle: str = '') -> None:
         """
-        Advertise the topic; whoever made this calls `publish` each `PERIOD`.
+        Advertise the topic; the caller then calls `publish` once per `PERIOD`.
 
-        `bundle` names the bundle where several share a node.
+        `bundle` is the name of the bundle, empty if the node has only one.
         """
         self._node = node
         self._evaluator = evaluator
@@ -64,7 +65,7 @@ class Health:
         self._time = monotonic()
 
     def publish(self, statuses: Sequence[PublisherStatus]) -> None:
-        """Publish the present state; `statuses` are those of the publishers, by topic."""
+        """Publish the present state; `statuses` are the publishers of each topic, in order."""
         rates, unusable = list(self._rates()), self._newly_unusable()
         lost, periods = list(self._newly_lost(statuses)), list(self._of_periods())
         unpublished = list(self._of_unpublished())
@@ -88,7 +89,7 @@ class Health:
         self._node.destroy_publisher(self._publisher)
 
     def _rates(self) -> Iterator[float]:
-        """Yield messages a second since the last time, of real time, for each topic."""
+        """Yield for each topic its messages per second of real time since the last report."""
         since, self._time = self._time, monotonic()
         for index in range(len(self._manifest.topics)):
             received = self._evaluator.topic_counts(index).messages
@@ -96,14 +97,14 @@ class Health:
             self._received[index] = received
 
     def _newly_unusable(self) -> set[int]:
-        """Return the inputs whose fields could not be used since the last time."""
+        """Return the inputs that had an unusable field since the last report."""
         before = self._unusable
         self._unusable = [self._evaluator.input_counts(index).unusable
                           for index in range(len(before))]
         return {index for index, count in enumerate(self._unusable) if count > before[index]}
 
     def _newly_lost(self, statuses: Sequence[PublisherStatus]) -> Iterator[int]:
-        """Yield how many messages of each topic were lost since the last time."""
+        """Yield for each topic how many messages were lost since the last report."""
         for index, status in enumerate(statuses):
             yield status.lost - self._lost[index]
             self._lost[index] = status.lost
@@ -123,7 +124,7 @@ class Health:
             'missed': schedule.missed, 'restarts': schedule.restarts})
 
     def _of_unpublished(self) -> Iterator[DiagnosticStatus]:
-        """Yield a status once violations could not be published; there is none where all could."""
+        """Yield a status if violations could not be published; none if all were published."""
         before, self._unpublished = self._unpublished, self._evaluator.unpublished
         if not self._unpublished:
             return
@@ -208,7 +209,7 @@ class Health:
 
 
 def _troubles(topic: ManifestTopic, status: PublisherStatus) -> Iterator[tuple[bytes, str]]:
-    """Yield what is wrong with who publishes, each with its level."""
+    """Yield the problems with the publishers of a topic, each with its level."""
     if status.other_types:
         yield DiagnosticStatus.ERROR, (
             f'a publisher of {", ".join(status.other_types)}, and not {topic.message_type}')
@@ -219,9 +220,9 @@ def _troubles(topic: ManifestTopic, status: PublisherStatus) -> Iterator[tuple[b
 def describe_missing(evaluator: SharedEvaluator, statuses: Sequence[PublisherStatus],
                      full_name: Callable[[str], str]) -> str | None:
     """
-    Return which requirements wait for which topics; None if none does.
+    Return which requirements wait for which topics; None if no requirement waits.
 
-    `full_name` makes that of a topic of the one in the bundle.
+    `full_name` resolves the name of a topic in the bundle.
     """
     manifest = evaluator.monitor.manifest
     waits = [_awaited(evaluator, index) for index in range(len(manifest.requirements))]
@@ -242,9 +243,10 @@ def describe_missing(evaluator: SharedEvaluator, statuses: Sequence[PublisherSta
 
 def _awaited(evaluator: SharedEvaluator, index: int) -> set[int]:
     """
-    Return the inputs without which a requirement has not been evaluated at all.
+    Return the inputs for which a requirement waits before its first evaluation.
 
-    One that has a value from the start is among them if nothing else made a step either.
+    These are the inputs without a value. If all have an initial value and there was no step yet,
+    they are the inputs of which no message was received.
     """
     inputs = evaluator.monitor.manifest.requirements[index].inputs
     missing = {place for place in inputs if evaluator.value(place) is None}

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The hot path: messages that cost no Python.
+The hot path: messages are taken and evaluated without Python.
 
-rclpy makes the subscriptions and publishers. C in `csrc/ros` takes the messages from their
-handles, in the middleware's own threads, and publishes violations in a thread of its own. What C
-calls of the middleware is found here, by name, in the libraries that rclpy has loaded.
+rclpy creates the subscriptions and publishers. The C in `csrc/ros` takes the messages from their
+handles in the middleware's threads, and publishes violations in a thread of its own. This module
+looks up the functions of the middleware that C calls, in the libraries that rclpy has loaded.
 """
 
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ class Middleware:
     """The functions of the middleware, as C calls them."""
 
     def __init__(self) -> None:
-        """Find them; raises `Unavailable` if one of them is not there."""
+        """Look up the functions; raises `Unavailable` if one is missing."""
         rmw = loaded_library(
             'librmw_implementation.so', f'lib{get_rmw_implementation_identifier()}.so')
         rcl, rcutils = loaded_library('librcl.so'), loaded_library('librcutils.so')
@@ -64,49 +64,49 @@ class Middleware:
 
     def read_in_place(self, library: Any) -> None:
         """
-        Read messages where the middleware has them, instead of copying them first.
+        Read messages in the middleware's buffers, instead of copying them first.
 
         `library` holds the functions of csrc.
 
         Raises
         ------
         Unavailable
-            if the middleware is none of the versions that this is known to work with.
+            if this was not tested with the loaded version of the middleware.
         """
         self._in_place = InPlaceTypes(library, self.functions)
 
     @property
     def reads_in_place(self) -> bool:
-        """Whether `read_in_place` was called with success."""
+        """Whether `read_in_place` succeeded."""
         return self._in_place is not None
 
     def class_in_place(self, message_class: Any) -> Any:
-        """Return a class to subscribe with whose messages are read in place, or `Unavailable`."""
+        """Return a class to subscribe with, for reading in place; raises `Unavailable`."""
         if self._in_place is None:
             raise Unavailable('nothing is read in place')
         return self._in_place.subscription_class(message_class)
 
     def is_in_place(self, subscription: RclSubscription) -> bool:
-        """Whether the class of a subscription is one that is read in place."""
+        """Whether the messages of a subscription are read in place."""
         return self._in_place is not None and self._in_place.is_in_place(subscription.msg_type)
 
     def subscription(self, item: RclSubscription) -> Any:
-        """Return the middleware's object of a subscription, whose handle is held."""
+        """Return the rmw handle of a subscription; the caller holds its rclpy handle."""
         return _not_null(self._of_subscription(ffi.cast('void *', item.handle.pointer)))
 
     def publisher(self, item: Publisher) -> Any:
-        """Return the middleware's object of a publisher, whose handle is held."""
+        """Return the rmw handle of a publisher; the caller holds its rclpy handle."""
         return _not_null(self._of_publisher(ffi.cast('void *', item.handle.pointer)))
 
 
 def find_middleware(*, even_unproven: bool = False) -> Middleware:
     """
-    Return what the hot path calls.
+    Return the functions that the hot path calls.
 
     Raises
     ------
     Unavailable
-        if the middleware is none of `PROVEN` (unless `even_unproven`), or lacks a function.
+        if the middleware is not in `PROVEN` (unless `even_unproven`), or lacks a function.
     """
     name = get_rmw_implementation_identifier()
     if name not in PROVEN and not even_unproven:
@@ -115,22 +115,22 @@ def find_middleware(*, even_unproven: bool = False) -> Middleware:
 
 
 class HotReceiver:
-    """One subscription whose messages C delivers to an evaluator."""
+    """Delivers the messages of one subscription to an evaluator, in C."""
 
     def __init__(self, evaluator: SharedEvaluator, middleware: Middleware,
                  subscription: RclSubscription, topic: int) -> None:
         """
-        Start delivering; what the subscription holds already comes first.
+        Start delivering; messages that are in the queue already are delivered first.
 
         Raises
         ------
         Unavailable
-            if the middleware has no such callback.
+            if the middleware has no callback for new messages.
         """
         self._library = evaluator.library
         self._evaluator = evaluator
         self._middleware = middleware
-        self._lock = Lock()  # the feed's thread drains, others stop
+        self._lock = Lock()  # the feed's thread drains, another thread may stop
         self._pointer: Any = ffi.NULL
         self._held = ExitStack()
         with ExitStack() as undo:
@@ -145,19 +145,19 @@ class HotReceiver:
             self._held = undo.pop_all()
 
     def drain(self) -> None:
-        """Take what is there."""
+        """Take the messages in the queue."""
         with self._lock:
             if self._pointer != ffi.NULL:
                 self._library.fm_receiver_drain(self._pointer)
 
     def poll(self) -> None:
-        """Take what is left over, or arrived without a notification."""
+        """Take messages that exceeded a limit before, or whose notification was lost."""
         with self._lock:
             if self._pointer != ffi.NULL:
                 self._library.fm_receiver_poll(self._pointer)
 
     def retire(self) -> None:
-        """Expect another subscription to replace this one."""
+        """Mark the subscription as one that is being replaced."""
         with self._lock:
             if self._pointer != ffi.NULL:
                 self._library.fm_receiver_retire(self._pointer)
@@ -167,51 +167,51 @@ class HotReceiver:
         with self._lock:
             pointer, self._pointer = self._pointer, ffi.NULL
             if pointer != ffi.NULL and not self._library.fm_receiver_stop(pointer):
-                # C may still be called: all of it stays for as long as the process.
+                # The callback may still run: keep its objects until the process ends.
                 self._leaked, self._held = self._held, ExitStack()
                 return
         native_lifetimes.release(self)
 
     def stop(self) -> None:
-        """Stop delivering; the subscription may be destroyed then."""
+        """Stop delivering; afterwards the subscription may be destroyed."""
         self.end()
         self._held.close()
 
 
 class HotTopic:
-    """A topic whose messages C delivers to an evaluator, from whichever subscription."""
+    """Delivers the messages of a topic to an evaluator in C, across handovers."""
 
     def __init__(self, evaluator: SharedEvaluator, middleware: Middleware, topic: int) -> None:
-        """Deliver as messages of a topic, by its index in the manifest."""
+        """Deliver to an evaluator; `topic` is the index in its manifest."""
         self._evaluator = evaluator
         self._middleware = middleware
         self._topic = topic
 
     def open(self, subscription: RclSubscription) -> HotReceiver:
-        """Begin to take from a subscription; raises `Unavailable`."""
+        """Start taking the messages of a subscription; raises `Unavailable`."""
         return HotReceiver(self._evaluator, self._middleware, subscription, self._topic)
 
     def begin_handover(self, *, has_history: bool) -> None:
-        """Recognise messages that two subscriptions receive, and history."""
+        """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
         self._evaluator.begin_handover(self._topic, has_history=has_history)
 
     def end_handover(self) -> None:
-        """There is one subscription again."""
+        """Expect no duplicates any more: the old subscription is closed."""
         self._evaluator.end_handover(self._topic)
 
     @property
     def lost(self) -> int:
-        """Messages that were sent and never received."""
+        """Messages lost: sent, and not received by any subscription of the topic."""
         return self._evaluator.lost(self._topic)
 
 
 class Announcer:
-    """The thread in C that publishes the violations of an evaluator."""
+    """Publishes the violations of an evaluator, in a thread of C."""
 
     def __init__(self, evaluator: SharedEvaluator, middleware: Middleware,
                  publishers: Sequence[Publisher]) -> None:
         """
-        Start it; `publishers` of std_msgs/msg/Empty, by requirement.
+        Start the thread; `publishers` of std_msgs/msg/Empty, one for each requirement.
 
         Raises
         ------
@@ -236,7 +236,7 @@ class Announcer:
             self._held = undo.pop_all()
 
     def end(self) -> None:
-        """Close the evaluator and wait until all is published; a second call does nothing."""
+        """Close the evaluator and publish what is queued; a second call does nothing."""
         self._evaluator.close()
         pointer, self._pointer = self._pointer, ffi.NULL
         if pointer != ffi.NULL:
@@ -244,7 +244,7 @@ class Announcer:
         native_lifetimes.release(self)
 
     def join(self) -> None:
-        """Close the evaluator and wait until all is published; the publishers may go then."""
+        """Do as `end`; afterwards the publishers may be destroyed."""
         self.end()
         self._held.close()
 
