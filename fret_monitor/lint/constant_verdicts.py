@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Warnings about requirements whose verdict depends on no message."""
+"""Warnings about requirements whose verdict does not depend on any input."""
 
 from collections.abc import Iterator
 
@@ -23,7 +23,7 @@ from fret_monitor.program.monitor_program import MonitorProgram, TRUE
 
 def constant_verdicts(specification: Specification,
                       program: MonitorProgram) -> Iterator[Diagnostic]:
-    """Yield a warning for each requirement that is true, or false, whatever comes."""
+    """Yield a warning for each requirement whose verdict is constant."""
     for group in program.groups:
         for index, verdict in zip(group.properties, group.verdicts):
             item = specification.properties[index]

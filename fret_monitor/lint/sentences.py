@@ -14,10 +14,10 @@
 
 
 """
-Warnings about FRETish sentences that mean what they say, and maybe not what was meant.
+Warnings about FRETish sentences that are valid, but may not mean what the user intends.
 
-A time that counts messages, plain counts beside times, and a requirement that is announced at
-every step until it is fulfilled.
+The cases: a duration in units of time that counts messages, a duration in units of time beside
+numbers of steps, and a requirement that reports a violation at every step until it is satisfied.
 """
 
 from collections.abc import Iterator
@@ -59,7 +59,7 @@ def _advise(sentence: Sentence, report: Report,
 
 
 def advise_alone(sentence: Sentence) -> Iterator[Diagnostic]:
-    """Yield the warnings about a sentence that no bundle says the period for."""
+    """Yield the warnings about a sentence without a bundle, and so without a period."""
     yield from sentence.remarks
     duration = sentence.timing.duration if sentence.timing else None
     if duration is not None and duration.unit in SECONDS:
@@ -97,7 +97,7 @@ def _demand(sentence: Sentence) -> Span:
 
 
 def _counts(sentence: Sentence) -> Iterator[Span]:
-    """Yield the places of the numbers of steps in `persisted(10, p)` and its like."""
+    """Yield the places of the numbers of steps in `persisted(10, p)` and similar calls."""
     for root in sentence.expressions:
         for node in postorder(root):
             if isinstance(node, Call) and node.function in COUNTING and node.arguments:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Warnings about inputs that no requirement reads, and that make steps all the same.
+Warnings about topics whose messages cause steps although no requirement reads them.
 
-With the policy `every_message` a message on any mapped topic is a step of every requirement. A
-topic that feeds nothing that is read changes what the bounds mean, and nobody might notice.
+With the policy `every_message`, a message on any mapped topic is a step of every requirement. So
+a topic whose inputs are not used still affects the meaning of bounds, which count steps.
 """
 
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ from fret_monitor.model.policies import Policy
 
 
 def unread_topics(bundle: Bundle, specification: Specification) -> Iterator[Diagnostic]:
-    """Yield a warning for each topic that makes steps, and of which no requirement reads."""
+    """Yield a warning for each topic that causes steps and feeds no requirement."""
     if specification.policy is not Policy.EVERY_MESSAGE:
         return
     read = {name for item in specification.properties for name in item.inputs}

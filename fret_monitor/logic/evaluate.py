@@ -13,13 +13,12 @@
 # limitations under the License.
 
 """
-The reference semantics: what a formula means over a whole trace, as docs/language.md says it.
+The reference semantics: the value of a formula at every step of a trace (docs/language.md).
 
-`evaluate` takes a formula and a trace and returns the formula's value at every step. It is written
-from the table, with quantifiers over steps, and is meant to be read, not to be fast: an operator
-looks at the whole past anew at each step. Compiled monitors are tested against it; so it shares
-nothing with `program` and `codegen`. Numbers are those of C99, bit for bit: wrapped integers, and
-floats rounded to their type after each operation.
+It follows the table of operators there literally, with quantifiers over steps: each operator
+examines the whole past at each step, which is easy to check and slow. Compiled monitors are
+tested against it, so it shares no code with `program` and `codegen`. Numbers are those of C99,
+bit for bit: integers wrap, and floats are rounded to their type after each operation.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -46,15 +45,15 @@ _Compute: TypeAlias = Callable[..., Value]
 
 
 class TraceError(ValueError):
-    """A trace that does not fit the formula: a column is missing, short, or of another type."""
+    """A column of the trace is missing, has another length, or has a value of a wrong type."""
 
 
 def evaluate(formula: Formula, trace: Trace, feedback: Equations = ()) -> list[Value]:
     """
     Return the value of a formula at every step of a trace.
 
-    `trace` holds a column of values for each input, all of one length, the number of steps.
-    `feedback` gives, for each `Feedback` node reached, the equation that it delays.
+    `trace` maps each input to its values, one for each step. `feedback` has the equation of each
+    `Feedback` node in the formula.
 
     Raises
     ------
@@ -65,13 +64,13 @@ def evaluate(formula: Formula, trace: Trace, feedback: Equations = ()) -> list[V
 
 
 def verdicts(formula: Formula, trace: Trace, feedback: Equations = ()) -> list[bool]:
-    """Return the truth of a BOOL formula at every step; otherwise as `evaluate`."""
+    """Return the verdicts of a BOOL formula at every step; otherwise as `evaluate`."""
     return [value is True for value in evaluate(formula, trace, feedback)]
 
 
 def evaluate_all(formulas: Sequence[Formula], trace: Trace,
                  feedback: Equations = ()) -> list[list[Value]]:
-    """Evaluate several formulas over one trace, subterms once; otherwise as `evaluate`."""
+    """Evaluate several formulas over one trace, common subterms once; otherwise as `evaluate`."""
     steps = _steps(trace)
     nodes = postorder([*formulas, *(equation for _, equation in feedback)])
     columns: _Columns = {node: [] for node in nodes}
@@ -126,7 +125,7 @@ def _rule(node: Formula, columns: _Columns, trace: Trace,
             assert_never(node)
 
 
-# Past-time operators: the table of docs/language.md, line by line.
+# Past-time operators, in the order of the table in docs/language.md.
 
 def _yesterday(p: list[Value], at_start: bool) -> _Rule:
     return lambda t: p[t - 1] if t > 0 else at_start
@@ -157,7 +156,7 @@ def _triggered(window: Window, p: list[Value], q: list[Value]) -> _Rule:
 
 
 def _holds_since(past: range, t: int, p: Callable[[int], bool], q: Callable[[int], bool]) -> bool:
-    """Tell whether q holds at some k of `past`, and p at every step k+1..t."""
+    """Return whether q holds at some k of `past`, and p at every step k+1..t."""
     for k in range(t, past.start - 1, -1):
         if k in past and q(k):
             return True
@@ -166,7 +165,7 @@ def _holds_since(past: range, t: int, p: Callable[[int], bool], q: Callable[[int
     return False
 
 
-# Values of the step before.
+# Values of the previous step.
 
 def _previous(initial: list[Value], argument: list[Value]) -> _Rule:
     return lambda t: argument[t - 1] if t > 0 else initial[0]
@@ -177,7 +176,7 @@ def _feedback(kind: ValueType, equation: list[Value]) -> _Rule:
     return lambda t: equation[t - 1] if t > 0 else at_start
 
 
-# Values of this step.
+# Values of the current step.
 
 def _constant(node: Constant) -> _Rule:
     value = _checked(node.value, node.type, 'a constant')
@@ -203,8 +202,8 @@ def _checked(value: Value, kind: ValueType, name: str) -> Value:
 
 
 def _conversion(kind: ValueType, argument: list[Value]) -> _Rule:
-    # Every conversion there is keeps the number where the type has it, wraps integers modulo
-    # 2^64, and rounds an integer to the nearest float64 (Python's float() does, ties to even).
+    # A conversion keeps a number that the type can represent. Otherwise integers wrap modulo 2^64,
+    # and float64 takes the nearest value (Python's float() rounds ties to even).
     fit = _FIT[kind]
     return lambda t: fit(argument[t])
 
@@ -237,8 +236,8 @@ def _operation(node: Binary) -> _Compute:
     if node.operator.is_boolean:
         return _CONNECTIVES[node.operator]
     if node.operator.is_relation:
-        # Python compares as C does once the types agree, and integers by value: INT64 with
-        # UINT64. A comparison with NaN is false, but for !=.
+        # Python compares floats of one type as C does (with NaN only != is true), and integers
+        # by value, as INT64 with UINT64 requires.
         return _RELATIONS[node.operator]
     if node.operator is BinaryOperator.POW:
         return _power(node)
@@ -265,10 +264,10 @@ _RELATIONS: dict[BinaryOperator, _Compute] = {
 }
 
 
-# Numbers. An operation is computed in Python's exact integers, or in float64, and the result is
-# fitted to the type: wrapped, or rounded to float32. Rounding twice is exact for + - * / of
-# float32: float64 has 53 >= 2 * 24 + 2 bits (Figueroa, 'When is double rounding innocuous?',
-# SIGNUM Newsletter 30(3), 1995); fmod, min, max, abs and negation do not round at all.
+# Numbers. An operation is computed with Python's exact integers or in float64, and the result is
+# wrapped, or rounded to float32. For + - * / of float32 this double rounding gives the correctly
+# rounded result, because float64 has 53 >= 2 * 24 + 2 bits (Figueroa, 'When is double rounding
+# innocuous?', SIGNUM Newsletter 30(3), 1995). fmod, min, max, abs and negation are exact.
 
 def _int64(value: Value) -> Value:
     return (int(value) + 2 ** 63) % 2 ** 64 - 2 ** 63
@@ -287,7 +286,7 @@ _FIT: dict[ValueType, Callable[[Value], Value]] = {
 
 
 def _integer_quotient(a: int, b: int) -> int:
-    """Divide toward zero; x / 0 is 0."""
+    """Divide, truncating toward zero; x / 0 is 0."""
     if b == 0:
         return 0
     magnitude = abs(a) // abs(b)
@@ -295,12 +294,12 @@ def _integer_quotient(a: int, b: int) -> int:
 
 
 def _integer_remainder(a: int, b: int) -> int:
-    """Give the rest of that division, with the sign of a; x mod 0 is 0."""
+    """Return the remainder of that division, with the sign of a; x mod 0 is 0."""
     return a - b * _integer_quotient(a, b) if b != 0 else 0
 
 
 def _float_quotient(a: float, b: float) -> float:
-    """Divide as IEEE 754 does; Python refuses to divide by zero."""
+    """Divide as IEEE 754 does; Python raises an exception for a zero divisor."""
     if b != 0:
         return a / b
     if a == 0 or math.isnan(a):
@@ -309,14 +308,14 @@ def _float_quotient(a: float, b: float) -> float:
 
 
 def _float_remainder(a: float, b: float) -> float:
-    """Give C's fmod; Python's refuses an infinite a and a zero b, where C gives NaN."""
+    """Return C's fmod: NaN for an infinite a or a zero b, where Python raises an exception."""
     if b == 0 or math.isinf(a):
         return math.nan
     return math.fmod(a, b)
 
 
 def _least(a: Value, b: Value) -> Value:
-    # Python's min gives another one of them where one is NaN; so does max.
+    # With a NaN the result is b; Python's min and max would return a.
     return b if not a <= b else a
 
 
@@ -350,9 +349,9 @@ def _power(node: Binary) -> _Compute:
 
 def _repeated(base: Value, exponent: int, fit: Callable[[Value], Value]) -> Value:
     """
-    Multiply by squaring, in the base's type: x^0 is 1, also of NaN.
+    Compute a power by repeated squaring, in the base's type; x^0 is 1, also for NaN.
 
-    The order of the products is part of the definition: another one rounds otherwise.
+    The order of the products is part of the definition, because it affects rounding.
     """
     result = fit(1)
     while exponent:
@@ -365,7 +364,7 @@ def _repeated(base: Value, exponent: int, fit: Callable[[Value], Value]) -> Valu
 
 
 def _libm_pow(base: float, exponent: float) -> float:
-    # Python's own ** raises where C's pow gives an infinity or a NaN.
+    # Not Python's **, which raises an exception where C's pow returns an infinity or a NaN.
     return cast(float, _pow(base, exponent))
 
 

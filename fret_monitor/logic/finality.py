@@ -13,11 +13,12 @@
 # limitations under the License.
 
 """
-Formulas whose truth cannot change back, by their form.
+Formulas whose form shows that a verdict, once reached, stays.
 
 A formula is *final* if, once false, it stays false in every continuation of the trace; it is
-*lasting* if, once true, it stays true. `H p` is final and `O p` is lasting whatever p is; the
-connectives and `S`, `T`, `Z`, `Y` hand this on (below). The rules are sufficient, not necessary.
+*lasting* if, once true, it stays true. `H p` is final and `O p` is lasting for every p; the
+connectives and `S`, `T`, `Z`, `Y` propagate both properties by the rules below, which are
+sufficient but not necessary.
 """
 
 from typing import NamedTuple
@@ -40,7 +41,7 @@ _FIXED = Course(True, True)
 
 
 def is_final(formula: Formula) -> bool:
-    """Whether the form alone shows that a false verdict stays false."""
+    """Whether the form of a formula shows that a false verdict stays false."""
     found: dict[Formula, Course] = {}
     for node in postorder([formula]):
         found[node] = _course(node, found)
@@ -58,14 +59,14 @@ def _course(node: Formula, found: dict[Formula, Course]) -> Course:
         case Binary():
             return _connective(node.operator, found[node.left], found[node.right])
         case Yesterday(argument):
-            # False at step 0 already, so nothing is said of false.
+            # False at step 0 for every argument, so it may become true later.
             return Course(False, found[argument].is_lasting)
         case WeakYesterday(argument):
             return Course(found[argument].is_final, False)
         case Since() | Triggered() if node.window.is_unbounded:
-            # p S q is q or (p and p S q a step ago). Where it is false q is false, and where q
-            # stays so, nothing makes it true again; where it is true there was a q. p T q is
-            # !(!p S !q), which turns both round.
+            # p S q is q | (p & Y(p S q)). While it is false, so is q: if q is final, neither
+            # becomes true again. While it is true, q held at some step: if q is lasting, q and
+            # so p S q stay true. p T q is !(!p S !q), for which the same follows by duality.
             return found[node.right]
         case _:
             return _UNKNOWN

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-The typed past-time MTL of a requirement.
+Typed formulas of past-time MTL.
 
-A `Formula` is interned: structural equality is identity, so that equality and hashing cost O(1)
-and equal subterms are one object. It is typed: operands have exactly the types that an operator
-takes, all conversions are nodes. docs/language.md says what each operator means, `evaluate.py`
-says it once as a program. Formulas get deep: walk them with `postorder`, never by recursion.
+A `Formula` is interned: structurally equal formulas are one object, so equality and hashing take
+O(1). It is typed: operands have exactly the types that an operator takes, and each conversion is
+a node. docs/language.md defines the operators, and `evaluate.py` implements the definitions.
+Formulas can be deeper than Python's recursion limit: traverse them with `postorder`.
 
 Types of terms: an input has its declared type; every other node is BOOL, INT64, UINT64, FLOAT32
 or FLOAT64.
@@ -38,9 +38,9 @@ from fret_monitor.model.values import ValueType
 @dataclass(frozen=True)
 class Window:
     """
-    The distances into the past that a bounded operator looks at: low <= distance <= high.
+    The steps that a bounded operator covers, as distances into the past: low <= distance <= high.
 
-    `high` None is no upper bound. `high < low` is an empty window (FRET's `[0,-1]`).
+    With `high` None there is no upper bound. `high < low` is an empty window (FRET's `[0,-1]`).
     """
 
     low: int
@@ -53,7 +53,7 @@ class Window:
 
     @property
     def is_empty(self) -> bool:
-        """Whether no distance lies in it."""
+        """Whether it contains no distance."""
         return self.high is not None and self.high < self.low
 
 
@@ -61,7 +61,7 @@ ALWAYS = Window(0, None)
 
 
 class UnaryOperator(Enum):
-    """NOT takes and gives BOOL; NEG and ABS take and give one of the four number types."""
+    """NOT: BOOL to BOOL. NEG and ABS: INT64, UINT64, FLOAT32 or FLOAT64 to the same type."""
 
     NOT = '!'
     NEG = '-'
@@ -70,11 +70,11 @@ class UnaryOperator(Enum):
 
 class BinaryOperator(Enum):
     """
-    Operators of two operands of one type (but for INT64 with UINT64 in relations, and POW).
+    Operators with two operands of one type, with exceptions for relations and POW.
 
-    AND to IFF: BOOL to BOOL. LT to NE: numbers to BOOL; EQ and NE of BOOL too; INT64 and UINT64
-    may meet there and compare by value. ADD to MAX: numbers to their type. POW: a number, and
-    a Constant of type INT64 >= 0 (repeated multiplication), or FLOAT64 and FLOAT64 (C's pow).
+    AND to IFF: BOOL to BOOL. LT to NE: numbers to BOOL; EQ and NE also take BOOL. Relations also
+    compare INT64 with UINT64, by value. ADD to MAX: numbers to their type. POW: a number and an
+    INT64 Constant >= 0 (repeated multiplication), or FLOAT64 and FLOAT64 (C's pow).
     """
 
     AND = '&'
@@ -99,12 +99,12 @@ class BinaryOperator(Enum):
 
     @property
     def is_boolean(self) -> bool:
-        """Whether it takes and gives BOOL."""
+        """Whether it is a connective: operands and result are BOOL."""
         return self in _BOOLEAN
 
     @property
     def is_relation(self) -> bool:
-        """Whether it compares."""
+        """Whether it is a comparison."""
         return self in _RELATIONS
 
 
@@ -119,7 +119,7 @@ _interning = Lock()
 
 @dataclass_transform(frozen_default=True)
 class _Interning(type):
-    """Makes a class return the one object there is for given fields."""
+    """Interns the instances of a class: equal fields give the same object."""
 
     def __call__(cls, *args: Any) -> Any:
         """Return the interned object."""
@@ -133,7 +133,7 @@ class _Interning(type):
 
 
 def _identity(arg: object) -> object:
-    # 0.0 and -0.0 are equal and are two constants; a NaN is not equal to itself and is one.
+    # By bits: 0.0 and -0.0 compare equal but are two constants, and a NaN equals no NaN.
     if isinstance(arg, float):
         return ('float', struct.pack('<d', arg))
     if isinstance(arg, bool):
@@ -150,7 +150,7 @@ class _Node(metaclass=_Interning):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Constant(_Node):
-    """A value: bool (BOOL), int (INT64, UINT64) or float (FLOAT64, and FLOAT32, rounded)."""
+    """A bool (BOOL), int (INT64, UINT64) or float (FLOAT64, or FLOAT32 if rounded to it)."""
 
     value: bool | int | float
     type: ValueType
@@ -158,7 +158,7 @@ class Constant(_Node):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Variable(_Node):
-    """The value of an input at this step, of the input's declared type."""
+    """The value of an input at the current step, in the input's declared type."""
 
     name: str
     type: ValueType
@@ -186,7 +186,7 @@ class Unary(_Node):
     type: ValueType = field(init=False)
 
     def __post_init__(self) -> None:
-        """Take the operand's type."""
+        """Set the type to that of the operand."""
         object.__setattr__(self, 'type', self.argument.type)
 
 
@@ -200,14 +200,14 @@ class Binary(_Node):
     type: ValueType = field(init=False)
 
     def __post_init__(self) -> None:
-        """Relations and connectives are BOOL, arithmetic has its left operand's type."""
+        """Set the type: BOOL for relations and connectives, else that of the left operand."""
         is_boolean = self.operator.is_boolean or self.operator.is_relation
         object.__setattr__(self, 'type', ValueType.BOOL if is_boolean else self.left.type)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Choice(_Node):
-    """`yes` where the BOOL `condition` is true, else `no`; both have one type, any."""
+    """`yes` if the BOOL `condition` is true, else `no`; both have the same type, of any kind."""
 
     condition: 'Formula'
     yes: 'Formula'
@@ -215,30 +215,30 @@ class Choice(_Node):
     type: ValueType = field(init=False)
 
     def __post_init__(self) -> None:
-        """Take the branches' type."""
+        """Set the type to that of the branches."""
         object.__setattr__(self, 'type', self.yes.type)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Previous(_Node):
-    """`argument` at the step before; at step 0, `initial` at step 0. Both have one type, any."""
+    """`argument` at the previous step; at step 0, `initial`. Both have the same type."""
 
     initial: 'Formula'
     argument: 'Formula'
     type: ValueType = field(init=False)
 
     def __post_init__(self) -> None:
-        """Take the argument's type."""
+        """Set the type to that of the argument."""
         object.__setattr__(self, 'type', self.argument.type)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Feedback(_Node):
     """
-    An equation's value at the step before; at step 0 false, 0 or 0.0.
+    The value of an equation at the previous step; at step 0 false, 0 or 0.0.
 
-    Only Lustre nodes whose equations refer to themselves through `pre` need it. `name` is unique
-    in the bundle; the equation that it delays is found in `Property.feedback`.
+    It occurs only in formulas of Lustre nodes with an equation that refers to itself through
+    `pre`. `name` is unique in the bundle; `Property.feedback` maps the node to its equation.
     """
 
     name: str
@@ -256,14 +256,14 @@ class _Boolean(_Node):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Yesterday(_Boolean):
-    """`Y p`: there is a step before, and p held there."""
+    """`Y p`: there is a previous step, and p held there."""
 
     argument: 'Formula'
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WeakYesterday(_Boolean):
-    """`Z p`: there is no step before, or p held there."""
+    """`Z p`: there is no previous step, or p held there."""
 
     argument: 'Formula'
 
@@ -327,7 +327,7 @@ def operands(node: Formula) -> tuple[Formula, ...]:
 
 
 def postorder(roots: Iterable[Formula]) -> list[Formula]:
-    """Return every distinct node under the roots once, each after its operands."""
+    """Return every node of some formulas once, each after its operands."""
     order: list[Formula] = []
     seen: set[Formula] = set()
     stack = [(root, False) for root in reversed(list(roots))]

@@ -12,13 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Literals and constants as exact rationals, and their one rounding to a type.
+Literals and constants as exact rationals, and their rounding to a type.
 
-A number that a user wrote is an `ExactNumber`: a fraction, and whether it was written as a real
+A number in a bundle is an `ExactNumber`: a fraction, and whether it was written as a real number
 (`15.0`, `1e3`) or as a whole number (`15`). Arithmetic between literals is exact. A literal
-becomes a `Constant` when it meets an operand with a type, and is rounded there once, to nearest,
-ties to even. A literal that is too large for its type, or whose exact value would need more than
-`LIMIT_BITS` bits, is a `NumberError`; nothing here costs time or memory beyond that limit.
+becomes a `Constant` when it is used with a typed operand, and is rounded then, once, to nearest,
+ties to even. A literal outside the range of its type, or whose exact value needs more than
+`LIMIT_BITS` bits, is a `NumberError`. The limit bounds the time and memory of all functions here.
 """
 
 from dataclasses import dataclass
@@ -31,22 +31,22 @@ from fret_monitor.model.floats import to_float32, to_float64
 from fret_monitor.model.values import ValueType
 
 LIMIT_BITS = 4096
-_LIMIT_DIGITS = 1233  # of LIMIT_BITS bits
+_LIMIT_DIGITS = 1233  # decimal digits of LIMIT_BITS bits
 
 _NUMBER = re.compile(r'([+-]?)(?:([0-9]+)(\.[0-9]*)?|(\.[0-9]+))(?:[eE]([+-]?[0-9]+))?')
 
 
 class NumberError(ValueError):
-    """A number that cannot be had; the message is a phrase such as 'too large for float32'."""
+    """A number cannot be represented; the message is a phrase such as 'too large for float32'."""
 
 
 @dataclass(frozen=True)
 class ExactNumber:
     """
-    An exact number without a type yet.
+    An exact number that has no type yet.
 
-    `is_real` says that it was written with a point or an exponent, or comes of one that was.
-    `is_negative_zero` keeps the sign that the fraction 0 cannot: it is set for `-0.0`.
+    `is_real`: it was written with a point or an exponent, or computed from such a number.
+    `is_negative_zero` is set for `-0.0`, because a fraction 0 has no sign.
     """
 
     value: Fraction
@@ -54,7 +54,7 @@ class ExactNumber:
     is_negative_zero: bool = False
 
     def __str__(self) -> str:
-        """Return it as a person would write it, shortened where it is long."""
+        """Return the number in decimal notation, shortened if it is long."""
         if self.value.denominator == 1 and abs(self.value) < 10 ** 20:
             return str(self.value.numerator)
         return f'{float(self.value):g}' if abs(self.value) < 10 ** 308 else 'a huge number'
@@ -62,7 +62,7 @@ class ExactNumber:
 
 def parse_number(text: str) -> ExactNumber:
     """
-    Read `15`, `1.5`, `.5`, `1e-3`, with or without a sign.
+    Parse `15`, `1.5`, `.5`, `1e-3`, with or without a sign.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def parse_number(text: str) -> ExactNumber:
 def _scaled(digits: str, exponent: str, places: int) -> Fraction:
     if not digits:
         return Fraction(0)
-    # Lengths are looked at before any number is made of them: `1e999999999` must cost nothing.
+    # Check the lengths before computing the value: `1e999999999` would take all memory.
     if len(digits) > _LIMIT_DIGITS or len(exponent.lstrip('+-0')) > len(str(_LIMIT_DIGITS)):
         raise NumberError(f'needs more than {LIMIT_BITS:,} bits')
     power = int(exponent) - places
@@ -101,12 +101,12 @@ def _limited(value: Fraction) -> Fraction:
 
 def constant(literal: ExactNumber, kind: ValueType) -> Constant:
     """
-    Give a literal a type: INT64 or UINT64, FLOAT32 or FLOAT64; rounds once.
+    Return a literal as a constant of type INT64, UINT64, FLOAT32 or FLOAT64; rounds once.
 
     Raises
     ------
     NumberError
-        if it is out of the type's range, or not whole and the type an integer's.
+        if it is out of the type's range, or not whole although the type is an integer type.
     """
     return Constant(stored(literal, kind), kind)
 
@@ -137,13 +137,13 @@ def stored(literal: ExactNumber, kind: ValueType) -> int | float:
 
 
 def negated(literal: ExactNumber) -> ExactNumber:
-    """Return the literal with the other sign; the real zero has one too."""
+    """Return the literal with the other sign; `0.0` and `-0.0` are distinct."""
     is_zero = literal.is_real and literal.value == 0
     return ExactNumber(-literal.value, literal.is_real, is_zero and not literal.is_negative_zero)
 
 
 def absolute(literal: ExactNumber) -> ExactNumber:
-    """Return the literal without its sign."""
+    """Return the absolute value of a literal."""
     return ExactNumber(abs(literal.value), literal.is_real)
 
 
@@ -151,8 +151,8 @@ def fold(operator: BinaryOperator, left: ExactNumber, right: ExactNumber) -> Exa
     """
     Compute `+ - * / mod min max ^` of two literals exactly.
 
-    Two whole numbers follow the rules of integers (`7 / 2` is 3, `7 / 0` is 0) but never wrap;
-    otherwise the result is a real one. `^` takes a whole exponent.
+    With two whole numbers the rules of integers apply (`7 / 2` is 3, `7 / 0` is 0), without
+    wrapping; otherwise the result is a real number. The exponent of `^` must be whole.
 
     Raises
     ------
@@ -198,6 +198,6 @@ def _power(base: Fraction, exponent: Fraction) -> Fraction:
     if base not in (-1, 0, 1) and abs(exponent) * max(size, 1) > 2 * LIMIT_BITS:
         raise NumberError(f'needs more than {LIMIT_BITS:,} bits')
     if base in (-1, 0, 1):
-        # Powers of these have no size; only whether the exponent is even, or 0, matters.
+        # Their powers stay small, so any exponent is allowed; reduce it to 0 or 1.
         exponent = exponent % 2 if base == -1 else Fraction(exponent != 0)
     return _limited(base ** int(exponent))

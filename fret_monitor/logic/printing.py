@@ -13,17 +13,17 @@
 # limitations under the License.
 
 """
-Formulas as text, in FRET's SMV syntax and in CoCoSpec: to be read, and to be read back.
+Print formulas in FRET's SMV syntax and in CoCoSpec.
 
-Reading what is printed (`parse_smv` or `parse_cocospec`, then `elaborate` in the scope of the
-formula's inputs) gives the same formula: conversions are left out, for the rules of types put
-them back, and numbers are written so that their context rounds them to the same value. Three
-things are not in the languages: a `Feedback` (printed as `pre` of its equation), an empty window
-other than `[0,-1]` (printed as that), and the difference of `<->` and `=` in CoCoSpec.
+Parsing the text (`parse_smv` or `parse_cocospec`, then `elaborate` with the same inputs) returns
+the same formula. Conversions are not printed, because elaboration inserts them again, and numbers
+are printed so that elaboration rounds them to the same value. There are three exceptions, which
+the languages cannot express: a `Feedback` (printed as `pre` of its equation), an empty window
+other than `[0,-1]` (printed as that), and the difference between `<->` and `=` in CoCoSpec.
 
-Parentheses go beyond what our precedence asks for, so that people and other tools, which have
-other precedences, read the same: `(H p) & q`, `(p & q) | r`. A shared formula is printed once
-for each use, which can be exponential: give a limit where formulas of any origin are shown.
+There are more parentheses than the precedence of operators here requires, as in `(H p) & q` and
+`(p & q) | r`, because other tools define other precedences. A shared subformula is printed once
+for each use, so the length can be exponential: pass a limit for formulas of unknown size.
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,9 +51,9 @@ def to_smv(formula: Formula, limit: int | None = None, values: Values | None = N
     """
     Return a formula in FRET's SMV syntax, on one line.
 
-    A text longer than `limit` characters is cut to that length and ends with ` ...`. With
-    `values`, the numbers that an input is compared with are written as their names; with `names`,
-    terms that have a name are written as it.
+    A text longer than `limit` characters is cut to that length and ends with ` ...`. `values`
+    replaces numbers that an input is compared with by their names, `names` replaces formulas by
+    their names.
     """
     return _render(formula, _Smv(values or {}), limit, names)
 
@@ -62,14 +62,14 @@ def to_cocospec(formula: Formula, limit: int | None = None, values: Values | Non
     """
     Return a formula in CoCoSpec, on one line.
 
-    A text longer than `limit` characters is cut to that length and ends with ` ...`. With
-    `values`, the numbers that an input is compared with are written as their names.
+    A text longer than `limit` characters is cut to that length and ends with ` ...`. `values`
+    replaces numbers that an input is compared with by their names.
     """
     return _render(formula, _CocoSpec(values or {}), limit)
 
 
 class _Shape(Enum):
-    """How a formula looks from outside, which decides about parentheses."""
+    """The syntactic form of a formula, which decides whether it needs parentheses."""
 
     ATOM = auto()
     NOT = auto()
@@ -93,7 +93,7 @@ _CHAIN = _ANY - {_Shape.TEMPORAL}
 
 
 class _Part(NamedTuple):
-    """A formula within another, and the shapes that need no parentheses there."""
+    """An operand, and the shapes that need no parentheses in its place."""
 
     node: Formula
     bare: frozenset[_Shape] = _ANY
@@ -144,7 +144,7 @@ _EQUALITIES = frozenset({BinaryOperator.EQ, BinaryOperator.NE})
 
 
 class _Style:
-    """What both languages have in common; each node becomes pieces, its parts not yet printed."""
+    """The printing rules of both languages: a node becomes text and operands to be printed."""
 
     operators: ClassVar[Mapping[BinaryOperator, str]]
     truths: ClassVar[tuple[str, str]]
@@ -255,7 +255,7 @@ class _Style:
 
     def _alike(self, left: Formula, right: Formula,
                bare: frozenset[_Shape] = _ANY) -> tuple[_Part | str, _Part | str]:
-        """Return two that are compared or chosen from, a number as the name it has beside."""
+        """Return two operands of one type; a number that the other one has a name for, as it."""
         return (self._value(left, right) or _Part(left, bare),
                 self._value(right, left) or _Part(right, bare))
 
@@ -291,14 +291,14 @@ def _call(function: str, *arguments: _Part | str) -> _Pieces:
 
 
 def _kind(node: Formula) -> str:
-    """Return the end of FRET's typed spelling of a function."""
+    """Return the suffix of FRET's typed spelling of a function: Bool, Int or Real."""
     if node.type is ValueType.BOOL:
         return 'Bool'
     return 'Real' if node.type.is_float else 'Int'
 
 
 def _sources(node: Formula) -> list[Variable]:
-    """Return the inputs whose values a term has: it is one, or `pre` or a choice of some."""
+    """Return the inputs whose names of values apply: the term is one, or `pre` or a choice."""
     found = []
     stack = [node]
     seen: set[Formula] = set()
@@ -423,12 +423,12 @@ def _is_negative(value: int | float) -> bool:
 
 
 def _number(node: Constant) -> str:
-    """Return a number so that its context reads it as the same constant."""
+    """Return a text for a number that elaborates to the same constant in its context."""
     if isinstance(node.value, int):
         return str(node.value)
     text = shortest_float32(node.value) if node.type is ValueType.FLOAT32 else repr(node.value)
     match = re.fullmatch(r'(.*?)e([+-])0*([0-9]+)', text)
     if match:
-        # FRET reads no zero before, and needs no plus.
+        # FRET's grammar does not accept leading zeros in the exponent.
         return f'{match[1]}e{match[2].strip("+")}{match[3]}'
     return text if '.' in text else f'{text}.0'

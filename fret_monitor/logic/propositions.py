@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What a formula is about: its propositions, and what has to happen for it to ask for anything.
+The propositions and triggers of a formula.
 
-A proposition is a Boolean input or a comparison. A trigger is the left side of an implication:
-where it is never true, the formula is satisfied and says nothing.
+A proposition is a Boolean input or a comparison. A trigger is the left side of an implication: on
+a trace on which it is never true, the implication is vacuously satisfied.
 """
 
 from fret_monitor.logic.formula import (
@@ -43,7 +43,7 @@ def is_proposition(node: Formula) -> bool:
 
 
 def propositions(item: Property) -> list[Formula]:
-    """Return the outermost propositions of a requirement, in the order they first occur."""
+    """Return the outermost propositions of a requirement, in the order of first occurrence."""
     found: dict[Formula, None] = {}
     seen: set[Formula] = set()
     stack = list(reversed(item.roots))
@@ -60,12 +60,12 @@ def propositions(item: Property) -> list[Formula]:
 
 
 def is_pointwise(node: Formula) -> bool:
-    """Whether a node's value depends on the present step alone."""
+    """Whether a node's value depends on the current step alone."""
     return not any(isinstance(each, _TEMPORAL) for each in postorder([node]))
 
 
 def triggers(formula: Formula, limit: int) -> list[Formula]:
-    """Return the left sides of implications that the formula asks to be true, outermost first."""
+    """Return the left sides of the implications that a formula requires, outermost first."""
     found: dict[Formula, None] = {}
     seen: set[Formula] = set()
     stack = [formula]
@@ -82,7 +82,7 @@ def triggers(formula: Formula, limit: int) -> list[Formula]:
 
 
 def _taken_apart(node: Formula) -> tuple[Formula | None, tuple[Formula, ...]]:
-    """Return a node's trigger if it is an implication, and the parts it asks to be true."""
+    """Return the trigger of a node (None if not an implication), and the operands it requires."""
     match node:
         case Binary(BinaryOperator.IMPLIES, left, right):
             return left, (right,)
@@ -99,7 +99,7 @@ def _taken_apart(node: Formula) -> tuple[Formula | None, tuple[Formula, ...]]:
 
 
 def horizon(item: Property) -> int:
-    """Return how many steps back the formula's bounds reach, nested ones added up."""
+    """Return how many steps into the past a formula's bounds reach; nested bounds add up."""
     depth: dict[Formula, int] = {}
     for node in postorder(item.roots):
         below = max((depth[part] for part in operands(node)), default=0)
@@ -118,7 +118,7 @@ def _reach(node: Formula) -> int:
 
 
 def bounds(item: Property) -> list[int]:
-    """Return the ends of all windows that reach back, smallest first."""
+    """Return all positive ends of windows, in ascending order."""
     found = set()
     for node in postorder(item.roots):
         if isinstance(node, Once | Historically | Since | Triggered):

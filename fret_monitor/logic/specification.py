@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What a bundle means: typed inputs, and one formula for each requirement.
+The elaborated bundle: typed inputs, and one formula for each requirement.
 
-`specify` (in `elaboration/elaborate.py`) makes it from a `Bundle` and the layouts of its messages;
-all later stages stand on it.
+`specify` (in `elaboration/elaborate.py`) makes it from a `Bundle` and the layouts of its messages.
+It is the input of all later stages.
 """
 
 from dataclasses import dataclass, field
@@ -34,13 +34,13 @@ from fret_monitor.model.values import ValueType
 @dataclass(frozen=True)
 class Signal:
     """
-    An input with its type and where it comes from.
+    An input with its type, its message field and its options.
 
-    `values` are its names: (name, number or string); a string input has type INT32 and counts as
-    the index of its string in `values`. `initial` is None or a value of the type.
-    `topic` and `message_type` are None for an input that exists only off ROS. `timeout` is in
-    seconds; `reduction` is as in `ManifestInput`; `layout` is that of the message, None
-    where no bundle was read: messages cannot be read then.
+    `values` are pairs (name, number or string). A string input has type INT32: its value is the
+    index of the string in `values`. `initial` is None or a value of the type. `topic` and
+    `message_type` are None for an input without ROS. `timeout` is in seconds; `reduction` is as in
+    `ManifestInput`. `layout` is that of the message; None if the specification was not made from
+    a bundle, and messages cannot be decoded.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Signal:
 
     @property
     def is_string(self) -> bool:
-        """Whether it is a text, of which the values are indices into `values`."""
+        """Whether it is a string input, with indices into `values` as its values."""
         return any(isinstance(value, str) for _, value in self.values)
 
 
@@ -67,11 +67,11 @@ class Property:
     """
     A requirement with its formula; `text` is the property as written, on one line.
 
-    `feedback` holds, for each `Feedback` node that the formula reaches, the equation it delays
-    (whose own operands may reach `Feedback` nodes again, its own too). `place` is the formula's
-    text. `bounds` are the numbers of steps that were written in it and in the definitions it uses,
-    the largest few, in order: the formula of a sentence has more. `sentence` is
-    the text taken apart, where it is FRETish.
+    `feedback` has the equation of each `Feedback` node that the formula reaches, directly or
+    through other equations; an equation may contain its own `Feedback` node. `place` is the place
+    of the formula's text. `bounds` are, in ascending order, the largest few of the numbers of
+    steps in that text and in the definitions it uses; the formula of a FRETish sentence contains
+    further bounds. `sentence` is the parsed text if it is FRETish.
     """
 
     id: str
@@ -88,21 +88,21 @@ class Property:
 
     @property
     def roots(self) -> tuple[Formula, ...]:
-        """The formula, and the equations of its feedback."""
+        """The formula and its feedback equations."""
         return self.formula, *(equation for _, equation in self.feedback)
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:
-        """The names of the inputs that are read, in the order they first occur."""
+        """The names of the inputs in the formulas, in the order of first occurrence."""
         return tuple(node.name for node in postorder(self.roots) if isinstance(node, Variable))
 
 
 @dataclass(frozen=True)
 class Specification:
     """
-    All of a bundle, typed. `signals` and `properties` are in the bundle's order.
+    An elaborated bundle; `signals` and `properties` are in the bundle's order.
 
-    `definitions` are the bundle's named expressions, for those who show formulas to people.
+    `definitions` are the formulas of the bundle's definitions, for printing.
     """
 
     name: str
