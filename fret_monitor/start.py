@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Build a bundle, or recall an earlier build of it without loading parser and code generator.
+Build a bundle, or reuse an earlier build without loading parser and code generator.
 
 The result depends on the bundle's files, the definitions of its messages, the overrides, the
 compiler, and this package. A note in the cache records all of them; it is used only if none has
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from fret_monitor.build import Reading
 
 _NOTES = 'bundles'
-_MOST_NOTES = 1000  # the ones that were not used for longest are removed
+_MOST_NOTES = 1000  # beyond this the least recently used are removed
 
 
 def start(path: Path, *, policy: Policy | None = None,
@@ -78,7 +78,7 @@ def manifest_of(path: Path, *, policy: Policy | None = None,
         note = _note(path, policy, period)
         found = _recall(note, path) if note else None
     except NativeError:
-        found = None  # the name of a note depends on the compiler, and there is none
+        found = None  # without a compiler there is no note: its name depends on it
     if found:
         return found.manifest
     from fret_monitor.build import generate_monitor, read
@@ -110,7 +110,7 @@ def _note(path: Path, policy: Policy | None, period: Fraction | None) -> Path | 
 
 
 def _package() -> Iterator[bytes]:
-    """Yield all code of this package, which decides what a bundle becomes."""
+    """Yield path and content of all code of this package: each build depends on it."""
     for folder in (Path(__file__).parent, csrc_directory()):
         for file in sorted(folder.rglob('*')):
             if file.suffix in ('.py', '.lark', '.c', '.h'):
@@ -129,7 +129,7 @@ def _recall(note: Path, path: Path) -> CompiledMonitor | None:
     """Return the build that a note records if it is still valid; a damaged note is ignored."""
     try:
         if not is_ours(note.parent) or not is_ours(note):
-            return None  # who can write a note decides what the node subscribes to
+            return None  # a note decides what the node subscribes to
         content = json.loads(note.read_text(encoding='utf-8'))
         manifest = Manifest.from_json(content['manifest'])
         library = Path(content['library'])
@@ -147,7 +147,7 @@ def _recall(note: Path, path: Path) -> CompiledMonitor | None:
 
 
 def _unchanged(path: Path, files: Any) -> list[Source] | None:
-    """Return the files of a bundle, None if one has changed since it was built."""
+    """Return the files of a bundle; None if one has changed since it was built."""
     if str(Path.cwd() / path) != files[0][0]:
         return None
     sources = []
@@ -175,7 +175,7 @@ def _unpacked(item: list[Any], sources: list[Source]) -> Diagnostic:
 
 
 def _remember(note: Path, compiled: CompiledMonitor, reading: 'Reading') -> None:
-    """Write a note, as a whole; if that fails, the next start only takes longer."""
+    """Write a note atomically; if that fails, the next start only takes longer."""
     try:
         if not is_kept(compiled.library):
             return
@@ -200,7 +200,7 @@ def _remember(note: Path, compiled: CompiledMonitor, reading: 'Reading') -> None
 
 
 def _packed(warning: Diagnostic, names: list[str]) -> list[Any]:
-    """Return a warning for JSON; raises `ValueError` if it is about no file of the bundle."""
+    """Return a warning for JSON; raises `ValueError` if its file is not one of the bundle."""
     span = warning.span
     place = None if span is None else [names.index(span.source.name), span.start, span.end]
     return [warning.title, place, warning.label, warning.help]

@@ -19,8 +19,8 @@ Start a monitor and a logger for one bundle or several.
     ros2 launch fret_monitor monitor.launch.py library:=compiled namespace:=robot logger:=false
     ros2 launch fret_monitor monitor.launch.py spec:="[mobile_base.yaml, arm.yaml]"
 
-The monitor is a managed node: with `autostart:=false` it waits to be configured and activated, by
-`ros2 lifecycle set`, or by events of a launch file that includes this one.
+The monitor is a managed node. With `autostart:=false` it waits until it is configured and
+activated, by `ros2 lifecycle set` or by events of a launch file that includes this one.
 """
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
@@ -75,7 +75,7 @@ def _nodes(context: LaunchContext) -> list[Node]:
 
 
 def _given(context: LaunchContext, *names: str) -> dict[str, ParameterValue]:
-    """Return parameters; what is left out stays the node's business, or the bundle's."""
+    """Return the parameters that were given; the others keep their defaults."""
     texts = {name: LaunchConfiguration(name).perform(context) for name in names}
     return {name: ParameterValue(LaunchConfiguration(name), value_type=_type(name, text))
             for name, text in texts.items() if text}
@@ -83,4 +83,4 @@ def _given(context: LaunchContext, *names: str) -> dict[str, ParameterValue]:
 
 def _type(name: str, text: str) -> object:
     is_list = name in PATHS and text.lstrip().startswith('[')
-    return None if is_list else TYPES.get(name, str)  # None: as YAML has it
+    return None if is_list else TYPES.get(name, str)  # None: the type in YAML

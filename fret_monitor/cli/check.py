@@ -49,7 +49,7 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
 
 
 def run(options: Namespace) -> int:
-    """Check each bundle; 1 if any has an error."""
+    """Check each bundle; return 1 if any has an error."""
     return max([_check(path) for path in options.bundles])
 
 
@@ -102,7 +102,7 @@ def _table(rows: list[tuple[str, ...]]) -> Iterator[str]:
 
 
 def _owned_bytes(generated: GeneratedMonitor) -> list[int]:
-    """Return the bytes of state that each requirement would need in a bundle of its own."""
+    """Return for each requirement the bytes of state that it would need in its own bundle."""
     alone = (lower(replace(generated.specification, properties=(item,)))
              for item in generated.specification.properties)
     return [state_bytes(tuple(lay_out(group) for group in program.groups)) for program in alone]

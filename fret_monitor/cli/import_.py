@@ -38,7 +38,7 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
 
 
 def run(options: Namespace) -> int:
-    """Import; 0 if there are bundles, even with manual tasks left."""
+    """Import; return 0 if there are bundles, even if some work is left to do by hand."""
     if options.output is None:
         return _print(options)
     output = Path(options.output)

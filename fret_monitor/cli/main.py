@@ -61,7 +61,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         parser.print_help(sys.stderr)
         print('\nfret-monitor: error: a verb is missing', file=sys.stderr)
         return 2
-    if isinstance(sys.stdout, TextIOWrapper):  # the terminal may not know all characters
+    if isinstance(sys.stdout, TextIOWrapper):  # its encoding may lack characters
         sys.stdout.reconfigure(errors='backslashreplace')
     logging.basicConfig(format='warning: %(message)s')
     try:
@@ -74,7 +74,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         print(error if isinstance(error, CompileError) else f'error: {error}', file=sys.stderr)
         return 1
     except BrokenPipeError:
-        # The reader of our output has gone, which is not an error.
+        # The reader of the pipe has closed it, for example `head`: no message.
         _drop_output()
         return 1
     except OSError as error:

@@ -60,7 +60,7 @@ def _seconds(text: str) -> float:
 def run(options: Namespace) -> int:
     """Prove a bundle; return 1 if it is not proved."""
     _refuse_missing()
-    # Loading the solver takes long, and other verbs do not need it.
+    # Imported here: loading the solver is slow, and the other verbs do not need it.
     from fret_monitor.proving.certificate import as_dict, Certificate, lines
     from fret_monitor.proving.verification import verify
     generated = generate_monitor(read(options.bundle))

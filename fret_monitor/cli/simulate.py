@@ -37,7 +37,7 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
 
 
 def run(options: Namespace) -> int:
-    """Simulate; return 1 if there was a violation and --fail-on-violation is given."""
+    """Run the monitors over a trace; return 1 at a violation with --fail-on-violation."""
     compiled = start(options.bundle)
     for warning in compiled.warnings:
         print(warning.render(), file=sys.stderr)

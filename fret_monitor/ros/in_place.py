@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Messages that C reads where the middleware has them, without a copy (`csrc/ros/in_place.h`).
+Let C read messages in the middleware's buffers, without a copy (`csrc/ros/in_place.h`).
 
-This relies on private layouts of Fast DDS and Fast CDR, so it is done with known versions only.
+This relies on private layouts of Fast DDS and Fast CDR, so it is used with known versions only.
 With others, messages are copied before they are read; verdicts are the same.
 """
 
@@ -49,13 +49,13 @@ _new_capsule.argtypes = (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p)
 
 @dataclass(frozen=True)
 class _InPlaceClass:
-    """A class of messages that are read in place, and the type support that it stands for."""
+    """A class whose messages are read in place, and the type support made for it."""
 
     message_class: Any
     support: Any
 
 
-# Kept as long as the process: the middleware keeps pointers to a type support.
+# Never freed, since the middleware keeps pointers to a type support.
 _MADE: dict[Any, _InPlaceClass] = {}
 
 
@@ -69,7 +69,7 @@ class InPlaceTypes:
         Raises
         ------
         Unavailable
-            if the middleware is not Fast DDS of a known version, or not as expected.
+            if the middleware is not Fast DDS of a known version, or has another layout.
         """
         name = get_rmw_implementation_identifier()
         if name != 'rmw_fastrtps_cpp':
@@ -88,7 +88,7 @@ class InPlaceTypes:
 
     def subscription_class(self, message_class: Any) -> Any:
         """
-        Return a class to subscribe with, in place of a message's own.
+        Return a class to subscribe with instead of the message's own.
 
         Raises
         ------
@@ -100,7 +100,7 @@ class InPlaceTypes:
         return _MADE[message_class].message_class
 
     def is_in_place(self, message_class: Any) -> bool:
-        """Whether a class is one that `subscription_class` has made."""
+        """Whether `subscription_class` has made this class."""
         return any(made.message_class is message_class for made in _MADE.values())
 
     def _make_class(self, message_class: Any) -> _InPlaceClass:
@@ -117,7 +117,7 @@ class InPlaceTypes:
 
 
 def loaded_versions() -> dict[str, str]:
-    """Return the versions of what is loaded, by the names of `KNOWN`, as far as they are found."""
+    """Return the versions of the loaded libraries in `KNOWN`, as far as they can be found."""
     try:
         loaded = {Path(line.split(maxsplit=5)[5].strip())
                   for line in _MAPS.read_text(encoding='utf-8').splitlines() if '.so' in line}
@@ -133,7 +133,7 @@ def loaded_versions() -> dict[str, str]:
 
 
 def _version(name: str, file: Path) -> str | None:
-    """Return the version of a loaded library: by its package, or by the names of its file."""
+    """Return the version of a loaded library, from its package.xml or else from its file names."""
     try:
         package = (file.parents[1] / 'share' / name / 'package.xml').read_text(encoding='utf-8')
     except OSError:

@@ -23,11 +23,11 @@ _C_LIBRARY: Any = ffi.dlopen(None)
 
 
 class Unavailable(Exception):
-    """The hot path lacks something that it needs; the text says what."""
+    """Something that the hot path needs is missing; the text names it."""
 
 
 def loaded_library(*names: str) -> Any:
-    """Return the handle of the first of some libraries that is loaded; raises `Unavailable`."""
+    """Return the handle of the first library that is loaded; raises `Unavailable` if none is."""
     for name in names:
         found = _C_LIBRARY.dlopen(name.encode(), _LAZY | _ALREADY_LOADED)
         if found != ffi.NULL:

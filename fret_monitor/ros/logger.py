@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The executable `logger`: tells violations of a bundle's requirements to the ROS log."""
+"""The executable `logger`: writes violations of requirements to the ROS log."""
 
 from fret_monitor.ros.signals import StopRequest
 
@@ -20,7 +20,7 @@ from fret_monitor.ros.signals import StopRequest
 def main() -> int:
     """Run the node until a signal ends it; return the exit status."""
     stop = StopRequest()
-    # What follows takes a while to import, and a signal must not find it unprepared.
+    # Imported after the signal handlers are set, since these imports are slow.
     from fret_monitor.ros.logger_node import LoggerNode
     from fret_monitor.ros.process import run
     return run('logger', LoggerNode, stop)

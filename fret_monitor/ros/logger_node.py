@@ -15,8 +15,8 @@
 """
 The node that writes every announced violation to the ROS log, with its sentence and time.
 
-It listens to the handlers of the same bundle, so that it can run anywhere in the graph, or not
-at all.
+It subscribes to the handler topics of the same bundle, so it can run on another machine than the
+monitor. The monitor does not need it.
 """
 
 from collections.abc import Callable
@@ -44,20 +44,20 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Empty
 
-_CHECK = 1.0  # s
+_CHECK = 1.0  # s between two checks for an error in the feed's thread
 
 
 class LoggerNode(Node):
-    """Logs violations from its making until `destroy_node`; needs no executor for that."""
+    """Logs violations from its construction until `destroy_node`; this needs no executor."""
 
     def __init__(self, node_name: str = 'fret_logger', **options: Any) -> None:
         """
-        Make the node and start listening; `options` are those of `rclpy.node.Node`.
+        Create the node and subscribe; `options` are those of `rclpy.node.Node`.
 
         Raises
         ------
         Refusal
-            if parameters, bundle or library are not such that it can start. Nothing is left.
+            if the parameters, the bundle or the library are not usable. Nothing is left.
         """
         super().__init__(node_name, **options)
         self._feed = Feed(self)
@@ -72,12 +72,12 @@ class LoggerNode(Node):
             undo.pop_all()
 
     def _check(self) -> None:
-        """Raise in the executor what went wrong in the feed's thread, if anything did."""
+        """Raise the error that ended the feed's thread, if any, in the executor."""
         if self._feed.failure is not None:
             raise self._feed.failure
 
     def destroy_node(self) -> None:
-        """End the feed, report what it has received, then end the node."""
+        """Close the feed, log the violations received so far, then destroy the node."""
         self._feed.close()
         with self._changed:
             self._is_over = True
@@ -131,7 +131,7 @@ class LoggerNode(Node):
         try:
             array = deserialize_message(data, DiagnosticArray)
         except UNDECODABLE:
-            return  # anybody may publish anything; the violations are logged all the same
+            return  # any node may publish here; the violation is logged without it
         for status in array.status:
             detail = read_detail(status)
             if status.name in self._reports and detail is not None:
@@ -140,7 +140,7 @@ class LoggerNode(Node):
                     self._changed.notify()
 
     def _report_all(self) -> None:
-        """Log violations when their details are there, until the node is destroyed."""
+        """Log violations once `Pairing` releases them, until the node is destroyed."""
         while True:
             with self._changed:
                 now = float('inf') if self._is_over else monotonic()
@@ -153,9 +153,9 @@ class LoggerNode(Node):
                 self._reports[violation.requirement](violation)
 
     def _report(self, requirement: ManifestRequirement) -> Callable[[ReceivedViolation], None]:
-        """Return what logs the violations of a requirement."""
+        """Return the function that logs the violations of a requirement."""
         sentence = ' '.join((requirement.title or requirement.text).split())
-        # One call site a severity: rclpy remembers the severity of each.
+        # One call site per severity: rclpy allows only one severity at a call site.
         log = self._error if requirement.severity is Severity.ERROR else self._warn
 
         def report(violation: ReceivedViolation) -> None:

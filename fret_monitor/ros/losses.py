@@ -13,11 +13,12 @@
 # limitations under the License.
 
 """
-Messages of a topic that were sent and never received (docs/ros.md, Topics).
+Count message loss (docs/ros.md, Topics).
 
-C counts what each publisher left out of its numbers (`csrc/losses.h`). Where Python takes the
-messages it is not told whose they are, and counts for a single publisher only. The middleware may
-tell of losses too: Fast DDS does of what the network dropped, not of a queue that overflowed.
+C counts the gaps in the sequence numbers of each publisher (`csrc/handover.h`). Where Python takes
+the messages, rclpy does not say which publisher sent them, so gaps are counted only while there is
+one publisher. The middleware may count losses too: Fast DDS counts messages that the network
+dropped, but none from a queue overflow.
 """
 
 from collections.abc import Set
@@ -32,17 +33,17 @@ _NONE = 2**64 - 1  # RMW_MESSAGE_INFO_SEQUENCE_NUMBER_UNSUPPORTED
 
 
 class Gaps:
-    """Counts the numbers that a single publisher left out."""
+    """Counts the gaps in the sequence numbers of a single publisher."""
 
     def __init__(self) -> None:
-        """Start with nothing known."""
+        """Start without a publisher and without a message."""
         self.lost = 0
         self._unconfirmed = 0
         self._last: int | None = None
         self._publishers: Set[bytes] = frozenset()
 
     def note(self, number: int) -> None:
-        """Take the number of a message that has come."""
+        """Note the sequence number of a received message."""
         if not 0 < number < _NONE:
             return
         if self._last is not None:
@@ -51,9 +52,10 @@ class Gaps:
 
     def confirm(self, publishers: Set[bytes]) -> None:
         """
-        Take who publishes now.
+        Count the gaps since the last call as losses, or drop them.
 
-        What was left out since the last time counts if that was one publisher, and is it still.
+        They count if there is one publisher, the same as at the last call. `publishers` holds the
+        gids of the present ones.
         """
         if publishers == self._publishers and len(publishers) == 1:
             self.lost += self._unconfirmed
@@ -63,16 +65,16 @@ class Gaps:
         self._publishers = publishers
 
     def restart(self) -> None:
-        """Take the next message for the first one; what was not confirmed is forgotten."""
+        """Treat the next message as the first; drop the gaps that were not confirmed."""
         self._last = None
         self._unconfirmed = 0
 
 
 class ReportedLosses:
-    """What the middleware says was lost of a subscription; nothing where it does not say."""
+    """The middleware's count of messages lost by a subscription; 0 if it does not count."""
 
     def __init__(self, subscription: RclSubscription) -> None:
-        """Ask for it; to be closed before the subscription is destroyed."""
+        """Start counting; close this before the subscription is destroyed."""
         self._event: Any = None
         with subscription.handle:
             try:
@@ -82,7 +84,7 @@ class ReportedLosses:
                 pass
 
     def total(self) -> int:
-        """Return how many were lost so far."""
+        """Return how many messages were lost so far."""
         if self._event is None:
             return 0
         with self._event:
@@ -90,7 +92,7 @@ class ReportedLosses:
         return 0 if status is None else int(status.total_count)
 
     def close(self) -> None:
-        """Ask no more."""
+        """Stop counting."""
         if self._event is not None:
             self._event.destroy_when_not_in_use()
             self._event = None

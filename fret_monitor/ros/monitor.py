@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The executable `monitor`: watches the requirements of a bundle on ROS 2 topics."""
+"""The executable `monitor`: monitors the requirements of bundles on ROS 2 topics."""
 
 from fret_monitor.ros.signals import StopRequest
 
@@ -20,7 +20,7 @@ from fret_monitor.ros.signals import StopRequest
 def main() -> int:
     """Run the node until a signal ends it; return the exit status."""
     stop = StopRequest()
-    # What follows takes a while to import, and a signal must not find it unprepared.
+    # Imported after the signal handlers are set, since these imports are slow.
     from fret_monitor.ros.monitor_node import MonitorNode
     from fret_monitor.ros.process import run
     return run('monitor', MonitorNode, stop)

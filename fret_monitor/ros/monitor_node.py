@@ -36,23 +36,22 @@ class MonitorNode(LifecycleNode):
     """
     A managed node that monitors one bundle or several while it is active.
 
-    `configure` reads the parameters and makes ready what they name, `activate` subscribes,
-    `deactivate` ends that, `cleanup` and `shutdown` release everything. Unless `autostart` is
-    false, the node is active when it has been made.
+    `configure` reads the parameters and opens the bundles, `activate` subscribes, `deactivate`
+    unsubscribes, `cleanup` and `shutdown` release everything. Unless `autostart` is false, the
+    constructor configures and activates the node.
 
-    It can be spun by any executor: that serves transitions, `~/reset`, parameters and periods.
-    Messages do not need one.
+    Any executor can spin it. The executor serves transitions, `~/reset`, parameters and timers;
+    messages do not need one.
     """
 
     def __init__(self, node_name: str = 'fret_monitor', **options: Any) -> None:
         """
-        Make the node; `options` are those of `rclpy.lifecycle.LifecycleNode`.
+        Create the node; `options` are those of `rclpy.lifecycle.LifecycleNode`.
 
         Raises
         ------
         Refusal
-            if parameters, bundles or libraries are not such that it can start by itself. Nothing
-            is left.
+            if the parameters, bundles or libraries are not usable. Nothing is left.
         """
         self._sessions: list[BundleSession] = []
         self._declared_overrides: DeclaredOverrides | None = None
@@ -79,36 +78,36 @@ class MonitorNode(LifecycleNode):
             self.get_logger().info('waiting to be configured and activated: autostart is false')
 
     def _start(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
-        """Make a transition without a request; errors are raised."""
+        """Trigger a transition, and raise its error if it fails."""
         self._is_starting = True
         trigger()
         self._is_starting = False
         if self._failure is not None:
             raise self._failure
 
-    # What rclpy calls at transitions.
+    # rclpy calls these methods at transitions.
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Make ready what the parameters name."""
+        """Open the bundles that the parameters name."""
         return self._take(self._configure) or super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin to watch."""
+        """Start monitoring."""
         return self._take(self._activate) or super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop watching; nothing is stepped or announced from here on."""
+        """Stop monitoring; nothing is stepped or published afterwards."""
         return self._take(self._deactivate) or super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Release the bundles; to configure again reads them again."""
+        """Release the bundles; the next `configure` reads them again."""
         result = self._take(self._release) or super().on_cleanup(state)
-        # Timers and their callbacks refer to each other, and would keep the bundle's library open.
+        # Timers and callbacks refer to each other; until collected they keep the library open.
         gc.collect()
         return result
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Release the bundles, for good."""
+        """Release the bundles."""
         return self._take(self._release) or super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -118,9 +117,9 @@ class MonitorNode(LifecycleNode):
 
     def _take(self, step: Callable[[], None]) -> TransitionCallbackReturn | None:
         """
-        Take a step of a transition; return None if it went well.
+        Run the work of a transition; return None if it succeeds.
 
-        rclpy drops what a transition raises without a word.
+        rclpy drops its error, so it is kept here: `_start` raises it; otherwise it is logged.
         """
         attempt = _Attempt()
         with attempt:
@@ -152,7 +151,7 @@ class MonitorNode(LifecycleNode):
             for session in self._sessions for topic in session.manifest.topics]))
 
     def _refuse_two_types(self, opened: Sequence[Opened]) -> None:
-        """Refuse two types for one topic: the middleware allows one in a process."""
+        """Refuse two types for one topic: the middleware allows only one per process."""
         types: dict[str, tuple[str, str]] = {}
         problems = []
         for item, bundle in zip(opened, _names(opened)):
@@ -195,7 +194,7 @@ class MonitorNode(LifecycleNode):
             self._declared_overrides.close()
             self._declared_overrides = None
         while self._sessions:
-            self._sessions[-1].close()  # and if that is interrupted, it is tried again
+            self._sessions[-1].close()  # before pop: if interrupted, it can be repeated
             self._sessions.pop()
 
     def _why_fixed(self) -> str:
@@ -203,10 +202,10 @@ class MonitorNode(LifecycleNode):
                 'first to the last; deactivate and clean up first') if self._sessions else ''
 
     def destroy_node(self) -> None:
-        """End the watches, then the node."""
+        """Close the sessions, then destroy the node."""
         self._release()
         super().destroy_node()
-        # rclpy forgets it, and it would keep the node in the graph.
+        # rclpy does not destroy it, and it would keep the node in the graph.
         self._state_machine.destroy_when_not_in_use()
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -221,7 +220,7 @@ class MonitorNode(LifecycleNode):
 
 
 def _names(opened: Sequence[Opened]) -> list[str]:
-    """Return what to call the bundles of one node: nothing where there is but one."""
+    """Return distinct names for the bundles; an empty name if there is only one bundle."""
     if len(opened) == 1:
         return ['']
     names: list[str] = []
@@ -236,7 +235,7 @@ def _names(opened: Sequence[Opened]) -> list[str]:
 
 
 class _Attempt(AbstractContextManager[None]):
-    """Keeps an error that is raised inside, instead of passing it on."""
+    """Catches and keeps an error that is raised inside the block."""
 
     def __init__(self) -> None:
         self.error: Exception | None = None
@@ -249,9 +248,9 @@ class _Attempt(AbstractContextManager[None]):
 
 def _refusing(change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     """
-    Return the callback of a service that refuses a transition that is none from where it is.
+    Return a service callback that refuses transitions that the current state does not allow.
 
-    rclpy's own raises that in the executor, where it would end the process; rcl logs it.
+    rclpy's own callback raises an error then, which would end the process. rcl has logged it.
     """
     def answer(request: Any, response: Any) -> Any:
         try:

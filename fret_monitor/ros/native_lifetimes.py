@@ -15,9 +15,10 @@
 """
 Keeps native objects alive until the threads that use them have stopped.
 
-An interrupt may leave a half-made or half-closed object to the garbage collector. Memory that a
-thread of C or of the middleware still uses must not be freed then, so it is referenced here. At
-exit of the process whatever is left is ended: C and its threads, not the objects of rclpy.
+After an interrupt the garbage collector may get an object that is half created or half closed.
+Memory that a thread of C or of the middleware still uses must not be freed then, so this module
+refers to it. At exit the threads and callbacks of what is left are stopped; objects of rclpy are
+not destroyed.
 """
 
 import atexit
@@ -26,7 +27,7 @@ from typing import Protocol
 
 
 class NativeUser(Protocol):
-    """Has a thread, or is called by a thread of the middleware."""
+    """Has a thread, or a callback that runs in a thread of the middleware."""
 
     def end(self) -> None:
         """Stop all use of the native memory; a second call does nothing."""
@@ -36,7 +37,7 @@ _KEPT: dict[int, NativeUser] = {}
 
 
 def keep(user: NativeUser) -> None:
-    """Keep an object alive; to be called before its thread or callback starts."""
+    """Keep an object alive; call this before its thread or callback starts."""
     _KEPT[id(user)] = user
 
 

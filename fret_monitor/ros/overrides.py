@@ -15,7 +15,7 @@
 """
 The standard parameters for the quality of service: `qos_overrides` (docs/ros.md).
 
-The names are those of rclcpp and rclpy, with the topic as it is after remapping:
+Their names are those of rclcpp and rclpy, with the topic's name after remapping:
 `qos_overrides./windspeed.subscription.reliability`. They override the bundle.
 """
 
@@ -36,7 +36,7 @@ from rclpy.node import Node
 _PREFIX = 'qos_overrides.'
 _WORDS: dict[str, Collection[str]] = {
     'reliability': RELIABILITY, 'durability': DURABILITY, 'history': HISTORY}
-_AVAILABLE = 'best_available'  # where a subscription may follow its publishers
+_AVAILABLE = 'best_available'  # the subscription requests what its publishers offer
 _FOLLOWS = f'; {_AVAILABLE}: as its publishers offer'
 _POLICIES = (*_WORDS, 'depth')
 _TIMED = ('deadline', 'lifespan', 'liveliness', 'liveliness_lease_duration')
@@ -46,7 +46,7 @@ _DECLARE_S = 0.01  # between two topics
 
 @dataclass(frozen=True)
 class _Override:
-    """One parameter: its name, the topic and kind of endpoint in it, the policy, the value."""
+    """One parameter: its name; the topic, endpoint and policy in the name; its value."""
 
     name: str
     topic: str
@@ -56,16 +56,16 @@ class _Override:
 
 
 class Overrides:
-    """The overrides that a node was given, all of them checked."""
+    """The overrides given to a node, checked."""
 
     def __init__(self, given: Mapping[str, object]) -> None:
         """
-        Take the values of parameters by name; those that are not overrides are ignored.
+        Read the values of parameters by name; those that are not overrides are ignored.
 
         Raises
         ------
         Refusal
-            with all that is wrong with overrides of subscriptions.
+            with all problems of the overrides.
         """
         problems: list[str] = []
         self._all = list(_read(given, problems))
@@ -77,12 +77,12 @@ class Overrides:
 
     @classmethod
     def of(cls, node: Node) -> 'Overrides':
-        """Return those that a node was given."""
+        """Return the overrides given to a node."""
         given: dict[str, Any] = node._parameter_overrides
         return cls({name: item.value for name, item in given.items()})
 
     def apply(self, topic: str, fixed: Mapping[str, str | int]) -> dict[str, str | int]:
-        """Return what is fixed for a subscription, by the overrides or else by the bundle."""
+        """Return the fixed policies of a subscription: the bundle's, replaced by overrides."""
         found = dict(fixed)
         for item in self._all:
             if (item.topic, item.endpoint) == (topic, 'subscription'):
@@ -99,7 +99,7 @@ class Overrides:
         Raises
         ------
         Refusal
-            if one is of a publisher of these topics.
+            if there is one for a publisher of these topics.
         """
         names = [item.name for item in self._all
                  if item.endpoint == 'publisher' and item.topic in topics]
@@ -121,14 +121,14 @@ class Overrides:
 
 class DeclaredOverrides:
     """
-    Declares the overrides of some subscriptions, so that `ros2 param` lists and describes them.
+    Declares the overrides as parameters, so that `ros2 param` lists and describes them.
 
-    rclpy takes 0.1 ms for a parameter: they are declared one topic at a time by a timer, and
-    neither the start nor a period waits for all of them.
+    rclpy needs 0.1 ms for a parameter, so a timer declares them one topic at a time: neither the
+    start nor a period waits for all of them.
     """
 
     def __init__(self, node: Node, topics: Mapping[str, Mapping[str, str | int]]) -> None:
-        """Begin; `topics` are full names, each with what the bundle fixes for it."""
+        """Start declaring; `topics` has full names, each with the policies the bundle fixes."""
         self._node = node
         self._left = sorted(topics.items(), reverse=True)
         self._names: list[str] = []
@@ -153,7 +153,7 @@ class DeclaredOverrides:
             self._names.append(name)
 
     def close(self) -> None:
-        """Undeclare them."""
+        """Undeclare the parameters."""
         self._node.destroy_timer(self._timer)
         while self._names:
             self._node.undeclare_parameter(self._names.pop())

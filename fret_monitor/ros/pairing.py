@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Violations and their details, which come on topics of their own, put together.
+Match violations with their details, which are received on another topic.
 
-A violation is published at once and its detail when it is made, so either may come first. A
-violation waits for its detail for a moment, and is reported without one after that.
+Two threads publish them, so either may be received first. A violation waits up to `WAIT_S` for its
+detail, and is then reported without one.
 """
 
 from collections import deque
@@ -26,8 +26,8 @@ from fret_monitor.ros.details import Detail
 
 WAIT_S = 0.3
 _TOGETHER_NS = int(WAIT_S * 1e9)
-_ROUNDING_NS = 1000  # a stamp is a float of seconds
-_MOST_DETAILS = 1000  # of a requirement, waiting for their violations
+_ROUNDING_NS = 1000  # error of a stamp, which is a float in seconds
+_MOST_DETAILS = 1000  # per requirement, kept until their violations are received
 
 
 @dataclass
@@ -37,19 +37,19 @@ class ReceivedViolation:
     requirement: str
     received: int
     sent: int
-    due: float  # s, on the monotonic clock: it is reported then at the latest
+    due: float  # s, on the monotonic clock: reported then at the latest
     detail: Detail | None = None
 
 
 class Pairing:
     """
-    Holds violations until their details are there, and gives them back in order.
+    Holds violations until their details are received, and returns them in order.
 
     Not thread-safe.
     """
 
     def __init__(self) -> None:
-        """Hold nothing."""
+        """Start empty."""
         self._violations: deque[ReceivedViolation] = deque()
         self._details: dict[str, deque[tuple[Detail, int]]] = {}
 
@@ -60,13 +60,13 @@ class Pairing:
         for place, (detail, detail_sent) in enumerate(details):
             if _belong_together(violation, detail, detail_sent):
                 violation.detail = detail
-                for _ in range(place + 1):  # what is older belongs to violations that were lost
+                for _ in range(place + 1):  # older details are of violations that were lost
                     details.popleft()
                 break
         self._violations.append(violation)
 
     def add_detail(self, requirement: str, detail: Detail, sent: int) -> None:
-        """Add a detail, by the time at which it was sent (ns)."""
+        """Add a detail; `sent` is the time at which it was sent (ns)."""
         for violation in self._violations:
             if violation.requirement == requirement and violation.detail is None \
                     and _belong_together(violation, detail, sent):
@@ -75,7 +75,7 @@ class Pairing:
         self._details.setdefault(requirement, deque(maxlen=_MOST_DETAILS)).append((detail, sent))
 
     def take(self, now: float) -> ReceivedViolation | None:
-        """Return the next violation, if it has its detail or has waited long enough."""
+        """Return the next violation if it has its detail or is due; None otherwise."""
         if self._violations and (self._violations[0].detail is not None
                                  or self._violations[0].due <= now):
             return self._violations.popleft()
@@ -88,6 +88,6 @@ class Pairing:
 
 
 def _belong_together(violation: ReceivedViolation, detail: Detail, detail_sent: int) -> bool:
-    """Return whether both were sent at about the same time, the violation after what it is of."""
+    """Return whether both were sent within `WAIT_S`, the violation after the detail's stamp."""
     return abs(violation.sent - detail_sent) <= _TOGETHER_NS \
         and violation.sent >= detail.stamp * 1e9 - _ROUNDING_NS

@@ -39,7 +39,7 @@ from rclpy.parameter import Parameter
 
 @dataclass(frozen=True)
 class Described:
-    """A parameter: what it is where it is not given, what it means, and whether it may change."""
+    """A parameter: its default, its description, and whether it is read-only."""
 
     default: object
     description: str
@@ -86,7 +86,7 @@ LOGGER_PARAMETERS = {
 
 _HOT_PATHS = ('auto', 'on', 'off')
 _LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
-# rclpy's own, and those of our other node, which one file of parameters may name too
+# Parameters of rclpy and of both nodes: one parameter file may be given to both.
 _KNOWN = {'use_sim_time', 'start_type_description_service',
           *MONITOR_PARAMETERS, *LOGGER_PARAMETERS}
 
@@ -95,7 +95,7 @@ class Refusal(Exception):
     """Reasons not to start, in words for the user."""
 
     def __init__(self, *problems: str, heading: str = 'error: ') -> None:
-        """Take one problem or more; each is told under the heading."""
+        """Take one problem or more; the heading precedes each of them."""
         super().__init__('\n'.join(heading + problem for problem in problems))
 
 
@@ -107,13 +107,13 @@ class Origin:
     library: Path | None
 
     def __str__(self) -> str:
-        """Return the path that a user knows it by."""
+        """Return the path of the bundle, or else of the compiled folder."""
         return str(self.spec or self.library)
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What to monitor, and what overrides the bundles; `period` is in seconds, exact."""
+    """The bundles to monitor, and what overrides them; `period` is in seconds, exact."""
 
     origins: tuple[Origin, ...]
     policy: Policy | None = None
@@ -123,20 +123,20 @@ class Settings:
 
 
 class Parameters:
-    """The parameters of a node, from their declaration on."""
+    """The declared parameters of a node."""
 
     def __init__(self, node: Node, table: Mapping[str, Described],
                  why_fixed: Callable[[], str] = str) -> None:
         """
-        Declare the parameters of `table`, and warn of those given that are not among them.
+        Declare the parameters of `table`, and warn about unknown ones that were given.
 
-        `why_fixed` returns why those that are read by `configure` cannot change now; nothing
-        where they can.
+        `why_fixed` returns why the parameters that `configure` reads cannot change now, or an
+        empty string if they can.
 
         Raises
         ------
         Refusal
-            if one that is read here cannot be used: `log_level`, `autostart`.
+            if the value of `log_level` or `autostart` cannot be used.
         """
         self._node = node
         self._table = table
@@ -152,11 +152,11 @@ class Parameters:
         node.add_post_set_parameters_callback(lambda _: self._set_level())
 
     def values(self) -> dict[str, Any]:
-        """Return their values."""
+        """Return the values of all parameters in the table."""
         return {name: self._node.get_parameter(name).value for name in self._table}
 
     def _warn_of_slips(self) -> None:
-        # A file of parameters with the wildcard `/**` names those of other nodes too.
+        # Only a warning: a file with the wildcard `/**` also has parameters of other nodes.
         for name in self._node._parameter_overrides:
             if name.startswith('qos_overrides.'):
                 continue  # `Overrides` reads them
@@ -165,7 +165,7 @@ class Parameters:
                 self._node.get_logger().warning(f"ignored parameter '{name}': {hint}")
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Refuse what cannot be used, and what cannot change now."""
+        """Refuse values that cannot be used, and changes that are not possible now."""
         overrides = [item.name for item in parameters if item.name.startswith('qos_overrides.')
                      and self._node.has_parameter(item.name)]
         if overrides:
@@ -185,12 +185,12 @@ class Parameters:
 
 def read_settings(given: Mapping[str, Any]) -> Settings:
     """
-    Return what the values of parameters ask for.
+    Return the settings that the values of parameters give.
 
     Raises
     ------
     Refusal
-        if one cannot be used, or nothing is asked for.
+        if a value cannot be used, or no bundle is given.
     """
     problems: list[str] = []
     settings = _settings(given, problems)
@@ -277,7 +277,7 @@ def _policy(given: Mapping[str, Any], problems: list[str]) -> Policy | None:
 def _word(given: Mapping[str, Any], name: str, words: Sequence[str],
           problems: list[str]) -> str:
     value = given.get(name) or ''
-    # YAML takes `on` and `off` for truth values, and so does `-p hot_path:=off`.
+    # In YAML, and so in `-p hot_path:=off`, `on` and `off` are booleans.
     if isinstance(given.get(name), bool) and 'off' in words:
         value = 'on' if given[name] else 'off'
     if value and value not in words:
@@ -305,5 +305,5 @@ def _positive(given: Mapping[str, Any], name: str, unit: str,
         problems.append(
             f"parameter '{name}' is {value!r}, and has to be a number above 0 ({unit})")
         return None
-    # The decimal number that was written; 0 is that of a parameter that is not given.
+    # str() gives the decimal number as written. 0 is the default: no value is given.
     return Fraction(str(value)) or None

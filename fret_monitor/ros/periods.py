@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Timers in the node's time, and the count of periods that came late or never (docs/ros.md, Periods).
+Timers in the node's time, and counts of late and missed periods (docs/ros.md, Periods).
 
 The node's time is `/clock` where `use_sim_time` is set, and a steady clock otherwise: a correction
 of the system time neither delays a step nor adds one.
@@ -26,16 +26,16 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-_REPEAT_S = 10.0  # between two log lines about the same thing
-_NO_TIME_S = 5.0  # until the log says that there is no `/clock`
+_REPEAT_S = 10.0  # between two log lines of the same kind
+_NO_TIME_S = 5.0  # until a missing `/clock` is logged
 _READINGS = 10  # attempts to read a clock and a timer without being preempted in between
 
 
 class Throttle:
-    """Lets the first event pass, and then one each so many seconds."""
+    """Lets the first event pass, and later ones at most once per interval."""
 
     def __init__(self, seconds: float = _REPEAT_S) -> None:
-        """Start; nothing has passed yet."""
+        """Take the interval in seconds."""
         self._seconds = seconds
         self._next = float('-inf')
 
@@ -50,9 +50,9 @@ class Throttle:
 
 class NodeTimer:
     """
-    Calls back once a period of the node's time, in its executor.
+    Calls back once per period of the node's time, in the node's executor.
 
-    Missed periods are not made up for: however far time has gone, one call follows.
+    Missed periods are skipped: however far time has advanced, there is one call.
     `use_sim_time` may change at any time.
     """
 
@@ -64,19 +64,19 @@ class NodeTimer:
         Parameters
         ----------
         node
-            whose time and executor it is.
+            has the clock and the executor.
         period
             in seconds.
         callback
             takes the time of the call and the time at which the next one is due (ns).
         on_clock_change
-            called before the first callback in the time of another clock.
+            called before the first callback after the clock was changed.
         purpose
-            what waits while there is no time, for the log.
+            for the log: what has to wait for `/clock`.
         """
         self._node = node
         self._purpose = purpose
-        self._node_clock: Any = node.get_clock()  # a ROSClock, annotated as less in Jazzy
+        self._node_clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
         self._period = period
         self._callback = callback
         self._on_clock_change = on_clock_change
@@ -109,10 +109,10 @@ class NodeTimer:
 
     def _read(self) -> tuple[int, int]:
         """
-        Return the time and that of the next call.
+        Return the time, and the time of the next call.
 
-        The two readings belong together only if the thread was not preempted between them, and
-        `/clock` did not advance.
+        The two readings are repeated if the thread was preempted between them, or `/clock`
+        advanced: they would not be consistent.
         """
         for _ in range(_READINGS):
             now = self.now()
@@ -131,8 +131,8 @@ class Schedule:
     """
     Counts ticks and periods; reads no clock.
 
-    `late` ticks came more than half a period after they were due; `missed` periods had no tick;
-    `restarts` counts how often time went back.
+    `late` ticks were more than half a period after the time at which they were due; `missed`
+    periods had no tick; `restarts` counts how often time went back.
     """
 
     def __init__(self, period: float) -> None:
@@ -160,7 +160,7 @@ class Schedule:
         self._planned, self._last = (following if now > 0 else None), now
 
     def change_clock(self) -> None:
-        """Begin the periods anew in the time of another clock; none is missed."""
+        """Restart the periods after the clock was changed; no period counts as missed."""
         self._planned = None
 
     def _restart(self, now: int) -> None:
@@ -170,7 +170,7 @@ class Schedule:
             'continue from there; values and past of the requirements are kept')
 
     def reports(self) -> list[str]:
-        """Return what to log now: the last restart, and now and then what was late or missed."""
+        """Return the lines to log: the last restart, and at intervals late and missed periods."""
         lines, self._restart_reports = self._restart_reports[-1:], []
         late, missed = self.late - self._reported[0], self.missed - self._reported[1]
         if (late or missed) and self._throttle.passes():
@@ -181,7 +181,7 @@ class Schedule:
 
 
 class Periods:
-    """Takes a step each period of a node's time, and logs late and missed periods."""
+    """Calls `step` once per period of a node's time, and logs late and missed periods."""
 
     def __init__(self, node: Node, period: float, step: Callable[[], None]) -> None:
         """Start; `period` is in seconds."""
@@ -198,5 +198,5 @@ class Periods:
             self._node.get_logger().warning(line)
 
     def close(self) -> None:
-        """Take no more steps."""
+        """Stop stepping."""
         self._timer.close()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A node as a process: from the command line to the exit status, without a traceback."""
+"""Run a node as a process: from the command line to the exit status."""
 
 from collections.abc import Callable, Iterator
 import logging
@@ -31,7 +31,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-# Python sees a signal only between two calls into C, so none of them may last longer.
+# Python handles a signal only between two calls into C, so no call may last longer.
 _SPIN = 0.2  # s
 _WIDTH = 80
 
@@ -44,13 +44,13 @@ _PARAMETERS = {'monitor': MONITOR_PARAMETERS, 'logger': LOGGER_PARAMETERS}
 
 def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:
     """
-    Make a node and spin it until a signal comes; return the exit status.
+    Create a node and spin it until a signal is received; return the exit status.
 
-    0 after SIGINT or SIGTERM; 1 if there was a reason not to start, which is then told on
+    It is 0 after SIGINT or SIGTERM, and 1 if the node cannot start; the reason is printed on
     standard error.
     """
     try:
-        logging.basicConfig(format='warning: %(message)s')  # nothing else is logged by Python
+        logging.basicConfig(format='warning: %(message)s')  # this package logs only warnings
         own = remove_ros_args(sys.argv)[1:]
         if own:
             return _print_usage(name, own[0])
@@ -79,14 +79,14 @@ def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:
 
 
 def _usage(name: str) -> str:
-    """Return how this process is started, by the command that has started it."""
+    """Return the usage text, with the command by which this process was started."""
     script = Path(sys.argv[0])
     is_by_path = script.name == name and script.parent.parts[-2:] != ('lib', 'fret_monitor')
     return _USAGE.format(command=script if is_by_path else f'ros2 run fret_monitor {name}')
 
 
 def _described(name: str) -> Iterator[str]:
-    """Yield the lines that tell the parameters of a node."""
+    """Yield the lines that describe the parameters of a node."""
     parameters = _PARAMETERS[name]
     width = max(map(len, parameters)) + 4
     for key, item in parameters.items():
@@ -95,7 +95,7 @@ def _described(name: str) -> Iterator[str]:
 
 
 def _no_flag(unknown: str) -> str:
-    """Return what to write for an assignment among arguments that ROS does not know."""
+    """Return the advice for an assignment that was given without `-p`."""
     found = next((item for item in sys.argv if ':=' in item and repr(item) in unknown), None)
     return f': a parameter has -p before it: -p {shlex.quote(found)}' if found else ''
 

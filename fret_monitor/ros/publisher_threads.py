@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Publishing what an evaluator has queued: violations and details.
+Publish what an evaluator has queued: violations and details.
 
 Where C takes the messages, a thread of C publishes the violations (`hot_path.Announcer`). Where
-Python takes them, the thread that delivered a message publishes what it violates, so that delivery
-cannot outrun publishing. Details have a thread of their own in both cases.
+Python takes them, the thread that delivered a message publishes its violations, so that delivery
+cannot outrun publishing. A thread of its own publishes the details in both cases.
 """
 
 from threading import Event, Lock, Thread
@@ -27,12 +27,12 @@ from fret_monitor.ros.details import Details
 from fret_monitor.ros.handlers import Handlers
 from fret_monitor.runtime import SharedEvaluator, ViolationDetail
 
-_WAIT_MS = 200  # closing the evaluator wakes a thread at once
-_POLL_S = 0.1  # between two checks for a listener, where the middleware gives no event
+_WAIT_MS = 200  # longest wait for a detail; closing the evaluator ends it at once
+_POLL_S = 0.1  # between two checks for a subscriber, where the middleware has no matched event
 
 
 class HandlerPublisher:
-    """Publishes violations in the threads that step the evaluator."""
+    """Publishes violations, in the threads that step the evaluator."""
 
     def __init__(self, evaluator: SharedEvaluator, handlers: Handlers) -> None:
         """Publish nothing before the first call of `publish_due`."""
@@ -42,7 +42,7 @@ class HandlerPublisher:
 
     def publish_due(self) -> None:
         """Publish all violations in the queue, in order; from any thread."""
-        # One thread at a time: what is taken first is published first.
+        # One thread at a time, to publish the violations in the order of the queue.
         with self._order:
             while violations := self._evaluator.take(0):
                 for violation in violations:
@@ -52,13 +52,13 @@ class HandlerPublisher:
                         self._evaluator.count_unpublished(1)
 
     def close(self) -> None:
-        """Close the evaluator and publish what is left."""
+        """Close the evaluator and publish the rest of its queue."""
         self._evaluator.close()
         self.publish_due()
 
 
 class DetailPublisher:
-    """Publishes the details of violations while somebody listens."""
+    """Publishes the details of violations while their topic has a subscriber."""
 
     def __init__(self, evaluator: SharedEvaluator, details: Details) -> None:
         """Start the thread."""
@@ -70,7 +70,7 @@ class DetailPublisher:
         self._thread.start()
 
     def end(self) -> None:
-        """Close the evaluator and wait until all is published; a second call does nothing."""
+        """Close the evaluator and publish what is queued; a second call does nothing."""
         self._evaluator.close()
         self._is_over.set()
         self._details.listening.set()

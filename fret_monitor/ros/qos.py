@@ -16,16 +16,16 @@
 The quality of service of a subscription that matches every publisher (docs/ros.md).
 
 A subscription matches a publisher only if it requests no more than the publisher offers. So it
-requests the most that all known publishers offer, and the least while there is none. What the
-bundle fixes under `qos` stays.
+requests the most that all discovered publishers offer, and the least while there is none. Policies
+that the bundle fixes under `qos` stay as they are.
 """
 
 from collections.abc import Iterable, Mapping
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-# A message waits here only while the node is busy with others. 100 is 0.1 s of a topic at 1 kHz;
-# of a 1 MB image it would be 100 MB at worst, which `qos: {depth: 1}` brings down.
+# Messages are queued only while others are processed. 100 messages are 0.1 s of a topic at 1 kHz.
+# With images of 1 MB a full queue takes 100 MB, which `qos: {depth: 1}` avoids.
 DEFAULT_DEPTH = 100
 
 LARGEST_DEPTH = 2**31 - 1
@@ -47,13 +47,13 @@ HISTORY = {
 
 
 def violation_profile(depth: int) -> QoSProfile:
-    """Return what the topics of violations offer."""
+    """Return the profile that publishers of violations offer."""
     return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE,
                       durability=DurabilityPolicy.VOLATILE)
 
 
 def violation_request(depth: int) -> dict[str, str | int]:
-    """Return what the logger asks for, as `fixed` of `wanted_profile`."""
+    """Return what the logger requests for violations, as `fixed` of `wanted_profile`."""
     return {'reliability': 'reliable', 'durability': 'volatile', 'depth': depth}
 
 
@@ -61,8 +61,8 @@ def wanted_profile(offers: Iterable[QoSProfile], fixed: Mapping[str, str | int])
     """
     Return the profile of a subscription that matches all of `offers`.
 
-    `fixed` is what the bundle decides: `reliability` (reliable, best_effort), `durability`
-    (volatile, transient_local), `history` (keep_last, keep_all), `depth`.
+    `fixed` has the policies that the bundle fixes: `reliability` (reliable, best_effort),
+    `durability` (volatile, transient_local), `history` (keep_last, keep_all), `depth`.
     """
     offered = tuple(offers)
     reliable = bool(offered) and all(
@@ -92,7 +92,7 @@ def misfits(subscription: QoSProfile, offer: QoSProfile) -> list[str]:
 
 
 def hears(subscription: QoSProfile, offer: QoSProfile) -> bool:
-    """Return whether a subscription gets the messages of a publisher with this offer."""
+    """Return whether a subscription matches a publisher with this offer."""
     return not misfits(subscription, offer)
 
 
@@ -102,7 +102,7 @@ def same_request(one: QoSProfile, other: QoSProfile) -> bool:
 
 
 def describe(profile: QoSProfile) -> str:
-    """Return reliability and durability, in ROS's words."""
+    """Return reliability and durability as text."""
     reliability = 'reliable' if profile.reliability is ReliabilityPolicy.RELIABLE \
         else 'best effort'
     durability = 'transient local' if profile.durability is DurabilityPolicy.TRANSIENT_LOCAL \

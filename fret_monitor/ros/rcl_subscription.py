@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Subscriptions below `Node.create_subscription`, which no executor knows.
+Subscriptions that no executor serves, made below `Node.create_subscription`.
 
-An executor takes the messages of a subscription that it knows, and rclpy's `EventsExecutor`
-replaces the callback that C has set on it. These are made on the node's handle, and the node does
-not list them.
+An executor takes the messages of every subscription that the node lists, and rclpy's
+`EventsExecutor` replaces the callback that C has set on it. These are created with the node's
+handle, but the node does not list them.
 """
 
 from typing import Any
@@ -30,9 +30,9 @@ from rclpy.type_support import check_is_valid_msg_type
 
 class RclSubscription:
     """
-    A subscription of a node, whose owner takes its messages and closes it.
+    A subscription of a node; its owner takes the messages and closes it.
 
-    `handle` is rclpy's object of the `rcl_subscription_t`: hold it (`with`) while C uses it.
+    `handle` is rclpy's object for the `rcl_subscription_t`: hold it (`with`) while C uses it.
     """
 
     def __init__(self, node: Node, msg_type: Any, topic: str, qos_profile: QoSProfile) -> None:
@@ -42,7 +42,7 @@ class RclSubscription:
         Raises
         ------
         InvalidTopicNameException
-            if the name is not that of a topic.
+            if the name of the topic is not valid.
         RuntimeError
             if the middleware refuses.
         """
@@ -64,5 +64,5 @@ class RclSubscription:
             return str(self.handle.get_topic_name())
 
     def close(self) -> None:
-        """Destroy the subscription as soon as nobody holds its handle."""
+        """Destroy the subscription as soon as its handle is no longer held."""
         self.handle.destroy_when_not_in_use()

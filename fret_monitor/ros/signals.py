@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-How a node's process ends: quietly, on SIGINT and SIGTERM, at whatever it is doing.
+End a node's process on SIGINT and SIGTERM, at any time and without a traceback.
 
 Python runs signal handlers between two steps of its main thread, never in the middle of a call
-into C; so the main thread must not block for long. rclpy's own handlers shut the context down
-while other threads still use it, which makes them fail noisily: start it without them.
+into C, so the main thread must not block for long. rclpy's own handlers shut the context down
+while other threads still use it, which then raise errors: initialize rclpy without them.
 
-Standard library only: this is imported before anything that takes time.
+This module uses the standard library only, since it is imported before anything that is slow.
 """
 
 from collections.abc import Iterator
@@ -33,10 +33,10 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 class StopRequest:
     """
-    Remembers that the process has been asked to end.
+    Records that the process received SIGINT or SIGTERM.
 
-    Until `interruptible` is entered a signal ends the process at once, with status
-    0: nothing has been started then that would need an end. Make it in the main thread.
+    Until `interruptible` is entered a signal ends the process at once, with status 0, since
+    nothing has been started that needs cleaning up. Create this in the main thread.
     """
 
     def __init__(self) -> None:
@@ -48,10 +48,10 @@ class StopRequest:
     @contextmanager
     def interruptible(self) -> Iterator[None]:
         """
-        Let a signal raise `SystemExit` inside this block, so that it can clean up behind it.
+        Raise `SystemExit` at a signal inside this block, so that it can clean up.
 
-        A signal that comes later is only remembered in `requested`, for the main loop to see:
-        whoever shares a terminal with `ros2 launch` gets SIGINT twice.
+        A second signal, or one after the block, only sets `requested`, which the main loop reads:
+        a process that shares a terminal with `ros2 launch` gets SIGINT twice.
         """
         self._handle(self._raise)
         try:
@@ -60,7 +60,7 @@ class StopRequest:
             self._handle(self._remember)
 
     def end(self) -> None:
-        """Ignore signals from here on, at the end: Python itself would die of one."""
+        """Ignore further signals: one during the shutdown of Python would kill the process."""
         for number in _SIGNALS:
             signal.signal(number, signal.SIG_IGN)
 
@@ -78,5 +78,5 @@ class StopRequest:
 
 
 def _end_at_once(number: int, frame: FrameType | None) -> None:
-    # Not sys.exit: an exception in the middle of an import is printed by some of them.
+    # Not sys.exit: some modules print an exception that is raised while they are imported.
     os._exit(0)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Which inputs are silent: no usable value came for their `timeout` (docs/ros.md, Silent inputs).
+Find silent inputs: no usable value within their `timeout` (docs/ros.md, Silent inputs).
 
-A message costs nothing here: a timer reads the counters of received values several times in each
-timeout. The time is the node's, so that a simulation that stands still is no silence.
+Nothing is done per message: a timer reads the counts of received values several times per timeout.
+Timeouts are measured in the node's time, so that a paused simulation does not make inputs silent.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,14 +28,14 @@ from fret_monitor.ros.periods import NodeTimer
 
 from rclpy.node import Node
 
-_CHECKS = 10  # in the shortest timeout: a silence is found before it has lasted 1.25 timeouts
+_CHECKS = 10  # per shortest timeout: a silence is found within 1.25 timeouts
 _SHORTEST_S = 0.005  # between two checks
 _NAMED = 5  # names in one log line
 
 
 @dataclass(frozen=True)
 class Silence:
-    """A silent input (index), how many values of it had come, and for how long (ns)."""
+    """A silent input (index), how many values were received, and the time since the last (ns)."""
 
     index: int
     received: int
@@ -55,14 +55,14 @@ class _TrackedInput:
         self.silences = 0
 
     def check(self, received: int, elapsed: int) -> bool:
-        """Compare the count with that of `elapsed` ns ago; return whether it fell silent."""
+        """Compare the count with the one `elapsed` ns ago; return whether a silence begins."""
         if received != self.received:
             self.received = received
             self.lasted = 0
             self.is_silent = self.is_excused = False
             return False
         # Ignore one gap longer than timeout/2: the process may have been suspended, with messages
-        # waiting. But count the second one, since a clock may always advance in such steps.
+        # queued. Count the second one, since a clock may always advance in such steps.
         if 2 * elapsed > self.timeout and not self.is_silent and not self.is_excused:
             self.is_excused = True
             return False
@@ -75,10 +75,10 @@ class _TrackedInput:
 
 
 class TimeoutTracker:
-    """Finds inputs that fall silent, and those that resume; reads no clock."""
+    """Finds the beginning and end of silences; reads no clock."""
 
     def __init__(self, inputs: Sequence[ManifestInput], received: Callable[[int], int]) -> None:
-        """Track the inputs with a timeout; `received` gives how many values came of one."""
+        """Track the inputs with a timeout; `received` returns the count of values of an input."""
         self._received = received
         self._tracked = {
             index: _TrackedInput(index, item.timeout) for index, item in enumerate(inputs)
@@ -105,7 +105,7 @@ class TimeoutTracker:
         return [silence for silence in self.silent() if silence.index in begun], ended
 
     def change_clock(self) -> None:
-        """Take the next check for the first one in the time of another clock."""
+        """Count no time until the next check, since the clock was changed."""
         self._last = 0
 
     def silent(self) -> list[Silence]:
@@ -114,7 +114,7 @@ class TimeoutTracker:
                 for index, item in self._tracked.items() if item.is_silent]
 
     def count(self, index: int) -> int | None:
-        """Return how often an input fell silent; None if it has no timeout."""
+        """Return the number of silences of an input; None if it has no timeout."""
         item = self._tracked.get(index)
         return None if item is None else item.silences
 
@@ -130,14 +130,14 @@ class TimeoutTimer:
         Parameters
         ----------
         node
-            whose time, executor and log it is.
+            has the clock, the executor and the log.
         manifest
             has the inputs and their timeouts.
         received
-            gives how many values came of an input (index).
+            returns how many values of an input (index) were received.
         set_stale
-            takes an input with `stale: violate` that is silent, and how many values had come;
-            called at each check, since a reset forgets it.
+            takes a silent input with `stale: violate`, and how many values were received; called
+            at each check, since a reset clears the mark.
         """
         self.tracker = TimeoutTracker(manifest.inputs, received)
         self._node = node
