@@ -11,8 +11,8 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 // See the License for the specific language governing permissions and
 // limitations under the License.
-/// Messages that are lost, against what was dropped on the way: `losses SEED`. Exit status 0 if
-/// csrc/losses.h counts as many.
+/// Messages counted as lost against messages dropped: `losses SEED`. Exit status 0 if
+/// csrc/losses.h counts as many as were dropped.
 
 #include "handover.h"
 
@@ -48,7 +48,7 @@ static void note(struct fm_arrivals * losses, uint32_t publisher, uint64_t numbe
   fm_arrivals_note(losses, &origin);
 }
 
-// Each publisher's first message comes; of the others some are dropped, and some come twice.
+// The first message of each publisher arrives; of the others some are dropped, some arrive twice.
 static void all_that_was_dropped_is_counted(uint32_t n_publishers)
 {
   struct fm_arrivals losses = {0};
@@ -114,7 +114,7 @@ static void what_comes_late_is_not_lost(void)
   check(fm_arrivals_lost(&losses) == 3, "it has not");
 }
 
-// A crowd costs precision, never a wrong count.
+// More publishers than are tracked cost precision, but the count is never too high.
 static bool is_repeated(const struct fm_arrivals * arrivals, uint64_t number, bool is_retired)
 {
   const uint8_t gid[FM_GID_BYTES] = {1, 2, 3, [FM_GID_BYTES - 1] = 1};

@@ -13,7 +13,7 @@
 // limitations under the License.
 
 
-/// receivers.c: a receiver with a queue that is long, and a middleware that does not let go.
+/// receivers.c: a receiver with a long queue, and a middleware that does not remove its callback.
 
 #include "receiver.h"
 

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The cells and the arithmetic that generated C stands on, against their definitions.
+The cells and arithmetic that generated C uses, against their definitions.
 
-The program is `cells.c` beside this file; it is run under two compilers, both standards, all
-levels of optimization, and the sanitizers.
+The program is `cells.c` beside this file; it runs under two compilers, both standards, all levels
+of optimization, and the sanitizers.
 """
 
 from pathlib import Path
@@ -41,7 +41,7 @@ CELLS: dict[str, type[OnceWithin] | type[AlwaysWithin]] = {
 
 
 def build(folder: Path, *command: str) -> Path:
-    """Compile the program, of which the compiler must have nothing to say."""
+    """Compile the program; a warning fails the test."""
     program = folder / 'cells'
     done = run(*command, f'-I{csrc_directory()}', *WARNINGS, HERE / 'cells.c', '-o', program,
                '-lm')
@@ -81,7 +81,7 @@ def test_every_check_holds_without_a_warning(
 
 
 def started(name: str, bound: int, head: int) -> list[int | str]:
-    """Return what `cells start` wants: the layout's counter for a cell, and its first value."""
+    """Return arguments of `cells start`: the layout's counter for a cell, and its first value."""
     reads = Equation(Read(0), ValueType.BOOL, None)
     cell = Equation(CELLS[name](bound, Operand(0), head), ValueType.BOOL, None)
     layout = lay_out(StepGroup((0,), (0,), (reads, cell), (0,), (Operand(1),), ()))
@@ -99,7 +99,7 @@ def test_counters_start_where_the_layout_says(program: Path) -> None:
     assert {words[k] for k in range(1, len(words), 5)} == {8, 16, 32}
 
 
-def test_a_counter_that_starts_elsewhere_is_found_out(program: Path) -> None:
+def test_a_wrong_first_value_of_a_counter_is_detected(program: Path) -> None:
     right = started('once', 10, 4)
     assert run(program, 'start', *right).returncode == 0
     done = run(program, 'start', *right[:-1], int(right[-1]) - 1)
@@ -107,7 +107,7 @@ def test_a_counter_that_starts_elsewhere_is_found_out(program: Path) -> None:
     assert 'once_within_u8, bound 10, head 4' in done.stdout
 
 
-# Some slips: the text of the header, and what takes its place.
+# Some mistakes: the text of the header, and its replacement.
 SLIPS = {
     'a bound one less': ('return age <= bound', 'return age < bound'),
     'a since that p cannot end': ('*next | fm_ones_if_ ## suffix(!p)', '*next'),
@@ -123,7 +123,7 @@ SLIPS = {
 
 
 @pytest.mark.parametrize('slip', SLIPS)
-def test_a_slip_in_the_header_is_found_out(tmp_path: Path, slip: str) -> None:
+def test_a_mistake_in_the_header_is_detected(tmp_path: Path, slip: str) -> None:
     right, wrong = SLIPS[slip]
     for file in csrc_directory().glob('*.h'):
         shutil.copy(file, tmp_path)

@@ -29,7 +29,7 @@ HERE = Path(__file__).parent
 SOURCES = [csrc_directory() / name for name in EVALUATOR_SOURCES]
 INCLUDES = [f'-I{csrc_directory()}', f'-I{csrc_directory() / "ros"}']
 
-# What csrc/ros declares of the middleware, and what its headers call that.
+# The names that csrc/ros gives to types of the middleware, and their names in its headers.
 STRUCTS = {
     'fm_allocator': ('rcutils_allocator_t', {
         'allocate': 'allocate', 'deallocate': 'deallocate', 'reallocate': 'reallocate',
@@ -88,7 +88,7 @@ def test_threads(tmp_path: Path, name: str, sanitizer: str) -> None:
 
 
 @pytest.mark.parametrize('seed', range(4))
-def test_as_many_messages_are_lost_as_were_dropped(tmp_path: Path, seed: int) -> None:
+def test_losses_counted_are_messages_dropped(tmp_path: Path, seed: int) -> None:
     for compiler in compilers():
         program = tmp_path / 'losses'
         built = run(*compiler, '-std=c99', '-O1', *WARNINGS, *INCLUDES, HERE / 'losses.c',
@@ -101,7 +101,7 @@ def test_as_many_messages_are_lost_as_were_dropped(tmp_path: Path, seed: int) ->
 @pytest.mark.parametrize('standard', ['c99', 'gnu11'])
 @pytest.mark.parametrize('level', ['-O0', '-O2', '-O3'])
 @pytest.mark.parametrize('compiler', compilers())
-def test_no_compiler_has_anything_to_say(
+def test_it_compiles_without_warnings(
         tmp_path: Path, compiler: tuple[str, ...], level: str, standard: str) -> None:
     for source in SOURCES:
         done = run(*compiler, f'-std={standard}', level, *WARNINGS, *INCLUDES, '-c', source,
@@ -110,7 +110,7 @@ def test_no_compiler_has_anything_to_say(
 
 
 def include_flags() -> list[str]:
-    """Return where the headers of ROS are: each package has a folder of its own."""
+    """Return the include flags of the headers of ROS: each package has a folder of its own."""
     prefixes = [*filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(':')), sys.prefix]
     for prefix in prefixes:
         root = Path(prefix) / 'include'
@@ -131,8 +131,8 @@ def test_structs_and_functions_are_those_of_the_middleware(tmp_path: Path) -> No
                          f'sizeof((({theirs} *)0)->{other}), "size of {ours}.{mine}");')
     lines.append('_Static_assert(RMW_RET_OK == 0, "ok");')
     lines.append('_Static_assert(sizeof(rmw_ret_t) == sizeof(int), "result");')
-    # The arguments: pointers all of them, so a call through ours is one of theirs where each takes
-    # as many. An assignment with a cast to the type of theirs would hide a missing one.
+    # All arguments are pointers, so a call through our type is correct if both take as many. An
+    # assignment with a cast to the middleware's type would hide a missing argument.
     counts = {'take': 5, 'listen': 3, 'publish': 3, 'has_error': 0, 'take_message': 5}
     for field, count in counts.items():
         arguments = ', '.join(['(void *)0'] * count)

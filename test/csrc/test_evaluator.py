@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The evaluator in C: scenarios, a model, sanitizers, and no word from two compilers.
+The evaluator in C: scenarios, a model, sanitizers, and two compilers without warnings.
 
 The programs are `evaluator_scenarios.c` and `evaluator_model.c` beside this file.
 """
@@ -48,7 +48,7 @@ def gcc() -> tuple[str, ...]:
 
 @cache
 def clang() -> tuple[str, ...]:
-    """Return the command of clang, of its own or inside ziglang, or skip the test."""
+    """Return the command of clang, installed or inside ziglang, or skip the test."""
     found = shutil.which('clang')
     if found:
         return (found,)
@@ -88,21 +88,21 @@ def test_every_scenario_of_the_program_is_run(programs: Path) -> None:
 
 
 @pytest.mark.parametrize('seed', range(4))
-def test_random_calls_have_the_effects_that_the_model_says(programs: Path, seed: int) -> None:
+def test_random_calls_have_the_effects_of_the_model(programs: Path, seed: int) -> None:
     done = run(programs / 'evaluator_model', seed, 2000)
     assert done.returncode == 0, done.stdout
 
 
 @pytest.mark.parametrize('standard', ['c99', 'c11'])
 @pytest.mark.parametrize('level', ['-O0', '-O1', '-O2', '-O3'])
-def test_gcc_has_nothing_to_say(tmp_path: Path, standard: str, level: str) -> None:
+def test_it_compiles_with_gcc_without_warnings(tmp_path: Path, standard: str, level: str) -> None:
     done = run(*gcc(), f'-std={standard}', level, *WARNINGS, '-c',
                csrc_directory() / 'evaluator.c', '-o', tmp_path / 'evaluator.o')
     assert (done.returncode, done.stdout) == (0, '')
 
 
 @pytest.mark.parametrize('standard', ['c99', 'c11'])
-def test_clang_has_nothing_to_say(tmp_path: Path, standard: str) -> None:
+def test_it_compiles_with_clang_without_warnings(tmp_path: Path, standard: str) -> None:
     for file in (csrc_directory() / 'evaluator.c', *(HERE / f'{name}.c' for name in PROGRAMS)):
         done = run(*clang(), f'-std={standard}', '-O2', f'-I{csrc_directory()}', *WARNINGS, '-c',
                    file, '-o', tmp_path / 'object.o')
@@ -111,7 +111,7 @@ def test_clang_has_nothing_to_say(tmp_path: Path, standard: str) -> None:
 
 @pytest.mark.parametrize('header', ['fret_monitor.h', 'evaluator.h'])
 @pytest.mark.parametrize('language', ['c', 'c++'])
-def test_a_header_stands_by_itself_in_c_and_cpp(header: str, language: str) -> None:
+def test_a_header_compiles_alone_in_c_and_cpp(header: str, language: str) -> None:
     command = gcc() if language == 'c' else (shutil.which('g++') or 'g++',)
     if shutil.which(command[0]) is None:
         pytest.skip(f'no {command[0]}')
@@ -120,7 +120,7 @@ def test_a_header_stands_by_itself_in_c_and_cpp(header: str, language: str) -> N
     assert (done.returncode, done.stdout) == (0, '')
 
 
-def test_no_symbol_but_the_declared_ones_is_defined(tmp_path: Path) -> None:
+def test_only_declared_symbols_are_defined(tmp_path: Path) -> None:
     nm = shutil.which('nm')
     if nm is None:
         pytest.skip('no nm')

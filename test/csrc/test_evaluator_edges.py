@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The evaluator's counters beyond the powers of two at which narrower ones would end."""
+"""The evaluator's counters do not overflow at the powers of two where narrower ones would."""
 
 from pathlib import Path
 import shutil
@@ -27,8 +27,8 @@ WARNINGS = ('-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Wswi
 SANITIZERS = ('-g', '-fsanitize=address,undefined', '-fno-sanitize-recover=all')
 
 
-def test_an_evaluator_counts_on_past_two_to_the_power_of_32(tmp_path: Path) -> None:
-    # A node that gets a thousand messages a second is there after fifty days.
+def test_an_evaluator_counts_past_two_to_the_power_of_32(tmp_path: Path) -> None:
+    # At a thousand messages a second, a node reaches this after fifty days.
     gcc = shutil.which('gcc')
     if gcc is None:
         pytest.skip('no gcc')

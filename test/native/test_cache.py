@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Libraries are built once, found again, and never taken from where others can write."""
+"""Libraries are built once, found again, and never loaded from a folder others can write."""
 
 import json
 import logging
@@ -42,7 +42,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def counting(tmp_path: Path) -> Compiler:
-    """Return the compiler, behind a script that writes a line each time it is run."""
+    """Return the compiler behind a script that writes a line at each run."""
     file = tmp_path / 'counting-cc'
     real = ' '.join(find_compiler().command)
     file.write_text(
@@ -56,7 +56,7 @@ def runs(tmp_path: Path) -> int:
     return len(file.read_text(encoding='utf-8').splitlines()) if file.exists() else 0
 
 
-def test_a_library_lies_under_ros_home_in_a_folder_of_the_user(home: Path) -> None:
+def test_a_library_is_in_a_folder_of_the_user_under_ros_home(home: Path) -> None:
     library = build_library({'toy.c': SOURCE}, name='toy')
     assert library.name == 'libtoy.so'
     assert library.parent.parent == home
@@ -81,7 +81,7 @@ def test_a_second_build_compiles_nothing(tmp_path: Path, counting: Compiler) -> 
     assert first.stat().st_mtime_ns == before
 
 
-def test_what_decides_the_library_decides_its_place() -> None:
+def test_everything_that_changes_the_library_changes_its_path() -> None:
     compiler = find_compiler()
     other = Compiler(compiler.command, 'another version')
     places = {
@@ -102,14 +102,14 @@ def test_sources_and_headers_are_kept_beside_the_library_and_objects_are_not() -
         'a.h', 'libtoy.so', 'more.c', 'seal.json', 'toy.c']
 
 
-def test_the_headers_of_csrc_are_at_hand() -> None:
+def test_the_headers_of_csrc_are_on_the_include_path() -> None:
     text = '#include "fret_monitor.h"\n#include "evaluator.h"\n' + SOURCE
     assert build_library({'toy.c': text}, name='toy').exists()
     assert {'fret_monitor.h', 'evaluator.h'} <= runtime_headers().keys()
 
 
 @pytest.mark.parametrize('damage', ['shorten', 'change', 'remove', 'no seal', 'seal', 'folder'])
-def test_a_damaged_library_is_noticed_and_built_anew(
+def test_a_damaged_library_is_noticed_and_built_again(
     tmp_path: Path, counting: Compiler, damage: str,
 ) -> None:
     library = build_library({'toy.c': SOURCE}, name='toy', compiler=counting)
@@ -142,7 +142,7 @@ def test_a_compiler_that_fails_leaves_nothing(home: Path) -> None:
 
 
 def start_build(source: str, compiler: str) -> 'subprocess.Popen[str]':
-    """Build in another process; it prints where the library is."""
+    """Build in another process, which prints the path of the library."""
     script = (
         'import sys\nfrom fret_monitor.native import build_library, Compiler\n'
         'print(build_library({"toy.c": sys.argv[1]}, name="toy", '
@@ -154,7 +154,7 @@ def start_build(source: str, compiler: str) -> 'subprocess.Popen[str]':
 
 
 def slow_compiler(tmp_path: Path, condition: str) -> str:
-    """Write a compiler that waits while a condition of the shell holds, a minute at most."""
+    """Write a compiler that waits while a shell condition holds, for a minute at most."""
     file = tmp_path / 'slow-cc'
     real = ' '.join(find_compiler().command)
     file.write_text(
@@ -166,7 +166,7 @@ def slow_compiler(tmp_path: Path, condition: str) -> str:
     return str(file)
 
 
-def test_two_processes_that_build_the_same_are_both_fine(tmp_path: Path, home: Path) -> None:
+def test_two_processes_building_the_same_library_both_succeed(tmp_path: Path, home: Path) -> None:
     compiler = slow_compiler(tmp_path, f'$(wc -l < "{tmp_path}/runs") -lt 3')
     processes = [start_build(SOURCE, compiler) for _ in range(3)]
     said = [process.communicate(timeout=90)[0].strip() for process in processes]
@@ -176,7 +176,7 @@ def test_two_processes_that_build_the_same_are_both_fine(tmp_path: Path, home: P
     assert [folder.name for folder in home.iterdir()] == [Path(said[0]).parent.name]
 
 
-def test_a_process_killed_midway_leaves_nothing_that_is_taken_for_a_library(
+def test_a_process_killed_during_a_build_leaves_nothing_that_passes_for_a_library(
     tmp_path: Path, home: Path,
 ) -> None:
     hang = tmp_path / 'hang'
@@ -196,7 +196,7 @@ def test_a_process_killed_midway_leaves_nothing_that_is_taken_for_a_library(
     assert library.is_file() and library.parent != left[0]
 
 
-def test_what_was_left_midway_long_ago_is_removed(home: Path) -> None:
+def test_old_unfinished_builds_are_removed(home: Path) -> None:
     build_library({'toy.c': SOURCE}, name='toy')
     old, new = home / '.building-old', home / '.building-new'
     old.mkdir()
@@ -207,7 +207,7 @@ def test_what_was_left_midway_long_ago_is_removed(home: Path) -> None:
 
 
 @pytest.mark.parametrize('mode', [0o770, 0o702, 0o777])
-def test_a_folder_that_others_can_write_is_refused_with_what_to_do(home: Path, mode: int) -> None:
+def test_a_folder_that_others_can_write_is_refused_with_a_remedy(home: Path, mode: int) -> None:
     home.mkdir(parents=True)
     home.chmod(mode)
     with pytest.raises(CacheError, match=f'chmod 700 {home}'):
@@ -230,7 +230,7 @@ def test_a_folder_of_another_user_is_refused(home: Path) -> None:
         build_library({'toy.c': SOURCE}, name='toy')
 
 
-def test_a_folder_that_cannot_be_made_is_done_without(
+def test_a_build_works_without_a_cache_folder_that_cannot_be_created(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture,
 ) -> None:
     (tmp_path / 'file').write_text('', encoding='utf-8')
@@ -244,7 +244,7 @@ def test_a_folder_that_cannot_be_made_is_done_without(
 
 
 def small_disk(folder: Path) -> None:
-    """Mount a file system of 64 KiB, or skip: it takes root and a kernel that lets it."""
+    """Mount a file system of 64 KiB, or skip: this needs root and support by the kernel."""
     folder.mkdir(parents=True)
     done = subprocess.run(
         ['mount', '-t', 'tmpfs', '-o', 'size=64k', 'tmpfs', str(folder)], capture_output=True,
@@ -255,10 +255,10 @@ def small_disk(folder: Path) -> None:
 
 @pytest.mark.skipif(os.geteuid() != 0, reason='only root can mount a disk')
 @pytest.mark.parametrize('free', [0, 1, 2, 3])
-def test_a_full_disk_is_done_without(
+def test_a_build_works_without_a_cache_on_a_full_disk(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, free: int,
 ) -> None:
-    """Leave room for nothing, for the source, or for a part of the library."""
+    """Leave no room at all, room for the source, or for a part of the library."""
     disk = tmp_path / 'ros'
     small_disk(disk)
     try:
@@ -290,7 +290,7 @@ def test_the_hand_written_c_is_found_beside_the_package_or_in_its_prefix() -> No
     assert (csrc_directory() / 'evaluator.c').is_file()
 
 
-def test_c_that_is_installed_under_an_ament_prefix_is_found(
+def test_c_installed_under_an_ament_prefix_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     installed = tmp_path / 'share' / 'fret_monitor' / 'csrc'
@@ -302,7 +302,7 @@ def test_c_that_is_installed_under_an_ament_prefix_is_found(
     assert csrc_directory.__wrapped__() == installed
 
 
-def test_c_that_is_not_installed_is_told_with_where_it_was_looked_for(
+def test_c_that_is_not_installed_is_reported_with_the_folders_searched(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(cache, '__file__', str(tmp_path / 'lib' / 'fret_monitor' / 'n' / 'c.py'))

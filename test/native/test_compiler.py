@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A C compiler is found and run; one that is missing, fails or hangs is told of clearly."""
+"""A C compiler is found and run; one that is missing, fails or hangs is reported clearly."""
 
 from collections.abc import Iterator
 import os
@@ -28,7 +28,7 @@ BAD = 'int fm_answer(void)\n{\n  return missing;\n}\n'
 
 
 def script(folder: Path, name: str, body: str) -> Path:
-    """Write an executable that stands in for a compiler."""
+    """Write an executable script in place of a compiler."""
     file = folder / name
     file.write_text(f'#!/bin/sh\n{body}\n', encoding='utf-8')
     file.chmod(0o755)
@@ -36,7 +36,7 @@ def script(folder: Path, name: str, body: str) -> Path:
 
 
 def processes_of(marker: str) -> list[int]:
-    """Return the processes whose command line holds a text."""
+    """Return the processes whose command line contains a text."""
     found = []
     for folder in Path('/proc').glob('[0-9]*'):
         try:
@@ -69,14 +69,14 @@ def test_cc_gcc_and_clang_are_looked_for_in_this_order(tools: Path) -> None:
         assert find_compiler({'PATH': str(tools)}).command == (str(tools / name),)
 
 
-def test_the_variable_cc_comes_first_and_may_hold_arguments(tools: Path) -> None:
+def test_the_variable_cc_comes_first_and_may_have_arguments(tools: Path) -> None:
     script(tools, 'cc', '')
     mine = script(tools, 'my compiler', '')
     found = find_compiler({'PATH': str(tools), 'CC': f"'{mine}' -m64 \t-g"})
     assert found.command == (str(mine), '-m64', '-g')
 
 
-def test_an_empty_variable_cc_is_none(tools: Path) -> None:
+def test_an_empty_variable_cc_is_ignored(tools: Path) -> None:
     script(tools, 'cc', '')
     assert find_compiler({'PATH': str(tools), 'CC': ' '}).command == (str(tools / 'cc'),)
 
@@ -89,7 +89,7 @@ def test_no_compiler_at_all_says_what_to_install(tools: Path) -> None:
 
 
 @pytest.mark.parametrize('wanted', ['no-such-compiler', '/no/such/compiler', '"unclosed', '""'])
-def test_a_variable_cc_that_cannot_be_run_is_told(tools: Path, wanted: str) -> None:
+def test_a_variable_cc_that_cannot_be_run_is_reported(tools: Path, wanted: str) -> None:
     script(tools, 'cc', '')
     with pytest.raises(CompilerError, match='CC is set to'):
         find_compiler({'PATH': str(tools), 'CC': wanted})
@@ -113,7 +113,7 @@ def test_the_identity_changes_with_the_version_the_file_and_the_arguments(tools:
 
 @pytest.mark.parametrize('wanted', [{}, {'CC': 'cc'}])
 @pytest.mark.parametrize('variable', ['CPATH', 'C_INCLUDE_PATH', 'LIBRARY_PATH'])
-def test_the_identity_changes_with_where_the_compiler_looks(
+def test_the_identity_changes_with_the_search_path_of_the_compiler(
         tools: Path, variable: str, wanted: dict[str, str]) -> None:
     script(tools, 'cc', 'echo version 1')
     plain = {'PATH': str(tools), **wanted}
@@ -122,12 +122,12 @@ def test_the_identity_changes_with_where_the_compiler_looks(
     assert len({compiler.identity for compiler in found}) == 4
 
 
-def test_a_compiler_that_knows_no_version_is_no_worse(tools: Path) -> None:
+def test_a_compiler_that_prints_no_version_is_accepted(tools: Path) -> None:
     script(tools, 'cc', 'exit 1')
     assert find_compiler({'PATH': str(tools)}).command == (str(tools / 'cc'),)
 
 
-def test_a_compiler_that_is_no_program_is_told(tools: Path) -> None:
+def test_a_compiler_that_is_no_program_is_reported(tools: Path) -> None:
     (tools / 'cc').write_text('not a program', encoding='utf-8')
     (tools / 'cc').chmod(0o755)
     with pytest.raises(CompilerError, match='cannot be run'):
@@ -141,7 +141,7 @@ def test_one_file_or_several_make_a_library(sources: Path) -> None:
     assert b'fm_question' in (sources / 'libtwo.so').read_bytes()
 
 
-def test_no_path_of_this_machine_gets_into_a_library(sources: Path) -> None:
+def test_a_library_contains_no_path_of_this_machine(sources: Path) -> None:
     compile_library(find_compiler(), ['good.c'], 'lib.so', folder=sources)
     assert str(sources).encode() not in (sources / 'lib.so').read_bytes()
 
@@ -153,7 +153,7 @@ def test_the_same_sources_make_the_same_library(sources: Path) -> None:
     assert (sources / 'lib.so').read_bytes() == first
 
 
-def test_what_a_failing_compiler_says_is_shown_with_the_command(sources: Path) -> None:
+def test_the_output_of_a_failing_compiler_is_shown_with_the_command(sources: Path) -> None:
     with pytest.raises(CompilerError) as caught:
         compile_library(find_compiler(), ['good.c', 'bad.c'], 'lib.so', folder=sources)
     message = str(caught.value)
@@ -162,7 +162,7 @@ def test_what_a_failing_compiler_says_is_shown_with_the_command(sources: Path) -
     assert "'missing' undeclared" in message or 'undeclared identifier' in message
 
 
-def test_a_name_that_nobody_defines_fails_at_once(sources: Path) -> None:
+def test_an_undefined_symbol_fails_at_once(sources: Path) -> None:
     (sources / 'open.c').write_text(
         'int fm_missing(void);\nint fm_open(void);\n'
         'int fm_open(void)\n{\n  return fm_missing();\n}\n', encoding='utf-8')
@@ -170,7 +170,7 @@ def test_a_name_that_nobody_defines_fails_at_once(sources: Path) -> None:
         compile_library(find_compiler(), ['open.c'], 'lib.so', folder=sources)
 
 
-def test_only_the_last_lines_of_a_long_complaint_are_shown(tools: Path, sources: Path) -> None:
+def test_only_the_last_lines_of_long_compiler_output_are_shown(tools: Path, sources: Path) -> None:
     compiler = Compiler((str(script(tools, 'cc', 'seq 100000; exit 3')),), '')
     with pytest.raises(CompilerError) as caught:
         compile_library(compiler, ['good.c'], 'lib.so', folder=sources)
@@ -179,20 +179,20 @@ def test_only_the_last_lines_of_a_long_complaint_are_shown(tools: Path, sources:
     assert lines[-1] == '100000' and len(lines) == 32
 
 
-def test_a_compiler_that_is_killed_is_told_with_the_signal(tools: Path, sources: Path) -> None:
+def test_a_compiler_that_is_killed_is_reported_with_the_signal(tools: Path, sources: Path) -> None:
     compiler = Compiler((str(script(tools, 'cc', 'kill -9 $$')),), '')
     with pytest.raises(CompilerError, match='killed by SIGKILL'):
         compile_library(compiler, ['good.c'], 'lib.so', folder=sources)
 
 
-def test_a_compiler_that_vanishes_is_told(tools: Path, sources: Path) -> None:
+def test_a_compiler_that_disappears_is_reported(tools: Path, sources: Path) -> None:
     compiler = Compiler((str(tools / 'gone'),), '')
     with pytest.raises(CompilerError, match='cannot be run'):
         compile_library(compiler, ['good.c'], 'lib.so', folder=sources)
 
 
 @pytest.mark.parametrize('body', ['sleep {0} & wait', 'exec >&- 2>&-; sleep {0}'])
-def test_a_compiler_that_hangs_is_stopped_with_all_it_started(
+def test_a_compiler_that_hangs_is_stopped_with_its_child_processes(
     tools: Path, sources: Path, body: str,
 ) -> None:
     seconds = f'{300 + os.getpid() / 1e7:.7f}'

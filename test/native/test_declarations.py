@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What cffi makes of the headers agrees with the C compiler, and `binding.py` is up to date."""
+"""cffi's declarations agree with the C compiler, and `binding.py` is up to date."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,7 +26,7 @@ import pytest
 
 
 def expressions() -> Iterator[tuple[str, int]]:
-    """Yield an expression in C and what cffi takes it for."""
+    """Yield C expressions, each with the value that cffi gives it."""
     text = declarations.declarations()
     for struct in re.findall(r'^(struct \w+)\n\{', text, re.MULTILINE):
         yield f'sizeof({struct})', ffi.sizeof(struct)
@@ -66,7 +66,7 @@ def test_every_exported_function_is_declared() -> None:
         assert re.search(rf'[ *]{name}\(', declarations.declarations()), name
 
 
-def test_the_binding_is_what_cffi_makes_of_the_declarations() -> None:
+def test_the_binding_is_what_cffi_generates_from_the_declarations() -> None:
     pytest.importorskip('cffi')
     kept = Path(declarations.__file__).with_name('binding.py').read_text(encoding='utf-8')
     assert kept.endswith(declarations.binding_text()), declarations.__doc__

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compiled folders that change while a process runs what they held."""
+"""Compiled folders that change while a process runs their libraries."""
 
 from pathlib import Path
 import shutil
@@ -39,7 +39,7 @@ def opened(file: Path) -> Monitor:
 
 
 def is_cool(monitor: Monitor, level: int) -> bool:
-    """Return the verdict of COOL, whose limit the library holds."""
+    """Return the verdict of COOL, whose limit is compiled into the library."""
     state, verdicts = ffi.new('uint64_t[2]'), ffi.new('bool[2]')
     inputs = ffi.new('int16_t[2]', [0, level])
     monitor.pointer.groups[1].step(state, inputs, verdicts)
@@ -47,7 +47,7 @@ def is_cool(monitor: Monitor, level: int) -> bool:
 
 
 @pytest.mark.parametrize('is_in_place', [True, False])
-def test_a_changed_library_at_the_same_path_is_opened_anew_beside_the_one_in_use(
+def test_a_changed_library_at_the_same_path_is_opened_beside_the_one_in_use(
     home: Path, tmp_path: Path, is_in_place: bool,
 ) -> None:
     file = tmp_path / 'libtoy.so'
@@ -55,7 +55,7 @@ def test_a_changed_library_at_the_same_path_is_opened_anew_beside_the_one_in_use
     before = opened(file)
     if not is_in_place:
         file.unlink()
-    shutil.copyfile(toy(20), file)  # into the same file, if there is one
+    shutil.copyfile(toy(20), file)  # overwrites the existing file in place
     after = opened(file)
     assert (is_cool(before, 15), is_cool(after, 15)) == (False, True)
     file.write_bytes(b'')
@@ -71,7 +71,7 @@ def test_copies_are_made_once_and_kept(home: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('mode', [0o500, 0o777])
-def test_a_copy_is_made_where_nothing_can_be_kept(
+def test_a_copy_is_made_even_where_the_cache_cannot_be_written(
     home: Path, tmp_path: Path, mode: int,
 ) -> None:
     file = tmp_path / 'libtoy.so'

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What a disk, a cache and a compiler can do to a start, with real processes and file systems.
+Disks, caches and compilers that fail at a start, with real processes and file systems.
 
-More of it stands in test_cache.py and test_compiler.py.
+See also test_cache.py and test_compiler.py.
 """
 
 from collections.abc import Iterator
@@ -70,7 +70,7 @@ def run(start: list[str], **changes: str) -> 'subprocess.CompletedProcess[str]':
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason='only root can mount a disk')
-def test_a_start_on_a_full_disk_runs_and_says_so(start: list[str], tmp_path: Path) -> None:
+def test_a_start_on_a_full_disk_runs_with_a_warning(start: list[str], tmp_path: Path) -> None:
     disk = tmp_path / 'ros'
     small_disk(disk)
     try:
@@ -85,7 +85,7 @@ def test_a_start_on_a_full_disk_runs_and_says_so(start: list[str], tmp_path: Pat
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason='only root can mount a disk')
-def test_a_start_with_no_room_anywhere_says_what_to_do(start: list[str], tmp_path: Path) -> None:
+def test_a_start_with_no_room_anywhere_names_the_remedy(start: list[str], tmp_path: Path) -> None:
     disk = tmp_path / 'ros'
     small_disk(disk)
     try:
@@ -99,7 +99,7 @@ def test_a_start_with_no_room_anywhere_says_what_to_do(start: list[str], tmp_pat
         subprocess.run(['umount', '-l', str(disk)], check=True)
 
 
-def test_a_limit_on_the_size_of_files_is_told(start: list[str]) -> None:
+def test_a_limit_on_the_size_of_files_is_reported(start: list[str]) -> None:
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (2048, 2048))
 
@@ -122,7 +122,7 @@ def test_a_limit_on_the_size_of_files_is_told(start: list[str]) -> None:
     (0o755, 0, 'belongs to another user'),
     (0o777, 0, 'belongs to another user'),
 ])
-def test_a_user_without_a_folder_of_his_own(
+def test_a_user_without_a_safe_cache_folder_gets_a_clear_message(
     tmp_path: Path, home: Path, mode: int, owner: int, expected: str,
 ) -> None:
     home.mkdir(parents=True)
@@ -131,7 +131,7 @@ def test_a_user_without_a_folder_of_his_own(
     for folder in (home.parent, *tmp_path.parents[:3], tmp_path):
         if folder != Path(tempfile.gettempdir()):
             folder.chmod(folder.stat().st_mode | 0o055)
-    # Python itself may lie where nobody else may look: it is loaded before.
+    # Other users may have no access to Python's own folder: load it before changing the user.
     code = ('import os, shutil, sys\nfrom fret_monitor.native import *\n'
             'os.setgid(65534)\nos.setuid(65534)\n'
             'library = build_library({"toy.c": sys.argv[1]}, name="toy", headers={})\n'
@@ -179,7 +179,7 @@ def test_an_entry_of_another_user_is_not_used(part: str) -> None:
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason='only root can give files away')
-def test_a_cache_that_is_a_link_is_judged_by_where_it_leads(tmp_path: Path, home: Path) -> None:
+def test_a_cache_that_is_a_link_is_checked_at_its_target(tmp_path: Path, home: Path) -> None:
     planted = tmp_path / 'planted'
     planted.mkdir(mode=0o700)
     home.parent.mkdir()
@@ -190,7 +190,7 @@ def test_a_cache_that_is_a_link_is_judged_by_where_it_leads(tmp_path: Path, home
         build_library({'toy.c': SOURCE}, name='toy')
 
 
-def test_a_library_that_a_group_could_write_is_made_one_that_it_cannot() -> None:
+def test_a_library_is_built_without_write_permission_for_the_group() -> None:
     before = os.umask(0o002)
     try:
         library = build_library({'toy.c': SOURCE}, name='toy')
@@ -202,7 +202,7 @@ def test_a_library_that_a_group_could_write_is_made_one_that_it_cannot() -> None
 # -- several starts, and one that is killed -----------------------------------------------------
 
 
-def test_starts_that_race_for_one_entry_are_all_right(start: list[str], home: Path) -> None:
+def test_starts_that_race_for_one_entry_all_succeed(start: list[str], home: Path) -> None:
     racing = [subprocess.Popen(start, env=environment(), text=True, stdout=subprocess.PIPE,
                                stderr=subprocess.PIPE) for _ in range(2)]
     said = [process.communicate(timeout=120) for process in racing]
@@ -211,7 +211,7 @@ def test_starts_that_race_for_one_entry_are_all_right(start: list[str], home: Pa
 
 
 @pytest.mark.parametrize('share', [0.4, 0.8])
-def test_a_start_killed_at_any_moment_leaves_a_cache_that_works(
+def test_a_start_killed_at_any_moment_leaves_a_usable_cache(
     start: list[str], home: Path, share: float,
 ) -> None:
     begin = time.monotonic()
@@ -237,7 +237,7 @@ def test_a_start_killed_at_any_moment_leaves_a_cache_that_works(
     ('{1} "$@" && truncate -s 4000 {0}', 'a part of one'),
     ('{1} "$@" && : > {0}', 'something else'),
 ])
-def test_a_compiler_that_writes_garbage_is_told_and_nothing_is_kept(
+def test_a_compiler_that_writes_garbage_is_reported_and_nothing_is_kept(
     tmp_path: Path, home: Path, body: str, expected: str,
 ) -> None:
     real = ' '.join(find_compiler().command)
@@ -246,11 +246,11 @@ def test_a_compiler_that_writes_garbage_is_told_and_nothing_is_kept(
     with pytest.raises(CompilerError, match=expected):
         build_library({'toy.c': SOURCE}, name='toy', compiler=compiler)
     assert list(home.iterdir()) == []
-    script(tmp_path, 'cc', f'exec {real} "$@"')  # the disk had room again, say
+    script(tmp_path, 'cc', f'exec {real} "$@"')  # as if the disk had room again
     assert build_library({'toy.c': SOURCE}, name='toy', compiler=compiler).is_file()
 
 
-def test_a_compiler_that_talks_without_end_does_not_fill_the_memory(tmp_path: Path) -> None:
+def test_endless_output_of_a_compiler_does_not_fill_the_memory(tmp_path: Path) -> None:
     talking = script(tmp_path, 'cc', 'exec yes')
     code = ('import resource, sys\nfrom fret_monitor.native import *\n'
             'before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n'
@@ -264,7 +264,7 @@ def test_a_compiler_that_talks_without_end_does_not_fill_the_memory(tmp_path: Pa
     assert int(done.stdout.splitlines()[-1]) < 20_000  # KiB
 
 
-def test_a_compiler_that_hangs_when_asked_who_it_is_is_stopped_with_all_it_started(
+def test_a_compiler_that_hangs_at_version_is_stopped_with_its_child_processes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     seconds = f'{500 + os.getpid() / 1e7:.7f}'
@@ -282,14 +282,14 @@ def test_a_compiler_that_hangs_when_asked_who_it_is_is_stopped_with_all_it_start
 
 
 def made(number: int, days: float) -> Path:
-    """Return a library that was last asked for some days ago."""
+    """Return a library last used some days ago."""
     library = build_library({'toy.c': f'{SOURCE}// {number}\n'}, name='toy')
     when = time.time() - days * DAY
     os.utime(library.parent / 'seal.json', (when, when))
     return library
 
 
-def test_what_nobody_asked_for_in_90_days_is_removed_at_a_build(home: Path) -> None:
+def test_libraries_unused_for_90_days_are_removed_at_a_build(home: Path) -> None:
     young, old = made(2, 89), made(1, 91)
     assert old.is_file()
     build_library({'toy.c': SOURCE}, name='toy')
@@ -297,14 +297,14 @@ def test_what_nobody_asked_for_in_90_days_is_removed_at_a_build(home: Path) -> N
     assert not list(home.glob('.building-*'))
 
 
-def test_asking_for_a_library_keeps_it() -> None:
+def test_using_a_library_keeps_it() -> None:
     old = made(1, 91)
     assert build_library({'toy.c': f'{SOURCE}// 1\n'}, name='toy') == old
     build_library({'toy.c': SOURCE}, name='toy')
     assert old.is_file()
 
 
-def test_of_too_many_the_longest_unused_go_but_none_that_was_used_today(
+def test_of_too_many_libraries_the_least_recent_go_but_none_used_today(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr('fret_monitor.native.cache._MOST', 3)
@@ -315,10 +315,10 @@ def test_of_too_many_the_longest_unused_go_but_none_that_was_used_today(
     assert [library.parent.exists() for library in gone] == [False, False]
 
 
-def test_a_library_that_is_removed_while_it_runs_goes_on(
+def test_a_library_that_is_removed_while_in_use_goes_on_working(
     start: list[str], tmp_path: Path, home: Path,
 ) -> None:
-    """A start reads its trace from a pipe; its library is removed while it waits there."""
+    """Remove the library while a process that has loaded it waits for its trace on a pipe."""
     os.mkfifo(tmp_path / 'pipe')
     process = subprocess.Popen(
         [*start[:-1], str(tmp_path / 'pipe')], env=environment(), text=True,

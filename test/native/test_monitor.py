@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A compiled bundle is loaded if it is the one of its manifest, and refused in words if not."""
+"""A library is loaded if it fits its manifest, and otherwise refused with the reason."""
 
 import ctypes
 from dataclasses import replace
@@ -56,7 +56,7 @@ def test_libraries_with_the_same_symbol_live_side_by_side() -> None:
     assert first.pointer != second.pointer
 
 
-def test_the_names_of_a_library_stay_its_own() -> None:
+def test_a_library_adds_no_symbols_to_the_process() -> None:
     monitor = load(library(), toys.manifest())
     assert not hasattr(ctypes.CDLL(None), toys.SYMBOL)
     assert hasattr(ctypes.CDLL(str(monitor.library.path)), toys.SYMBOL)
@@ -85,11 +85,11 @@ const struct fm_readers * fm_toy_readers(void)
 
 
 def load_readers(text: str) -> Monitor:
-    """Load the toy with readers of messages."""
+    """Load the toy with extractors of messages."""
     return load(library(toys.source() + text), replace(toys.manifest(), readers='fm_toy_readers'))
 
 
-def test_a_monitor_shows_its_readers_of_messages() -> None:
+def test_a_monitor_exposes_its_extractors() -> None:
     assert load(library(), toys.manifest()).readers is None
     monitor = load_readers(READERS)
     assert monitor.readers is not None
@@ -106,18 +106,18 @@ def test_a_monitor_shows_its_readers_of_messages() -> None:
     ('{read_flag, 1}}', '{read_flag, 3}}', "of the topic '/level' it reads 3 inputs instead of 1"),
     ('fm_toy_readers(void)', 'fm_toy_raeders(void)', "does not export 'fm_toy_readers'"),
 ])
-def test_readers_that_do_not_fit_the_manifest_are_refused(old: str, new: str, told: str) -> None:
+def test_extractors_that_do_not_fit_are_refused(old: str, new: str, told: str) -> None:
     assert old in READERS
     with pytest.raises(LibraryError, match=told):
         load_readers(READERS.replace(old, new))
 
 
-def test_a_library_that_is_missing_is_told(tmp_path: Path) -> None:
+def test_a_missing_library_is_reported(tmp_path: Path) -> None:
     with pytest.raises(LibraryError, match=r'cannot load .*No such file'):
         load(tmp_path / 'libgone.so', toys.manifest())
 
 
-def test_a_relative_path_is_searched_for_nowhere_else(
+def test_a_relative_path_is_not_searched_for_in_other_folders(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -128,21 +128,21 @@ def test_a_relative_path_is_searched_for_nowhere_else(
 
 
 @pytest.mark.parametrize('content', [b'', b'text', b'\x7fELF', b'\x7fELF' + bytes(2000)])
-def test_a_file_that_is_no_library_is_told(tmp_path: Path, content: bytes) -> None:
+def test_a_file_that_is_no_library_is_reported(tmp_path: Path, content: bytes) -> None:
     (tmp_path / 'libtoy.so').write_bytes(content)
     with pytest.raises(LibraryError, match='cannot load'):
         load(tmp_path / 'libtoy.so', toys.manifest())
 
 
 @pytest.mark.parametrize('part', [0.001, 0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.999])
-def test_a_library_that_is_cut_short_is_told_and_kills_nobody(tmp_path: Path, part: float) -> None:
+def test_a_truncated_library_is_reported_without_a_crash(tmp_path: Path, part: float) -> None:
     whole = library().read_bytes()
     (tmp_path / 'libtoy.so').write_bytes(whole[:int(part * len(whole))])
     with pytest.raises(LibraryError, match='cannot load'):
         load(tmp_path / 'libtoy.so', toys.manifest())
 
 
-def test_a_library_without_the_symbol_is_told() -> None:
+def test_a_library_without_the_symbol_is_reported() -> None:
     with pytest.raises(LibraryError, match="does not export 'fm_toy_monitor'"):
         load(evaluator_library(), toys.manifest())
 
@@ -166,7 +166,7 @@ def test_a_monitor_is_no_evaluator() -> None:
     ('{FIRST_TWO, 2, FIRST', '{FIRST_TWO, 1, FIRST', 'group 1 reads other inputs'),
     ('FIRST_TWO + 1, 1', 'FIRST_TWO, 1', 'group 1 holds other requirements'),
 ])
-def test_a_library_that_is_not_the_one_of_its_manifest_is_refused(
+def test_a_library_of_another_manifest_is_refused(
     old: str, new: str, told: str,
 ) -> None:
     assert old in toys.SOURCE
@@ -197,7 +197,7 @@ def test_names_may_hold_any_character() -> None:
     assert load(library(toys.source().replace('LAMP', quoted)), manifest)
 
 
-def test_a_type_of_the_manifest_is_the_one_of_the_header() -> None:
+def test_an_input_of_another_type_than_in_the_manifest_is_refused() -> None:
     inputs = toys.manifest().inputs
     changed = replace(inputs[1], value_type=ValueType.FLOAT64)
     with pytest.raises(LibraryError, match="input 'level' is not of type float64"):

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A small compiled bundle, written by hand: C text and the manifest that belongs to it.
+A small hand-written compiled bundle: C text and its manifest.
 
 Two inputs and two groups. Group 0 reads `flag` and holds LAMP: flag. Group 1 reads both and holds
 COOL: level < limit, where the limit is 10. The state counts the steps of each group.

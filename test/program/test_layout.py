@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where state lies: as narrow as its bounds allow, known before the run, and the same in C."""
+"""The layout of state: as narrow as the bounds allow, known before the run, equal to that of C."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -41,7 +41,7 @@ def size(*formulas: str) -> int:
 
 
 @pytest.mark.parametrize(('formula', 'fields'), [
-    # Ages have a bit above the bound; other counters hold bound + 1.
+    # Ages use a bit above the bound; other counters must hold bound + 1.
     ('O[0,1] p', 'counter uint8'), ('O[0,127] p', 'counter uint8'),
     ('O[0,128] p', 'counter uint16'),
     ('O[0,32767] p', 'counter uint16'), ('O[0,32768] p', 'counter uint32'),
@@ -60,7 +60,7 @@ def size(*formulas: str) -> int:
     ('H[256,256] p', 'position uint8|ring uint8[32]'),
     ('H[257,257] p', 'position uint16|ring uint8[33]'),
     ('O[65537,65537] p', 'position uint32|ring uint8[8193]'),
-    # One position serves all rings of a length.
+    # All rings of one length share a position.
     ('O[99,99] p & O[99,99] q & O[100,100] p',
      'position uint8|position uint8|ring uint8[13]|ring uint8[13]|ring uint8[13]'),
     # The temporal operators and the state that each needs.
@@ -71,13 +71,13 @@ def size(*formulas: str) -> int:
     ('p T[3,9] q', 'counter uint8|counter uint8|line uint8'),
     ('preReal(0.0, d) > 1.0', 'number float64'), ('preReal(0.0, x) > 1.0', 'number float32'),
     ('preInt(0, n) > 1', 'number int64'), ('preInt(5, m) > 1', 'number int64'),
-    # Eight bits lie apart, nine in a word.
+    # Up to eight bits are separate bytes; nine share a word.
     ('Y ' * 8 + 'p', '|'.join(['flag bool'] * 8)),
     ('Y ' * 9 + 'p', 'bits uint16'),
     ('Y ' * 33 + 'p', 'bits uint64'),
     ('Y ' * 64 + 'p', 'bits uint64'),
     ('Y ' * 65 + 'p', 'bits uint64|bits uint8'),
-    # Nothing.
+    # No state.
     ('p', ''), ('p & FALSE & O q', ''), ('O[0,-1] p', ''), ('H[0,-1] O p', ''), ('O[0,0] p', ''),
 ])
 def test_state_is_as_narrow_as_its_bounds_allow(formula: str, fields: str) -> None:
@@ -88,7 +88,7 @@ def test_the_running_example_needs_a_few_bytes() -> None:
     assert size('H ((H[0,10] (x > 15.0 & y > 8.0) & H[0,9] !FTP) -> O[0,10] (x <= 15.0))') <= 8
 
 
-def test_a_deadline_far_away_needs_a_few_bytes() -> None:
+def test_a_distant_deadline_needs_a_few_bytes() -> None:
     assert size('H (O[2000000000,2000000000] p -> O[0,1999999999] q)') <= 8
 
 
@@ -97,14 +97,14 @@ def test_fields_are_ordered_by_size_so_that_a_struct_has_no_holes() -> None:
     assert size('p') == 1
 
 
-def test_groups_lie_one_after_the_other() -> None:
+def test_groups_are_laid_out_one_after_the_other() -> None:
     # 1 byte, then 8 at the next multiple of 8, then 2.
     assert size('Y p', 'preReal(0.0, d) > 1.0', 'O[0,300] q') == 24
     assert size('Y p', 'O[0,300] q', 'preReal(0.0, d) > 1.0') == 16
 
 
 @pytest.mark.parametrize('seed', [1, 2])
-def test_the_bytes_that_are_told_are_those_of_c(seed: int, tmp_path: Path) -> None:
+def test_the_reported_size_of_state_is_that_of_c(seed: int, tmp_path: Path) -> None:
     if gcc() is None:
         pytest.skip('needs gcc')
     rng = Random(seed)
@@ -128,13 +128,13 @@ def test_the_bytes_that_are_told_are_those_of_c(seed: int, tmp_path: Path) -> No
 
 
 def refusal(specification: Specification, limit: int = MAX_STATE_BYTES) -> str:
-    """Return how a specification is refused."""
+    """Return the error with which a specification is refused."""
     with pytest.raises(CompileError) as caught:
         generate(specification, limit)
     return str(caught.value)
 
 
-def test_a_bound_that_asks_for_too_much_is_refused_at_its_place() -> None:
+def test_a_bound_that_needs_too_much_state_is_refused_at_its_place() -> None:
     said = refusal(specified('p', 'O[70,80] q', 'H (p -> O[200000000,200000005] q)', 'O r'))
     lines = [line.rstrip() for line in said.splitlines()]
     assert 'error: the bundle needs 25,000,' in lines[0]
@@ -201,7 +201,7 @@ DEEP: list[Callable[[Formula, int], Formula]] = [
 
 @pytest.mark.parametrize(('kind', 'depth'), [
     *((kind, 2_000) for kind in range(len(DEEP))), (0, 20_000), (1, 20_000), (3, 10_000)])
-def test_deep_formulas_become_c(kind: int, depth: int) -> None:
+def test_deep_formulas_are_translated_to_c(kind: int, depth: int) -> None:
     specification = specification_of([property_of('R-1', deep(DEEP[kind], depth))], [P, Q])
     generated = generate(specification)
     assert len(generated.manifest.requirements[0].formula) <= 10_003
@@ -209,7 +209,7 @@ def test_deep_formulas_become_c(kind: int, depth: int) -> None:
     assert longest < 400
 
 
-def test_a_wide_formula_becomes_c() -> None:
+def test_a_wide_formula_is_translated_to_c() -> None:
     rng = Random(1)
     specification = specification_of([random_property(rng, 'R-1', size=3)])
     parts = [random_property(rng, 'R', size=40).formula for _ in range(1100)]
@@ -233,7 +233,7 @@ def seconds(count: int, *, groups: int) -> float:
 
 
 @pytest.mark.parametrize('grouped', [True, False])
-def test_time_grows_with_the_number_of_requirements_and_no_faster(grouped: bool) -> None:
+def test_time_grows_linearly_with_the_number_of_requirements(grouped: bool) -> None:
     few = min(seconds(100, groups=1 if grouped else 100) for _ in range(3))
     many = seconds(400, groups=1 if grouped else 400)
     assert many < 4 * 2.5 * few + 0.1, f'{few:.2f} s and {many:.2f} s'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What formulas come down to: what is shared, what is rewritten, and what is left."""
+"""Lowering of formulas: which terms are shared, which rewritten, and which remain."""
 
 from random import Random
 
@@ -25,7 +25,7 @@ from program.written import operations, specified
 import pytest
 from strategies import random_trace, Trace
 
-# Terms in one group that are to be one equation.
+# Terms of one group that must become one equation.
 SAME = [
     ('p & q', 'q & p'),
     ('p & q', '!(!p | !q)'),
@@ -63,7 +63,7 @@ SAME = [
     ('O[>=5] p', 'O[>4] p'),
     ('x + y > 0', 'x + y > 0.0'),
 ]
-# Those that are not: NaN, wrapping and time tell them apart, or the order of operands counts.
+# Terms that must not: they differ for NaN, wrapping or time, or by the order of operands.
 DIFFERENT = [
     ('x < y', '!(x >= y)'),
     ('x < y', 'y < x'),
@@ -77,7 +77,7 @@ DIFFERENT = [
     ('Y Y p', 'Y p'),
 ]
 
-# What a formula comes down to.
+# Formulas and the operations that they lower to.
 KINDS = [
     # constants
     ('p & TRUE', ''), ('p & FALSE', ''), ('p | TRUE', ''), ('p & p', ''), ('p & !p', ''),
@@ -147,23 +147,23 @@ def test_equal_terms_are_computed_once(one: str, other: str) -> None:
 
 
 @pytest.mark.parametrize(('one', 'other'), DIFFERENT)
-def test_terms_that_differ_are_computed_apart(one: str, other: str) -> None:
+def test_different_terms_are_computed_separately(one: str, other: str) -> None:
     first, second = lower(specified(one, other)).groups[0].verdicts
     assert first.value != second.value
 
 
 @pytest.mark.parametrize(('formula', 'expected'), KINDS)
-def test_a_formula_comes_down_to_little(formula: str, expected: str) -> None:
+def test_a_formula_lowers_to_few_operations(formula: str, expected: str) -> None:
     assert ' '.join(operations(formula)) == expected
 
 
 def trace_of(specification: Specification, seed: int) -> Trace:
-    """Return values for all inputs, with stretches of every length."""
+    """Return values for all inputs, with runs of every length."""
     inputs = [Variable(item.name, item.type) for item in specification.signals]
     return random_trace(Random(seed), inputs, 250)
 
 
-def test_what_is_shared_and_rewritten_means_the_same() -> None:
+def test_sharing_and_rewriting_preserve_the_meaning() -> None:
     pairs = [item for pair in (*SAME, *DIFFERENT) for item in pair]
     formulas = list(dict.fromkeys([*pairs, *(item for item, _ in KINDS)]))
     specification = specified(*formulas)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Groups that are cut into parts, and bundles into files and blocks, compute what they did whole.
+Groups cut into parts, and bundles cut into files and blocks, give the verdicts of the whole.
 
-Two ways lead there: requirements in great number, and limits so low that few are enough. The
-latter lets every kind of cell lie on either side of a cut.
+Both great numbers of requirements and low limits cause cuts. With low limits every kind of cell
+can lie on either side of a cut.
 """
 
 from array import array
@@ -51,7 +51,7 @@ P, Q = FEW[0], FEW[1]
 
 
 def low_limits(monkeypatch: pytest.MonkeyPatch, part: int, file: int, block: int) -> None:
-    """Cut everything into small pieces."""
+    """Lower the limits, so that everything is cut into small pieces."""
     monkeypatch.setattr(layout, 'PART_EQUATIONS', part)
     monkeypatch.setattr(module, '_FILE_EQUATIONS', file)
     monkeypatch.setattr(module, '_BLOCK_EQUATIONS', block)
@@ -77,7 +77,7 @@ def assert_equal(specification: Specification, trace: Trace) -> None:
 
 
 def shared_by_many(rng: Random, count: int, size: int) -> list[Property]:
-    """Return requirements on the same inputs that have terms, and loops, in common."""
+    """Return requirements on the same inputs that share terms and loops."""
     nodes = [Feedback(f'loop_{index}', kind) for index, kind in
              enumerate((ValueType.BOOL, ValueType.FLOAT64, ValueType.INT64))]
     maker = FormulaMaker(rng.randrange, FEW, reach=300, feedback=nodes)
@@ -94,7 +94,7 @@ def shared_by_many(rng: Random, count: int, size: int) -> list[Property]:
 
 
 def reading(item: Variable) -> Formula:
-    """Return something that depends on an input."""
+    """Return a formula that depends on an input."""
     if item.type is ValueType.BOOL:
         return item
     number = as_term(item, ValueType.FLOAT64)
@@ -103,7 +103,7 @@ def reading(item: Variable) -> Formula:
 
 @pytest.mark.parametrize(('seed', 'part', 'file', 'block'), [
     (1, 1, 1, 1), (2, 2, 7, 3), (3, 3, 40, 11), (4, 7, 100, 100), (5, 20, 33, 3000)])
-def test_small_pieces_compute_what_the_whole_does(
+def test_small_pieces_give_the_verdicts_of_the_whole(
         monkeypatch: pytest.MonkeyPatch, seed: int, part: int, file: int, block: int) -> None:
     low_limits(monkeypatch, part, file, block)
     rng = Random(seed)
@@ -128,7 +128,7 @@ def crossing(specification: Specification) -> set[str]:
 
 def test_every_kind_of_value_crosses_from_one_part_to_another(
         monkeypatch: pytest.MonkeyPatch) -> None:
-    # Each cell is read by the last requirement, far behind the one that it was made for.
+    # The last requirement reads each cell, many parts after the one that computes it.
     low_limits(monkeypatch, 3, 50, 20)
     number = Variable('x_int32', ValueType.INT32)
     whole = as_term(number, ValueType.INT64)
@@ -164,9 +164,9 @@ def test_every_kind_of_value_crosses_from_one_part_to_another(
     assert_equal(specification, random_trace(Random(1), (P, Q, number), 400))
 
 
-def test_loops_whose_ends_lie_in_other_parts_keep_their_values(
+def test_loops_across_parts_keep_their_values(
         monkeypatch: pytest.MonkeyPatch) -> None:
-    # A ring of delays, two that change places, and one that stays as it is.
+    # A ring of delays, two that swap their values, and one that stays the same.
     low_limits(monkeypatch, 2, 30, 10)
     kind = ValueType.BOOL
     ring = [Feedback(f'ring_{index}', kind) for index in range(9)]
@@ -212,7 +212,7 @@ def test_one_requirement_larger_than_parts_and_files() -> None:
 
 
 @pytest.mark.parametrize('count', [8, 9, 33, 64, 65, 129, 200])
-def test_bits_of_every_place_in_words_keep_their_values(count: int) -> None:
+def test_bits_at_every_position_of_a_word_keep_their_values(count: int) -> None:
     chain: list[Formula] = [P]
     for number in range(count):
         before = Yesterday if number % 3 else WeakYesterday

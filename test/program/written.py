@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Formulas as a user writes them, on a fixed set of inputs; and what is made of them."""
+"""Formulas as a user writes them, on a fixed set of inputs, and their lowering."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -38,7 +38,7 @@ INPUTS = """\
 
 
 def specified(*formulas: str) -> Specification:
-    """Return what a bundle with these formulas means; all stand on the inputs above."""
+    """Return the specification of a bundle with these formulas over the inputs above."""
     lines = ['format: 1', 'inputs:', INPUTS.rstrip(), 'requirements:']
     lines += [f'  - {{id: R-{number}, ptltl: "{item}"}}' for number, item in enumerate(formulas)]
     with tempfile.TemporaryDirectory() as folder:
@@ -48,7 +48,7 @@ def specified(*formulas: str) -> Specification:
 
 
 def generate(specification: Specification, limit: int = MAX_STATE_BYTES) -> GeneratedMonitor:
-    """Write the C of a specification, as if it had been read."""
+    """Generate C for a specification, as if it came from a file."""
     return generate_monitor(Reading(specification, (), '', ()), max_state_bytes=limit)
 
 
@@ -58,18 +58,18 @@ def layouts_of(specification: Specification) -> tuple[GroupLayout, ...]:
 
 
 def operations(*formulas: str) -> list[str]:
-    """Return the kinds of operations that formulas come down to, inputs and numbers left out."""
+    """Return the kinds of operations that formulas lower to, without inputs and constants."""
     return sorted(kind for layout in layouts_of(specified(*formulas)) for kind in kinds(layout))
 
 
 def kinds(layout: GroupLayout) -> Sequence[str]:
-    """Return the kinds of a group's operations, inputs and numbers left out."""
+    """Return the kinds of a group's operations, without inputs and constants."""
     names = [type(item.operation).__name__ for item in layout.group.equations]
     return [name for name in names if name not in ('Read', 'Literal', 'Convert')]
 
 
 def state(*formulas: str) -> list[str]:
-    """Return the fields of the state that formulas need, as kind, type and length."""
+    """Return the fields of state that formulas need, as kind, type and length."""
     fields = [field for layout in layouts_of(specified(*formulas)) for field in layout.fields]
     return sorted(f'{field.kind.value} {field.type.value}'
                   + (f'[{field.length}]' if field.length else '') for field in fields)

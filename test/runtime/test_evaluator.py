@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The evaluator as Python sees it: values in, violations out, nothing lost on the way."""
+"""The evaluator's Python interface: values in, violations out, all counted."""
 
 from array import array
 from dataclasses import replace
@@ -98,7 +98,7 @@ RANGES = {
 
 
 @pytest.mark.parametrize('value_type', RANGES)
-def test_an_integer_comes_back_as_it_went_in(value_type: ValueType) -> None:
+def test_an_integer_is_stored_exactly(value_type: ValueType) -> None:
     evaluator = typed()
     for value in (*RANGES[value_type], 0, 1):
         evaluator.store(index(value_type), value)
@@ -138,7 +138,7 @@ def test_a_float_is_stored_and_a_float32_rounded_once(value: float) -> None:
     assert repr(evaluator.value(index(ValueType.FLOAT32))) == repr(rounded)
 
 
-def test_not_a_number_is_a_value() -> None:
+def test_nan_is_a_value() -> None:
     evaluator = typed()
     evaluator.store(index(ValueType.FLOAT32), math.nan)
     value = evaluator.value(index(ValueType.FLOAT32))
@@ -152,7 +152,7 @@ def test_an_input_without_a_value_has_none() -> None:
     assert evaluator.value(FLAG) is False
 
 
-def test_an_input_that_is_none_is_refused() -> None:
+def test_an_input_that_does_not_exist_is_refused() -> None:
     evaluator = toy()
     with pytest.raises(IndexError):
         evaluator.store(2, 1)
@@ -160,7 +160,7 @@ def test_an_input_that_is_none_is_refused() -> None:
         evaluator.value(2)
 
 
-def test_initial_values_are_there_from_the_start_and_were_not_received() -> None:
+def test_initial_values_exist_from_the_start_and_do_not_count_as_received() -> None:
     evaluator = toy(toys.with_initial(True, -300))
     assert (evaluator.value(FLAG), evaluator.value(LEVEL)) == (True, -300)
     assert evaluator.ready(0) and evaluator.ready(1)
@@ -170,7 +170,7 @@ def test_initial_values_are_there_from_the_start_and_were_not_received() -> None
 # ---- steps ---------------------------------------------------------------------------------
 
 
-def test_a_message_steps_what_is_ready_and_tells_of_violations() -> None:
+def test_a_message_steps_the_ready_groups_and_returns_violations() -> None:
     evaluator = toy()
     evaluator.store(FLAG, False)
     assert not evaluator.ready(1)
@@ -184,7 +184,7 @@ def test_a_message_steps_what_is_ready_and_tells_of_violations() -> None:
     assert (evaluator.steps(0), evaluator.steps(1)) == (4, 3)
 
 
-def test_the_policy_is_that_of_the_manifest_unless_told() -> None:
+def test_the_policy_is_that_of_the_manifest_unless_given() -> None:
     assert toy(toys.manifest(policy=Policy.PERIODIC)).policy is Policy.PERIODIC
     steps = {}
     for policy in Policy:
@@ -198,14 +198,14 @@ def test_the_policy_is_that_of_the_manifest_unless_told() -> None:
         Policy.ALL_INPUTS: (2, 1), Policy.PERIODIC: (0, 0)}
 
 
-def test_a_tick_steps_what_is_ready() -> None:
+def test_a_tick_steps_the_ready_groups() -> None:
     evaluator = toy(policy=Policy.PERIODIC)
     evaluator.store(FLAG, False)
     assert evaluator.message(FLAG, 1) == []
     assert evaluator.tick(-5) == [Violation(LAMP, 0, -5)]
 
 
-def test_a_reset_starts_afresh_and_keeps_values_and_counters() -> None:
+def test_a_reset_restarts_the_state_and_keeps_values_and_counters() -> None:
     evaluator = toy(toys.with_initial(False, 30))
     evaluator.tick(0)
     evaluator.reset()
@@ -214,7 +214,7 @@ def test_a_reset_starts_afresh_and_keeps_values_and_counters() -> None:
     assert evaluator.requirement_counts(COOL) == RequirementCounts(2, 2, 2, False)
 
 
-def test_what_reads_a_stale_input_is_violated_until_it_speaks() -> None:
+def test_requirements_on_a_stale_input_are_violated_until_its_next_message() -> None:
     evaluator = toy(toys.with_initial(True, 0))
     assert evaluator.stale(FLAG, 1, 5) == [], 'a value came meanwhile, it seems'
     assert evaluator.stale(FLAG, 0, 5) == [Violation(LAMP, 0, 5), Violation(COOL, 0, 5)]
@@ -246,7 +246,7 @@ def test_everything_is_counted() -> None:
 
 
 @given(st.lists(st.tuples(st.booleans(), st.integers(0, 20)), max_size=30))
-def test_rows_at_once_are_rows_one_by_one(rows: list[tuple[bool, int]]) -> None:
+def test_rows_together_give_the_verdicts_of_rows_one_by_one(rows: list[tuple[bool, int]]) -> None:
     at_once, one_by_one = toy(), toy()
     columns = [array('B', [flag for flag, _ in rows]), array('h', [level for _, level in rows])]
     found = at_once.rows(columns, len(rows))
@@ -285,7 +285,7 @@ def test_columns_that_do_not_fit_are_refused(columns: list['array[Any]']) -> Non
         toy().rows(columns, 1)
 
 
-# ---- what does not fit, and who owns what --------------------------------------------------
+# ---- mismatches and ownership --------------------------------------------------------------
 
 
 @pytest.mark.parametrize('topics', [
@@ -305,7 +305,7 @@ def test_a_manifest_with_wrong_initial_values_is_refused(initial: tuple[int, int
         toy(toys.with_initial(*initial))
 
 
-def test_an_evaluator_keeps_alive_what_it_stands_on() -> None:
+def test_an_evaluator_keeps_its_library_alive() -> None:
     evaluator = toy(toys.with_initial(False, 0))
     gc.collect()
     assert evaluator.tick(0) == [Violation(LAMP, 0, 0)]
@@ -315,7 +315,7 @@ def test_an_evaluator_keeps_alive_what_it_stands_on() -> None:
     assert violations == [Violation(LAMP, 1, 1)]
 
 
-def test_evaluators_of_one_monitor_know_nothing_of_each_other() -> None:
+def test_evaluators_of_one_monitor_are_independent() -> None:
     monitor = load(toy_library(), toys.manifest())
     one, other = Evaluator(monitor), Evaluator(monitor)
     one.store(FLAG, False)

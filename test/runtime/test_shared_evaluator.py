@@ -63,7 +63,7 @@ def test_messages_are_steps_and_violations_are_queued_in_order(evaluator: Shared
     assert evaluator.topic_counts(0).messages == 3
 
 
-def test_who_waits_is_woken_by_a_violation_and_by_the_end(evaluator: SharedEvaluator) -> None:
+def test_waiting_threads_wake_on_a_violation_and_at_the_end(evaluator: SharedEvaluator) -> None:
     taken: list[int] = []
 
     begin = monotonic()
@@ -77,7 +77,7 @@ def test_who_waits_is_woken_by_a_violation_and_by_the_end(evaluator: SharedEvalu
     assert not thread.is_alive()
     assert monotonic() - begin < 30
     assert evaluator.message(0, a_float(2.0), received=0) is Receipt.RECEIVED
-    assert evaluator.topic_counts(0).messages == 1  # what comes after the end is ignored
+    assert evaluator.topic_counts(0).messages == 1  # messages after the end are ignored
 
 
 def test_a_violation_does_not_wait_for_its_detail(evaluator: SharedEvaluator) -> None:
@@ -105,14 +105,14 @@ def test_old_details_do_not_reach_a_later_listener(evaluator: SharedEvaluator) -
     assert detail.violation.stamp == 9
 
 
-def test_details_are_limited_and_the_others_counted(evaluator: SharedEvaluator) -> None:
+def test_details_are_limited_and_the_omitted_ones_counted(evaluator: SharedEvaluator) -> None:
     evaluator.want_details(True)
     for number in range(300):
         evaluator.message(0, a_float(2.0), received=number)
     details = []
     while (detail := evaluator.take_detail(0)) is not None:
         details.append(detail)
-    assert 100 <= len(details) <= 200  # a second may have ended meanwhile
+    assert 100 <= len(details) <= 200  # the limit is per second, and a second may end meanwhile
     evaluator.message(0, a_float(2.0), received=300)
     found = 0
     while violations := evaluator.take(0):
@@ -120,7 +120,7 @@ def test_details_are_limited_and_the_others_counted(evaluator: SharedEvaluator) 
     assert found == 301
 
 
-def test_silence_is_told_with_its_detail(evaluator: SharedEvaluator) -> None:
+def test_silence_is_reported_with_its_detail(evaluator: SharedEvaluator) -> None:
     evaluator.want_details(True)
     evaluator.message(0, a_float(0.5), received=0)
     evaluator.stale(0, evaluator.input_counts(0).received, 5)
@@ -132,20 +132,20 @@ def test_silence_is_told_with_its_detail(evaluator: SharedEvaluator) -> None:
     assert not evaluator.is_stale(0)
 
 
-def test_a_message_by_two_subscriptions_is_one_step(evaluator: SharedEvaluator) -> None:
+def test_a_message_received_by_two_subscriptions_is_one_step(evaluator: SharedEvaluator) -> None:
     def deliver(number: int, *, is_retired: bool = False) -> Receipt:
         return evaluator.message(0, a_float(2.0), received=0, sent=number, sequence=number,
                                  is_retired=is_retired)
 
     assert deliver(1) is Receipt.RECEIVED
-    assert deliver(1) is Receipt.RECEIVED  # two publishers may count alike
+    assert deliver(1) is Receipt.RECEIVED  # two publishers may use the same sequence number
     evaluator.begin_handover(0, has_history=False)
     assert deliver(1) is Receipt.REPEATED
     assert deliver(3) is Receipt.RECEIVED
     assert deliver(2, is_retired=True) is Receipt.RECEIVED
     assert deliver(3, is_retired=True) is Receipt.REPEATED
     evaluator.begin_handover(0, has_history=True)
-    assert deliver(0) is Receipt.REPEATED  # history, which only the new one brings
+    assert deliver(0) is Receipt.REPEATED  # history, which only the new subscription receives
     assert deliver(0, is_retired=True) is Receipt.RECEIVED
     evaluator.end_handover(0)
     assert deliver(3) is Receipt.RECEIVED
@@ -161,7 +161,7 @@ def test_a_sender_whose_clock_is_set_back_sends_no_history(evaluator: SharedEval
     assert evaluator.message(0, a_float(2.0), received=0, sent=11, sequence=3) is Receipt.REPEATED
 
 
-def test_what_cannot_be_used_is_kept_to_be_shown_once(evaluator: SharedEvaluator) -> None:
+def test_the_last_unusable_message_is_kept_and_returned_once(evaluator: SharedEvaluator) -> None:
     odd = b'\0\1\0\0' + struct.pack('<I', 5) + b'odd!\0'
     assert evaluator.message(1, odd, received=0) is Receipt.RECEIVED
     assert evaluator.message(1, odd, received=0) is Receipt.RECEIVED
@@ -181,7 +181,7 @@ def test_many_violations_are_kept(evaluator: SharedEvaluator) -> None:
     assert evaluator.unpublished == 0
 
 
-def test_violations_beyond_what_a_queue_may_hold_are_counted(tmp_path: Path) -> None:
+def test_violations_beyond_the_capacity_of_a_queue_are_counted(tmp_path: Path) -> None:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE.partition('requirements:')[0] + 'requirements:\n' + ''.join(
         f'  - {{id: R{k}, ptltl: "x < {k}.0"}}\n' for k in range(1024)), encoding='utf-8')
