@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-How bad input is reported: sources, spans in them, and diagnostics that render with a caret.
+Errors and warnings about what a user wrote, with the place in the source and a caret.
 
 Every stage that reads what a user wrote reports through `Diagnostic`, with the place as a `Span`
 of a `Source`. A stage collects as many as it can in a `Problems` and raises one `CompileError`.
-A user's mistake is a `CompileError`; any other exception is a bug of ours.
+A user's mistake is a `CompileError`; any other exception is a bug in this program.
 """
 
 from bisect import bisect_right
@@ -36,7 +36,7 @@ _MAX_SHOWN = 160
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A text with a name: a file as the user named it, or a pseudo name such as `<sentence>`."""
+    """A text with a name: the file name that the user gave, or a label such as `<sentence>`."""
 
     name: str
     text: str
@@ -53,11 +53,11 @@ class Source:
         return line, offset - self._line_starts[line - 1] + 1
 
     def line_start(self, number: int) -> int:
-        """Return the offset at which a line begins, whose number is from 1."""
+        """Return the offset at which a line begins; lines are numbered from 1."""
         return self._line_starts[number - 1]
 
     def line(self, number: int) -> str:
-        """Return the text of a line, whose number is from 1, without its end."""
+        """Return the text of a line without its line end; lines are numbered from 1."""
         start = self.line_start(number)
         end = self.text.find('\n', start)
         return self.text[start:len(self.text) if end < 0 else end].rstrip('\r')
@@ -85,11 +85,11 @@ class Span:
 @dataclass(frozen=True, eq=False)
 class Text:
     """
-    A piece of text that knows where each of its characters stands in a source.
+    A piece of text with the place of each of its characters in a source.
 
-    A YAML scalar that is folded, quoted or escaped differs from what stands in the file:
+    The value of a folded, quoted or escaped YAML scalar differs from the text of the file.
     `offsets[i]` is the place in `source.text` of `value[i]`, and `offsets[len(value)]` the place
-    just behind the last one. So `len(offsets) == len(value) + 1`.
+    just after the last character, so that `len(offsets) == len(value) + 1`.
     """
 
     value: str
@@ -98,16 +98,16 @@ class Text:
 
     @classmethod
     def whole(cls, source: Source) -> 'Text':
-        """Take all of a source, character for character."""
+        """Return the whole text of a source."""
         return cls(source.text, source, range(len(source.text) + 1))
 
     @property
     def span(self) -> Span:
-        """Where the whole text stands."""
+        """The place of the whole text."""
         return self.at(0, len(self.value))
 
     def at(self, start: int, end: int) -> Span:
-        """Return where the characters `start` to `end` (exclusive) of the value stand."""
+        """Return the place of the characters `start` to `end` (exclusive) of the value."""
         begin = self.offsets[start]
         last = self.offsets[end - 1] + 1 if end > start else begin
         return Span(self.source, begin, max(last, begin))
@@ -117,7 +117,7 @@ class Text:
 
 
 class Level(Enum):
-    """How grave a diagnostic is."""
+    """How serious a diagnostic is."""
 
     ERROR = 'error'
     WARNING = 'warning'
@@ -128,8 +128,8 @@ class Diagnostic:
     """
     One problem, in the user's words.
 
-    `title` says what is wrong, `label` stands beside the caret, `help` says what to do and is,
-    where one exists, a line to paste. `span` is None where a problem has no place (no such file).
+    `title` is the mistake, `label` the text beside the caret, and `help` the way to correct it: a
+    line to paste where possible. `span` is None if there is no place (the file does not exist).
     """
 
     title: str
@@ -172,7 +172,7 @@ def _excerpt(span: Span, label: str) -> Iterable[str]:
 
 
 def _printable(text: str) -> str:
-    """Replace what would move the caret or the terminal, one character for one."""
+    """Replace each character that would shift the caret or control the terminal by one other."""
     return ''.join(' ' if char == '\t' else char if char.isprintable() else '\ufffd'
                    for char in text)
 
@@ -182,7 +182,7 @@ def _cells(text: str) -> int:
 
 
 class CompileError(Exception):
-    """What a user wrote cannot be used; holds one diagnostic or more, in the order found."""
+    """A mistake in what a user wrote; has at least one diagnostic, in the order found."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         """Take at least one diagnostic."""
@@ -207,7 +207,7 @@ class Problems:
         self._found.append(Diagnostic(title, span, label, help, Level.WARNING))
 
     def extend(self, diagnostics: Iterable[Diagnostic]) -> None:
-        """Add what another stage found."""
+        """Add the diagnostics of another stage."""
         self._found.extend(diagnostics)
 
     @property
@@ -246,7 +246,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def close_matches(name: str, known: Iterable[str]) -> list[str]:
-    """Return at most three of the known words, those that are spelled most like `name`."""
+    """Return at most three of the known words: those with the most similar spelling."""
     return get_close_matches(name, list(known), n=3, cutoff=0.6)
 
 
@@ -262,5 +262,5 @@ def suggestion(words: Iterable[str]) -> str:
 
 
 def pip_install(*packages: str) -> str:
-    """Return the command that installs packages for this very Python."""
+    """Return the command that installs packages for the running Python interpreter."""
     return shlex.join([sys.executable, '-m', 'pip', 'install', *packages])

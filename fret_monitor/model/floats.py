@@ -41,16 +41,17 @@ def to_float64(value: float | Fraction) -> float:
 
 def _rounded_to_odd(value: Fraction) -> float:
     """
-    Return one of the two float64 beside a fraction, the one whose last bit is 1.
+    Round a fraction to odd: of the two adjacent float64, return the one whose last bit is 1.
 
-    It lies on the same side of each tie between two float32 as the fraction does, which the
-    nearest float64 does not: rounding it again rounds the fraction (Boldo and Melquiond,
-    'Emulation of a FMA and correctly rounded sums', IEEE Transactions on Computers 57(4), 2008).
+    The result lies on the same side of each tie between two float32 as the fraction. The nearest
+    float64 may not. Rounding the result to float32 therefore rounds the fraction correctly (Boldo
+    and Melquiond, 'Emulation of a FMA and correctly rounded sums', IEEE Transactions on Computers
+    57(4), 2008). A fraction that is a float64 is returned as it is.
 
     Raises
     ------
     OverflowError
-        if the fraction is beyond float64.
+        if the fraction is beyond the range of float64.
     """
     nearest = float(value)
     exact = Fraction(nearest)
@@ -64,13 +65,14 @@ def shortest_float32(value: float) -> str:
     """
     Return the shortest decimal that rounds to the same float32, spelled as Python spells floats.
 
-    Of several of that length it is the one nearest to the float32.
+    Of several decimals of that length it is the one nearest to the float32.
     """
     value = to_float32(value)
     if value == 0 or not isfinite(value):
         return repr(value)
-    # The float32 below a power of two is nearer than the one above. There the nearest decimal may
-    # round to the one below, and the next decimal up to the power.
+    # Below a power of two, float32 are closer together than above it. The nearest decimal to the
+    # power may therefore round to the float32 below it, while the next decimal away from zero
+    # rounds to the power.
     is_power = abs(frexp(value)[0]) == 0.5
     roundings = (ROUND_HALF_EVEN, ROUND_UP) if is_power else (ROUND_HALF_EVEN,)
     candidates = (Context(digits, rounding).plus(Decimal(value))

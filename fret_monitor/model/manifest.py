@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What the run-time must know of a compiled bundle: frozen values, JSON on disk.
+The manifest: the data of a compiled bundle that the run-time needs, stored as JSON.
 
-The manifest is all that a node needs beside the shared library. It has topics, types, fields, step
-groups, ids, texts and policy, so that a robot runs a monitor without parser and compiler. Its JSON
-has a format number; another format is refused.
+A node needs only the manifest and the shared library. The manifest has topics, types, fields, step
+groups, ids, texts and policy, so that a robot needs neither parser nor compiler. The JSON has a
+format number; other formats are refused.
 """
 
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ _Choice = TypeVar('_Choice', bound=Enum)
 
 
 class ManifestError(Exception):
-    """A manifest that cannot be read: no JSON, another format, incomplete or damaged."""
+    """A manifest that cannot be read: not JSON, another format, incomplete or damaged."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,12 @@ class ManifestInput:
     """
     One input, in the order of the C struct.
 
-    `value_type` is how it is stored. `values` are its names: (name, number or string); a string
-    input is stored as int32, the index of its string in `values`. `initial` is its value before
-    the first message, as stored, or None. `path` is the field path within the message: field names
-    and indices. `reduction` is the function of the array, string or message at its end: one of
-    `REDUCTIONS`, or `SECONDS`; '' for the field's own value. `timeout` is how long it may be
-    silent, in seconds; None means for ever.
+    `value_type` is the type in which it is stored. `values` are the names of its values: (name,
+    number or string); a string input is stored as int32, the index of its string in `values`.
+    `initial` is its value before the first message, as stored, or None. `path` is the field path
+    within the message: field names and indices. `reduction` is the function applied to the array,
+    string or message at the end of the path: one of `REDUCTIONS`, or `SECONDS`; '' for the field's
+    own value. `timeout` is the longest time without a message, in seconds; None: no limit.
     """
 
     name: str
@@ -76,7 +76,7 @@ class ManifestInput:
 
 @dataclass(frozen=True)
 class ManifestTopic:
-    """A mapped topic: its type, the inputs it feeds (indices), and the bundle's `qos` for it."""
+    """A mapped topic: its type, the indices of its inputs, and the bundle's `qos` for it."""
 
     name: str
     message_type: str
@@ -96,7 +96,7 @@ class ManifestGroup:
 
 @dataclass(frozen=True)
 class ManifestRequirement:
-    """A requirement as the run-time shows it. `inputs` and `group` are indices."""
+    """A requirement, with the texts that the run-time shows. `inputs` and `group` are indices."""
 
     id: str
     handler: str
@@ -112,7 +112,7 @@ class ManifestRequirement:
 @dataclass(frozen=True)
 class Manifest:
     """
-    What the run-time must know of a bundle.
+    The data of a compiled bundle that the run-time needs.
 
     `symbol` is the exported function that returns the description of the monitor. `bundle_hash`
     is the SHA-256 of what was compiled (bundle, signals files, message definitions),
@@ -137,7 +137,7 @@ class Manifest:
     readers: str = ''
 
     def to_json(self) -> str:
-        """Return the JSON text, the same for the same manifest."""
+        """Return the JSON text; equal manifests give equal texts."""
         content = {'format': FORMAT, **asdict(self)}
         return json.dumps(content, indent=1, default=_plain, ensure_ascii=False) + '\n'
 
@@ -149,8 +149,8 @@ class Manifest:
         Raises
         ------
         ManifestError
-            if the text is no such JSON or of another format, or a value is invalid; it names the
-            key of that value.
+            if the text is not JSON, has another format number, or a value is invalid; the message
+            contains the key of that value.
         """
         try:
             content = _Value('', json.loads(text))

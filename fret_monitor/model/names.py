@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The words of a bundle: which names, topics, types and numbers can be used, and what to do if not.
+The rules for names, topics, types and numbers in a bundle.
 
-Each `*_fault` function takes a string and returns None, or why it cannot be used and what to write
-instead. The rules for topics are those of `rcl` and `rmw`, for types those of `rosidl`.
+Each `*_fault` function takes a string and returns None if it is valid, else the reason and what to
+write instead. The rules for topics are those of `rcl` and `rmw`, those for types of `rosidl`.
 """
 
 from fractions import Fraction
@@ -27,10 +27,10 @@ from unicodedata import normalize
 from fret_monitor.model.diagnostics import did_you_mean
 from fret_monitor.model.values import ValueType
 
-MAX_TOPIC = 247  # rmw: 255 less 8 that are kept for the prefixes of DDS
+MAX_TOPIC = 247  # rmw: 255 less 8 that are reserved for the prefixes of DDS
 HANDLER_TOPIC = 'copilot/'
 
-# Names and numbers are those of formulas: FRET's names may have points and percent signs inside.
+# As in formulas: FRET's names may have points and percent signs inside.
 _IDENTIFIER = re.compile(r'[A-Za-z_$][A-Za-z0-9_$]*(?:[.%][A-Za-z0-9_$]+)*')
 _NUMBER = re.compile(r'[+-]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]+)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?')
 _INTEGER = re.compile(r'[+-]?(?:0|[1-9][0-9]*)')
@@ -44,7 +44,7 @@ _DERIVED = {
 _TOPIC_TOKEN = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
 _SUBSTITUTION = re.compile(r'\{(?:node|ns|namespace)\}')
 _MAX_SHOWN = 60
-LONGEST_PATH = 4096  # shown whole: its end says most
+LONGEST_PATH = 4096  # characters; a path is not shortened, since its end matters most
 _MAX_EXPONENT = 30
 
 _MEANINGS = {
@@ -76,14 +76,14 @@ class Fault(NamedTuple):
 
 
 def shown(text: str, longest: int = _MAX_SHOWN) -> str:
-    """Return a user's word in quotes, on one line, without what would move the terminal."""
+    """Return a user's text in quotes, on one line, shortened, with control characters escaped."""
     short = text if len(text) <= longest else text[:longest] + '...'
     safe = ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in short)
     return f"'{safe}'"
 
 
 def name_fault(name: str) -> Fault | None:
-    """Look at the name of an input, constant, definition or value; without its quotes."""
+    """Check the name of an input, constant, definition or value, given without its quotes."""
     if not name:
         return Fault('a name is missing')
     if _IDENTIFIER.fullmatch(name) is None:
@@ -97,7 +97,7 @@ def name_fault(name: str) -> Fault | None:
 
 
 def quoted_name_fault(name: str) -> Fault | None:
-    """Look at a name that stands in double quotes in formulas too, as FRET allows."""
+    """Check a name that formulas write in double quotes, as FRET allows."""
     if name.isprintable() and name == name.strip() and name and not set(name) & {'"', '\\'}:
         return None
     return Fault(f'{shown(name)} cannot be a name in quotes',
@@ -116,7 +116,7 @@ def _other_name(name: str) -> str:
 
 
 def topic_fault(topic: str) -> Fault | None:
-    """Look at a topic name: absolute, relative or private, as `rcl_validate_topic_name`."""
+    """Check a topic name: absolute, relative or private, as `rcl_validate_topic_name`."""
     if not topic:
         return Fault('the topic has no name')
     plain = _SUBSTITUTION.sub('x', topic[1:] if topic.startswith('~') else topic)
@@ -147,12 +147,12 @@ def _length_fault(topic: str, what: str) -> Fault | None:
 
 
 def handler_fault(handler: str) -> Fault | None:
-    """Look at the topic on which a requirement's violations are announced."""
+    """Check the topic on which a requirement's violations are announced."""
     return _length_fault(HANDLER_TOPIC + handler, 'the topic of its handler')
 
 
 def type_fault(name: str) -> Fault | None:
-    """Look at an input's type: `pkg/msg/Name`, one of `pkg/srv`, `pkg/action`, or a plain type."""
+    """Check an input's type: `pkg/msg/Name`, one of `pkg/srv`, `pkg/action`, or a plain type."""
     parts = re.split(r'/|::|\.', name)
     if name in PLAIN_TYPES:
         return None
@@ -172,7 +172,7 @@ def type_fault(name: str) -> Fault | None:
 
 
 def _derived_fault(name: str, parts: list[str]) -> Fault | None:
-    """Look at the type of a message of a service or an action."""
+    """Check the type of a message of a service or an action."""
     package, folder, word = parts
     kind, suffixes = _DERIVED[folder]
     own, mark, part = word.partition('_')
@@ -200,7 +200,7 @@ def _plain_type_fault(name: str) -> Fault:
 
 
 def number_fault(text: str) -> Fault | None:
-    """Look at a number of a bundle: `15`, `-1.5`, `1e3`."""
+    """Check a number of a bundle: `15`, `-1.5`, `1e3`."""
     if _NUMBER.fullmatch(text):
         return None
     reason = f'{shown(text)} is not a number'
@@ -216,7 +216,7 @@ def number_fault(text: str) -> Fault | None:
 
 
 def looks_like_number(text: str) -> bool:
-    """Return whether a text begins as a number does: it is one, or a slip."""
+    """Return whether a text begins like a number: a valid or a mistyped one."""
     return _LIKE_NUMBER.match(text) is not None
 
 
@@ -227,9 +227,9 @@ def is_integer(text: str) -> bool:
 
 def exact(text: str) -> Fraction | None:
     """
-    Return a number exactly, None where it is not one or too long to be one of a bundle.
+    Return the exact value of a number; None if it is not a number, or too long or large.
 
-    No power of ten above 30 is looked at, so that `1e999999999` costs nothing.
+    Exponents above 30 are refused, because computing `1e999999999` would take too long.
     """
     if len(text) > 100 or _NUMBER.fullmatch(text) is None:
         return None
@@ -251,10 +251,10 @@ _SPELLED = {
 
 def fret_name(name: str) -> str:
     """
-    Return a name as FRET writes it in formulas: `a.b` is `a_DOT_b` there.
+    Return a name as FRET writes it in formulas: `a.b` becomes `a_DOT_b`.
 
-    Two names that give the same one are the same for FRET. A name with other special characters
-    than `.` and `%` stands in quotes in FRET, which writes those too: `_DQT_a_SPC_b_DQT_`.
+    FRET treats two names with the same result as equal. A name with special characters other than
+    `.` and `%` is quoted in FRET, which replaces the quotes too: `_DQT_a_SPC_b_DQT_`.
     """
     name = name.strip('"')
     spelled = ''.join(_SPELLED.get(char, char) for char in name)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Text files that are written: whole or not at all, and never over a file that was read."""
+"""Write text files atomically, and never over a file that the command reads."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -26,7 +26,7 @@ from fret_monitor.model.diagnostics import refuse
 
 def refuse_overwriting(path: Path, read: Iterable[Path]) -> None:
     """
-    Refuse to write to a file that was read, also under another spelling or through a link.
+    Refuse to write to a file that was read, also if its path differs or is a link.
 
     Raises
     ------
@@ -50,9 +50,9 @@ def _is_same_file(one: Path, other: Path) -> bool:
 @contextmanager
 def open_output(path: Path, read: Iterable[Path] = ()) -> Iterator[TextIO]:
     """
-    Yield a text file that gets the name `path` when the block ends without an exception.
+    Yield a text file that is renamed to `path` when the block ends without an exception.
 
-    A link stays a link: the file it points to is replaced. A pipe or device is written directly.
+    If `path` is a link, the file it points to is replaced. A pipe or device is written directly.
 
     Raises
     ------

@@ -34,7 +34,7 @@ class Report(Enum):
 
 
 class Stale(Enum):
-    """What happens, beside a warning, when an input is silent for longer than its `timeout`."""
+    """What happens, besides a warning, if an input gets no message within its `timeout`."""
 
     WARN = 'warn'
     VIOLATE = 'violate'

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-The most instructions that a step of all groups takes, derived from the program.
+An upper bound on the instructions of a step of all groups, derived from the program.
 
-Every equation costs at most what `COSTS` says of its kind, whatever the values and however long
-the bounds: generated C has no loop but that of a power, whose rounds are known. The numbers are
-for x86-64 and gcc with the flags of `native/compiler.py`. docs/worst_case.md describes how they
-were found; tests compare them with counted instructions. `fmod` and `pow` are counted apart, since
-their cost depends on the C library.
+An equation costs at most the number in `COSTS` for its kind, for all values and bounds: generated
+C has no loops except powers, whose number of rounds is known. The numbers are for x86-64 and gcc
+with the flags of `native/compiler.py`. docs/worst_case.md describes how they were found; tests
+compare them with counted instructions. `fmod` and `pow` are counted separately, because their cost
+depends on the C library.
 """
 
 from collections import Counter
@@ -35,11 +35,11 @@ from fret_monitor.program.monitor_program import (
 )
 
 COSTS = {
-    # For the functions: registers saved, arguments moved, calls, returns.
+    # Overhead of functions: saving registers, passing arguments, calls, returns.
     'step': 27, 'group': 4, 'part': 27, 'verdict': 3,
     'input, Boolean': 3, 'input, integer': 3, 'input, float': 3,
     'literal, integer': 2, 'literal, float': 2,
-    'use': 2,  # of a value again: it may have to be saved and loaded
+    'use': 2,  # each further use of a value: it may have to be saved and loaded
     'conversion, to integer': 3, 'conversion, to float': 4, 'conversion, uint64 to float': 13,
     'connective': 3,
     'relation, integer': 4, 'relation, float': 5, 'relation, int64 with uint64': 7,
@@ -59,29 +59,29 @@ COSTS = {
     'pre, Boolean': 5, 'pre, integer': 4, 'pre, float': 4,
     'feedback': 3, 'wire': 3,
 }
-# Inside the functions of the C library: glibc 2.36, whose fmod divides bit by bit.
+# Inside the functions of the C library, for glibc 2.36, whose fmod divides bit by bit.
 LIBRARY_COSTS = {'fmod, float32': 3_000, 'fmod, float64': 20_000, 'pow': 500}
 
-_BLOCK = 300  # equations that count as a function; codegen makes larger ones
+_BLOCK = 300  # equations assumed per function; codegen makes larger functions
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Instructions of a step at most: in the monitors' own code, and in the C library's."""
+    """Upper bounds on the instructions of a step: in generated code, and in the C library."""
 
     own: int
     library: int
 
 
 def step_cost(layouts: tuple[GroupLayout, ...]) -> Cost:
-    """Return the most instructions that a step of all groups takes."""
+    """Return an upper bound on the instructions of a step of all groups."""
     found = kinds(layouts)
     library = sum(LIBRARY_COSTS[kind] * found.pop(kind, 0) for kind in LIBRARY_COSTS)
     return Cost(sum(COSTS[kind] * count for kind, count in found.items()), library)
 
 
 def kinds(layouts: tuple[GroupLayout, ...]) -> Counter[str]:
-    """Count what a step of all groups computes, by kind."""
+    """Count the operations of a step of all groups, by kind."""
     equations = sum(len(layout.group.equations) for layout in layouts)
     found: Counter[str] = Counter({'step': 1 + equations // _BLOCK})
     for layout in layouts:

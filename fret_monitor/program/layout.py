@@ -13,11 +13,12 @@
 # limitations under the License.
 
 """
-Where the state of a group lies: fields, sizes and parts, known before anything runs.
+The static layout of a group's state: fields, sizes and parts.
 
-A group's equations are cut into parts, one C function each, since C compilers are slow on long
-functions. Up to eight bits of a part take a byte each; more are packed into words. Counters are as
-narrow as their bounds allow. Fields are ordered by size, so that a struct has no padding inside.
+A group's equations are divided into parts, one C function each, because C compilers are slow on
+long functions. If a part has at most eight bits of state, each takes a byte; otherwise they are
+packed into words. Counters have the smallest type that their bounds allow. Fields are ordered by
+size, so that there is no padding between them.
 """
 
 from bisect import bisect_right
@@ -38,7 +39,7 @@ from fret_monitor.program.monitor_program import (
 MAX_STATE_BYTES = 16 * 1024 * 1024
 PART_EQUATIONS = 256
 SHIFT_REGISTER_BITS = 64
-# Reading and writing a byte is faster than a bit of a word, which depends on the other bits.
+# A byte is faster to read and write than a bit of a word, since it does not depend on other bits.
 FEW_BITS = 8
 
 _UNSIGNED = (ValueType.UINT8, ValueType.UINT16, ValueType.UINT32, ValueType.UINT64)
@@ -63,9 +64,9 @@ class StateField:
     """
     A field of a group's state struct.
 
-    `number` is that of the word (BITS), the length (POSITION), the index of the feedback
-    equation (FEEDBACK), or that of the equation. `length` is 0 for a scalar, else that of an
-    array. `initial` is the value at the start, for all elements.
+    `number` is the number of the word (BITS), the length of the rings (POSITION), the index of the
+    feedback equation (FEEDBACK), else the index of the equation. `length` is 0 for a scalar, else
+    the length of the array. `initial` is the initial value, of each element.
     """
 
     kind: FieldKind
@@ -76,7 +77,7 @@ class StateField:
 
     @property
     def size(self) -> int:
-        """Bytes."""
+        """Size in bytes."""
         return self.type.size * max(1, self.length)
 
 
@@ -91,7 +92,7 @@ class BitSlot:
 
 @dataclass(frozen=True)
 class GroupLayout:
-    """A group's fields in the order of the struct, and where each packed bit lies."""
+    """A group's fields in the order of the struct, and the places of its packed bits."""
 
     group: StepGroup
     fields: tuple[StateField, ...]
@@ -100,13 +101,13 @@ class GroupLayout:
 
     @property
     def size(self) -> int:
-        """Bytes of the struct."""
+        """Size of the struct in bytes."""
         used = sum(field.size for field in self.fields)
         return max(1, -(-used // self.alignment) * self.alignment)
 
     @property
     def alignment(self) -> int:
-        """Bytes: of the widest field."""
+        """Alignment of the struct in bytes: that of its widest field."""
         return max((field.type.size for field in self.fields), default=1)
 
     @property
@@ -117,7 +118,7 @@ class GroupLayout:
 
     @cached_property
     def wires(self) -> frozenset[int]:
-        """The values that a later part reads."""
+        """The values that are kept in the state because a later part reads them."""
         return frozenset(_wires(self.group, self.parts))
 
     @cached_property
@@ -137,7 +138,7 @@ class GroupLayout:
 
     @cached_property
     def verdicts_of(self) -> dict[int, list[tuple[int, Operand]]]:
-        """The verdicts that each value gives (-1: the constants): property and operand."""
+        """The verdicts computed from each value (-1: from constants): property and operand."""
         found: dict[int, list[tuple[int, Operand]]] = {}
         for number, operand in zip(self.group.properties, self.group.verdicts, strict=True):
             found.setdefault(operand.value, []).append((number, operand))
@@ -145,7 +146,7 @@ class GroupLayout:
 
 
 def lay_out(group: StepGroup) -> GroupLayout:
-    """Place the state of a group."""
+    """Lay out the state of a group."""
     parts = tuple(_parts(group))
     bits = _place_bits(group, parts)
     fields = [*_words(group, bits), *_flags(group, bits), *_cells(group), *_shared(group, parts)]
@@ -154,7 +155,7 @@ def lay_out(group: StepGroup) -> GroupLayout:
 
 
 def state_bytes(layouts: tuple[GroupLayout, ...]) -> int:
-    """Return the size of the struct that holds the groups' structs one after the other."""
+    """Return the size of the struct that contains the structs of all groups, in order."""
     used = 0
     for layout in layouts:
         used = -(-used // layout.alignment) * layout.alignment + layout.size
@@ -165,12 +166,12 @@ def state_bytes(layouts: tuple[GroupLayout, ...]) -> int:
 def check_bounds(program: MonitorProgram, layouts: tuple[GroupLayout, ...],
                  limit: int = MAX_STATE_BYTES) -> None:
     """
-    Refuse a program that needs more state than `limit` bytes, naming the widest bound.
+    Refuse a program that needs more state than `limit` bytes, and name its longest delay.
 
     Raises
     ------
     CompileError
-        with the place of the requirement whose delay asks for most.
+        with the place of the requirement that has the longest delay.
     """
     needed = state_bytes(layouts)
     if needed <= limit:
@@ -197,7 +198,7 @@ def _delays(layouts: tuple[GroupLayout, ...]) -> Iterator[tuple[int, int]]:
 
 
 def _parts(group: StepGroup) -> Iterator[range]:
-    """Cut at requirements where possible, and inside one that is larger than a part."""
+    """Divide the equations between requirements, or within one that is larger than a part."""
     total = len(group.equations)
     start = 0
     stops = sorted({*group.first_equations, total})
@@ -217,14 +218,14 @@ def _wires(group: StepGroup, parts: tuple[range, ...]) -> Iterator[int]:
             for operand in operands(group.equations[index].operation):
                 if 0 <= operand.value < part.start and not _is_at_hand(group, operand.value):
                     yield operand.value
-    # Feedback is written by the last part, after everything has been read.
+    # The last part writes feedback, after all parts have read it.
     yield from (item.next.value for item in group.feedback
                 if 0 <= item.next.value < parts[-1].start
                 and not _is_at_hand(group, item.next.value))
 
 
 def _is_at_hand(group: StepGroup, value: int) -> bool:
-    """Whether every part can read a value by itself, without a wire."""
+    """Whether every part can read a value itself: an input or a literal."""
     return isinstance(group.equations[value].operation, Read | Literal)
 
 
@@ -274,7 +275,7 @@ def _initial_bit(operation: Operation) -> bool:
 
 
 def _holding(largest: int) -> ValueType:
-    """Return the narrowest unsigned type that holds a number."""
+    """Return the smallest unsigned type that can hold a number."""
     return next(kind for kind in _UNSIGNED if largest <= kind.limits[1])
 
 
@@ -283,7 +284,7 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
         operation = equation.operation
         match operation:
             case OnceWithin() | AlwaysWithin() | SinceWithin():
-                kind = _holding(2 * operation.bound + 1)  # an age stops at the highest bit
+                kind = _holding(2 * operation.bound + 1)  # an age saturates at the highest bit
                 yield StateField(FieldKind.COUNTER, index, kind, 0, _start(operation))
             case OnceBefore() | SinceBefore():
                 yield StateField(FieldKind.COUNTER, index, _holding(operation.bound + 1))
@@ -296,7 +297,7 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
 
 
 def _start(cell: OnceWithin | AlwaysWithin | SinceWithin) -> int:
-    """Return the age that a counter starts with: see csrc/fret_cells.h."""
+    """Return the initial age of a counter (see csrc/fret_cells.h)."""
     return cell.bound + 1 - (0 if isinstance(cell, SinceWithin) else cell.head)
 
 

@@ -13,26 +13,27 @@
 # limitations under the License.
 
 """
-Turn a specification into a monitor program.
+Translate a specification into a monitor program.
 
 Requirements that read the same inputs form a step group. Within a group, terms that are equal up
-to the order of `& | xor <-> =` and Boolean negation get one equation: each Boolean term is looked
-up by a key that has no negation at its top (`H p` is found as the negation of `O !p`, `p | q` of
-`!p & !q`). The equation keeps the operator that was met first, so that the C reads like the
-formula. A negated comparison is never turned round: with NaN `!(x > 5)` is not `x <= 5`.
+to Boolean negation and the order of the operands of `& | xor <-> =` share one equation. Each
+Boolean term is looked up by a key without a negation at its top: `H p` is looked up as the
+negation of `O !p`, `p | q` as that of `!p & !q`. The equation keeps the operator that occurred
+first, so that the C resembles the formula. A negated comparison is never inverted: for NaN,
+`!(x > 5)` is true and `x <= 5` is false.
 
-Windows are made of a few cells (n = b - a):
+Windows are reduced to a few cells (n = b - a):
     O[a,b] p   = O[0,n] (p, a steps ago)
     p S[a,b] q = p S[0,n] ((q, a steps ago) & H[0,a-1] p)
-and H and T are the same with everything negated.
+H and T are reduced to the duals of these.
 
-The patterns that FRET writes around the first time point (FTP) are simplified:
+FRET's patterns around the first time point (FTP) are simplified:
     p & (q | r)                for (p & q) | (p & r)       (its triggers)
     Z p                        for Y p | FTP
-    O[0,b] p from a started counter   for O[0,b] (FTP | p)
-    H[0,b] p from a started counter   for H[0,b] p & H[0,m] !FTP, m <= b   (its persisted)
+    O[0,b] p with another initial count   for O[0,b] (FTP | p)
+    H[0,b] p with another initial count   for H[0,b] p & H[0,m] !FTP, m <= b   (its persisted)
 
-FRET's `within n` under a condition needs no delay line of n bits, since false is final there:
+FRET's `within n` under a condition needs no delay line of n bits, because H stays false:
     H !(!q S[n,inf) p)   for H (O[n,n] p -> O[0,n-1] q)
 The requirement fails at k + n if p held at k and q at none of the n steps after k. S may become
 true later than k + n; under H the value is already false then, so the result is the same. The
@@ -104,7 +105,7 @@ def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Sp
 
 
 class _GroupBuilder:
-    """Collects the equations of one group; `operand` maps each formula to its value."""
+    """Builds the equations of one group; `operand` maps each formula to its value."""
 
     def __init__(self, index: dict[str, int], feedback: dict[Feedback, int]) -> None:
         self.equations: list[Equation] = []
@@ -112,21 +113,21 @@ class _GroupBuilder:
         self._found: dict[tuple[object, ...], Operand] = {}
         self._index = index
         self._feedback = feedback
-        # Operands that are known to be a conjunction, `t >= m`, or `O[0,b] p`.
+        # Operands that are known to equal a conjunction, `t >= m`, or `O[0,b] p`.
         self._conjuncts: dict[Operand, tuple[Operand, Operand]] = {}
         self._elapsed: dict[Operand, int] = {}
         self._windows: dict[Operand, OnceWithin] = {}
         self._factoring = 0
 
     def define(self, roots: Sequence[Formula]) -> None:
-        """Make the equations of all terms under the roots."""
+        """Add the equations of all terms of the roots."""
         for node in postorder(roots):
             if node not in self.operand:
                 self.operand[node] = self._term(node)
                 self._name(self.operand[node], node)
 
     def _name(self, operand: Operand, node: Formula) -> None:
-        """Note at an equation the first formula that it computes, as it is."""
+        """Record in an equation the first formula whose value it is."""
         if not operand.is_constant and not operand.negated:
             equation = self.equations[operand.value]
             if equation.formula is None:
@@ -138,9 +139,10 @@ class _GroupBuilder:
 
     def _share(self, key: tuple[object, ...], negated: bool, operation: Operation) -> Operand:
         """
-        Return the operand of a Boolean term, whose equation is made if there is none.
+        Return the operand of a Boolean term; add its equation if there is none.
 
-        `operation` computes the term; the term is what `key` stands for, negated or not.
+        `operation` computes the term. The term is the one that `key` identifies, or its negation
+        if `negated`.
         """
         if key not in self._found:
             operand = self._emit(operation)
@@ -246,7 +248,7 @@ class _GroupBuilder:
 
     def _and(self, operator: BinaryOperator, left: Operand, right: Operand,
              negated: bool) -> Operand:
-        """Return `left & right`; `negated` if what was written is its negation."""
+        """Return `left & right`; `negated` if the formula contains its negation."""
         known = _known_conjunction(left, right)
         if known is None:
             known = self._simpler(left, right)
@@ -260,7 +262,7 @@ class _GroupBuilder:
         return operand
 
     def _simpler(self, left: Operand, right: Operand) -> Operand | None:
-        """Return `left & right` where it comes down to fewer terms, else None."""
+        """Return `left & right` if it can be simplified, else None."""
         for one, other in ((left, right), (right, left)):
             found = self._after_start(one, other)
             if found is not None:
@@ -268,7 +270,7 @@ class _GroupBuilder:
         return self._factored(left, right)
 
     def _factored(self, left: Operand, right: Operand) -> Operand | None:
-        """Return the negation of `a & (b | c)` for that of `(a & b) | (a & c)`."""
+        """Return `!(a & (b | c))` if `left & right` is `!(a & b) & !(a & c)`, else None."""
         if self._factoring == _FACTORING_DEPTH:
             return None
         self._factoring += 1
@@ -288,7 +290,7 @@ class _GroupBuilder:
         return None
 
     def _after_start(self, term: Operand, late: Operand) -> Operand | None:
-        """Return `term & late` where `late` is `t >= m` and the term's cell can start so."""
+        """Return `term & late` if `late` is `t >= m` and an initial count can express it."""
         steps = self._elapsed.get(late)
         window = self._windows.get(~term)
         if steps is not None and window is not None and steps <= window.bound + 1:
@@ -299,7 +301,7 @@ class _GroupBuilder:
         return None
 
     def _not_at_first(self, term: Operand) -> Operand | None:
-        """Return `term & !FTP` if the term is what a value was one step ago, negated or not."""
+        """Return `term & !FTP` if the term is a value of one step ago, or its negation."""
         cell = self.equations[term.value].operation
         if not isinstance(cell, Delay) or cell.steps != 1:
             return None
@@ -307,7 +309,7 @@ class _GroupBuilder:
         return self._delay(1, argument)
 
     def _xor(self, left: Operand, right: Operand, negated: bool) -> Operand:
-        """Return `left xor right`; `negated` if what was written is its negation."""
+        """Return `left xor right`; `negated` if the formula contains its negation."""
         for one, other in ((left, right), (right, left)):
             if one.is_constant:
                 return other if one.negated else ~other
@@ -315,7 +317,7 @@ class _GroupBuilder:
             return FALSE if left == right else TRUE
         flip = left.negated != right.negated
         bare = (Operand(left.value), Operand(right.value))
-        # Written as an equation over the bare values, so that no negation stands in it.
+        # The equation uses the values without negation; the operator accounts for negations.
         operator = BinaryOperator.IFF if negated != flip else BinaryOperator.XOR
         operand = self._share(('xor', *sorted(bare)), negated != flip,
                               ApplyBinary(operator, *bare, (_BOOL, _BOOL)))
@@ -349,7 +351,7 @@ class _GroupBuilder:
 
     def _limit_comparison(self, operator: BinaryOperator, left: Operand,
                           right: Operand) -> Operand | None:
-        """Return what a comparison with the least or greatest integer gives (C warns of it)."""
+        """Return a comparison with the least or greatest integer (C compilers warn of it)."""
         if operator in (BinaryOperator.GT, BinaryOperator.GE):
             operator, left, right = _TURNED[operator], right, left
         if operator is BinaryOperator.LT and (self._is_limit(left, 1) or self._is_limit(right, 0)):
@@ -425,12 +427,12 @@ class _GroupBuilder:
         return self._choice(self._first_step(), initial, yesterday, _BOOL)
 
     def _delay(self, steps: int, argument: Operand) -> Operand:
-        """Return the argument `steps` steps ago, false while there is none."""
+        """Return the argument `steps` steps ago; false in the first `steps` steps."""
         if argument == FALSE:
             return FALSE
         if argument == TRUE:
             return self._from_step(steps)
-        # A negated argument is delayed bare: the negation goes to what is read.
+        # A negated argument is delayed without its negation, and the result is negated.
         operation = Delay(steps, argument.negated, Operand(argument.value))
         operand = self._number(('delay', steps, argument.negated, argument.value), operation,
                                _BOOL)
@@ -443,7 +445,7 @@ class _GroupBuilder:
         """
         Return `O[window] argument`.
 
-        With `dual`, what was written is H of the negated argument, the result negated.
+        With `dual`, the formula contains its negation, written as H of the negated argument.
         """
         if window.is_empty or argument == FALSE:
             return FALSE
@@ -498,14 +500,14 @@ class _GroupBuilder:
         return None
 
     def _window(self, cell: OnceWithin, dual: bool) -> Operand:
-        """Return what a cell computes; with `dual` it is written as H, the result negated."""
+        """Return the value of a cell; with `dual` the formula contains its negation, with H."""
         operation = AlwaysWithin(cell.bound, ~cell.argument, cell.head) if dual else cell
         operand = self._either(('within', cell), dual, operation)
         self._windows[operand] = cell
         return operand
 
     def _either(self, key: tuple[object, ...], dual: bool, operation: Operation) -> Operand:
-        """Return what `key` stands for; `operation` computes it, or with `dual` its negation."""
+        """Return the term of `key`; `operation` computes it, or its negation if `dual`."""
         operand = self._share(key, dual, operation)
         return ~operand if dual else operand
 
@@ -552,7 +554,7 @@ def _other(pair: tuple[Operand, Operand], one: Operand) -> Operand:
 
 
 def _self_comparison(operator: BinaryOperator, type: ValueType) -> Operand | None:
-    """Return what a value compared with itself gives, where NaN cannot change it."""
+    """Return a value compared with itself; None if the result depends on NaN."""
     if operator in (BinaryOperator.LT, BinaryOperator.GT):
         return FALSE
     if type.is_float:

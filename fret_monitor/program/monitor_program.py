@@ -15,9 +15,9 @@
 """
 The program of a monitor: for each step group a list of equations over state cells.
 
-Every equation defines one value from earlier values, and takes O(1) time whatever its bounds. An
-operand of a Boolean operation is a value or its negation, so that negations need no equation of
-their own and do not hide equal subterms.
+Every equation computes one value from earlier values, in O(1) time for all bounds. An operand of a
+Boolean operation is a value or its negation, so that negations need no equations, and `p` and `!p`
+share one.
 """
 
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class Operand:
     negated: bool = False
 
     def __invert__(self) -> 'Operand':
-        """Negate."""
+        """Return the negation."""
         return Operand(self.value, not self.negated)
 
     @property
@@ -66,7 +66,7 @@ class Literal:
 
 @dataclass(frozen=True)
 class Convert:
-    """A number in the equation's type, from `source`."""
+    """A number converted from type `source` to the type of the equation."""
 
     source: ValueType
     argument: Operand
@@ -82,7 +82,7 @@ class ApplyUnary:
 
 @dataclass(frozen=True)
 class ApplyBinary:
-    """A connective, relation or arithmetic; `types` are those of the operands."""
+    """A connective, relation or arithmetic operation; `types` are those of the operands."""
 
     operator: BinaryOperator
     left: Operand
@@ -92,7 +92,7 @@ class ApplyBinary:
 
 @dataclass(frozen=True)
 class Power:
-    """A number to a fixed exponent, by repeated multiplication."""
+    """A number raised to a constant exponent, by repeated multiplication."""
 
     base: Operand
     exponent: int
@@ -100,7 +100,7 @@ class Power:
 
 @dataclass(frozen=True)
 class Choose:
-    """`yes` where `condition`, else `no`."""
+    """`yes` if `condition` holds, else `no`."""
 
     condition: Operand
     yes: Operand
@@ -115,9 +115,9 @@ class FirstStep:
 @dataclass(frozen=True)
 class Delay:
     """
-    The Boolean argument `steps` steps ago; `initial` while there is none.
+    The Boolean argument `steps` steps ago; `initial` in the first `steps` steps.
 
-    One step: a bit; up to 64: a shift register of that many bits; more: a ring of bits, and one
+    State for 1 step: one bit; for up to 64: a shift register; for more: a ring of bits, and one
     position for all rings of that length in the group.
     """
 
@@ -159,7 +159,7 @@ class TriggeredEver:
 @dataclass(frozen=True)
 class OnceWithin:
     """
-    `O[0,bound] p`, and true at the first `head` steps anyway; 0 < bound, head <= bound + 1.
+    `O[0,bound] p`, and true at the first `head` steps in any case; 0 < bound, head <= bound + 1.
 
     One counter: steps since the last p.
     """
@@ -184,7 +184,7 @@ class AlwaysWithin:
 
 @dataclass(frozen=True)
 class OnceBefore:
-    """`O[bound,inf) p`, bound > 0. One counter: steps since the first p, up to the bound."""
+    """`O[bound,inf) p`, bound > 0. One counter: steps since the first p, at most the bound."""
 
     bound: int
     argument: Operand
@@ -192,7 +192,7 @@ class OnceBefore:
 
 @dataclass(frozen=True)
 class SinceWithin:
-    """`p S[0,bound] q`, bound > 0. One counter: for how many steps it stays true with p alone."""
+    """`p S[0,bound] q`, bound > 0. One counter: steps since the last q after which p holds."""
 
     bound: int
     left: Operand
@@ -201,7 +201,7 @@ class SinceWithin:
 
 @dataclass(frozen=True)
 class SinceBefore:
-    """`p S[bound,inf) q`, bound > 0. One counter: steps since the oldest q that counts."""
+    """`p S[bound,inf) q`, bound > 0. One counter: steps since the oldest q after which p holds."""
 
     bound: int
     left: Operand
@@ -210,7 +210,7 @@ class SinceBefore:
 
 @dataclass(frozen=True)
 class PreviousNumber:
-    """A number of the step before, at the first step `initial`. One value."""
+    """The value of a number at the step before; `initial` at the first step. One number."""
 
     initial: int | float
     argument: Operand
@@ -218,7 +218,7 @@ class PreviousNumber:
 
 @dataclass(frozen=True)
 class FeedbackRead:
-    """What equation `index` of the group's `feedback` was at the step before. One value."""
+    """The value of equation `index` of the group's `feedback` at the step before. One value."""
 
     index: int
 
@@ -232,7 +232,7 @@ Operation: TypeAlias = Pure | Cell
 
 @dataclass(frozen=True)
 class Equation:
-    """One value: how it is computed, its type, and the formula that it computes, if any."""
+    """A value: its operation, its type, and the formula that it is the value of, if any."""
 
     operation: Operation
     type: ValueType
@@ -241,7 +241,7 @@ class Equation:
 
 @dataclass(frozen=True)
 class FeedbackEquation:
-    """A value that is kept for the next step."""
+    """A value that is stored for the next step, and its name."""
 
     name: str
     type: ValueType
@@ -254,7 +254,7 @@ class StepGroup:
     The requirements that read the same inputs.
 
     `signals` and `properties` are indices, ascending. `verdicts` are in the order of
-    `properties`; `first_equations[i]` is where the equations that property i adds begin.
+    `properties`; `first_equations[i]` is the index of the first equation added for property i.
     """
 
     signals: tuple[int, ...]
@@ -267,7 +267,7 @@ class StepGroup:
 
 @dataclass(frozen=True)
 class MonitorProgram:
-    """All that C is made from."""
+    """The program of a bundle, from which C is generated."""
 
     name: str
     component: str
@@ -280,7 +280,7 @@ class MonitorProgram:
 
 
 def operands(operation: Operation) -> tuple[Operand, ...]:
-    """Return what an operation is computed from in this step, left to right."""
+    """Return the operands that an operation reads in the current step, left to right."""
     match operation:
         case Read() | Literal() | FirstStep() | FeedbackRead():
             return ()

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Remove the equations that no verdict needs.
+Remove the equations that no verdict depends on.
 
-Constant folding (`p & FALSE`) leaves equations that nothing reads. Their cells would cost memory
-and time, and C compilers warn about them.
+Simplification (`p & FALSE`) leaves equations that are never read. They would cost memory and time,
+and C compilers would warn about unused variables.
 """
 
 from bisect import bisect_left
@@ -28,7 +28,7 @@ from fret_monitor.program.monitor_program import Equation, Operand, operands, Op
 
 
 def prune(group: StepGroup) -> StepGroup:
-    """Return the group with the live equations only, renumbered, in the same order."""
+    """Return the group with only its live equations, in the same order and renumbered."""
     live = _live(group)
     number = {old: new for new, old in enumerate(live)}
     return replace(

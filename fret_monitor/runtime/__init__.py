@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The evaluator of `csrc/evaluator.c` for Python: values in, violations out. It knows no ROS."""
+"""The evaluator of `csrc`, wrapped for Python: values in, violations out; independent of ROS."""
 
 from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, RequirementCounts, TopicCounts, Violation,

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The evaluator for Python: a thin typed wrapper; all decisions are taken in C.
+A thin typed wrapper of the evaluator in C, which decides everything.
 
-Values come in, and calls that say that a message or a period is complete; violations to announce
-come out. `csrc/evaluator.h` says what each call means.
+The caller stores values, and calls a method when a message or a period is complete; that method
+returns the violations to announce. `csrc/evaluator.h` describes each call.
 """
 
 from array import array
@@ -53,7 +53,7 @@ class RequirementCounts:
 
 @dataclass(frozen=True)
 class InputCounts:
-    """Counters of an input; `overwritten` are values that some group never stepped on."""
+    """Counters of an input; `overwritten` counts values on which some group took no step."""
 
     received: int
     unusable: int
@@ -72,29 +72,29 @@ class Evaluator:
     """
     Runs a monitor: takes values, steps the groups that are due, returns violations.
 
-    Inputs with an initial value have it from the start. Not thread-safe: calls let other Python
-    threads run, so users that share one hold a lock around each.
+    Inputs with an initial value have it from the start. Not thread-safe: a call releases Python's
+    interpreter lock, so that threads that share an evaluator need a lock around each call.
     """
 
     def __init__(
         self, monitor: Monitor, *, policy: Policy | None = None, library: Path | None = None,
     ) -> None:
         """
-        Make one, at its start.
+        Make an evaluator, with all groups at their start.
 
         Parameters
         ----------
         monitor
-            what to run; it is kept alive.
+            the monitor to run; a reference to it is kept.
         policy
             when a step happens; the manifest's when None.
         library
-            the evaluator's; None to build it, or find it built.
+            the evaluator's library; when None it is built, or taken from the cache.
 
         Raises
         ------
         LibraryError
-            if the monitor, its manifest and the evaluator do not fit each other.
+            if the monitor, its manifest and the evaluator do not match.
         """
         self.monitor = monitor
         self.policy = policy or monitor.manifest.policy
@@ -120,7 +120,7 @@ class Evaluator:
             raise LibraryError('the evaluator refuses what the manifest says of inputs and topics')
 
     def _make_values(self) -> None:
-        """Make a place for the next value of each input, and views of the current ones."""
+        """Allocate a buffer for the next value of each input, and map the current values."""
         values = ffi.cast('const char *', self._library.fm_evaluator_inputs(self.pointer))
         inputs = self.monitor.manifest.inputs
         types = [item.value_type.c_name for item in self.monitor.manifest.inputs]
@@ -135,17 +135,17 @@ class Evaluator:
 
     @property
     def library(self) -> Any:
-        """The functions of csrc, loaded."""
+        """The loaded library with the functions of csrc."""
         return self._library
 
     @property
     def options(self) -> CData:
-        """The `struct fm_evaluator_options` that it was made with."""
+        """The `struct fm_evaluator_options` of this evaluator."""
         return self._options.pointer
 
     def store(self, index: int, value: bool | int | float) -> None:
         """
-        Store a value of an input; no step happens before `message` or `tick`.
+        Store a value of an input; a step happens only with `message` or `tick`.
 
         Raises
         ------
@@ -161,11 +161,11 @@ class Evaluator:
         self._library.fm_evaluator_store_from(self.pointer, index, place)
 
     def unusable(self, index: int) -> None:
-        """Count a field of an input that cannot be used; the input stays as it is."""
+        """Count a field of an input that cannot be used; the input keeps its value."""
         self._library.fm_evaluator_unusable(self.pointer, index)
 
     def undecodable(self, topic: int) -> None:
-        """Count a message of a topic that cannot be decoded; it is no step."""
+        """Count a message of a topic that cannot be decoded; no group steps."""
         self._library.fm_evaluator_undecodable(self.pointer, topic)
 
     def stale(self, index: int, received: int, stamp: int) -> list[Violation]:
@@ -175,17 +175,17 @@ class Evaluator:
         Parameters
         ----------
         index
-            of the input.
+            index of the input.
         received
-            how many values of it had come when the timeout was found; if there are more by now,
-            nothing happens.
+            the input's `received` count when the timeout was found; nothing happens if the count
+            has changed since.
         stamp
-            nanoseconds, passed on to the violations.
+            nanoseconds, copied to the violations.
 
         Returns
         -------
         list[Violation]
-            those to announce; none where it was stale before, unless there was a reset.
+            those to announce; none if the input was stale before, unless there was a reset.
         """
         count = self._library.fm_evaluator_stale(
             self.pointer, index, received, stamp, self._violations)
@@ -193,14 +193,14 @@ class Evaluator:
 
     def message(self, topic: int, stamp: int) -> list[Violation]:
         """
-        Take the steps that a message of a topic asks for, its fields having been stored.
+        Take the steps due after a message of a topic, whose fields were stored before.
 
         Parameters
         ----------
         topic
             index in the manifest's topics.
         stamp
-            nanoseconds, passed on to the violations.
+            nanoseconds, copied to the violations.
 
         Returns
         -------
@@ -227,8 +227,8 @@ class Evaluator:
         Parameters
         ----------
         columns
-            one for each input: an array of the input's `typecode`, `count` long, or None:
-            the input stays as it is.
+            one for each input: an array of the input's `typecode`, `count` long, or None if the
+            input is to keep its value.
         count
             the number of rows.
 
@@ -261,7 +261,7 @@ class Evaluator:
         return ffi.from_buffer(column)
 
     def reset(self) -> None:
-        """Start all groups afresh; the values of the inputs and the counters stay."""
+        """Put all groups at their start; the inputs keep their values, and the counters go on."""
         self._library.fm_evaluator_reset(self.pointer)
 
     def ready(self, group: int) -> bool:
@@ -274,12 +274,12 @@ class Evaluator:
 
     @property
     def verdicts(self) -> list[bool]:
-        """Verdicts of the last steps, by requirement; True where there was none."""
+        """Verdicts of the last steps, by requirement; True before the first step."""
         count = len(self.monitor.manifest.requirements)
         return list(self._library.fm_evaluator_verdicts(self.pointer)[0:count])
 
     def value(self, index: int) -> bool | int | float | None:
-        """Return the current value of an input, None where it has none yet."""
+        """Return the current value of an input, None before its first."""
         current: bool | int | float = self._current[index][0]
         return current if self._library.fm_evaluator_has_value(self.pointer, index) else None
 
@@ -305,7 +305,7 @@ class Evaluator:
 
 
 class _Options:
-    """The `struct fm_evaluator_options` of a monitor, and all that it points to."""
+    """The `struct fm_evaluator_options` of a monitor; keeps alive what the struct points to."""
 
     def __init__(self, monitor: Monitor, policy: Policy) -> None:
         manifest = monitor.manifest

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What the readers of a loaded bundle make of a serialized message, for those who are not C.
+Read the inputs from a serialized message, with the compiled readers of a bundle.
 
-The node reads messages in C; this is the same function, called from Python.
+The node reads messages in C; this module calls the same functions from Python.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ from fret_monitor.native.monitor import CData, Monitor
 
 
 class Outcome(Enum):
-    """What became of a field; the values are those of `enum fm_outcome`."""
+    """The result of reading a field; the values are those of `enum fm_outcome`."""
 
     READ = 0
     OUTSIDE = 1
@@ -38,9 +38,10 @@ class Outcome(Enum):
 @dataclass(frozen=True)
 class FieldReading:
     """
-    A field as read: its value, as the evaluator stores it, or None.
+    The result of reading a field: its value, as the evaluator stores it, or None.
 
-    `length` is that of the array that the index is outside of, or of the string without a name.
+    `length` is the length of the array if the index is outside it, or that of the string if it is
+    not one of the input's `values`.
     """
 
     outcome: Outcome
@@ -50,9 +51,9 @@ class FieldReading:
 
 def read_fields(monitor: Monitor, topic: int, message: bytes) -> tuple[FieldReading, ...] | None:
     """
-    Return what a message says of the inputs that a topic feeds, in the manifest's order.
+    Read the inputs of a topic from a message, in the manifest's order.
 
-    `topic` is an index of the manifest's topics. None if the message cannot be decoded.
+    `topic` is an index of the manifest's topics. Returns None if the message cannot be decoded.
     """
     readers = monitor.readers
     assert readers is not None, 'this bundle has no topics'

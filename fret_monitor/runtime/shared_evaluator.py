@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The engine of `csrc/engine.c`: an evaluator that several threads share, fed with messages.
+A wrapper of the engine of `csrc/engine.c`: an evaluator that several threads share.
 
-Its mutex lies in C and is held only inside a call, so that no thread that holds it waits for
-Python's interpreter lock. It knows no ROS.
+Its mutex is in C and is held only inside a call, so that a thread never waits for Python's
+interpreter lock while it holds the mutex. Independent of ROS.
 """
 
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ _BATCH = 64
 
 
 class Receipt(Enum):
-    """What became of a message; the values are those of `enum fm_receipt`."""
+    """The result of delivering a message; the values are those of `enum fm_receipt`."""
 
     RECEIVED = 0
     UNDECODABLE = 1
@@ -48,10 +48,10 @@ class Receipt(Enum):
 @dataclass(frozen=True)
 class ViolationDetail:
     """
-    A violation, and the values that all inputs had then (None: no value yet).
+    A violation with the values of all inputs at that time (None: no value yet).
 
-    `stale` are the inputs (indices) that were so. `suppressed` counts the details of this
-    requirement that were left out so far.
+    `stale` are the indices of the stale inputs. `suppressed` counts the details of this
+    requirement that were not queued so far.
     """
 
     violation: Violation
@@ -62,14 +62,14 @@ class ViolationDetail:
 
 class SharedEvaluator:
     """
-    Takes messages, and queues violations and details of them.
+    Evaluates messages, and queues violations and their details.
 
-    All methods may be called from any thread, unless they say otherwise.
+    All methods may be called from any thread at any time, except where stated.
     """
 
     def __init__(self, evaluator: Evaluator) -> None:
         """
-        Share an evaluator, which nobody else may call any more.
+        Share an evaluator; no other code may call it from now on.
 
         Raises
         ------
@@ -90,7 +90,7 @@ class SharedEvaluator:
         }))
         if pointer == ffi.NULL:
             raise LibraryError('the library does not read the topics of its manifest')
-        # The function alone would not keep its library open.
+        # Holds the library too: a reference to its function would not keep it open.
         self.pointer: Any = ffi.gc(pointer, partial(_destroy, self._library))
         self._origin: Any = ffi.new('struct fm_origin *')
         self._types = [item.value_type.c_name for item in self._monitor.manifest.inputs]
@@ -101,21 +101,21 @@ class SharedEvaluator:
 
     @property
     def library(self) -> Any:
-        """The functions of csrc, loaded."""
+        """The loaded library with the functions of csrc."""
         return self._library
 
     @property
     def monitor(self) -> Monitor:
-        """What is run."""
+        """The monitor that is run."""
         return self._monitor
 
     def close(self) -> None:
-        """Ignore messages from now on, and end waiting once the queues are empty."""
+        """Ignore messages from now on, and stop waiting when the queues are empty."""
         self._library.fm_engine_close(self.pointer)
 
     @property
     def is_closed(self) -> bool:
-        """Whether it was closed."""
+        """Whether `close` was called."""
         return bool(self._library.fm_engine_is_closed(self.pointer))
 
     def message(self, topic: int, message: bytes, received: int, *, sent: int = 0,
@@ -130,11 +130,11 @@ class SharedEvaluator:
         message
             CDR with its encapsulation header.
         received, sent
-            nanoseconds, by the clocks of who received and who sent it.
+            nanoseconds, by the receiver's and the sender's clock.
         sequence
-            the sender's number of it.
+            the sender's number of the message.
         is_retired
-            whether it came by a subscription that is about to be replaced.
+            whether it was received by a subscription that is being replaced.
         """
         origin = self._origin
         origin.received, origin.sent, origin.sequence = received, sent, sequence
@@ -147,7 +147,7 @@ class SharedEvaluator:
         self._library.fm_engine_tick(self.pointer, stamp)
 
     def stale(self, index: int, received: int, stamp: int) -> None:
-        """Take an input for stale, unless more than `received` values came (`evaluator.h`)."""
+        """Mark an input as stale, unless its `received` count has changed (`evaluator.h`)."""
         self._library.fm_engine_stale(self.pointer, index, received, stamp)
 
     def is_stale(self, index: int) -> bool:
@@ -155,37 +155,37 @@ class SharedEvaluator:
         return bool(self._library.fm_engine_is_stale(self.pointer, index))
 
     def reset(self) -> None:
-        """Start all groups afresh; the values of the inputs and the counters stay."""
+        """Put all groups at their start; the inputs keep their values, and the counters go on."""
         self._library.fm_engine_reset(self.pointer)
 
     def use_clock(self, now: Any, clock: Any) -> None:
         """
-        Stamp violations by a clock in C, or by times of reception where both are `ffi.NULL`.
+        Stamp violations by a clock in C, or by times of reception if both are `ffi.NULL`.
 
-        The clock outlives the watch, or the next call of this.
+        The clock must live as long as this object, or until the next call.
         """
         self._library.fm_engine_use_clock(self.pointer, now, clock)
 
     def begin_handover(self, topic: int, *, has_history: bool) -> None:
-        """Recognise messages that an old and a new subscription receive (`handover.h`)."""
+        """Drop messages that both an old and a new subscription receive (`handover.h`)."""
         self._library.fm_engine_begin_handover(self.pointer, topic, has_history)
 
     def end_handover(self, topic: int) -> None:
-        """Expect no message twice any more."""
+        """Stop looking for messages that are received twice."""
         self._library.fm_engine_end_handover(self.pointer, topic)
 
     def take(self, milliseconds: int) -> list[Violation]:
-        """Return violations, oldest first; wait for one so long. One thread at a time."""
+        """Return violations, oldest first; wait if there are none. One thread at a time."""
         batch: Any = ffi.new('struct fm_violation[]', _BATCH)
         count = self._library.fm_engine_take(self.pointer, batch, _BATCH, milliseconds)
         return [Violation(item.requirement, item.step, item.stamp) for item in batch[0:count]]
 
     def want_details(self, are_wanted: bool) -> None:
-        """Keep details from now on, or drop them."""
+        """Queue details from now on; or queue none, and drop those in the queue."""
         self._library.fm_engine_want_details(self.pointer, are_wanted, MOST_DETAILS_PER_S)
 
     def take_detail(self, milliseconds: int) -> ViolationDetail | None:
-        """Return the next detail; wait for it so long. One thread at a time."""
+        """Return the next detail; wait if there is none. One thread at a time."""
         detail: Any = ffi.cast('struct fm_detail *', self._detail)
         if not self._library.fm_engine_take_detail(self.pointer, detail, milliseconds):
             return None
@@ -204,7 +204,7 @@ class SharedEvaluator:
         return value
 
     def evidence(self, topic: int) -> bytes | None:
-        """Return a message of which a field could not be used, once; None if there is none."""
+        """Take the kept message with a field that could not be used; None if there is none."""
         size = self._library.fm_engine_evidence(self.pointer, topic, ffi.NULL, 0)
         while size > 0:
             room = ffi.new('uint8_t[]', size)
@@ -215,7 +215,7 @@ class SharedEvaluator:
         return None
 
     def lost(self, topic: int) -> int:
-        """Return how many messages of a topic were sent and never received."""
+        """Return how many messages of a topic were lost."""
         return int(self._library.fm_engine_lost(self.pointer, topic))
 
     @property
@@ -224,11 +224,11 @@ class SharedEvaluator:
         return int(self._library.fm_engine_unpublished(self.pointer))
 
     def count_unpublished(self, more: int) -> None:
-        """Count violations that were taken and could not be published."""
+        """Count violations that were taken from the queue and could not be published."""
         self._library.fm_engine_count_unpublished(self.pointer, more)
 
     def value(self, index: int) -> bool | int | float | None:
-        """Return the current value of an input, None where it has none yet."""
+        """Return the current value of an input, None before its first."""
         place = self._values[index]
         has_value = self._library.fm_engine_value(self.pointer, index, place)
         current: bool | int | float = place[0]
