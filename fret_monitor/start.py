@@ -129,7 +129,7 @@ def _recall(note: Path, path: Path) -> CompiledMonitor | None:
     """Return the build that a note records if it is still valid; a damaged note is ignored."""
     try:
         if not is_ours(note.parent) or not is_ours(note):
-            return None  # a note decides what the node subscribes to
+            return None  # a forged note could choose what is subscribed
         content = json.loads(note.read_text(encoding='utf-8'))
         manifest = Manifest.from_json(content['manifest'])
         library = Path(content['library'])

@@ -192,8 +192,8 @@ class BundleSession:
         return len(self.manifest.groups)
 
     # Publishers and subscriptions are closed in reverse order of creation, so the threads that
-    # publish outlive the subscriptions. To end, each of these threads first has the evaluator
-    # closed, so that an interrupted `stop` leaves no thread waiting.
+    # publish outlive the subscriptions. Ending such a thread closes the evaluator before it waits
+    # for the thread, so that an interrupted `stop` leaves no thread waiting.
 
     def _connect(self) -> None:
         middleware = self._middleware()

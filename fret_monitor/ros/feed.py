@@ -122,7 +122,7 @@ class Feed:
     """Delivers the messages of any number of topics, one at a time, in a thread of its own."""
 
     def __init__(self, node: Node) -> None:
-        """Subscribe on a node; nothing is delivered before `start`."""
+        """Prepare a feed for a node; nothing is delivered before `start`."""
         self._node = node
         self._topics: list[_Topic] = []
         self._next_reviewed = 0
@@ -319,11 +319,11 @@ class _Topic:
     def deliver(self, taken: _Taken) -> None:
         """Deliver a message, unless it is a duplicate or history."""
         stamp, key, data, _, is_retired = taken
-        if not is_retired:  # the new one may still receive what the old one lost
+        if not is_retired:  # a gap in the old one may still be filled by the new one
             self._gaps.note(key[1])
         if self._seen is not None:
             # Drop history older than the newest message; only safe with one publisher: rclpy does
-            # not say who sent a message, and the history may be all that another one sent.
+            # not give its publisher, and it may be the only message of another one.
             is_history = self._has_history and not is_retired and len(self._known) == 1 \
                 and key[0] < self._newest
             if key in self._seen or is_history:

@@ -236,7 +236,7 @@ class Announcer:
             self._held = undo.pop_all()
 
     def end(self) -> None:
-        """Close the evaluator and publish what is queued; a second call does nothing."""
+        """Close the evaluator, and wait until the thread has emptied its queue; idempotent."""
         self._evaluator.close()
         pointer, self._pointer = self._pointer, ffi.NULL
         if pointer != ffi.NULL:

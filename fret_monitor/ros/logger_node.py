@@ -131,7 +131,7 @@ class LoggerNode(Node):
         try:
             array = deserialize_message(data, DiagnosticArray)
         except UNDECODABLE:
-            return  # any node may publish here; the violation is logged without it
+            return  # any node may publish here; the violation is logged without details
         for status in array.status:
             detail = read_detail(status)
             if status.name in self._reports and detail is not None:

@@ -16,7 +16,7 @@
 Count message loss (docs/ros.md, Topics).
 
 C counts the gaps in the sequence numbers of each publisher (`csrc/handover.h`). Where Python takes
-the messages, rclpy does not say which publisher sent them, so gaps are counted only while there is
+the messages, rclpy does not give their publisher, so gaps are counted only while there is
 one publisher. The middleware may count losses too: Fast DDS counts messages that the network
 dropped, but none from a queue overflow.
 """

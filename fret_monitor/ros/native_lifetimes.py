@@ -17,8 +17,7 @@ Keeps native objects alive until the threads that use them have stopped.
 
 After an interrupt the garbage collector may get an object that is half created or half closed.
 Memory that a thread of C or of the middleware still uses must not be freed then, so this module
-refers to it. At exit the threads and callbacks of what is left are stopped; objects of rclpy are
-not destroyed.
+refers to it. At exit it stops the remaining threads and callbacks, but destroys no rclpy objects.
 """
 
 import atexit

@@ -32,7 +32,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 # Python handles a signal only between two calls into C, so no call may last longer.
-_SPIN = 0.2  # s
+_SPIN = 0.2  # s, the longest call
 _WIDTH = 80
 
 _USAGE = """\

@@ -70,7 +70,7 @@ class DetailPublisher:
         self._thread.start()
 
     def end(self) -> None:
-        """Close the evaluator and publish what is queued; a second call does nothing."""
+        """Close the evaluator, and wait until the thread has emptied its queue; idempotent."""
         self._evaluator.close()
         self._is_over.set()
         self._details.listening.set()

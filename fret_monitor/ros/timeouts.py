@@ -61,8 +61,8 @@ class _TrackedInput:
             self.lasted = 0
             self.is_silent = self.is_excused = False
             return False
-        # Ignore one gap longer than timeout/2: the process may have been suspended, with messages
-        # queued. Count the second one, since a clock may always advance in such steps.
+        # Ignore one gap between checks longer than timeout/2: the process may have been suspended,
+        # with messages queued. Count the second one: a clock may always advance in such steps.
         if 2 * elapsed > self.timeout and not self.is_silent and not self.is_excused:
             self.is_excused = True
             return False
