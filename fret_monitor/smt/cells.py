@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Models of the state cells: what each computes in a step, and the invariant of its C state.
+Models of the state cells: the step function of each, and the invariant of its C state.
 
-The model of a counter is a natural number that never wraps ("the steps since the last p"), in
-words of 40 bits that stop far above every bound. `related` is the invariant between this number
-and the C counter. `fits` is the condition that the counter is wide enough, which
-`program/layout.py` must establish. `operators.py` proves that the numbers give the operators, and
-`proving/contracts.py` that the C of `fret_cells.h` keeps the invariants.
+The model of a counter is a natural number ("the steps since the last p"), in words of 40 bits
+that saturate far above every bound instead of wrapping. `related` is the invariant that relates
+this number to the C counter. `fits` is the condition that the counter is wide enough, which
+`program/layout.py` must establish. `operators.py` proves that the models compute the operators,
+and `proving/contracts.py` that the C functions of `fret_cells.h` maintain the invariants.
 """
 
 from collections.abc import Callable, Sequence
@@ -41,7 +41,8 @@ class CounterModel:
     A cell with one counter.
 
     `step` takes the number, the bound and the operands, and returns the result of the cell and
-    the next number. `start` takes a bound and a head, `fits` a bound and the bits of the counter.
+    the next number. `start` takes the bound and the head (the number of first steps at which the
+    result is fixed), `fits` the bound and the width of the counter.
     """
 
     name: str
@@ -59,7 +60,7 @@ def at_most(left: Term, right: Term) -> Term:
 
 
 def _more(number: Term) -> Term:
-    """Return the next number, up to 2^39."""
+    """Return the number plus 1, saturating at 2^39."""
     return t.choice(at_most(_FAR, number), _FAR, t.operation('add', number, _ONE))
 
 
@@ -89,14 +90,14 @@ def _since_before(count: Term, bound: Term, pq: Sequence[Term]) -> tuple[Term, T
 
 
 def _same_age(counter: Term, age: Term, bound: Term) -> Term:
-    """Return whether the counter is the age, or both are above the bound."""
+    """Return whether the counter equals the age, or both are above the bound."""
     wide = t.resized(counter, WIDTH, False)
     return t.choice(at_most(age, bound), t.relation('equal', wide, age),
                     t.negation(at_most(wide, bound)))
 
 
 def _same_count(counter: Term, count: Term, bound: Term) -> Term:
-    """Return whether the counter is the count, up to the bound and one."""
+    """Return whether the counter equals the count, saturated at bound + 1."""
     wide = t.resized(counter, WIDTH, False)
     limit = t.operation('add', bound, _ONE)
     return t.relation('equal', wide, t.choice(at_most(count, limit), count, limit))
@@ -134,7 +135,7 @@ COUNTERS = {cell.name: cell for cell in (
 # -- shift registers and rings ---------------------------------------------------------------
 
 def line_step(history: Term, steps: int | Term, p: Term) -> tuple[Term, Term]:
-    """Return p of some steps before, and the next history; bit k is p of k + 1 steps before."""
+    """Return p of `steps` steps ago, and the next history; bit k is p of k + 1 steps ago."""
     count = t.number(steps, HISTORY) if isinstance(steps, int) else steps
     place = t.operation('sub', count, t.number(1, HISTORY))
     out = t.bit(t.operation('lshr', history, place), 0)
@@ -143,7 +144,7 @@ def line_step(history: Term, steps: int | Term, p: Term) -> tuple[Term, Term]:
 
 
 def line_related(line: Term, history: Term, steps: int | Term) -> Term:
-    """Return whether the lowest `steps` bits of register and history are equal."""
+    """Return whether register and history agree in their lowest `steps` bits."""
     count = t.number(steps, HISTORY) if isinstance(steps, int) else steps
     one = t.number(1, HISTORY)
     mask = t.operation('sub', t.operation('shl', one, count), one)
@@ -157,14 +158,14 @@ def line_start(initial: bool) -> Term:
 
 
 def line_fits(steps: Term, bits: int) -> Term:
-    """Return whether a register of some bits holds the steps, which are at least 2."""
+    """Return whether 2 <= steps <= bits, so that a register can store the steps."""
     return t.conjunction(
         t.relation('ule', t.number(2, steps.sort[1]), steps),
         t.relation('ule', steps, t.number(bits, steps.sort[1])))
 
 
 def ring_step(ring: Term, position: Term, p: Term) -> tuple[Term, Term]:
-    """Return the bit at a position (32 bits), and the ring with p there."""
+    """Return the bit at a position (a word of 32 bits), and the ring with p stored there."""
     place = t.operation('lshr', position, t.number(3, 32))
     byte = t.select(ring, place)
     within = t.resized(t.operation('bitand', position, t.number(7, 32)), 8, False)
@@ -176,7 +177,7 @@ def ring_step(ring: Term, position: Term, p: Term) -> tuple[Term, Term]:
 
 
 def next_position(position: Term, length: int | Term) -> Term:
-    """Return the position after one (32 bits)."""
+    """Return the position after a given one (words of 32 bits), modulo `length`."""
     limit = t.number(length, 32) if isinstance(length, int) else length
     after = t.operation('add', position, t.number(1, 32))
     return t.choice(t.relation('equal', after, limit), t.number(0, 32), after)

@@ -15,8 +15,8 @@
 """
 Evaluation of terms on values, by a generated Python function.
 
-The search for counterexamples evaluates many steps. Cells that are taken by contract have no
-value.
+Generated code, because the search for counterexamples evaluates many steps. Cells that are
+replaced by contracts have no value.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -33,14 +33,14 @@ _AGAIN = {'fadd': '+', 'fsub': '-', 'fmul': '*'}
 
 
 class NoValue(Exception):
-    """A term without a value: a cell that is taken by contract."""
+    """The term has no value, because it contains a cell that is replaced by its contract."""
 
 
 def function_of(results: Sequence[Term], arguments: Sequence[Term]) -> Callable[..., list[Any]]:
     """
-    Return a function from values of some variables, in that order, to the values of the results.
+    Return a function from values of the arguments, in their order, to the values of the results.
 
-    Values are bool, int (words, unsigned), float and bytes.
+    Values are bool, int (words, unsigned), float and bytes (rings).
     """
     names: dict[Term, str] = {item: f'v{place}' for place, item in enumerate(arguments)}
     lines = [f'def compute({", ".join(names.values())}):']

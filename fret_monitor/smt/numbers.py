@@ -15,7 +15,7 @@
 """
 Arithmetic and relations of formulas as terms, as docs/numbers.md defines them.
 
-Independent of the code generator, so that a proof can compare the two.
+It shares no code with the code generator, so that a proof compares two implementations.
 """
 
 from fret_monitor.logic.formula import BinaryOperator, UnaryOperator
@@ -35,19 +35,19 @@ def sort_of(kind: ValueType) -> Sort:
 
 
 def constant(value: bool | int | float, kind: ValueType) -> Term:
-    """Return a value of a type."""
+    """Return a constant of a type."""
     return t.constant(value, sort_of(kind))
 
 
 def convert(item: Term, source: ValueType, target: ValueType) -> Term:
-    """Return a number in another type: integers modulo 2^64, floats to nearest."""
+    """Convert a number: integers modulo 2^64, floats to nearest."""
     if target.is_float:
         return t.to_real(item, target.bits, source.is_signed)
     return t.resized(item, target.bits, source.is_signed)
 
 
 def unary(operator: UnaryOperator, item: Term, kind: ValueType) -> Term:
-    """Return the negative, or the absolute value (`x` if `x >= 0`, else `-x`)."""
+    """Return the negation, or the absolute value (`x` if `x >= 0`, else `-x`)."""
     if kind.is_float:
         negative = t.unary('fneg', item)
         natural = t.relation('fle', t.floating(0.0, kind.bits), item)
@@ -60,7 +60,7 @@ def unary(operator: UnaryOperator, item: Term, kind: ValueType) -> Term:
 
 def binary(operator: BinaryOperator, left: Term, right: Term,
            types: tuple[ValueType, ValueType]) -> Term:
-    """Return a connective, a relation, or arithmetic."""
+    """Return the result of a connective, a relation or an arithmetic operator."""
     if operator.is_boolean or types[0] is ValueType.BOOL:
         return connective(operator, left, right)
     if operator.is_relation:
@@ -69,7 +69,7 @@ def binary(operator: BinaryOperator, left: Term, right: Term,
 
 
 def connective(operator: BinaryOperator, left: Term, right: Term) -> Term:
-    """Return a connective of two truth values."""
+    """Return the result of a connective."""
     match operator:
         case BinaryOperator.AND:
             return t.conjunction(left, right)
@@ -87,7 +87,7 @@ def connective(operator: BinaryOperator, left: Term, right: Term) -> Term:
 
 def relation(operator: BinaryOperator, left: Term, right: Term,
              types: tuple[ValueType, ValueType]) -> Term:
-    """Return a comparison: of integers by value, of floats false with NaN (`!=` true)."""
+    """Return a comparison: integers by value; floats false with NaN, except `!=`."""
     if types[0].is_float:
         return _compared(operator, left, right, 'flt', 'fle', 'feq')
     if types[0] is not types[1]:
@@ -118,7 +118,7 @@ def _compared(operator: BinaryOperator, left: Term, right: Term, less: str, at_m
 
 
 def arithmetic(operator: BinaryOperator, left: Term, right: Term, kind: ValueType) -> Term:
-    """Return arithmetic on two numbers of one type: it wraps, or rounds to nearest."""
+    """Return the result of arithmetic in one type: integers wrap, floats round to nearest."""
     if operator in (BinaryOperator.MIN, BinaryOperator.MAX):
         test = BinaryOperator.LE if operator is BinaryOperator.MIN else BinaryOperator.GE
         return t.choice(relation(test, left, right, (kind, kind)), left, right)
@@ -130,7 +130,8 @@ def arithmetic(operator: BinaryOperator, left: Term, right: Term, kind: ValueTyp
     by_zero = t.relation('equal', right, zero)
     prefix = 's' if kind.is_signed else 'u'
     name = {BinaryOperator.DIV: 'div', BinaryOperator.MOD: 'rem'}[operator]
-    # The words of SMT-LIB truncate, wrap for INT64_MIN / -1, and `rem` has the dividend's sign.
+    # As docs/numbers.md requires, SMT-LIB's division of words truncates and wraps for
+    # INT64_MIN / -1, and the result of `rem` has the sign of the dividend.
     return t.choice(by_zero, zero, t.operation(prefix + name, left, right))
 
 
@@ -150,9 +151,9 @@ def _of_floats(operator: BinaryOperator, left: Term, right: Term) -> Term:
 
 def power(base: Term, exponent: int, kind: ValueType) -> Term:
     """
-    Return a number to a fixed exponent: 1 times its powers of two that the exponent has.
+    Return a power with a constant exponent, by repeated squaring from the lowest bit.
 
-    The order of the products is part of the meaning of floats; of integers it does not matter.
+    For floats, the order of the products is part of the definition, because it affects rounding.
     """
     name = 'fmul' if kind.is_float else 'mul'
     result = constant(1, kind)

@@ -13,13 +13,14 @@
 # limitations under the License.
 
 """
-Proofs that the numbers of the cells give the operators, for every trace, bound and step.
+Proofs that the models of the cells compute the operators, for every trace, bound and step.
 
-A trace is a function from steps to truth values. The operators are those of docs/language.md, with
-"at some step" and "at every step". Each cell has a natural number and an invariant that says what
-it means at step t. The solver checks over unbounded integers that the invariant holds before step
-0, that a step preserves it, and that it implies that the cell returns the operator's value.
-`cells.py` counts in words that stop at 2^39, which is equivalent by `stops_far_away`.
+A trace is a function from steps to truth values. The operators are those of docs/language.md,
+defined with quantifiers over steps. The state of a cell is a natural number, with an invariant
+that relates it to the trace before step t. The solver checks over unbounded integers that the
+invariant holds before step 0, that a step preserves it, and that it implies that the cell returns
+the operator's value. The words of `cells.py` saturate at 2^39, which is equivalent by the claims
+`stops_far_away`.
 """
 
 from collections.abc import Iterator
@@ -43,7 +44,7 @@ class Claim:
 
 
 def check(claim: Claim, seconds: float) -> Result:
-    """Ask the solver."""
+    """Check a claim with the solver."""
     solver = new_solver(seconds)
     solver.add(*claim.given, z3.Not(claim.goal))
     before = time.perf_counter()
@@ -71,7 +72,7 @@ def _held(start: Any, end: Any) -> Any:
 
 
 def _since(end: Any, low: Any, high: Any) -> Any:
-    """Whether q is at some k with low <= k <= high and p at every step after k before `end`."""
+    """Whether q holds at some k in low..high, and p at every step after k and before `end`."""
     return z3.Exists([_k], z3.And(low <= _k, _k <= high, _q(_k), _held(_k, end)))
 
 
@@ -85,9 +86,10 @@ def _oldest(low: Any) -> Any:
 
 def _within(name: str, holds: Any, is_dual: bool) -> Iterator[Claim]:
     """
-    `O[0,b]`, true at the first h steps, or its dual; `holds` is the condition of a step.
+    Yield the claims of `O[0,b]`, true at the first h steps, or of its dual.
 
-    The number is the steps since the last, or counts up from b + 1 - h while there is none.
+    The number counts the steps since the condition `holds` was last true; before the first time,
+    it counts up from b + 1 - h.
     """
     def about(time: Any, count: Any) -> Any:
         last = time - count
@@ -107,7 +109,12 @@ def _within(name: str, holds: Any, is_dual: bool) -> Iterator[Claim]:
 
 
 def _since_within() -> Iterator[Claim]:
-    """`p S[0,b] q`; m is the last step without p, when no q counts: none before it can."""
+    """
+    Yield the claims of `p S[0,b] q`.
+
+    The number counts the steps since the last q after which p held throughout. If there is none,
+    it is above b, and m is the last step without p (-1 for none): no q has occurred since m.
+    """
     def met(time: Any, count: Any) -> Any:
         last = time - count
         return z3.And(0 <= last, last < time, _q(last), _held(last, time),
@@ -132,7 +139,7 @@ def _since_within() -> Iterator[Claim]:
 
 
 def _once_before() -> Iterator[Claim]:
-    """`O[b,inf) p`; the number is 1 + the steps since the first p, 0 while there is none."""
+    """Yield the claims of `O[b,inf) p`; the number is 1 + the steps since the first p, or 0."""
     def about(time: Any, count: Any) -> Any:
         first = time - count
         met = z3.And(count > 0, 0 <= first, first < time, _p(first),
@@ -147,7 +154,12 @@ def _once_before() -> Iterator[Claim]:
 
 
 def _since_before() -> Iterator[Claim]:
-    """`p S[b,inf) q`; the number is 1 + the steps since the oldest q that counts."""
+    """
+    Yield the claims of `p S[b,inf) q`.
+
+    The number is 1 + the steps since the oldest q after which p held throughout, or 0 if there is
+    none; m is the last step without p, -1 for none.
+    """
     def about(time: Any, count: Any, stop: Any) -> Any:
         oldest = z3.If(count > 0, time - count, time)
         begun = z3.And(0 <= oldest, oldest < time, _q(oldest), _held(oldest, time))
@@ -167,7 +179,7 @@ def _since_before() -> Iterator[Claim]:
 
 
 def _bits() -> Iterator[Claim]:
-    """Yield the claims of the cells of one bit."""
+    """Yield the claims of the one-bit cells."""
     once = _some(_p(_k), 0, _t)
     yield Claim('once_ever: start', (_t == -1,), z3.Not(once))
     yield Claim('once_ever: step', _TIME, once == z3.Or(_p(_t), _some(_p(_k), 0, _t - 1)))
@@ -178,7 +190,7 @@ def _bits() -> Iterator[Claim]:
     since, former = _since(_t + 1, zero, _t), _since(_t, zero, _t - 1)
     yield Claim('since_ever: start', (_t == -1,), z3.Not(since))
     yield Claim('since_ever: step', _TIME, since == z3.Or(_q(_t), z3.And(_p(_t), former)))
-    # p T q is defined as !(!p S !q), so that its step is that of S with all negated.
+    # p T q is defined as !(!p S !q), so its step is that of S with all values negated.
     released = z3.Bool('released')
     yield Claim('triggered_ever: step', (released == z3.Not(former),),
                 z3.Not(z3.Or(z3.Not(_q(_t)), z3.And(z3.Not(_p(_t)), z3.Not(released))))
@@ -195,7 +207,7 @@ def _delays() -> Iterator[Claim]:
     history = z3.ForAll([_j], z3.Implies(_j >= 0, bits(_j) == seen(_t - 1 - _j)))
     shifted = z3.And(after(0) == _p(_t),
                      z3.ForAll([_j], z3.Implies(_j >= 0, after(_j + 1) == bits(_j))))
-    # For an arbitrary j, which is equivalent to all j.
+    # An instance of `shifted` at an arbitrary index, so that z3 need not find it.
     one = z3.Int('one')
     shown = z3.And(after(0) == _p(_t), z3.Implies(one > 0, after(one) == bits(one - 1)))
     yield Claim('delay: start', (trace, _t == 0, z3.ForAll([_j], bits(_j) == initial), one >= 0),
@@ -207,7 +219,7 @@ def _delays() -> Iterator[Claim]:
 
 
 def _far() -> Iterator[Claim]:
-    """Yield that a number that stops at the limit compares with lower bounds like one without."""
+    """Yield the claims that saturation does not affect comparisons with bounds below the limit."""
     def stopped(number: Any) -> Any:
         return z3.If(number <= _LIMIT, number, _LIMIT)
 

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Queries to z3: whether goals hold for all values.
+Validity queries to z3.
 
 Expensive operations (multiplication, division, float arithmetic, conversions) are first abstracted
-to uninterpreted functions; a proof for all functions holds for these. Only if that fails is the
-query repeated with the operations themselves. `fmod`, `pow` and cells that are taken by contract
-are always uninterpreted.
+to uninterpreted functions, which is sound. Only if that proof fails, the query is repeated with
+the operations themselves. `fmod`, `pow` and cells that are replaced by contracts are always
+uninterpreted.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -45,7 +45,7 @@ _UNINTERPRETED = frozenset({'fmod', 'pow', 'cell', 'cell_next'})
 
 
 class Answer(Enum):
-    """The answer to an obligation."""
+    """The solver's answer to a proof obligation."""
 
     PROVED = 'proved'
     REFUTED = 'refuted'
@@ -54,7 +54,7 @@ class Answer(Enum):
 
 @dataclass(frozen=True)
 class Result:
-    """An answer; with REFUTED, values of the variables for which the goal fails."""
+    """An answer; if it is REFUTED, values of the variables for which the goal is false."""
 
     answer: Answer
     values: Mapping[Term, Any]
@@ -70,7 +70,7 @@ def new_solver(seconds: float) -> Any:
 
 
 def solver_version() -> str:
-    """Return name and version of the solver."""
+    """Return the name and version of the solver."""
     return f'z3 {z3.get_version_string()}'
 
 
@@ -81,7 +81,7 @@ def shown_values(values: Mapping[Term, Any]) -> str:
 
 
 def prove(goals: Sequence[Term], given: Sequence[Term] = (), *, seconds: float = 10.0) -> Result:
-    """Check whether all of `given` imply all goals."""
+    """Check whether the conjunction of `given` implies every goal."""
     before = time.perf_counter()
     goal = t.all_of(goals)
     if goal is t.TRUE:
@@ -95,7 +95,7 @@ def prove(goals: Sequence[Term], given: Sequence[Term] = (), *, seconds: float =
 
 
 def _tried(goal: Term, given: Sequence[Term]) -> dict[Term, Any] | None:
-    """Search for a counterexample on some values, which is faster than z3 for products."""
+    """Search for a counterexample by evaluation, which is faster than z3 for products."""
     order = t.postorder([goal, *given])
     inputs = [item for item in order if item.op == 'variable']
     if any(item.op in _UNINTERPRETED or item.sort[0] == 'ring' for item in order):
@@ -128,7 +128,7 @@ def _is_expensive(roots: Sequence[Term]) -> bool:
 
 @contextmanager
 def _interrupts_kept() -> Iterator[None]:
-    """Raise at the end a KeyboardInterrupt that came while Python freed an object of z3."""
+    """Raise a KeyboardInterrupt at exit that Python discarded in a finalizer of a z3 object."""
     lost: list[BaseException] = []
     before = sys.unraisablehook
 
@@ -194,16 +194,16 @@ def _from_pattern(pattern: int, bits: int) -> float:
 
 
 class Translation:
-    """Translates terms to z3; `variables` are those that occurred."""
+    """Translates terms to z3; `variables` has those of the terms translated so far."""
 
     def __init__(self, is_abstract: bool) -> None:
-        """With `is_abstract`, expensive operations become uninterpreted functions."""
+        """Set whether expensive operations become uninterpreted functions."""
         self.variables: dict[Term, Any] = {}
         self._is_abstract = is_abstract
         self._known: dict[Term, Any] = {}
 
     def __call__(self, root: Term) -> Any:
-        """Translate a term and its parts."""
+        """Return the z3 expression of a term."""
         for item in t.postorder([root], self._known):
             self._known[item] = self._translated(item)
         return self._known[root]

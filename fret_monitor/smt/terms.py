@@ -15,12 +15,12 @@
 """
 Terms over truth values, machine words, floats and rings of bytes.
 
-Terms are interned: equal terms are one object, so that most proofs are a comparison of two
-references. The constructors below normalise terms by rules that hold for all values (a word that
-is 0 or 1 becomes a truth value again, constants are computed).
+Terms are interned: equal terms are one object, so that most proofs only compare two references.
+The constructors below normalise terms by rules that hold for all values: for example, constants
+are folded, and a test of a word made from a truth value becomes the truth value.
 
-Sorts: `BOOL`, `word(n)` (n bits), `real(n)` (IEEE 754, n 32 or 64; there is one NaN) and `ring(n)`
-(n bytes).
+Sorts: `BOOL`, `word(n)` (n bits), `real(n)` (IEEE 754 with n = 32 or 64, and a single NaN) and
+`ring(n)` (n bytes).
 """
 
 from collections.abc import Callable, Iterable
@@ -38,7 +38,7 @@ from fret_monitor.model.floats import to_float32
 Sort = tuple[str, int]
 BOOL: Sort = ('bool', 0)
 
-# Weak, so that a term is freed with the last reference to it.
+# Weak references, so that unused terms are freed.
 _interned: 'WeakValueDictionary[tuple[Any, ...], Term]' = WeakValueDictionary()
 _interning = Lock()
 _numbers = count()
@@ -50,7 +50,7 @@ for _function in (_libm.fmod, _libm.pow):
 
 
 def word(bits: int) -> Sort:
-    """Return the sort of words of some bits."""
+    """Return the sort of words with a number of bits."""
     return ('word', bits)
 
 
@@ -60,18 +60,18 @@ def real(bits: int) -> Sort:
 
 
 def ring(size: int) -> Sort:
-    """Return the sort of arrays of some bytes."""
+    """Return the sort of arrays with a number of bytes."""
     return ('ring', size)
 
 
 class Term:
-    """An operation on terms; `value` is a parameter of it: a constant, a name, a bit."""
+    """An operation on terms; `value` is its parameter, such as a constant, name or bit index."""
 
     __slots__ = ('__weakref__', 'args', 'number', 'op', 'sort', 'value')
 
     def __init__(self, op: str, sort: Sort, args: tuple['Term', ...], value: Any,
                  number: int) -> None:
-        """Take the parts; only `term` calls this."""
+        """Store the parts; only `term` calls this."""
         self.op = op
         self.sort = sort
         self.args = args
@@ -85,11 +85,11 @@ class Term:
 
 
 def term(op: str, sort: Sort, args: tuple[Term, ...] = (), value: Any = None) -> Term:
-    """Return the term of these parts, without simplification."""
+    """Return the interned term with these parts, without normalisation."""
     key = (op, sort, args, value)
     found = _interned.get(key)
     if found is None:
-        with _interning:  # or two threads could make two terms of one key
+        with _interning:  # otherwise two threads could make two terms for one key
             found = _interned.get(key)
             if found is None:
                 found = _interned[key] = Term(op, sort, args, value, next(_numbers))
@@ -111,12 +111,12 @@ def truth(value: bool) -> Term:
 
 
 def number(value: int, bits: int) -> Term:
-    """Return a word, modulo 2^bits."""
+    """Return a constant word, modulo 2^bits."""
     return term('constant', word(bits), (), value & ((1 << bits) - 1))
 
 
 def floating(value: float, bits: int) -> Term:
-    """Return a float that is exact in its sort."""
+    """Return a constant float; `value` must be exact in the sort."""
     if value != value:
         pattern = struct.pack('<d', math.nan)
     else:
@@ -125,7 +125,7 @@ def floating(value: float, bits: int) -> Term:
 
 
 def is_constant(item: Term) -> bool:
-    """Whether a term is a value."""
+    """Whether a term is a constant."""
     return item.op == 'constant'
 
 
@@ -145,7 +145,7 @@ def constant(value: Any, sort: Sort) -> Term:
 
 
 def postorder(roots: Iterable[Term], known: Iterable[Term] = ()) -> list[Term]:
-    """Return each term below some roots once, after its arguments, without those `known`."""
+    """Return each subterm of some roots once, after its arguments, except those in `known`."""
     order: list[Term] = []
     seen = set(known)
     stack = [(root, False) for root in roots]
@@ -160,10 +160,10 @@ def postorder(roots: Iterable[Term], known: Iterable[Term] = ()) -> list[Term]:
     return order
 
 
-# -- what operations compute -----------------------------------------------------------------
+# -- semantics of operations -----------------------------------------------------------------
 
 def signed(value: int, bits: int) -> int:
-    """Return the number that a word stands for in two's complement."""
+    """Return the value of a word in two's complement."""
     return value - (1 << bits) if value >> (bits - 1) else value
 
 
@@ -180,7 +180,7 @@ def _quotient(a: float, b: float) -> float:
 
 
 def from_integer(value: int, bits: int) -> float:
-    """Round a whole number to a float, once."""
+    """Convert an integer to a float, with one rounding."""
     return float(value) if bits == 64 else to_float32(Fraction(value))
 
 
@@ -203,9 +203,9 @@ def _ashr(w: int, a: int, b: int) -> int:
     return signed(a, w) >> min(b, w)
 
 
-# Each takes the bits of its first operand (of the result, for conversions) and the operands; words
-# are unsigned, and what is computed is reduced afterwards. Division by zero is as SMT-LIB has it:
-# that C leaves it undefined is an obligation of its own.
+# Each takes the width of its first operand (of the result, for conversions) and the operands.
+# Words are unsigned, and results are reduced modulo 2^width by the caller. Division by zero is as
+# in SMT-LIB; that C does not divide by zero is a separate obligation.
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     'not': lambda w, a: not a,
     'and': lambda w, a, b: a and b,
@@ -251,7 +251,7 @@ RELATIONS = frozenset({'ult', 'slt', 'equal', 'flt', 'fle', 'feq'})
 
 
 def apply(op: str, sort: Sort, values: list[Any], sorts: list[Sort]) -> Any:
-    """Compute an operation of `FUNCTIONS` on plain values."""
+    """Evaluate an operation of `FUNCTIONS` on plain values."""
     kind, bits = sort
     if op == 'float_s':
         return from_integer(signed(values[0], sorts[0][1]), bits)
@@ -290,7 +290,7 @@ def conjunction(left: Term, right: Term) -> Term:
 
 
 def all_of(items: Iterable[Term]) -> Term:
-    """Return whether all hold."""
+    """Return the conjunction of some truth values."""
     found = TRUE
     for item in items:
         found = conjunction(found, item)
@@ -303,12 +303,12 @@ def disjunction(left: Term, right: Term) -> Term:
 
 
 def implies(left: Term, right: Term) -> Term:
-    """Return `not left, or right`."""
+    """Return `not left or right`."""
     return negation(conjunction(left, negation(right)))
 
 
 def same_truth(left: Term, right: Term) -> Term:
-    """Return whether two truth values are the same."""
+    """Return whether two truth values are equal."""
     flip = (left.op == 'not') != (right.op == 'not')
     left = left.args[0] if left.op == 'not' else left
     right = right.args[0] if right.op == 'not' else right
@@ -324,7 +324,7 @@ def same_truth(left: Term, right: Term) -> Term:
 
 
 def choice(condition: Term, yes: Term, no: Term) -> Term:
-    """Return `yes` where the condition holds, else `no`."""
+    """Return `yes` if the condition holds, else `no`."""
     if condition.op == 'not':
         condition, yes, no = condition.args[0], no, yes
     if condition.op == 'constant':
@@ -346,14 +346,14 @@ def choice(condition: Term, yes: Term, no: Term) -> Term:
 # -- words -----------------------------------------------------------------------------------
 
 def from_truth(item: Term, bits: int) -> Term:
-    """Return 1 or 0."""
+    """Convert a truth value to a word: 1 or 0."""
     if item.op == 'constant':
         return number(int(item.value), bits)
     return term('word', word(bits), (item,))
 
 
 def _as_bit(item: Term) -> Term | None:
-    """Return the truth value of a word that is known to be 0 or 1, else None."""
+    """Return a truth value equivalent to a word that is known to be 0 or 1, else None."""
     if item.op == 'word':
         return item.args[0]
     if item.op == 'constant' and item.sort[0] == 'word' and item.value < 2:
@@ -362,7 +362,7 @@ def _as_bit(item: Term) -> Term | None:
 
 
 def is_true(item: Term) -> Term:
-    """Return whether a value is not zero, as C tests conditions."""
+    """Return whether a value is nonzero, which is C's rule for conditions."""
     if item.sort == BOOL:
         return item
     if item.sort[0] == 'real':
@@ -371,7 +371,7 @@ def is_true(item: Term) -> Term:
 
 
 def operation(op: str, left: Term, right: Term) -> Term:
-    """Return an operation on two words or two floats of one sort, with a result of it."""
+    """Return an operation on two words or two floats of one sort, which is also the result's."""
     bits = (_as_bit(left), _as_bit(right))
     if op in ('bitand', 'bitor', 'bitxor') and bits[0] is not None and bits[1] is not None:
         return from_truth(_connected(op, bits[0], bits[1]), left.sort[1])
@@ -389,7 +389,12 @@ def _connected(op: str, left: Term, right: Term) -> Term:
 
 
 def _masked(op: str, left: Term, right: Term) -> Term | None:
-    """Return a choice for `x & m` and `x | m`, m all ones or 0; small words are taken as such."""
+    """
+    Return a simpler form of a bitwise operation, or None.
+
+    Two words extended from one sort are combined before the extension; `x & m` and `x | m`, with
+    a mask m that is all ones or 0, become a choice.
+    """
     if op not in ('bitand', 'bitor', 'bitxor'):
         return None
     if left.op == right.op == 'zext' and left.args[0].sort == right.args[0].sort:
@@ -404,7 +409,7 @@ def _masked(op: str, left: Term, right: Term) -> Term | None:
 
 
 def _is_mask(item: Term) -> bool:
-    """Whether a word is 0 minus a truth value."""
+    """Whether a word has the form 0 - b with a truth value b: all ones or 0."""
     return item.op == 'sub' and item.args[1].op == 'word' and item.args[0].op == 'constant' \
         and item.args[0].value == 0
 
@@ -465,7 +470,7 @@ def _tested_bit(item: Term) -> Term | None:
 
 
 def bit(item: Term, place: int) -> Term:
-    """Return a bit of a word."""
+    """Return a bit of a word, as a truth value."""
     match item.op:
         case 'constant':
             return truth(bool(item.value >> place & 1))
@@ -487,7 +492,7 @@ def bit(item: Term, place: int) -> Term:
 
 
 def resized(item: Term, bits: int, is_signed: bool) -> Term:
-    """Return a word with another number of bits; `is_signed` is about what it was."""
+    """Truncate or extend a word to some bits; with `is_signed`, extend its sign."""
     have = item.sort[1]
     if have == bits:
         return item
@@ -506,7 +511,7 @@ def resized(item: Term, bits: int, is_signed: bool) -> Term:
 # -- floats ----------------------------------------------------------------------------------
 
 def to_real(item: Term, bits: int, is_signed: bool = False) -> Term:
-    """Return a word or float as a float, rounded to nearest, ties to even."""
+    """Convert a word or float to a float, rounded to nearest, ties to even."""
     if item.sort == real(bits):
         return item
     op = 'float' if item.sort[0] == 'real' else 'float_s' if is_signed else 'float_u'
@@ -521,12 +526,12 @@ def library(name: str, left: Term, right: Term) -> Term:
 # -- rings and cells -------------------------------------------------------------------------
 
 def filled(size: int, byte: int) -> Term:
-    """Return a ring of equal bytes."""
+    """Return a ring in which all bytes are equal."""
     return term('filled', ring(size), (), byte)
 
 
 def select(array: Term, index: Term) -> Term:
-    """Return a byte; the index is a word of 32 bits."""
+    """Return the byte of a ring at an index, a word of 32 bits."""
     while array.op == 'store' and is_constant(array.args[1]) and is_constant(index):
         if array.args[1] is index:
             return array.args[2]
@@ -539,12 +544,12 @@ def select(array: Term, index: Term) -> Term:
 
 
 def store(array: Term, index: Term, byte: Term) -> Term:
-    """Return the ring with another byte."""
+    """Return a ring with the byte at an index replaced."""
     return term('store', array.sort, (array, index, byte))
 
 
 def same(left: Term, right: Term) -> Term:
-    """Return whether two values are the same: NaN is itself, and -0.0 not 0.0."""
+    """Return whether two values are identical: NaN equals NaN, and -0.0 differs from 0.0."""
     if left is right:
         return TRUE
     if left.sort == BOOL:
@@ -560,7 +565,7 @@ def same(left: Term, right: Term) -> Term:
 # -- substitution ----------------------------------------------------------------------------
 
 def substituted(roots: Iterable[Term], parts: dict[Term, Term]) -> list[Term]:
-    """Replace parts of terms by others, and normalise."""
+    """Replace subterms in some terms, and normalise the result."""
     known = dict(parts)
     wanted = list(roots)
     for item in postorder(wanted, known):

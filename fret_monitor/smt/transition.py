@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The transition system of a step group: its state, where it starts, and a step, as terms.
+The transition system of a step group as terms: state, initial state and step.
 
-Written from the docstrings of `program/monitor_program.py`, and without a look at how C is made,
-so that a proof can compare the two. A counter is a natural number that stops far above every
-bound, a delay a shift register or a ring (`cells.py`).
+It implements the semantics in the docstrings of `program/monitor_program.py` and shares no code
+with the code generator, so that a proof compares two implementations. A counter is a natural
+number that saturates far above every bound; a delay is a shift register or a ring (`cells.py`).
 """
 
 from collections.abc import Mapping
@@ -48,11 +48,11 @@ _COUNTERS: dict[type[Operation], str] = {
 @dataclass(frozen=True)
 class StateVariable:
     """
-    A part of the state: its value now, at the start, and after a step.
+    A state variable: its value before a step, in the initial state, and after the step.
 
-    `kind` and `number` are those of the field of the layout; a bit is a FLAG by the index of its
-    equation, packed or not. All values above `limit` are equivalent, and so are all with the same
-    bits under `mask`.
+    `kind` and `number` are those of the field in the layout. A bit is a FLAG with the index of its
+    equation, whether the layout packs it or not. Values above `limit` are equivalent, and so are
+    values that agree in the bits of `mask`.
     """
 
     kind: FieldKind
@@ -65,7 +65,7 @@ class StateVariable:
 
     @property
     def name(self) -> str:
-        """Return the name that an unpacked field has in C."""
+        """Return the name of the field in C, unless it is packed."""
         return f'{self.kind.value}_{self.number}'
 
 
@@ -74,7 +74,7 @@ class TransitionSystem:
     """
     A step group as terms over its inputs and its state.
 
-    `verdicts` are by the index of the requirement; `invariants` hold in each reachable state.
+    `verdicts` are by the index of the requirement; `invariants` hold in every reachable state.
     """
 
     verdicts: Mapping[int, Term]
@@ -98,17 +98,17 @@ def counter_model(operation: CounterCell) -> CounterModel:
 
 
 def counter_start(operation: CounterCell) -> Term:
-    """Return the number with which a counter starts."""
+    """Return the initial number of a counter."""
     head = operation.head if isinstance(operation, OnceWithin | AlwaysWithin) else 0
     bound = t.number(operation.bound, WIDTH)
     return counter_model(operation).start(bound, t.number(head, WIDTH))
 
 
 class SystemBuilder:
-    """Builds a transition system; `current`, `current_bit` and the cells can be overridden."""
+    """Builds a transition system; subclasses can override `current`, `current_bit` and cells."""
 
     def __init__(self, group: StepGroup, inputs: Mapping[int, Term], prefix: str) -> None:
-        """Take the equations and what they read."""
+        """Store the group, its inputs, and the prefix of state variables."""
         self._group = group
         self._inputs = inputs
         self._prefix = prefix
@@ -205,9 +205,9 @@ class SystemBuilder:
 
     def _bit(self, index: int, operation: BitCell) -> Term:
         """
-        Return the value of a cell of one bit, which keeps its value of the step before.
+        Return the value of a one-bit cell, whose state is its value at the previous step.
 
-        That of FTP keeps whether the step is the first.
+        The state of FTP is whether the step is the first.
         """
         before = self.current_bit(index)
         match operation:
