@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-C text parsed into functions, types and constants.
+Parse C text into functions, types and constants.
 
-The C compiler's preprocessor runs without its headers and macros. The few standard headers that
-monitors include are declared below, for an int of 32 bits and pointers of 64.
+The C compiler's preprocessor runs without the system's headers and predefined macros. The few
+standard headers that monitors include are replaced by the declarations below, for 32-bit int and
+64-bit pointers.
 """
 
 from collections.abc import Iterator, Mapping
@@ -51,12 +52,12 @@ _HEADERS = {
 
 
 class Unreadable(Exception):
-    """C of a form that `compile` does not write; the text says which."""
+    """The C text has a form that `compile` does not generate; the message describes it."""
 
 
 @dataclass(frozen=True)
 class ArithmeticType:
-    """A type of numbers: `kind` is 'bool', 'int' or 'float'."""
+    """An arithmetic type; `kind` is 'bool', 'int' or 'float'."""
 
     kind: str
     bits: int
@@ -71,14 +72,14 @@ class ArithmeticType:
 
 @dataclass(frozen=True)
 class Struct:
-    """A struct, by its tag."""
+    """A struct type, identified by its tag."""
 
     tag: str
 
 
 @dataclass(frozen=True)
 class Array:
-    """An array of some length."""
+    """An array type."""
 
     item: 'Type'
     length: int
@@ -86,7 +87,7 @@ class Array:
 
 @dataclass(frozen=True)
 class Pointer:
-    """A pointer; a target of None is `void`."""
+    """A pointer type; a target of None is `void`."""
 
     target: 'Type | None'
 
@@ -106,7 +107,7 @@ _WORDS = {'char': 8, 'short': 16, 'int': 32, 'long': 64}
 
 @dataclass(frozen=True)
 class CFunction:
-    """A function: names and types of its parameters, its result (None: void), its body."""
+    """A function: its parameters (names and types), result type (None: void) and body."""
 
     name: str
     parameters: tuple[tuple[str, Type], ...]
@@ -116,7 +117,7 @@ class CFunction:
 
 @dataclass(frozen=True)
 class CProgram:
-    """The declarations of some C files."""
+    """The declarations in some C files."""
 
     functions: Mapping[str, CFunction]
     structs: Mapping[str, tuple[tuple[str, Type], ...]]
@@ -188,7 +189,7 @@ def read_program(sources: Mapping[str, str], headers: Mapping[str, str]) -> CPro
 
 def parse(texts: Mapping[str, str]) -> CProgram:
     """
-    Read preprocessed files.
+    Parse preprocessed files.
 
     Raises
     ------
@@ -205,7 +206,7 @@ def parse(texts: Mapping[str, str]) -> CProgram:
 
 
 def shown(node: Any) -> str:
-    """Return the C text of a part of a program, on one line."""
+    """Return the C text of a syntax node, on one line."""
     text: str = CGenerator().visit(node)
     return ' '.join(text.split())
 
@@ -313,10 +314,10 @@ def named_type(names: list[str], types: Mapping[str, Type]) -> Type:
 
 
 def _refuse_unmodelled(node: Any) -> None:
-    """Refuse qualifiers, storage classes, bit-fields and alignments that change the meaning."""
+    """Refuse qualifiers, storage classes, bit-fields and alignments that are not modelled."""
     words = [*(getattr(node, 'quals', None) or ()), *(getattr(node, 'storage', None) or ()),
              *(getattr(node, 'funcspec', None) or ()), *(getattr(node, 'dim_quals', None) or ())]
-    # C leaves open which definition of an inline function without `static` is called.
+    # It is unspecified in C which definition of an inline function without `static` is called.
     is_left_open = words.count('inline') > words.count('static')
     if not {*words} <= _MODELLED or is_left_open or getattr(node, 'align', None) or \
             getattr(node, 'bitsize', None) is not None or _may_be_signed(node):
@@ -326,7 +327,7 @@ def _refuse_unmodelled(node: Any) -> None:
 
 
 def _may_be_signed(node: Any) -> bool:
-    """Whether a type is plain `char`, whose sign the machine defines."""
+    """Whether a type is plain `char`, whose signedness is implementation-defined."""
     inner = getattr(getattr(node, 'type', None), 'type', None)
     return isinstance(inner, c_ast.IdentifierType) and not isinstance(node, c_ast.PtrDecl) \
         and 'char' in inner.names and not {'signed', 'unsigned'} & {*inner.names}

@@ -12,11 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-The certificate of a proof, as text and as JSON: what was proved, and on which assumptions.
-
-Each certificate includes all of `ASSUMED`.
-"""
+"""The certificate of a proof, as text and as JSON: obligations, results and assumptions."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -48,7 +44,7 @@ _SHOWN = 10
 
 @dataclass(frozen=True)
 class Certificate:
-    """A verification, with the name and the C of the bundle."""
+    """A verification, with the name and the C text of the bundle."""
 
     bundle: str
     generated: GeneratedMonitor
@@ -64,7 +60,7 @@ class Certificate:
 
     @property
     def assumed(self) -> tuple[str, ...]:
-        """Return what the proof assumes, and what it does not cover."""
+        """Return the assumptions of the proof and the parts that it does not cover."""
         is_used = _uses_library(self.generated.program)
         return (*ASSUMED[:3], *([_LIBRARY] if is_used else []), *ASSUMED[3:])
 
@@ -81,7 +77,7 @@ def _count(proofs: tuple[Proof, ...], answer: Answer = Answer.PROVED) -> int:
 
 
 def as_dict(certificate: Certificate) -> dict[str, Any]:
-    """Return the certificate as JSON has it."""
+    """Return the certificate as a JSON object."""
     found = certificate.verification
     manifest = certificate.generated.manifest
     return {
@@ -105,7 +101,7 @@ def as_dict(certificate: Certificate) -> dict[str, Any]:
 
 
 def _is_proved(found: Verification, group: int) -> bool:
-    """Whether a group is proved, and so are the functions for all groups and the cells."""
+    """Whether a group, the functions for all groups and the cells are all proved."""
     needed = [item for item in found.groups if item.group in (group, -1)]
     return bool(needed) and all(item.is_proved for item in needed) \
         and all(proof.answer is Answer.PROVED for proof in found.cells)
@@ -117,7 +113,7 @@ def _proof(proof: Proof) -> dict[str, Any]:
 
 
 def lines(certificate: Certificate) -> Iterator[str]:
-    """Yield the certificate as text."""
+    """Yield the lines of the certificate as text."""
     found, manifest = certificate.verification, certificate.generated.manifest
     verdict = 'proved' if found.is_proved else 'NOT PROVED'
     yield (f'{certificate.bundle}: {verdict}, '

@@ -13,12 +13,13 @@
 # limitations under the License.
 
 """
-Contracts of the functions in `fret_cells.h`, and the proofs that their C keeps them.
+Contracts of the functions in `fret_cells.h`, and the proofs that their C satisfies them.
 
-Each function is proved once, for all arguments. In the proofs of monitors its contract replaces
-it: arithmetic by the term it computes, a cell by an uninterpreted function of its counter, its
-bound and its operands. A cell that is called once a step on a counter of its own returns the
-operator's value; this follows from the invariants proved here and from `smt/operators.py`.
+Each function is proved once, for all arguments. In the proofs of monitors, its contract replaces
+it: the contract of an arithmetic function is the term it computes, that of a cell is an
+uninterpreted function of its counter, bound and operands. A cell that is called once per step, on
+a counter that nothing else writes, returns the operator's value: this follows from the invariants
+proved here and from `smt/operators.py`.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -55,7 +56,7 @@ _Compute = Callable[..., Term]
 
 @dataclass(frozen=True)
 class Proof:
-    """One obligation and its answer; `detail` explains a failure."""
+    """A proof obligation and its answer; `detail` explains a failure."""
 
     name: str
     answer: Answer
@@ -65,7 +66,7 @@ class Proof:
 
 @dataclass(frozen=True)
 class _Pure:
-    """A function without side effects: types of its parameters and result, and its value."""
+    """A function without side effects: its parameter types, result type and value."""
 
     parameters: tuple[ArithmeticType, ...]
     result: ArithmeticType
@@ -113,7 +114,7 @@ ARITHMETIC: dict[str, Contract] = {name: _by_contract(item) for name, item in _P
 
 
 def cell_terms(name: str, state: Term, *arguments: Term) -> tuple[Term, Term]:
-    """Return the result of a cell and its next state, by contract."""
+    """Return the result of a cell and its next state, as uninterpreted functions."""
     everything = (state, *arguments)
     return (t.term('cell', t.BOOL, everything, name),
             t.term('cell_next', state.sort, everything, name))
@@ -176,13 +177,13 @@ CELLS: dict[str, Contract] = {
 # -- proofs ----------------------------------------------------------------------------------
 
 def prove_cells(program: CProgram, seconds: float) -> list[Proof]:
-    """Prove the operators, and each function of `fret_cells.h` that has a contract."""
+    """Prove the claims of the operators, and each function of `fret_cells.h` with a contract."""
     return [*_operators(seconds),
             *(attempt(program, seconds) for attempt in _attempts().values())]
 
 
 def prove_function(program: CProgram, name: str, seconds: float) -> Proof | None:
-    """Prove one function of `fret_cells.h`; None for one without a contract."""
+    """Prove one function of `fret_cells.h`; return None if it has no contract."""
     attempt = _attempts().get(name)
     return None if attempt is None else attempt(program, seconds)
 
@@ -246,7 +247,7 @@ def _called(machine: Machine, name: str, arguments: Sequence[Value | Reference])
 
 
 def _prove_pure(name: str, item: _Pure, program: CProgram, seconds: float) -> Proof:
-    """Prove a function for all arguments; a signed division by 0 and -1 separately."""
+    """Prove a function for all arguments; signed divisions by 0 and -1 are separate cases."""
     arguments = [_any(letter, kind) for letter, kind in zip('abc', item.parameters)]
     if name not in ('fm_div_i64', 'fm_mod_i64'):
         return _prove_call(program, name, item, arguments, (), seconds)
@@ -297,7 +298,7 @@ def _prove_line(bits: int, program: CProgram, seconds: float) -> Proof:
     out = _called(machine, name, [Reference(('cell',), kind), steps, p])
     wanted, after = line_step(history, wide, p.term)
     given = [line_fits(steps.term, bits), line_related(line.term, history, wide)]
-    # At the start the lowest bits of register and history are all 0 or all 1.
+    # At the start, the lowest bits of register and history are all 0 or all 1.
     ones = t.operation('sub', t.operation('shl', t.number(1, HISTORY), wide),
                        t.number(1, HISTORY))
     begins = [line_related(t.resized(ones, bits, False), line_start(True), wide),
@@ -308,10 +309,11 @@ def _prove_line(bits: int, program: CProgram, seconds: float) -> Proof:
 
 def _prove_ring(program: CProgram, seconds: float) -> Proof:
     """
-    Prove a ring of any length: `ago(n)` is p of n steps before.
+    Prove `fm_delay_ring` for a ring of any length.
 
-    The bit at i holds p of (position - i) steps before, or of (position - i + length) if i is not
-    below the position. Proved for an arbitrary i, at the start and over a step.
+    Let `ago(n)` be p of n steps ago. The invariant: the bit at index i is ago(position - i), or
+    ago(position - i + length) if i >= position. It is proved for an arbitrary i, at the start and
+    over a step.
     """
     size = 1 << 28  # bytes; enough for every length of 31 bits
     length, position, place = (t.variable(word, t.word(32))
@@ -332,8 +334,8 @@ def _prove_ring(program: CProgram, seconds: float) -> Proof:
              t.same_truth(_ring_bit(memory['ring',], position), _ago(length))]
     filled = [t.same_truth(_ring_bit(t.filled(size, byte), place), t.truth(byte > 0))
               for byte in (0, 255)]
-    # First which bits change. Then their ages: the new p is 1 step old at the next step, and all
-    # others are one step older, so that their `ago` is unchanged.
+    # First, that only the bit at the position changes. Then the ages: at the next step the new p
+    # has age 1, and every other bit is one step older, so that its `ago` is unchanged.
     here = t.relation('equal', place, position)
     kept = t.choice(here, p.term, _ring_bit(memory['ring',], place))
     goals = [t.same_truth(out, _ago(length)), t.same_truth(_ring_bit(after, place), kept),
@@ -350,7 +352,7 @@ def _prove_ring(program: CProgram, seconds: float) -> Proof:
 
 
 def _by_cases(goal: Term, conditions: Sequence[Term]) -> list[Term]:
-    """Split a goal into one for each combination of conditions, which simplify it."""
+    """Split a goal into one goal for each combination of conditions, simplified by them."""
     goals = []
     for values in product((False, True), repeat=len(conditions)):
         parts = {item.args[0] if item.op == 'not' else item:
@@ -363,7 +365,7 @@ def _by_cases(goal: Term, conditions: Sequence[Term]) -> list[Term]:
 
 def _as_meant(ring: Term, position: Term, p: Term, out: Term, after: Term,
               place: Term) -> list[Term]:
-    """Return that the C equals `cells.ring_step`, which models it elsewhere."""
+    """Return the goals that the C equals `cells.ring_step`, its model in transition systems."""
     wanted, wanted_after = ring_step(ring, position, p)
     return [t.same_truth(out, wanted),
             t.same_truth(_ring_bit(after, place), _ring_bit(wanted_after, place))]

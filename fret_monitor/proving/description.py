@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The description that a monitor returns (`struct fm_monitor`), compared with the program.
+Compare the description that a monitor returns (`struct fm_monitor`) with the program.
 
-It consists of constant tables: the offsets of the inputs, the requirements of each group, and its
-functions. They are read from the C text.
+The description consists of constant tables in the C text: the offsets of the inputs, the
+requirements of each group, and its functions.
 """
 
 from collections.abc import Iterator
@@ -61,7 +61,7 @@ def wrong_in_description(code: CProgram, program: MonitorProgram,
 
 
 def wrong_types_of_inputs(code: CProgram, program: MonitorProgram, prefix: str) -> list[str]:
-    """Return the fields of the inputs that have another type than the input."""
+    """Return the fields of the inputs struct whose type differs from that of the input."""
     fields = code.structs.get(f'{prefix}_inputs', ())
     wrong = [f'{name} is {kind}, not {signal.type.value}'
              for (name, kind), signal in zip(fields, program.signals)
@@ -72,7 +72,7 @@ def wrong_types_of_inputs(code: CProgram, program: MonitorProgram, prefix: str) 
 
 
 def wrong_types_of_state(code: CProgram, layout: GroupLayout, tag: str) -> list[str]:
-    """Return the fields of a group's state that have a wrong type."""
+    """Return the fields of a group's state whose type differs from that of the layout."""
     wanted = {f'{item.kind.value}_{item.number}': item for item in layout.fields}
     return [f'{name}: {shown_type(kind)}, where the program needs {wanted[name].type.value}'
             for name, kind in code.structs.get(tag, ())
@@ -129,7 +129,7 @@ def _wanted(code: CProgram, program: MonitorProgram, layouts: tuple[GroupLayout,
 
 
 def _value(node: Any, code: CProgram) -> Any:
-    """Return a constant initializer: lists, numbers, bytes, names."""
+    """Return the value of a constant initializer: lists, numbers, bytes and names."""
     match node:
         case c_ast.InitList():
             return [_value(item, code) for item in node.exprs]

@@ -45,7 +45,7 @@ _RELATIONS = ('<', '<=', '>', '>=', '==', '!=')
 
 
 class Value(NamedTuple):
-    """A number and its C type."""
+    """A term with its C type."""
 
     type: c.ArithmeticType
     term: Term
@@ -53,7 +53,7 @@ class Value(NamedTuple):
 
 @dataclass(frozen=True)
 class Reference:
-    """A pointer: to the object at `path`, or with an index to an element of the array there."""
+    """A pointer to the object at `path`, or, with an index, to an element of that array."""
 
     path: Path
     type: c.Type
@@ -66,7 +66,7 @@ Result: TypeAlias = Value | Reference | None
 
 @dataclass(frozen=True)
 class Condition:
-    """A condition for defined behaviour."""
+    """A condition that must hold for the behaviour to be defined."""
 
     what: str
     holds: Term
@@ -99,7 +99,7 @@ def sort_of(kind: c.Type) -> Sort:
 
 
 def places(program: c.CProgram, kind: c.Type, path: Path = ()) -> Iterator[tuple[Path, c.Type]]:
-    """Yield path and type of each scalar and ring in an object."""
+    """Yield the path and type of each scalar and ring in an object."""
     if isinstance(kind, c.Struct):
         for name, inner in program.structs[kind.tag]:
             yield from places(program, inner, (*path, name))
@@ -112,9 +112,9 @@ def places(program: c.CProgram, kind: c.Type, path: Path = ()) -> Iterator[tuple
 
 class Machine:
     """
-    Runs functions of a program; `memory` and `conditions` are the result.
+    Executes functions of a program; `memory` and `conditions` are the result.
 
-    `contracts` replace functions of these names.
+    `contracts` maps names of functions to the contracts that replace them.
     """
 
     def __init__(self, program: c.CProgram, memory: Mapping[Path, Term],
@@ -129,7 +129,7 @@ class Machine:
         self._running: list[c.CFunction] = []
 
     def call(self, name: str, arguments: Sequence[Value | Reference]) -> Result:
-        """Run a function, or use its contract."""
+        """Execute a function, or apply its contract."""
         function = self._program.functions.get(name)
         if function is None:
             return self._library(name, arguments)
@@ -230,7 +230,7 @@ class Machine:
         return t.resized(place.index, 32, False)
 
     def _element(self, place: Reference) -> Path:
-        """Return the path of the referenced object; for a byte of a ring, that of the ring."""
+        """Return the path of the referenced object; for a byte of a ring, the ring's path."""
         if place.index is None:
             return place.path
         inside = t.relation('ult', place.index, t.number(place.length, place.index.sort[1]))
@@ -244,7 +244,7 @@ class Machine:
     # -- statements ---------------------------------------------------------------------------
 
     def _run(self, statements: list[Any], local: _Locals) -> Any:
-        """Run statements to their end or to a return, and return its value."""
+        """Execute statements up to the end or a return; return the value of the latter."""
         for place, item in enumerate(statements):
             match item:
                 case c_ast.Compound():
@@ -327,7 +327,7 @@ class Machine:
         raise c.Unreadable(f'a loop of more than {_LONGEST_LOOP} rounds')
 
     def _fills(self, item: Any, local: _Locals) -> bool:
-        """Run `for (i = 0; i < N; ++i) {bytes[i] = constant;}` as one store to all N bytes."""
+        """Execute `for (i = 0; i < N; ++i) {bytes[i] = constant;}` as one store to N bytes."""
         match item:
             case c_ast.For(
                 init=c_ast.DeclList(decls=[
@@ -360,7 +360,7 @@ class Machine:
         self._effects[-1].writes |= inner.writes
 
     def _unsequenced(self, nodes: Sequence[Any], local: _Locals) -> list[Any]:
-        """Evaluate operands, whose order C leaves unspecified."""
+        """Evaluate operands, and refuse conflicting accesses: C does not specify the order."""
         results = []
         total = _Effects(set(), set())
         for node in nodes:
@@ -445,7 +445,7 @@ class Machine:
                         or index.type.kind != 'int' or base.index.op != 'constant' \
                         or base.index.value != 0:
                     raise c.Unreadable(f'no element of an array: {c.shown(node)}')
-                # The bounds check is in the width of the promoted index.
+                # The bounds check must not truncate the index, so keep its promoted width.
                 return replace(base, index=self._promoted(index).term)
             case c_ast.UnaryOp(op='*'):
                 found = self._value(node.expr, local)
@@ -554,7 +554,7 @@ class Machine:
                                     self.converted(no, kind).term))
 
     def _silently(self, node: Any, local: _Locals) -> Value:
-        """Return the value of an operand that C does not evaluate, for its type."""
+        """Return the value of an operand that C does not evaluate; only its type is used."""
         memory = dict(self.memory)
         with self._assuming(t.FALSE):
             found = self._number(node, local)
@@ -576,7 +576,7 @@ class Machine:
     # -- numbers ------------------------------------------------------------------------------
 
     def common(self, left: c.ArithmeticType, right: c.ArithmeticType) -> c.ArithmeticType:
-        """Return the type of the usual arithmetic conversions."""
+        """Return the common type of the usual arithmetic conversions."""
         floats = [item for item in (left, right) if item.kind == 'float']
         if floats:
             return max(floats, key=lambda item: item.bits)
@@ -590,7 +590,7 @@ class Machine:
             else self.converted(value, promoted_type(value.type))
 
     def converted(self, value: Value, kind: c.ArithmeticType) -> Value:
-        """Convert as by assignment."""
+        """Convert a value as an assignment does."""
         have, item = value
         if have == kind:
             return value
@@ -618,7 +618,7 @@ class Machine:
         return t.to_real(item, bits, have.is_signed)
 
     def binary(self, op: str, left: Any, right: Any, node: Any) -> Value:
-        """Compute an infix operator on two numbers."""
+        """Return the result of an infix operator on two numbers."""
         if not isinstance(left, Value) or not isinstance(right, Value):
             raise c.Unreadable(f'arithmetic on pointers: {c.shown(node)}')
         if op in ('<<', '>>'):

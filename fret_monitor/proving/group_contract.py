@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The transition system of a group over the C's own state, with cells taken by contract.
+The transition system of a group over the state in C, with cells replaced by contracts.
 
-What a cell of several bits computes is then an unknown function of the C state, the same one that
-the contract of the C function gives; all else is the transition system as `smt` builds it. The
-places of the state in C come from the layout: if one is wrong, a proof fails.
+The result and the next state of a cell with several bits are uninterpreted functions of its state
+in C, the same as in the contract of its C function. Everything else is the transition system that
+`smt` builds. The layout gives the places of the state in C; if one is wrong, a proof fails.
 """
 
 from collections.abc import Callable, Mapping
@@ -46,10 +46,10 @@ class Check:
 @dataclass(frozen=True)
 class GroupContract:
     """
-    What a step and a reset of a group must do.
+    The postconditions of a step and a reset of a group.
 
-    After a step from a state in which the system's invariants hold, `steps` must hold, and after
-    a reset `starts`. `fits` says of each cell whether its field is wide enough.
+    `steps` must hold after a step from a state in which the system's invariants hold, `starts`
+    after a reset. `fits` has, for each cell, whether its field is wide enough.
     """
 
     system: TransitionSystem
@@ -59,14 +59,14 @@ class GroupContract:
 
 
 def state_path(group: int, name: str) -> Path:
-    """Return the place of a field of a group's state."""
+    """Return the path of a field of a group's state."""
     return ('state', f'group_{group}', name)
 
 
 def group_contract(layout: GroupLayout, group: int, memory: Mapping[Path, Term],
                    inputs: Mapping[int, Term]) -> GroupContract:
     """
-    Return what a step of a group must do; `memory` holds the state before it.
+    Return the contract of a group; `memory` holds the state before the step.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def _check(what: str, read: Callable[[Memory], Term], wanted: Term) -> Check:
 
 def place_of(layout: GroupLayout, group: int,
              item: StateVariable) -> tuple[str, Callable[[Mapping[Path, Term]], Term]]:
-    """Return the name of a state variable's place in C, and how to read it from memory."""
+    """Return the name of a state variable in C, and a function that reads it from memory."""
     slot = layout.bits.get(item.number) if item.kind is FieldKind.FLAG else None
     if slot is None:
         path = state_path(group, item.name)
@@ -98,7 +98,7 @@ def place_of(layout: GroupLayout, group: int,
 
 
 def same_or_false(found: Term, wanted: Term) -> Term:
-    """Return whether two values are the same; those of different sorts are not."""
+    """Return whether two values are identical; FALSE if their sorts differ."""
     return t.same(found, wanted) if found.sort == wanted.sort else t.FALSE
 
 

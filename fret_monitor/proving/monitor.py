@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Obligations of a monitor's C: verdicts, state, reset, description, no undefined behaviour.
+Proof obligations of a monitor's C: verdicts, state, reset, description, defined behaviour.
 
-Each group is proved by itself, for every state and every input, with the cells taken by contract:
-most obligations are then two terms that are one object. The functions that run all groups are
-compared with the groups in order.
+Each group is proved separately, for all states and inputs, with cells replaced by contracts. For
+most obligations the two terms to compare are then the same object. The functions that step or
+reset all groups are compared with a sequence of calls for each group.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -40,8 +40,8 @@ from fret_monitor.smt import terms as t
 from fret_monitor.smt.solver import Answer, prove, shown_values
 from fret_monitor.smt.terms import Term
 
-ALL = -1  # the functions that run all groups
-ANY = -2  # the same, with the step function that the description names
+ALL = -1  # the functions that step or reset all groups
+ANY = -2  # likewise, with the step function in the description (`step_any`)
 _TYPES = 'the program needs a field of another type'
 _STATIC = ('description: ', 'inputs: ')  # no trace can refute these
 
@@ -51,7 +51,7 @@ class GroupProofs:
     """
     The proofs of a group, or of the functions for all groups (ALL).
 
-    `values` are those at which obligations fail.
+    `values` are the values of variables at which obligations fail.
     """
 
     group: int
@@ -65,14 +65,14 @@ class GroupProofs:
 
     @property
     def has_behaviour_unproved(self) -> bool:
-        """Whether something is unproved that a trace could refute."""
+        """Whether an obligation is unproved that a trace could refute."""
         return any(proof.answer is not Answer.PROVED and not proof.name.startswith(_STATIC)
                    for proof in self.proofs)
 
 
 @dataclass(frozen=True)
 class ProofSubject:
-    """C and the program that it must compute; `prefix` is that of the names in C."""
+    """The C text and the program it must implement; `prefix` is that of the names in C."""
 
     code: CProgram
     program: MonitorProgram
@@ -81,7 +81,7 @@ class ProofSubject:
     source_hash: str
 
     def state(self, groups: Sequence[int]) -> Memory:
-        """Return memory that holds an arbitrary state of some groups."""
+        """Return memory with an arbitrary state of some groups."""
         fields = dict(self.code.structs[f'{self.prefix}_state'])
         memory: Memory = {}
         for group in groups:
@@ -91,7 +91,7 @@ class ProofSubject:
         return memory
 
     def inputs(self) -> Memory:
-        """Return memory that holds arbitrary inputs."""
+        """Return memory with arbitrary inputs."""
         return {path: t.variable('.'.join(map(str, path)), sort_of(kind)) for path, kind
                 in places(self.code, Struct(f'{self.prefix}_inputs'), ('inputs',))}
 
@@ -100,11 +100,11 @@ class ProofSubject:
         return dict(enumerate(self.inputs().values()))
 
     def call_reset(self, machine: Machine, group: int) -> None:
-        """Run the function that resets a group, or all."""
+        """Execute the function that resets a group, or all groups."""
         machine.call(self._function(group, 'reset'), [self._state()])
 
     def call_step(self, machine: Machine, group: int) -> None:
-        """Run the function that steps a group, or all."""
+        """Execute the function that steps a group, or all groups."""
         machine.call(self._function(group, 'step'), self.arguments())
 
     def arguments(self) -> list[Reference]:
@@ -123,9 +123,9 @@ class ProofSubject:
 
 def wrong_types(subject: ProofSubject, group: int) -> list[Proof]:
     """
-    Return a failed proof for each field of a wrong type, of a group or of ALL.
+    Return a failed proof for each field with a wrong type, of a group or of ALL.
 
-    Whether a counter is wide enough is an obligation of its cell; here it must be unsigned.
+    A counter only has to be unsigned; that it is wide enough is a separate obligation.
     """
     groups = range(len(subject.layouts)) if group == ALL else [group]
     found = [f'group {number}: type of {text}' for number in groups
@@ -138,7 +138,7 @@ def wrong_types(subject: ProofSubject, group: int) -> list[Proof]:
 
 
 def prove_group(subject: ProofSubject, group: int, seconds: float) -> GroupProofs:
-    """Prove a group, with its cells taken by contract; `seconds` is for each obligation."""
+    """Prove a group with cells replaced by contracts; `seconds` limits each obligation."""
     return prove_contract(
         subject, group, seconds, lambda: group_contract(
             subject.layouts[group], group, subject.state([group]), subject.signals()),
@@ -148,7 +148,7 @@ def prove_group(subject: ProofSubject, group: int, seconds: float) -> GroupProof
 def prove_contract(subject: ProofSubject, group: int, seconds: float,
                    contract: Callable[[], GroupContract],
                    functions: Mapping[str, Contract]) -> GroupProofs:
-    """Prove that a group keeps a contract; `functions` are taken by contract, not read."""
+    """Prove that a group satisfies a contract; `functions` are replaced by their contracts."""
     outcome = GroupProofs(group)
     before = time.perf_counter()
     try:
@@ -216,7 +216,7 @@ def _keeps_inputs(before: Memory, after: Memory) -> bool:
 
 
 def prove_whole(subject: ProofSubject, seconds: float) -> GroupProofs:
-    """Prove the functions that run all groups, and the description."""
+    """Prove the functions for all groups, and the description."""
     outcome = GroupProofs(ALL)
     before = time.perf_counter()
     try:
@@ -229,7 +229,7 @@ def prove_whole(subject: ProofSubject, seconds: float) -> GroupProofs:
 
 
 def _positions(subject: ProofSubject) -> list[Term]:
-    """Return the invariants of the positions in rings, of all groups."""
+    """Return the invariants of the ring positions of all groups."""
     found = []
     for path, item in subject.state(range(len(subject.layouts))).items():
         kind, _, number = str(path[-1]).partition('_')
@@ -277,10 +277,14 @@ def _whole_goals(subject: ProofSubject) -> Iterator[tuple[str, Term]]:
 
 
 def _equal(name: str, whole: Machine, parts: Machine) -> Iterator[tuple[str, Term]]:
-    """Yield that two machines did the same, without what the proofs of the groups cover."""
+    """
+    Yield the obligations that two machines have equal memory and conditions.
+
+    Conditions of `parts` are covered by the proofs of the groups.
+    """
     missing = whole.memory.keys() ^ parts.memory.keys()
     yield f'{name}: the same places are written', t.truth(not missing)
-    # `none` is the unused field of a struct that would be empty.
+    # `none` is the unused field of a struct that would otherwise be empty.
     same = [t.same(whole.memory[path], parts.memory[path])
             for path in whole.memory.keys() & parts.memory.keys() if path[-1] != 'none']
     yield f'{name}: the same values', t.all_of(same)

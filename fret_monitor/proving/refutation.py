@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Search for a trace from the reset on which C and program differ.
+Search for a trace, starting with a reset, on which the C and the program differ.
 
-A failed proof gives a state and inputs at which a step is wrong, but the state may be unreachable.
-So the C and the transition system are run side by side over traces. Their values are those of the
-failed proofs and those around the numbers in the requirements, repeated for as long as the bounds
-require. The trace that is found is shortened.
+A failed proof yields a state and inputs at which a step is wrong, but the state may be
+unreachable. So the C and the transition system are executed side by side on traces. The values in
+the traces are those of failed proofs and boundary values of the requirements, repeated for as
+many steps as the bounds require. The trace found is then shrunk.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -47,7 +47,7 @@ from fret_monitor.traces.random_traces import Pools, random_traces
 from fret_monitor.traces.shrink import Shrinker
 from fret_monitor.traces.trace import first_steps, rows_of, Trace
 
-_SHORT_TRACES = 100  # tried before those that are as long as the bounds require
+_SHORT_TRACES = 100  # tried before traces of the length that the bounds require
 _MAX_TRACE_STEPS = 70_000
 _MAX_SHRINK_STEPS = 60_000
 _Row = tuple[Any, ...]
@@ -56,11 +56,11 @@ _Row = tuple[Any, ...]
 @dataclass(frozen=True)
 class Counterexample:
     """
-    A trace, and what is wrong at its last step.
+    A trace, and the errors at its last step.
 
-    `rows` hold the inputs in the bundle's order. `meant` and `found` are the verdicts of program
-    and C at the last step, by the index of the requirement; `undefined` names what C leaves
-    undefined there.
+    `rows` hold the inputs in the bundle's order. `meant` and `found` are the verdicts of the
+    program and of the C at the last step, by the index of the requirement; `undefined` are the
+    violated conditions for defined behaviour.
     """
 
     rows: tuple[_Row, ...]
@@ -70,10 +70,10 @@ class Counterexample:
 
 
 class Runner:
-    """Runs the C of a group, or of all, and the transition system side by side."""
+    """Executes the C of a group, or of all groups, and the transition system side by side."""
 
     def __init__(self, subject: ProofSubject, group: int) -> None:
-        """Build a reset and a step of both as terms; raises `Unreadable` and `KeyError`."""
+        """Build the terms of a reset and a step of both; raises `Unreadable` and `KeyError`."""
         groups = [group] if group >= 0 else range(len(subject.layouts))
         state, inputs = subject.state(groups), subject.inputs()
         reset = Machine(subject.code, state, ARITHMETIC)
@@ -109,7 +109,7 @@ class Runner:
                 if item.op == 'variable' and item not in arguments]
 
     def _begins(self, before: Sequence[Term]) -> list[list[Any]]:
-        """Return the states after a reset of memory full of ones and of memory full of zeros."""
+        """Return the states after a reset of memory with odd values and of zeroed memory."""
         everything = [*before, *self._unknown(self.starts, before)]
         compute = function_of(self.starts, everything)
         ones = compute(*(_odd(item.sort) for item in everything))
@@ -117,7 +117,7 @@ class Runner:
         return [ones] if repr(ones) == repr(zeros) else [ones, zeros]
 
     def judged(self, results: Sequence[Any]) -> tuple[list[bool], list[bool], list[bool]]:
-        """Split results: verdicts of the C, verdicts of the program, whether conditions hold."""
+        """Split results into the C's verdicts, the program's verdicts and the conditions."""
         count = len(self.verdicts)
         return (list(results[:count]), list(results[count:2 * count]), list(results[2 * count:]))
 
@@ -129,7 +129,7 @@ class Runner:
                               dict(zip(self.verdicts, found)), undefined)
 
     def first_difference(self, rows: Sequence[_Row], until: float) -> tuple[int, list[Any]] | None:
-        """Return the step at which something is wrong, and the results there."""
+        """Return the first step with an error and its results, or None."""
         found = (self._difference(state, rows, until) for state in self.begins)
         return next((each for each in found if each is not None), None)
 
@@ -164,9 +164,9 @@ def zero(sort: Sort) -> Any:
 def find_counterexample(subject: ProofSubject, group: int, values: Sequence[Mapping[Term, Any]],
                         seconds: float) -> Counterexample | None:
     """
-    Search for a trace on which a group (ALL: any group) is wrong, for some seconds.
+    Search for a trace on which a group (ALL: any group) is wrong, for at most `seconds`.
 
-    `values` are those that failed proofs gave.
+    `values` are those found by failed proofs.
     """
     entries = [ALL, ANY] if group == ALL and len(subject.layouts) > 1 else [group]
     for entry in entries:
@@ -198,7 +198,7 @@ def _find(subject: ProofSubject, group: int, values: Sequence[Mapping[Term, Any]
 
 
 def _shrunk(runner: Runner, trace: Trace, pools: Pools) -> Counterexample:
-    """Return a simpler trace on which something is wrong, up to the first such step."""
+    """Return a simpler trace that has an error at its last step and none before."""
     def judge(batch: Sequence[Trace]) -> list[bool]:
         return [runner.first_difference(rows_of(each), math.inf) is not None for each in batch]
 
@@ -222,7 +222,7 @@ def _bounds(subject: ProofSubject, group: int) -> set[int]:
 
 
 def _pools(subject: ProofSubject, values: Sequence[Mapping[Term, Any]]) -> list[list[Any]]:
-    """Return some values for each input, as terms represent them."""
+    """Return values to try for each input, in the representation of terms."""
     pools = []
     for item, signal, known in zip(subject.inputs().values(), subject.program.signals,
                                    both_sides(subject.program)):
@@ -236,7 +236,7 @@ def _pools(subject: ProofSubject, values: Sequence[Mapping[Term, Any]]) -> list[
 
 
 def _is_named(value: Any, signal: Signal) -> bool:
-    """Whether a trace can hold a value: for a string input, the index of one of its strings."""
+    """Whether a trace can contain a value: a string input needs the index of a string."""
     return not signal.is_string or 0 <= value < len(signal.values)
 
 
@@ -250,7 +250,7 @@ def _stored(value: Any, signal: Signal) -> Any:
 
 
 def to_csv(subject: ProofSubject, example: Counterexample) -> str:
-    """Return the trace as `simulate` reads it; without inputs, a column that nobody reads."""
+    """Return the trace in the format of `simulate`; without inputs, with an unused column."""
     signals = subject.program.signals
     if not signals:
         return 'nothing\n' + '0\n' * len(example.rows)
@@ -259,5 +259,5 @@ def to_csv(subject: ProofSubject, example: Counterexample) -> str:
 
 
 def _value(value: Any, signal: Signal) -> Any:
-    """Return the value of an input from that of a term, in which integers have no sign."""
+    """Convert the value of a term, in which words are unsigned, to that of an input."""
     return t.signed(value, signal.type.bits) if signal.type.is_signed else value

@@ -15,7 +15,7 @@
 """
 The proof of a bundle: first the cells, then each group, then the functions for all groups.
 
-    bundle -> program, C -> C read back -> obligations -> solver -> Verification
+    bundle -> program, C text -> parsed C -> obligations -> solver -> Verification
 """
 
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ _RUNTIME = ('fret_cells.h', 'fret_monitor.h')
 
 @dataclass(frozen=True)
 class GroupResult:
-    """The proofs of a group, or of the functions for all groups, and a trace where they fail."""
+    """The proofs of a group, or of the functions for all groups, and a counterexample."""
 
     group: int
     proofs: tuple[Proof, ...]
@@ -51,7 +51,7 @@ class GroupResult:
 
 @dataclass(frozen=True)
 class Verification:
-    """All proofs of a bundle; `unreadable` says why the C could not be read."""
+    """All proofs of a bundle; `unreadable` is the reason if the C could not be parsed."""
 
     cells: tuple[Proof, ...]
     groups: tuple[GroupResult, ...]
@@ -77,7 +77,7 @@ class Verification:
 
 
 def proved_files(generated: GeneratedMonitor) -> dict[str, str]:
-    """Return the C files that a proof reads, by name: all but those that decode messages."""
+    """Return the C files to be proved, by name: all except those that decode messages."""
     module, runtime = generated.module, runtime_headers()
     return {**{name: runtime[name] for name in _RUNTIME}, **dict([module.header]),
             **{name: text for name, text in module.sources if not name.endswith(_FIELDS)}}
@@ -85,12 +85,12 @@ def proved_files(generated: GeneratedMonitor) -> dict[str, str]:
 
 def read_subject(generated: GeneratedMonitor) -> ProofSubject:
     """
-    Read the C of a monitor.
+    Parse the C of a monitor.
 
     Raises
     ------
     Unreadable
-        if it is not C of the kind that `compile` writes.
+        if it does not have the form that `compile` generates.
     NativeError
         if there is no C compiler, whose preprocessor is needed.
     """
@@ -124,7 +124,7 @@ def cells_proved(headers: tuple[tuple[str, str], ...], seconds: float) -> tuple[
 
 
 def verify_group(subject: ProofSubject, group: int, seconds: float) -> GroupResult:
-    """Prove a group, or the functions for all groups; search for a trace if that fails."""
+    """Prove a group, or the functions for all groups; if that fails, find a counterexample."""
     wrong = wrong_types(subject, group)
     if wrong:
         return GroupResult(group, tuple(wrong), None)
