@@ -13,16 +13,16 @@
 # limitations under the License.
 
 """
-C that differs from what `compile` writes, and computes the same: proofs that need more.
+Prove that edited C is equivalent to the C that `compile` writes, or find a trace that differs.
 
-Mutants that change nothing are found so. Generated C needs none of it: there, each cell is called
-as its contract says.
+This finds equivalent mutants. The proof of unedited C does not need it, because that C calls each
+cell as its contract requires.
 
-1. The cells are opened: the C functions' bodies are run, and the C state need only stand for the
-   state of the transition system (a counter above its bound is as good as any other).
-2. Where inputs matter only by finitely many comparisons, and counters stop, a group and its C have
-   finitely many states. All that can be reached are looked at: either a shortest trace is found on
-   which the two differ, or there is none.
+1. The bodies of the cells are executed instead of their contracts. The C state need only represent
+   the state of the transition system: all counters above their bound represent the same.
+2. If the inputs matter only through finitely many comparisons, and counters saturate, a group and
+   its C have finitely many states. All reachable states are explored, which finds a shortest trace
+   on which the two differ, or proves that there is none.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -52,7 +52,7 @@ from fret_monitor.smt.transition import (
     counter_model, StateVariable, transition_system, TransitionSystem,
 )
 
-_QUICK_S = 0.3  # for a search before the cells are opened
+_QUICK_S = 0.3  # for a search before the bodies of the cells are executed
 _SEARCH_S = 10.0
 _MOST_STATES = 200_000
 _MOST_ROWS = 64
@@ -69,11 +69,11 @@ class Explored:
 
 
 class _Infinite(Exception):
-    """Inputs matter by more than their comparisons, or there are too many states or rows."""
+    """The exploration is not finite, or has too many states or input rows."""
 
 
 def verify_edited(subject: ProofSubject, group: int, seconds: float) -> GroupResult:
-    """Prove a group, or what runs all of them, of C that may be edited; or refute it."""
+    """Prove or refute a group of edited C, or the function that steps all groups (`ALL`)."""
     wrong = wrong_types(subject, group)
     if wrong:
         return GroupResult(group, tuple(wrong), None)
@@ -99,7 +99,7 @@ def verify_edited(subject: ProofSubject, group: int, seconds: float) -> GroupRes
 
 
 def _prove_opened(subject: ProofSubject, group: int, seconds: float) -> GroupProofs:
-    """Prove a group with the bodies of the cells run, and their states related to numbers."""
+    """Prove a group by executing the bodies of its cells, with a relation between the states."""
     return prove_contract(subject, group, seconds, lambda: _opened_contract(subject, group),
                           ARITHMETIC)
 
@@ -130,7 +130,7 @@ def _opened_contract(subject: ProofSubject, group: int) -> GroupContract:
 
 def _read(layout: GroupLayout, group: int,
           item: StateVariable) -> Callable[[Mapping[Path, Term]], Term]:
-    """Return what reads a state variable from memory; positions are as wide as numbers are."""
+    """Return the function that reads a state variable from memory; positions get 32 bits."""
     _, read = place_of(layout, group, item)
     if item.kind is not FieldKind.POSITION:
         return read
@@ -138,7 +138,7 @@ def _read(layout: GroupLayout, group: int,
 
 
 def _related(layout: GroupLayout, item: StateVariable, found: Term, meant: Term) -> Term:
-    """Return whether what C has stands for a value of the transition system."""
+    """Return whether a value of C represents a value of the transition system."""
     operation = layout.group.equations[item.number].operation if item.kind in _RELATED else None
     match operation:
         case Delay():
@@ -164,7 +164,7 @@ class _Explorer:
         self._runner = runner = Runner(subject, group)
         self._until = until
         if any(item.op not in ('constant', 'filled') for item in runner.starts):
-            raise _Infinite  # the reset does not overwrite everything
+            raise _Infinite  # the reset does not overwrite the whole state
         roots = [*runner.after, *runner.results]
         self._atoms = list(_atoms(roots, set(runner.inputs)))
         self._rows = list(self._possible(subject))
@@ -180,7 +180,7 @@ class _Explorer:
                          for place, limit in self._limits(subject, group).items()]
 
     def _limits(self, subject: ProofSubject, group: int) -> dict[int, int]:
-        """Return the values above which all values of C's counters are equivalent, if they are."""
+        """Return the limits above which all values of C's counters are proved equivalent."""
         runner, limits = self._runner, {}
         for place, item in enumerate(runner.state[:len(runner.state) - len(runner.kept)]):
             kind, _, number = str(item.value).rpartition('.')[2].partition('_')
@@ -200,7 +200,7 @@ class _Explorer:
     def _possible(
         self, subject: ProofSubject,
     ) -> Iterator[tuple[tuple[bool, ...], tuple[Any, ...]]]:
-        """Yield each possible result of all comparisons, with inputs that give it."""
+        """Yield each possible combination of results of the comparisons, with inputs for it."""
         inputs = self._runner.inputs
         given = [t.relation('ult', item, t.number(len(signal.values), item.sort[1]))
                  for item, signal in zip(inputs, subject.program.signals) if signal.is_string]
@@ -262,7 +262,7 @@ class _Explorer:
 
 
 def _at_most(item: Term, limit: int) -> Term:
-    """Return a word, or the limit if it is above that."""
+    """Return the minimum of a word and a limit."""
     if limit >> item.sort[1]:
         return item
     bound = t.number(limit, item.sort[1])
@@ -271,16 +271,16 @@ def _at_most(item: Term, limit: int) -> Term:
 
 def _atoms(roots: Sequence[Term], inputs: set[Term]) -> Iterator[Term]:
     """
-    Yield the Boolean terms over inputs alone through which the inputs matter.
+    Yield the Boolean terms over inputs only, through which all influence of the inputs passes.
 
     Raises
     ------
     _Infinite
-        if inputs matter in another way.
+        if inputs have influence in another way.
     """
     order = t.postorder(roots)
-    reads: dict[Term, bool] = {}  # some input
-    mixed: dict[Term, bool] = {}  # some variable that is not an input
+    reads: dict[Term, bool] = {}  # whether it reads an input
+    mixed: dict[Term, bool] = {}  # whether it reads a variable that is not an input
     for item in order:
         reads[item] = item in inputs or any(reads[each] for each in item.args)
         mixed[item] = (item.op == 'variable' and item not in inputs) \

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-A minimal listener as everybody writes it: rclpy, its default executor, a callback that counts.
+A minimal subscriber in Python: rclpy, its default executor, a callback that counts.
 
-It may publish a `std_msgs/Empty` for each message. On SIGINT it prints how many messages came.
+It may publish a `std_msgs/Empty` for each message. On SIGINT it prints how many it received.
 
     python bench/listener.py --topics A,B [--depth N] [--publish TOPIC]
 """
@@ -29,10 +29,10 @@ from std_msgs.msg import Empty, Float32
 
 
 class Listener(Node):
-    """Counts what comes on some topics."""
+    """Counts the messages of some topics."""
 
     def __init__(self, topics: list[str], depth: int, handler: str | None) -> None:
-        """Subscribe to the topics; publish on the handler, if there is one."""
+        """Subscribe to the topics; publish on the topic `handler`, unless it is None."""
         super().__init__('subject')
         self.taken = 0
         self._handler = handler and self.create_publisher(Empty, handler, 1000)
@@ -57,7 +57,7 @@ def main() -> None:
     try:
         rclpy.spin(listener)
     except (KeyboardInterrupt, ExternalShutdownException):
-        pass  # or it just returns: whichever rclpy makes of a SIGINT
+        pass  # on SIGINT, rclpy raises one of these or returns
     print(listener.taken)
 
 

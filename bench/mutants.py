@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Mutants of generated C: one operator, number, name, call or statement changed.
+Mutants of generated C: one operator, number, name, call or statement is changed.
 
-`mutants` makes them on the syntax tree, so that each is C; `printed` writes one down to be
-compiled. Run as a program, this has them all proved or refuted and prints a table:
+`mutants` changes the syntax tree, so that each mutant is valid C; `printed` returns its text for
+the compiler. Run as a program, this proves or refutes mutants and prints a table:
 
     python -m bench.mutants [HOW MANY A BUNDLE AND OF THE CELLS]
 """
@@ -52,7 +52,7 @@ _CELLS = {'once_within': 'always_within', 'always_within': 'once_within',
 _Change = Callable[[], None]
 _SECONDS = 20.0
 
-# Each requirement is of a kind, and small enough that what is changed shows.
+# Each bundle has cells of one kind, with bounds so small that short traces show a change.
 BUNDLES = {
     'bits': """
 inputs: {p: {type: bool}, q: {type: bool}}
@@ -122,7 +122,7 @@ requirements:
 
 @dataclass(frozen=True)
 class Mutant:
-    """A program in which one function is changed; `what` describes where and how."""
+    """A program with one changed function; `what` describes the change."""
 
     what: str
     kind: str
@@ -145,7 +145,7 @@ def mutants(code: CProgram, functions: Sequence[str]) -> Iterator[Mutant]:
 
 
 def sample(code: CProgram, functions: Sequence[str], count: int, seed: int = 0) -> list[Mutant]:
-    """Return some mutants, spread over the kinds of change; the same ones each time."""
+    """Return `count` mutants of all kinds of change, the same for the same seed."""
     rng = Random(seed)
     by_kind: dict[str, list[Mutant]] = {}
     for mutant in mutants(code, functions):
@@ -159,13 +159,13 @@ def sample(code: CProgram, functions: Sequence[str], count: int, seed: int = 0) 
 
 
 def generated_functions(code: CProgram, prefix: str) -> list[str]:
-    """Return the functions of a monitor, but for its description."""
+    """Return the functions of a monitor, except the one that returns its description."""
     return [name for name in code.functions
             if name.startswith(f'{prefix}_') and name != f'{prefix}_monitor']
 
 
 def _changes(function: CFunction, code: CProgram) -> Iterator[tuple[str, str, _Change]]:
-    """Yield what can be changed in a function: kind, text, and what does it."""
+    """Yield the possible changes of a function: kind, description, and a function to apply it."""
     fields = _fields_of(function.body)
     for node in _nodes(function.body):
         match node:
@@ -233,7 +233,7 @@ def _calls(node: Any, code: CProgram, inside: str) -> Iterator[tuple[str, str, _
 
 
 def _fields_of(body: Any) -> dict[str, list[str]]:
-    """Return for each field the others of its kind that a function names."""
+    """Return for each field the other fields of its kind that a function uses."""
     names = sorted({node.field.name for node in _nodes(body) if isinstance(node, c_ast.StructRef)
                     and getattr(node.name, 'name', '') in ('s', 'in')})
     return {name: [other for other in names if other != name
@@ -262,7 +262,7 @@ def _nodes(node: Any) -> Iterator[Any]:
 
 
 def printed(text: str, mutant: Mutant) -> str:
-    """Return preprocessed C in which a function is the mutant's, to be compiled as it is."""
+    """Return preprocessed C with the function of the mutant, ready to be compiled."""
     lines = ['#include <stddef.h>', '#define FM_NAN __builtin_nanf("")',
              '#define FM_INFINITY __builtin_inff()']
     tree = CParser().parse(text)
@@ -280,7 +280,7 @@ def printed(text: str, mutant: Mutant) -> str:
 
 
 def subject_of(text: str, name: str = 'mutants') -> tuple[ProofSubject, GeneratedMonitor]:
-    """Return the C of a bundle, read back."""
+    """Generate the C of a bundle, and parse it."""
     with tempfile.TemporaryDirectory(prefix='fret_monitor-') as folder:
         path = Path(folder) / f'{name}.yaml'
         path.write_text('format: 1\n' + text, encoding='utf-8')
@@ -291,9 +291,10 @@ def subject_of(text: str, name: str = 'mutants') -> tuple[ProofSubject, Generate
 def judged(subject: ProofSubject, mutant: Mutant,
            seconds: float = _SECONDS) -> tuple[str, GroupResult]:
     """
-    Say what became of a mutant: refuted, undefined, equivalent, or undecided.
+    Return the result for a mutant: refuted, undefined, equivalent, or undecided.
 
-    Refuted comes with a trace from a reset; undefined with one that ends in what C leaves open.
+    A refuted mutant comes with a trace from the reset on which it differs; an undefined one with a
+    trace that ends in undefined behaviour.
     """
     changed = replace(subject, code=mutant.code)
     settled = None
@@ -309,7 +310,7 @@ def judged(subject: ProofSubject, mutant: Mutant,
 
 
 def cell_functions(code: CProgram) -> list[str]:
-    """Return the functions of `fret_cells.h` whose mutants are looked at: narrow ones."""
+    """Return the functions of `fret_cells.h` to mutate: one type of each, of small width."""
     wanted = ('fm_bit', 'fm_signed', 'fm_next_position', 'fm_delay_ring')
     return [name for name in code.functions
             if name in wanted or name.endswith(('_u8', '_iu', '_ui', '_i64'))
@@ -317,7 +318,7 @@ def cell_functions(code: CProgram) -> list[str]:
 
 
 def judged_cell(code: CProgram, mutant: Mutant, seconds: float = _SECONDS) -> str:
-    """Say what became of a mutant of a cell: equivalent, if all that stands on it is proved."""
+    """Return the result for a mutant of a cell: equivalent if all its callers are proved."""
     for name in _standing_on(code, mutant.function):
         proof = prove_function(mutant.code, name, seconds)
         if proof is not None and proof.answer is not Answer.PROVED:
@@ -326,7 +327,7 @@ def judged_cell(code: CProgram, mutant: Mutant, seconds: float = _SECONDS) -> st
 
 
 def _standing_on(code: CProgram, function: str) -> list[str]:
-    """Return the functions that call a function, directly or not, and itself."""
+    """Return a function and all functions that call it, directly or indirectly."""
     found = [function]
     for name in found:
         found += [other for other, item in code.functions.items() if other not in found

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Measure other monitors side by side with ours, where they are installed: Copilot and reelay.
+Measure Copilot and reelay, if they are installed, side by side with this project's monitors.
 
-Copilot (GHC and libghc-copilot-dev) compiles the works of `run.py` in two ways: as Ogma has it do
-(`copilot/Ogma.hs`), and as an expert would write them by hand (`copilot/Counters.hs`). Its C is
-built with our flags, fed with the same rows by the same timing loop, in interleaved rounds; the
-ratio is the median of the rounds' ratios. Verdicts are compared step by step, and differences are
-told. reelay (PyPI) is timed through its Python binding, which is the only thing its wheel holds.
+Copilot (GHC and libghc-copilot-dev) compiles the works of `run.py` in two ways: as Ogma generates
+them (`copilot/Ogma.hs`), and as an expert would write them by hand (`copilot/Counters.hs`). Its C
+is compiled with the same flags and timed on the same rows by the same loop, in interleaved rounds;
+the ratio is the median of the rounds' ratios. Verdicts are compared step by step, and differences
+are reported. reelay (PyPI) is timed through its Python binding, since its wheel has nothing else.
 
     python -m bench.peers [--slow] [--folder DIR]
 """
@@ -73,7 +73,7 @@ WAYS = (Way("Copilot, Ogma's way", 'Ogma', frozenset({'copies'})),
 
 @dataclass(frozen=True)
 class Ours:
-    """A work as we compile it."""
+    """A work, compiled by this project."""
 
     work: Work
     generated: GeneratedMonitor
@@ -85,7 +85,7 @@ class Ours:
         return sum(text.count('\n') for _, text in self.generated.module.sources)
 
     def inputs(self) -> Iterator[tuple[str, Inputs]]:
-        """Yield the rows that are stepped through."""
+        """Yield the inputs to step through, with their names."""
         values = both_sides(self.generated.program)
         yield 'random', random_inputs(self.monitor, values)
         yield 'long-lasting', lasting_inputs(self.monitor, values)
@@ -93,7 +93,7 @@ class Ours:
 
 @dataclass(frozen=True)
 class Peer:
-    """What a peer made of a work. `state_bytes` are those of all its variables."""
+    """A work, compiled by a peer. `state_bytes` is the size of all its variables."""
 
     title: str
     library: Path
@@ -119,14 +119,14 @@ def translator(way: Way, folder: Path) -> Path:
     program = folder / way.source.lower()
     if program.exists():
         return program
-    # Not optimized: what a formula holds twice is to be there twice.
+    # Not optimized, so that GHC does not share a subterm that a formula contains twice.
     subprocess.run(['ghc', '-v0', '-O0', '-outputdir', folder / f'{way.source}.o', '-o', program,
                     HASKELL / f'{way.source}.hs'], check=True)
     return program
 
 
 def translate(way: Way, work: Work, folder: Path) -> tuple[Path, float]:
-    """Let Copilot write C, unless it is there; return it, and the seconds that took."""
+    """Let Copilot generate C, unless it exists; return it, and the seconds that it took."""
     name = f'{way.source}_{work.floor}'
     made, taken = folder / f'{name}.c', folder / f'{name}.seconds'
     if not taken.exists():
@@ -156,7 +156,7 @@ def copilot(way: Way, ours: Ours, folder: Path) -> Peer:
 
 
 def run_compiler(*words: str | Path) -> None:
-    """Compile as generated C is compiled."""
+    """Compile with the flags of generated C."""
     command = [*find_compiler().command, *COMPILE_FLAGS, '-w', *map(str, words)]
     subprocess.run(command, check=True)
 
@@ -201,7 +201,7 @@ const struct fm_monitor * adapter(void)
 
 
 def adapter_text(name: str, header: str, ours: Ours) -> str:
-    """Write C that feeds Copilot's variables from a row, and takes verdicts from its handlers."""
+    """Return C that sets Copilot's variables from a row, and gets verdicts from its handlers."""
     pointer = ours.monitor.pointer
     offsets = {item.name: int(pointer.inputs[number].offset)
                for number, item in enumerate(ours.monitor.manifest.inputs)}
@@ -223,7 +223,7 @@ _copies = count()
 
 
 def fresh(peer: Peer, ours: Ours) -> Monitor:
-    """Load a copy of the library: its variables are at their start, and it knows no reset."""
+    """Load a copy of the library, with its variables at their start: Copilot has no reset."""
     path = peer.library.with_suffix(f'.{next(_copies)}.so')
     shutil.copy(peer.library, path)
     library = Library(path)
@@ -248,7 +248,7 @@ def verdicts(monitor: Monitor, inputs: Inputs) -> Iterator[bytes]:
 
 
 def difference(ours: list[bytes], theirs: list[bytes]) -> str:
-    """Say at how many steps verdicts differ."""
+    """Return a note on the number of steps at which verdicts differ."""
     differing = [step for step, (a, b) in enumerate(zip(ours, theirs)) if a != b]
     if not differing:
         return 'equal'
@@ -256,14 +256,14 @@ def difference(ours: list[bytes], theirs: list[bytes]) -> str:
 
 
 def timed(ours: StepTimer, peer: Callable[[], float]) -> tuple[float, float, float]:
-    """Return the medians of nine rounds in turn: ours, the peer's, and their ratio."""
+    """Return medians over interleaved rounds: this project's, the peer's, and their ratio."""
     rounds = [(ours.round(), peer()) for _ in range(ROUNDS)]
     return (median(a for a, _ in rounds), median(b for _, b in rounds),
             median(b / a for a, b in rounds))
 
 
 def show_row(*cells: str) -> None:
-    """Print a row of a Markdown table at once: what takes minutes is to show its progress."""
+    """Print a row of a Markdown table, flushed at once, since the next may take minutes."""
     print(f"| {' | '.join(cells)} |", flush=True)
 
 
@@ -296,7 +296,7 @@ PATTERNS = {
 
 
 def reelay_monitor(pattern: str) -> Callable[[dict[str, Any]], Any]:
-    """Return the function that takes one step of a fresh monitor."""
+    """Make a monitor, and return the function that takes one step of it."""
     reelay: Any = import_module('reelay')
     update: Callable[[dict[str, Any]], Any] = reelay.discrete_timed_monitor(
         pattern=pattern, condense=False).update
@@ -304,7 +304,7 @@ def reelay_monitor(pattern: str) -> Callable[[dict[str, Any]], Any]:
 
 
 def as_rows(monitor: Monitor, inputs: Inputs) -> list[dict[str, Any]]:
-    """Return the first rows as reelay takes them."""
+    """Return the first rows in reelay's format."""
     manifest, memory = monitor.manifest, bytes(ffi.buffer(inputs.memory))
     places = [(item.name, '=' + FORMATS[item.value_type.name],
                int(monitor.pointer.inputs[number].offset))
@@ -329,7 +329,7 @@ def time_reelay(ours: Ours) -> None:
 
 
 def _steps(update: Callable[[dict[str, Any]], Any], rows: list[dict[str, Any]]) -> float:
-    """Return the nanoseconds that a step takes."""
+    """Return the time of a step in nanoseconds."""
     before = time.perf_counter_ns()
     for row in rows:
         update(row)
@@ -339,7 +339,7 @@ def _steps(update: Callable[[dict[str, Any]], Any], rows: list[dict[str, Any]]) 
 # -- what is printed ------------------------------------------------------------------------------
 
 def compile_ours(work: Work, folder: Path) -> Ours:
-    """Compile a work as the nodes do."""
+    """Compile a work as a node does."""
     path = folder / f'{work.floor}.yaml'
     path.write_text(work.bundle, encoding='utf-8')
     generated = generate_monitor(read(path))
@@ -347,7 +347,7 @@ def compile_ours(work: Work, folder: Path) -> Ours:
 
 
 def compare_with_copilot(works: list[Ours], folder: Path, slow: bool) -> list[tuple[Ours, Peer]]:
-    """Print the rows of all works that can be had in minutes, or of all."""
+    """Print the rows of all works that compile within minutes; with `slow`, of all."""
     made = []
     for ours in works:
         for way in WAYS:
@@ -360,7 +360,7 @@ def compare_with_copilot(works: list[Ours], folder: Path, slow: bool) -> list[tu
 
 
 def show_sizes(made: list[tuple[Ours, Peer]]) -> None:
-    """Print what Copilot's C needs, beside ours."""
+    """Print the size and state of Copilot's C and of this project's."""
     print()
     show_row('work', 'way', 'state', 'ours', 'lines of C', 'ours', 'generate', 'compile')
     print('|---|---|---|---|---|---|---|---|')
@@ -371,7 +371,7 @@ def show_sizes(made: list[tuple[Ours, Peer]]) -> None:
 
 
 def main() -> int:
-    """Print Markdown tables of the peers that are found, and what was not found."""
+    """Print Markdown tables of the installed peers, and name those not installed."""
     parser = ArgumentParser(description='Time other monitors beside ours, where installed.')
     parser.add_argument('--slow', action='store_true',
                         help='also what takes Copilot more than minutes')

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-How long proofs take: of the cells, of bundles, and of 1, 10 and 100 requirements.
+Measure the time of proofs: of the cells, of bundles, and of 1, 10 and 100 requirements.
 
     python -m bench.proofs [BUNDLE...]
 """
@@ -33,7 +33,7 @@ _SENTENCE = ('if persisted(10, current_{n} > 15.0 & wind_{n} > 8.0) the vehicle 
 
 
 def copies(count: int) -> str:
-    """Return a bundle of some copies of the running example, each on inputs of its own."""
+    """Return a bundle with copies of the running example, each with its own inputs."""
     lines = ['format: 1', 'inputs:']
     lines += [f'  {name}_{number}: {{type: float32}}'
               for number in range(count) for name in ('current', 'wind')]

@@ -53,7 +53,7 @@ RUNNING = ('H (O[10,10] ((({c} & Y !({c})) | ({c} & FTP)) & !{r}) -> O[0,9] (FTP
 
 @dataclass(frozen=True)
 class Work:
-    """A bundle, and the function of `floor.c` that does the same."""
+    """A bundle, and the hand-written function of `floor.c` that computes the same."""
 
     title: str
     floor: str
@@ -74,7 +74,7 @@ class Row:
 
 
 def running_example(copies: int) -> str:
-    """Return a bundle of the running example, each copy on inputs of its own."""
+    """Return a bundle with copies of the running example, each with its own inputs."""
     inputs = ''.join(f'  current_{i}x: {{type: float32}}\n  wind_{i}x: {{type: float32}}\n'
                      for i in range(copies))
     return f'{HEAD}inputs:\n{inputs}requirements:\n' + ''.join(
@@ -133,7 +133,7 @@ def measure(work: Work, folder: Path) -> Iterator[Row]:
 
 def timed(work: Work, name: str, ours: StepTimer, floor: StepTimer, ours_bytes: int,
           floor_bytes: int) -> Row:
-    """Time nine rounds, in turn."""
+    """Time interleaved rounds."""
     rounds = [(ours.round(), floor.round()) for _ in range(ROUNDS)]
     return Row(work.title, name, median(a for a, _ in rounds), median(b for _, b in rounds),
                median(a / b for a, b in rounds), ours_bytes, floor_bytes)
@@ -148,7 +148,7 @@ def floor_monitor(name: str, monitor: Monitor) -> Monitor:
 
 
 def compare(work: Work, ours: Monitor, floor: Monitor, inputs: Inputs) -> None:
-    """Refuse to time what does not give the same verdicts."""
+    """Exit if the two do not give the same verdicts."""
     if verdicts(ours, inputs) != verdicts(floor, inputs):
         raise SystemExit(f'{work.title}: the hand-written C gives other verdicts')
 

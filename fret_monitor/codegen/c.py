@@ -15,8 +15,8 @@
 """
 C expressions as a tree, and their text.
 
-Every operand that is not a single token stands in parentheses, but for chains of one associative
-operator: no reader and no compiler has to know C's precedence.
+Every operand that is not a single token is in parentheses, except in chains of one associative
+operator. A reader need not know C's precedence, and compilers do not warn about it.
 """
 
 from dataclasses import dataclass
@@ -82,7 +82,7 @@ CExpression: TypeAlias = Atom | Negation | Operation | Apply | Cast | Ternary
 
 
 def depth(expression: CExpression) -> int:
-    """Return how deep an expression nests; expressions are kept shallow, so this recurses."""
+    """Return the nesting depth; recursive, since expressions are kept shallow."""
     match expression:
         case Atom():
             return 0

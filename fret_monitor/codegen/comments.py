@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Text of a bundle in C comments, as it was written as far as that is safe."""
+"""Write text of a bundle in C comments, with unsafe characters replaced."""
 
 from collections.abc import Iterator
 import re
@@ -23,16 +23,16 @@ _WIDTH = 90
 
 
 def comment(text: str, indent: str = '', first: str = '', rest: str = '') -> Iterator[str]:
-    """Yield `//` lines of a text; `first` and `rest` stand before its first and other lines."""
+    """Yield a text as `//` lines; `first` and `rest` come before its first and other lines."""
     lines = textwrap.wrap(safe(text), _WIDTH - len(rest), break_on_hyphens=False) or ['']
     for number, line in enumerate(lines):
         yield f'{indent}// {rest if number else first}{line}'.rstrip()
 
 
 def safe(text: str) -> str:
-    """Replace what could end a comment, continue it, or turn the reading direction."""
+    """Replace text that could end or continue a comment, or change the writing direction."""
     shown = ''.join(_safe_character(char) for char in ' '.join(text.split()))
-    apart = re.sub(r'\?(?=\?)', '? ', shown)  # no trigraphs, in `???/` neither
+    apart = re.sub(r'\?(?=\?)', '? ', shown)  # no trigraphs, not even in `???/`
     return apart.replace('*/', '* /').replace('/*', '/ *')
 
 

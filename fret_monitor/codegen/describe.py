@@ -29,7 +29,7 @@ _LONGEST_FORMULA = 10_000
 
 def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: CModule,
              bundle_hash: str) -> Manifest:
-    """Return the manifest of a program and of its C."""
+    """Return the manifest of a program and its generated C."""
     group_of = {number: index for index, group in enumerate(program.groups)
                 for number in group.properties}
     values = {signal.name: signal.values for signal in program.signals if signal.values}

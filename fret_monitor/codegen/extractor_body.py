@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The body of an extractor: what it reads of a message for the inputs of one topic.
+Generate the body of an extractor, which reads the inputs of one topic from a message.
 
-It goes through the message in the order of its definition, skips what is not needed, and stops
-after the last field that is needed.
+It reads the fields in the order of the definition, skips those that are not needed, and stops
+after the last one that is needed.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -36,10 +36,10 @@ from fret_monitor.model.values import ValueType
 @dataclass
 class Need:
     """
-    What the inputs read of a field, or of one element of it.
+    The inputs that read a field or element, or something inside it.
 
-    `whole` are the inputs (by their place among the topic's) that read all of it; `items` is
-    what is needed of its elements, `fields` of its own fields.
+    `whole` are the inputs that read the field itself, with their indices among the inputs of the
+    topic. `items` are the needs of its elements by index, `fields` those of its fields by name.
     """
 
     whole: list[tuple[int, Signal]] = field(default_factory=list)
@@ -55,7 +55,7 @@ class Need:
         return need
 
     def places(self) -> list[int]:
-        """Return the places of all inputs that read it, or anything in it."""
+        """Return the indices of all inputs that read it, or anything inside it."""
         found = [place for place, _ in self.whole]
         for inner in (*self.items.values(), *self.fields.values()):
             found += inner.places()
@@ -63,10 +63,10 @@ class Need:
 
 
 class ExtractorWriter:
-    """Writes the body of one extractor; `c` is its cursor."""
+    """Writes the body of one extractor, whose cursor is the variable `c`."""
 
     def __init__(self, skippers: Skippers) -> None:
-        """Start a body; `skippers` collects the functions that it calls."""
+        """Start an empty body; `skippers` collects the functions that it calls."""
         self._skippers = skippers
         self._locals = 0
 
@@ -76,7 +76,7 @@ class ExtractorWriter:
 
     def _message(self, layout: MessageLayout, need: Need, path: str,
                  is_last: bool) -> Iterator[str]:
-        """Go through a message; to its end only if something after it is needed."""
+        """Yield C that reads a message; with `is_last`, only up to the last field needed."""
         waiting: list[MessageField] = []
         remaining = set(need.fields)
         for item in layout.fields:
@@ -139,7 +139,7 @@ class ExtractorWriter:
         yield from (f'fields[{place}] = {_field_of(kind, read)};' for place, _ in whole)
 
     def _scalars(self, layout: MessageLayout, need: Need, path: str) -> Iterator[str]:
-        """Read all fields of a message of numbers, and compute what the inputs need of them."""
+        """Read all fields of a message of numbers, and compute the inputs from them."""
         local = {item.name: self._local(item.name.lower()) for item in layout.fields}
         yield from comment(path)
         for item in layout.fields:
@@ -219,7 +219,7 @@ class ExtractorWriter:
 
     def _long_array(self, layout: MessageLayout, kind: FieldType, need: Need, path: str,
                     is_last: bool) -> Iterator[str]:
-        """Go through an array of strings or of messages, from one needed element to the next."""
+        """Read the needed elements of an array of strings or messages, and skip the others."""
         yield from comment(f'{path}: {kind}')
         count = unsigned(kind.size or 0)
         if kind.array is not ArrayKind.FIXED:
@@ -228,7 +228,7 @@ class ExtractorWriter:
         for place, signal in need.whole:
             yield from _explain([(place, signal)], path)
             yield f'fields[{place}] = fm_field_u({count});'
-        # A length is valid only if all elements are there.
+        # The length is valid only if the message contains all elements.
         is_whole = not is_last or bool(need.whole)
         done = self._local('done')
         if is_whole and need.items:
@@ -252,7 +252,7 @@ class ExtractorWriter:
 
     def _item(self, layout: MessageLayout, kind: FieldType, need: Need, path: str, index: int,
               before: int, is_last: bool) -> Iterator[str]:
-        """Skip from the last element that was needed to this one, and read it."""
+        """Skip the elements from index `before` on, and read the one at `index`."""
         if index > before:
             yield from self._skippers.elements(layout, kind, index - before, '&c')
         element = FieldType(kind.base)
@@ -264,7 +264,7 @@ def _indented(lines: Iterable[str]) -> Iterator[str]:
 
 
 def _units(name: str, data: bytes) -> Iterator[str]:
-    """Declare a string in UTF-16; an empty one has no array in C."""
+    """Declare an array with a string in UTF-16; none if it is empty, as C has no empty array."""
     units = [f'{low | high << 8}u,' for low, high in zip(data[::2], data[1::2])]
     if units:
         yield f'static const uint16_t {name}[] = {{'
@@ -274,7 +274,7 @@ def _units(name: str, data: bytes) -> Iterator[str]:
 
 
 def _explain(whole: Iterable[tuple[int, Signal]], path: str) -> Iterator[str]:
-    """Comment which inputs come next, and what they are read from."""
+    """Yield a comment with the inputs that are read next, and their fields."""
     for _, signal in whole:
         what = f'{signal.reduction}({path})' if signal.reduction else path
         yield from comment(f'{signal.name}: {what}')

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The C file with the extractors: a function for each topic that reads the mapped fields.
+Generate the C file with the extractors: a function for each topic that reads the mapped fields.
 
-It stands on `csrc/fret_cdr.h`, which describes how messages are serialized. The same bundle and
-the same message definitions give the same bytes. In C and in the manifest, which are formats,
-extractors are called readers.
+It uses `csrc/fret_cdr.h`, which describes how messages are serialized. The same bundle and message
+definitions give the same bytes. In C and in the manifest, extractors are called readers; these
+names are part of a file format and cannot be changed.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,8 +34,8 @@ def generate_extractors(names: Names, title: str, signals: Sequence[Signal]) -> 
     """
     Yield the lines of the C file.
 
-    There are none if no input comes from a topic, or if a message layout is not known, which
-    happens where the signals are not those of a bundle.
+    There are none if no input comes from a topic, or if a message layout is not known because the
+    signals were not read from a bundle.
     """
     topics = topics_of(signals)
     if topics and all(signals[i].layout for fed in topics.values() for i in fed):
@@ -43,7 +43,7 @@ def generate_extractors(names: Names, title: str, signals: Sequence[Signal]) -> 
 
 
 def topics_of(signals: Sequence[Signal]) -> dict[str, list[int]]:
-    """Return the topics that feed signals, with the indices of those they feed, in order."""
+    """Return the topics of signals, in order, each with the indices of its signals."""
     topics: dict[str, list[int]] = {}
     for index, signal in enumerate(signals):
         if signal.topic is not None and signal.message_type is not None:
@@ -52,7 +52,7 @@ def topics_of(signals: Sequence[Signal]) -> dict[str, list[int]]:
 
 
 class _FileWriter:
-    """Writes the file: skipping functions, an extractor for each topic, and their table."""
+    """Writes the file: functions that skip, an extractor for each topic, and their table."""
 
     def __init__(self, names: Names, title: str, signals: Sequence[Signal]) -> None:
         self._names = names

@@ -15,9 +15,9 @@
 """
 How many bytes of a serialized message can be skipped at once.
 
-Numbers are aligned to their size, counted from the beginning of the message, so the padding
-before a field depends on what stands before it. A message without strings and sequences has a
-fixed size up to that padding.
+Numbers are aligned to their size, counted from the beginning of the message, so that the padding
+before a field depends on the fields before it. Except for this padding, a message without strings
+and sequences has a fixed size.
 """
 
 from collections.abc import Iterable, Sequence
@@ -57,8 +57,8 @@ def stride(runs: Sequence[ByteRun]) -> int:
     """
     Return the bytes from the end of one element to the end of the next, padding included.
 
-    All elements but the first take the same: the alignments of joined runs ascend, so the padding
-    within an element depends only on the largest of them.
+    It is the same for all elements after the first: the alignments of joined runs ascend, so that
+    the padding within an element depends only on the largest alignment.
     """
     begin = runs[-1].size % runs[-1].alignment
     end = begin
@@ -78,17 +78,17 @@ class Sizes:
     """The sizes of messages, fields and elements that do not depend on their content."""
 
     def __init__(self) -> None:
-        """Start with no message measured."""
+        """Start with an empty cache of message sizes."""
         self._known: dict[str, tuple[ByteRun, ...] | None] = {}
 
     def of_message(self, layout: MessageLayout) -> tuple[ByteRun, ...] | None:
-        """Return a message as runs; None if its size depends on its content."""
+        """Return the runs of a message; None if its size depends on its content."""
         if layout.name not in self._known:
             self._known[layout.name] = self._measure(layout)
         return self._known[layout.name]
 
     def of_field(self, layout: MessageLayout, kind: FieldType) -> tuple[ByteRun, ...] | None:
-        """Return the same for a field of a message."""
+        """Return the runs of a field; None if its size depends on its content."""
         element = self.of_element(layout, kind)
         match kind.array:
             case ArrayKind.NONE:
@@ -99,7 +99,7 @@ class Sizes:
                 return None
 
     def of_element(self, layout: MessageLayout, kind: FieldType) -> tuple[ByteRun, ...] | None:
-        """Return the same for one element of a field."""
+        """Return the runs of one element of a field; None if its size depends on its content."""
         if kind.base in STRINGS:
             return None
         if kind.is_message:

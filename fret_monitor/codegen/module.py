@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The C files of a monitor program: a header that a person can program against, and the sources.
+Generate the C files of a monitor program: a header for programmers, and the sources.
 
-Same program, same bytes. Large programs are spread over several files of similar size, so that
-compilers can work on them side by side.
+The same program gives the same bytes. Large programs are divided into several files of similar
+size, which can be compiled in parallel.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -34,7 +34,7 @@ from fret_monitor.program.monitor_program import MonitorProgram
 
 _FILE_EQUATIONS = 3000
 _BLOCK_EQUATIONS = 600
-_HASH_FIELD = '\0'  # cannot come from a text of a bundle
+_HASH_FIELD = '\0'  # replaced by the hash; cannot occur in text of a bundle
 
 
 @dataclass(frozen=True)
@@ -244,7 +244,7 @@ class _ModuleWriter:
         yield from self._entry(number, (self._names.group_function(number, 'body'),))
 
     def _function(self, kind: str, name: str, number: int, body: list[str]) -> Iterator[str]:
-        """Yield a function of a group's state `s` and the inputs `in`."""
+        """Yield a function with the parameters `s` (a group's state), `in` and `verdicts`."""
         yield f'{kind} void {name}('
         yield (f'  {self._names.group_struct(number)} * s, const {self._names.inputs_struct} * in,'
                ' bool * verdicts)')
@@ -272,7 +272,7 @@ class _ModuleWriter:
         yield from self._entry(number, tuple(functions))
 
     def _blocks(self, groups: list[int]) -> Iterator[list[int]]:
-        """Cut a file's groups into runs, one step function each."""
+        """Divide a file's groups into runs, one step function each."""
         return _runs(groups, self._size, _BLOCK_EQUATIONS)
 
     def _size(self, group: int) -> int:
@@ -378,7 +378,7 @@ class _ModuleWriter:
 
 def _runs(groups: Iterable[int], size: Callable[[int], int],
           limit: int) -> Iterator[list[int]]:
-    """Cut a sequence of groups into runs of at most `limit` equations, or of one group."""
+    """Divide a sequence of groups into runs of at most `limit` equations, or of one group."""
     run: list[int] = []
     total = 0
     for group in groups:

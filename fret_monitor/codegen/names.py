@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Every C identifier that generated code uses.
+Choose every C identifier of generated code.
 
 A user's name is kept if C allows it, else changed in a fixed way; names within one scope are
-distinct. Text of a bundle reaches C only through this module, `comments` and string literals.
+distinct. Text of a bundle gets into C only through this module, `comments` and string literals.
 """
 
 from collections.abc import Iterable
@@ -38,14 +38,14 @@ _KEYWORDS = frozenset("""
 _OURS = frozenset({'s', 'in', 'state', 'inputs', 'verdicts', 'pow', 'fmod', 'fmodf', 'memset'})
 _GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+$')
 _MODULE = re.compile(r'req_.*|requirements|step|step_any|reset|monitor|readers|groups?_.*')
-_LONGEST_PREFIX = 100  # names of files are made of it
+_LONGEST_PREFIX = 100  # characters; file names begin with the prefix
 
-# As in `fm_add_i64`: the functions of fret_cells.h end in the type that they are for.
+# Suffixes of the functions in fret_cells.h, by the type of their operands, as in `fm_add_i64`.
 SUFFIXES = {kind: f'{kind.value[0]}{kind.bits}' for kind in ValueType if kind.is_number}
 
 
 def identifier(name: str, prefix: str = 'fm') -> str:
-    """Return a C identifier close to `name` that is no keyword, macro or generated name."""
+    """Return a C identifier similar to `name` that is no keyword, macro or generated name."""
     word = re.sub(r'[^A-Za-z0-9_]', '_', name) or '_'
     is_taken = word in _KEYWORDS or word in _OURS or word[0].isdigit()
     is_of_module = word.startswith(f'{prefix}_') and _MODULE.fullmatch(word[len(prefix) + 1:])
@@ -55,7 +55,7 @@ def identifier(name: str, prefix: str = 'fm') -> str:
 
 
 def distinct(names: Iterable[str], prefix: str = 'fm') -> dict[str, str]:
-    """Return an identifier for each name, in order; clashes get a number behind them."""
+    """Return an identifier for each name, in order; a number is appended if it is taken."""
     chosen: dict[str, str] = {}
     taken: set[str] = set()
     for name in names:
@@ -103,7 +103,7 @@ class Names:
 
     @property
     def requirement_count(self) -> str:
-        """The number of requirements, and of verdicts."""
+        """The constant with the number of requirements."""
         return f'{self.prefix}_requirements'
 
     @property
@@ -138,7 +138,7 @@ class Names:
         return f'{self.prefix}_group_{group}_part_{part}'
 
     def block_function(self, first: int) -> str:
-        """Return the function that steps a run of groups, by the first of them."""
+        """Return the function that steps a run of groups, named by the first of them."""
         return f'{self.prefix}_groups_from_{first}'
 
 

@@ -22,7 +22,7 @@ from fret_monitor.program.monitor_program import ApplyBinary, Convert
 
 _RELATIONS = {BinaryOperator.LT: '<', BinaryOperator.LE: '<=', BinaryOperator.GT: '>',
               BinaryOperator.GE: '>=', BinaryOperator.EQ: '==', BinaryOperator.NE: '!='}
-# Of int64 with uint64: the function, whether the sides are swapped, whether it is negated.
+# int64 compared with uint64: the function, whether operands are swapped, whether it is negated.
 _MIXED = {BinaryOperator.LT: ('less', False, False), BinaryOperator.GE: ('less', False, True),
           BinaryOperator.GT: ('less', True, False), BinaryOperator.LE: ('less', True, True)}
 _ARITHMETIC = {BinaryOperator.ADD: '+', BinaryOperator.SUB: '-', BinaryOperator.MUL: '*',

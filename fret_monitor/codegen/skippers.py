@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""C that skips the fields of a serialized message that no input reads."""
+"""Generate C that skips the fields of a serialized message that no input reads."""
 
 from collections.abc import Iterable, Iterator
 
@@ -22,20 +22,20 @@ from fret_monitor.codegen.message_sizes import (
 from fret_monitor.messages.installed import nested_layout
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
 
-_LARGEST = 2 ** 62  # of a run; no message is that long
+_LARGEST = 2 ** 62  # bytes of a run; longer than any message
 _NO_BOUND = 'UINT32_MAX'
 
 
 class Skippers:
-    """C that skips fields, and the functions that skip messages of varying size."""
+    """Generates C that skips fields, and functions that skip messages of varying size."""
 
     def __init__(self, sizes: Sizes) -> None:
-        """Start without functions; each is made when it is first needed."""
+        """Start without functions; each is generated when it is first needed."""
         self._sizes = sizes
         self._made: dict[str, list[str]] = {}
 
     def lines(self) -> Iterator[str]:
-        """Yield the functions, each after those that it calls."""
+        """Yield the functions; each comes after the functions it calls."""
         for lines in self._made.values():
             yield from lines
 
@@ -89,7 +89,7 @@ class Skippers:
         return name
 
     def _definition(self, name: str, layout: MessageLayout) -> Iterator[str]:
-        # The functions that it calls are made, and so printed, before it.
+        # This generates the functions that it calls, so that they are printed before it.
         body = list(self.fields(layout, layout.fields, 'c'))
         yield f'static void {name}(struct fm_cdr * c, uint32_t count)'
         yield '{'

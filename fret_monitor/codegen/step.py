@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-One part of a group's step as C statements.
+Generate the C statements of one part of a group's step.
 
-Each equation becomes a named constant, or, if it is small and used once, a part of the expression
-that uses it. State is in the group's struct `s`; words of packed bits are read at the start of the
-part and written at its end.
+Each equation becomes a named constant or, if it is small and used once, is inlined in the
+expression that uses it. State is in the group's struct `s`; words of packed bits are read at the
+start of the part and written at its end.
 """
 
 from collections.abc import Iterator
@@ -355,7 +355,7 @@ def _stem(operation: Operation) -> str:
 
 
 def _is_shallow(formula: Formula) -> bool:
-    """Whether a formula may fit in a line; stops early at one that cannot."""
+    """Whether a formula may fit in a line; reads only the beginning of a large one."""
     level = [formula]
     for _ in range(_SHOWN_HEIGHT):
         level = [item for node in level for item in operands_of(node)][:_SHOWN_FORMULA]
