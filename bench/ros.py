@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Measure the monitor as a process in a graph, beside a bare subscriber in C on rcl, and rclpy.
+Compare the monitor, as a process in a graph, with minimal subscribers in C (rcl) and in rclpy.
 
-Programs in C (`bench/ros`) are built against the headers that a ROS 2 installation, or the wheels,
-bring: `load.c` publishes, listens to the answers and takes the time; `floor.c` is the yardstick.
-A round takes each subject in turn, in a process of its own with a load of its own, and nothing
-else in the domain. Ratios are of one round; what is shown is the median of the rounds.
+The C programs of `bench/ros` are compiled with the headers of a ROS 2 installation or the wheels.
+`load.c` publishes, subscribes to the answers and measures times; `floor.c` is the reference. In
+each round every subject runs in its own process, with its own load generator, and with no other
+node in the domain. A ratio compares subjects of one round; the table has the median over rounds.
 
     make bench-ros        (or: .venv/bin/python -m bench.ros [--rounds N] [--only NAME] [--json])
 """
@@ -50,11 +50,11 @@ ROUNDS = 7
 DOMAIN = '101'  # unless ROS_DOMAIN_ID is set; the tests use domains up to 100
 RATE = 1000.0  # messages a second
 SECONDS = 4.0
-CLOUDS = 50.0  # a second
+CLOUDS = 50.0  # point clouds a second
 FLOOD = 30_000
 REQUIREMENTS = 100
-IDLE = 1.0  # s before the load in which it is seen what the process takes without one
-DRAIN = 0.5  # s after the load until what has come is worked off
+IDLE = 1.0  # s before the load, to measure the processor time of an idle process
+DRAIN = 0.5  # s after the load, for the subject to process the queued messages
 PATIENCE = 60.0
 
 TOPICS = ('motor/current', 'windspeed')  # of config/quadrotor.yaml
@@ -66,7 +66,7 @@ PACKAGES = ('std_msgs', 'sensor_msgs', 'diagnostic_msgs')
 # -- the programs in C ----------------------------------------------------------------------------
 
 def prefixes() -> list[Path]:
-    """Return where ROS 2 may be installed: the sourced installation first, then the wheels."""
+    """Return the prefixes of ROS 2: the sourced installation first, then the wheels."""
     sourced = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
     return [Path(name) for name in (*filter(None, sourced), sys.prefix)]
 
@@ -86,7 +86,7 @@ def build(name: str, folder: Path) -> Path:
          *(f'-isystem{place}' for place in included),
          str(HERE / 'ros' / f'{name}.c'), str(HERE / 'ros' / 'no_python.c'), '-o', str(program),
          *(f'-L{place}' for place in linked),
-         # An rpath of the old kind is for the libraries' own needs too.
+         # DT_RPATH, unlike DT_RUNPATH, is also used for the dependencies of libraries.
          '-rdynamic', '-Wl,--disable-new-dtags', '-Wl,--unresolved-symbols=ignore-in-shared-libs',
          *(f'-Wl,-rpath,{place}' for place in linked), *(f'-l{name}' for name in libraries)],
         capture_output=True, text=True, check=False)
@@ -108,7 +108,7 @@ class Subject:
 
 @dataclass(frozen=True)
 class Sent:
-    """What the load measured of its messages and their answers; times are in nanoseconds."""
+    """The load's measurements of its messages and their answers; times are in nanoseconds."""
 
     count: int
     seconds: float
@@ -118,16 +118,16 @@ class Sent:
 
 
 class Load:
-    """The load generator: commands go in, a line comes back."""
+    """The load generator: it answers each command with a line."""
 
     def __init__(self, program: Path, *arguments: str) -> None:
-        """Start it, and wait until its topics are there."""
+        """Start it, and wait until it has created its topics."""
         self._errors = TemporaryFile()  # noqa: SIM115  closed by `close`
         self.process = subprocess.Popen(
             [str(program), *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
             stderr=self._errors, text=True,
             env={**os.environ, 'FASTRTPS_DEFAULT_PROFILES_FILE': str(HERE / 'ros' / 'load.xml')})
-        # A clock that runs on one processor; subjects run where the system puts them.
+        # The load runs on one processor; the system places the subjects.
         os.sched_setaffinity(self.process.pid, {min(os.sched_getaffinity(0))})
         self.answer()
 
@@ -138,7 +138,7 @@ class Load:
         self.process.stdin.flush()
 
     def answer(self, of: 'Running | None' = None) -> str:
-        """Return the answer to a command, which may need a subject that goes on running."""
+        """Return the answer to a command; fail if the subject `of` ends before."""
         assert self.process.stdout is not None
         while not select([self.process.stdout], [], [], 0.2)[0]:
             if of is not None and of.process.poll() is not None:
@@ -150,17 +150,17 @@ class Load:
         return line
 
     def ask(self, command: str, of: 'Running | None' = None) -> str:
-        """Give a command and return the answer."""
+        """Send a command and return the answer."""
         self.command(command)
         return self.answer(of)
 
     def send(self, count: int, rate: float) -> Sent:
-        """Publish so many messages, so many a second."""
+        """Publish `count` messages, `rate` a second."""
         count_, seconds, answers, p50, p99 = self.ask(f'send {count} {rate}').split()
         return Sent(int(count_), float(seconds), int(answers), int(p50), int(p99))
 
     def counts(self, key: str) -> dict[str, int]:
-        """Return the numbers that the subject publishes under a key, by name."""
+        """Return the numbers that the subject publishes for a key in /diagnostics, by name."""
         pairs = (part.rpartition('=') for part in self.ask(f'tell {key}').strip().split('\t'))
         return {name.partition(': ')[2]: int(number) for name, _, number in pairs}
 
@@ -191,22 +191,22 @@ class Running:
         self._clock = clock.value
 
     def nanoseconds(self) -> int:
-        """Return the processor time that it has taken, in all of its threads."""
+        """Return the processor time of all of its threads."""
         return time.clock_gettime_ns(self._clock)
 
     def kilobytes(self, key: str) -> int:
-        """Return how much memory it has: VmRSS, VmHWM."""
+        """Return its memory: the resident size (VmRSS) or its peak (VmHWM)."""
         return kilobytes(self.process, key)
 
     def close(self) -> str:
-        """End it and return all that it wrote."""
+        """End it, and return its output."""
         self.process.send_signal(signal.SIGINT)
         end(self.process)
         self._output.seek(0)
         return self._output.read().decode(errors='replace')
 
     def kill(self) -> None:
-        """See to it that nothing is left, whatever happened."""
+        """Kill it if it still runs."""
         if self.process.poll() is None:
             self.process.kill()
             self.process.wait()
@@ -214,7 +214,7 @@ class Running:
 
 
 def kilobytes(process: subprocess.Popen[str] | subprocess.Popen[bytes], key: str) -> int:
-    """Return a line of /proc/PID/status."""
+    """Return a size from /proc/PID/status."""
     text = Path(f'/proc/{process.pid}/status').read_text(encoding='ascii')
     found = [line for line in text.splitlines() if line.startswith(f'{key}:')]
     if not found:
@@ -223,7 +223,7 @@ def kilobytes(process: subprocess.Popen[str] | subprocess.Popen[bytes], key: str
 
 
 def end(process: subprocess.Popen[str] | subprocess.Popen[bytes]) -> None:
-    """Wait for the end of a process, but not for ever."""
+    """Wait for the end of a process, for a limited time."""
     try:
         process.wait(PATIENCE)
     except subprocess.TimeoutExpired:
@@ -233,7 +233,7 @@ def end(process: subprocess.Popen[str] | subprocess.Popen[bytes]) -> None:
 
 @contextmanager
 def both(load: Load, running: Running) -> Iterator[list[str]]:
-    """End both after the block; what the subject wrote is in the list then."""
+    """End both after the block, and put the output of the subject into the yielded list."""
     written: list[str] = []
     try:
         yield written
@@ -252,7 +252,7 @@ def both(load: Load, running: Running) -> Iterator[list[str]]:
 
 @dataclass(frozen=True)
 class Work:
-    """What is published, and how. A rate of 0 is a flood."""
+    """The messages to publish. A rate of 0 means as fast as possible."""
 
     topics: tuple[str, ...]
     count: int
@@ -264,28 +264,28 @@ class Work:
 
     @property
     def arguments(self) -> tuple[str, ...]:
-        """As `load.c` and `floor.c` take it."""
+        """The arguments for `load.c` and `floor.c`."""
         return ('--topics', ','.join(self.topics), '--type', self.content,
                 '--depth', str(self.depth), '--reliability', self.reliability)
 
 
 @dataclass(frozen=True)
 class Sample:
-    """What one run of one subject gave: microseconds, messages, megabytes."""
+    """The measurements of one run of a subject: microseconds, messages, megabytes."""
 
     sent: int
     counted: int
-    answers: int | None  # None where there are to be none
+    answers: int | None  # None if no answers are expected
     cpu: float
     p50: float
     p99: float
     resident: float
     highest: float
-    way: str = ''  # how a monitor takes its messages, from its log
+    way: str = ''  # how a monitor takes its messages, read from its log
 
 
 def sample(load_program: Path, work: Work, subject: Subject) -> Sample:
-    """Run a subject and a load of its own, and return what was seen."""
+    """Run a subject with its own load, and return the measurements."""
     load = Load(load_program, *work.arguments,
                 *(('--echo', work.echo) if work.echo is not None else ()))
     running = Running(subject)
@@ -311,7 +311,7 @@ def sample(load_program: Path, work: Work, subject: Subject) -> Sample:
 
 
 def way_of(text: str) -> str:
-    """Return how messages were taken, as a monitor's log has it: in C, or in Python."""
+    """Return how messages were taken according to a monitor's log: in C, or in Python."""
     found = re.search(r'messages are taken (in \w+)', text)
     return found[1] if found else ''
 
@@ -328,7 +328,7 @@ def last_number(text: str, subject: Subject) -> int:
 
 @dataclass(frozen=True)
 class Bench:
-    """The programs, the folder for what is made, and how long all takes."""
+    """The C programs, the folder for bundles, and the sizes of the measurements."""
 
     load: Path
     floor: Path
@@ -340,11 +340,11 @@ class Bench:
 
     def work(self, topics: tuple[str, ...], rate: float, content: str = 'float32',
              depth: int = 100, echo: str | None = None) -> Work:
-        """Return what is published at a rate, for as long as a run is to last."""
+        """Return the messages to publish at a rate for the length of a run."""
         return Work(topics, int(rate * self.seconds), rate, content, depth, echo)
 
     def unread(self, work: Work, *arguments: str) -> Subject:
-        """Return the one that never takes a message: what the middleware does by itself."""
+        """Return a subscriber that takes no message: it measures the middleware alone."""
         return self.bare(work, '--take', 'no', *arguments, name=UNREAD)
 
     def bare(self, work: Work, *arguments: str, name: str = 'rcl in C') -> Subject:
@@ -358,7 +358,7 @@ class Bench:
             '--depth', str(work.depth), *arguments))
 
     def monitors(self, bundle: Path) -> list[Subject]:
-        """Return the monitor, in each of the ways in which messages may come to it."""
+        """Return the monitor, once for each way in which it can take messages."""
         command = (str(monitor()), '--ros-args', '-p', f'spec:={bundle}')
         if 'hot_path' not in MONITOR_PARAMETERS:
             return [Subject('monitor', command, is_monitor=True)]
@@ -366,7 +366,7 @@ class Bench:
                 for name, way in (('monitor', 'auto'), ('monitor, hot_path off', 'off'))]
 
     def bundle(self, name: str, inputs: str, requirements: str) -> Path:
-        """Write a bundle and return it."""
+        """Write a bundle and return its path."""
         path = self.folder / f'{name}.yaml'
         path.write_text(f'format: 1\ninputs:\n{inputs}requirements:\n{requirements}',
                         encoding='utf-8')
@@ -374,7 +374,7 @@ class Bench:
 
 
 def monitor() -> Path:
-    """Return the executable as `ros2 run` finds it."""
+    """Return the executable that `ros2 run` would run."""
     for prefix in prefixes():
         path = prefix / 'lib' / 'fret_monitor' / 'monitor'
         if path.is_file():
@@ -383,7 +383,7 @@ def monitor() -> Path:
 
 
 def float_input(name: str, topic: str, more: str = '') -> str:
-    """Return the line of an input that has a value from the start, so that all messages count."""
+    """Return the line of an input with an initial value, so that every message is a step."""
     return f'  {name}: {{topic: {topic}, type: std_msgs/msg/Float32, initial: 0.0{more}}}\n'
 
 
@@ -391,7 +391,7 @@ def float_input(name: str, topic: str, more: str = '') -> str:
 
 @dataclass(frozen=True)
 class Row:
-    """A line of a table: the median, the lowest and the highest of the rounds, and the ratio."""
+    """A row of a table: the median, the minimum and maximum of the rounds, and the ratio."""
 
     figure: str
     subject: str
@@ -408,7 +408,7 @@ Samples = dict[str, list[Sample]]
 
 
 def rounds_of(bench: Bench, work: Work, subjects: Sequence[Subject]) -> Samples:
-    """Take all subjects in turn, round after round."""
+    """Run all subjects, one after the other, in each round."""
     found: Samples = {subject.name: [] for subject in subjects}
     for number in range(bench.rounds):
         for subject in subjects:
@@ -418,14 +418,14 @@ def rounds_of(bench: Bench, work: Work, subjects: Sequence[Subject]) -> Samples:
 
 
 def say(text: str) -> None:
-    """Show on a terminal how far it is; what takes minutes should."""
+    """Show the progress on a terminal, since a run takes minutes."""
     if sys.stderr.isatty():
         print(f'\r\x1b[K{text}', end='', file=sys.stderr, flush=True)
 
 
 def rows(figure: str, unit: str, found: Samples, value: Callable[[Sample], float],
          bar: str = '') -> Iterator[Row]:
-    """Yield a row a subject; ratios are to the first subject, of the same round."""
+    """Yield a row for each subject; ratios are to the first subject of the same round."""
     yard = [value(item) for item in next(iter(found.values()))]
     for name, samples in found.items():
         values = [value(item) for item in samples]
@@ -435,7 +435,7 @@ def rows(figure: str, unit: str, found: Samples, value: Callable[[Sample], float
 
 
 def noted(name: str, samples: Sequence[Sample]) -> str:
-    """Say how messages were taken, and how many, or answers, there are too few or too many."""
+    """Return a note: how messages were taken, and how many messages or answers are missing."""
     messages = sum(item.sent - item.counted for item in samples if name != UNREAD)
     answers = sum(item.sent - item.answers for item in samples
                   if item.answers is not None and name != UNREAD)
@@ -446,7 +446,7 @@ def noted(name: str, samples: Sequence[Sample]) -> str:
 
 
 def processor_rows(case: str, found: Samples, bar: str) -> Iterator[Row]:
-    """Yield rows of processor time: of the whole process, and above one that never takes."""
+    """Yield rows of processor time: the total, and the excess over one that takes nothing."""
     yield from rows(f'CPU a message, {case}', 'us', found, lambda item: item.cpu, bar)
     above = {name: [replace(item, cpu=item.cpu - idle.cpu)
                     for item, idle in zip(samples, found[UNREAD])]
@@ -455,7 +455,7 @@ def processor_rows(case: str, found: Samples, bar: str) -> Iterator[Row]:
 
 
 def quiet(bench: Bench) -> Iterator[Row]:
-    """Measure the running example without a violation, and memory after it."""
+    """Measure the running example without violations, and the memory afterwards."""
     work = bench.work(TOPICS, bench.rate)
     example = HERE.parent / 'config' / 'quadrotor.yaml'
     found = rounds_of(bench, work, [
@@ -467,7 +467,7 @@ def quiet(bench: Bench) -> Iterator[Row]:
 
 
 def violations(bench: Bench) -> Iterator[Row]:
-    """Measure a violation each message, of which one hears: processor time and latency."""
+    """Measure one published violation for each message: processor time and latency."""
     work = bench.work(TOPICS, bench.rate, echo=HANDLER)
     bundle = bench.bundle(
         'each', float_input('current', TOPICS[0]) + float_input('wind', TOPICS[1]),
@@ -483,7 +483,7 @@ def violations(bench: Bench) -> Iterator[Row]:
 
 
 def cloud(bench: Bench) -> Iterator[Row]:
-    """Measure a field of a large message, above a subscription that is never taken from."""
+    """Measure reading a field of a large message, above the cost of the middleware alone."""
     work = bench.work(('points',), CLOUDS, content='cloud', depth=10)
     bundle = bench.bundle(
         'cloud', '  sec:\n    topic: points\n    type: sensor_msgs/msg/PointCloud2\n'
@@ -495,7 +495,7 @@ def cloud(bench: Bench) -> Iterator[Row]:
 
 
 def flood(bench: Bench) -> Iterator[Row]:
-    """Measure what is kept of a flood with queues of ten."""
+    """Measure how many messages of a flood are received with queues of ten."""
     work = Work(TOPICS[:1], bench.flood, 0.0, depth=10)
     bundle = bench.bundle(
         'flood', float_input('current', TOPICS[0], ', qos: {depth: 10}'),
@@ -517,7 +517,7 @@ class Start:
 
 
 def start(bench: Bench) -> Iterator[Row]:
-    """Measure the start with 100 requirements that are compiled already."""
+    """Measure the start with 100 requirements that were compiled before."""
     for title, topics in (
             ('on one topic', ('x0',)),
             ('on 100 topics', tuple(f'x{i}' for i in range(REQUIREMENTS)))):
@@ -531,7 +531,7 @@ def start(bench: Bench) -> Iterator[Row]:
         subjects = [bench.bare(work, '--publish', handler), *bench.monitors(bundle),
                     bench.rclpy(work, '--publish', handler)]
         for subject in subjects:
-            started(bench.load, work, subject)  # compiles, and fills the system's own caches
+            started(bench.load, work, subject)  # compiles, and fills the file system's cache
         found: dict[str, list[Start]] = {subject.name: [] for subject in subjects}
         for number in range(bench.rounds):
             for subject in subjects:
@@ -589,7 +589,7 @@ def number(value: float) -> str:
 @contextmanager
 def prepared(rounds: int, rate: float = RATE, seconds: float = SECONDS,
              flood: int = FLOOD) -> Iterator[Bench]:
-    """Build the programs, and keep what is made out of the user's home."""
+    """Build the programs in a temporary folder, which is also the home of the monitors."""
     before = dict(os.environ)
     with TemporaryDirectory() as name:
         folder = Path(name)

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Run for long: messages through the node, rows through `simulate`; verdicts as the reference has it.
+Run the node and `simulate` for a long time, and compare verdicts with the reference evaluator.
 
-The values repeat, and the formulas look back on fewer rows than that, or are false for ever once
-they are: so what the reference evaluator finds for two turns holds for all that follow. Of the
-node one requirement's violations are counted as they come, and compared after each batch by the
-load (`bench/ros/load.c`), and its counts in /diagnostics at the end; of `simulate` each
-verdict is compared. Memory is looked at throughout: it must not grow in the second half.
+The values repeat every turn. Each formula looks back less than a turn, or stays false once it is
+false, so that the reference verdicts of two turns determine those of all later turns. For the
+node, the load (`bench/ros/load.c`) counts the violations of one requirement and compares their
+number after each batch; at the end the counts in /diagnostics are compared. For `simulate`, every
+verdict is compared. Memory is measured throughout and must not grow in the second half.
 
     make soak        (or: .venv/bin/python -m bench.soak [--messages N] [--only node|simulate])
 """
@@ -42,9 +42,9 @@ from fret_monitor.logic.evaluate import verdicts
 
 MESSAGES = 10_000_000
 TURN = 1000  # rows until the values repeat
-BATCH = 200  # messages until the violations are compared; the node's queue holds five times that
-PARTS = 20  # looks at the memory
-GROWTH = 2.0  # MB by which the second half may be above the first; a byte a message would be 5
+BATCH = 200  # messages between comparisons; the node's queue holds five times as many
+PARTS = 20  # measurements of the memory
+GROWTH = 2.0  # MB by which the second half may exceed the first; a byte a message would be 5
 HANDLER = 'copilot/handlerpropR0'
 REQUIREMENTS = """\
   - {id: R0, ptltl: "(x > 0.6) -> O[1,9] (x < 0.1)"}
@@ -65,7 +65,7 @@ class Turn:
     later: tuple[tuple[bool, ...], ...]
 
     def violations(self, messages: int) -> dict[str, int]:
-        """Return at how many steps each requirement is violated."""
+        """Return the number of steps at which each requirement is violated."""
         turns, rest = divmod(messages, TURN)
         rows = [*self.first[:messages],
                 *(self.later[:rest] if turns else ())]
@@ -76,7 +76,7 @@ class Turn:
 
 @dataclass(frozen=True)
 class Result:
-    """What a part of the run showed; memory is in MB, of the first half and of the second."""
+    """The result of a part of the run; memory in MB, in its first and second half."""
 
     title: str
     messages: int
@@ -92,9 +92,9 @@ class Result:
 
 
 def turn_of(bundle: Path) -> Turn:
-    """Make a turn of values, and ask the reference evaluator what becomes of it."""
+    """Make a turn of values, and compute its verdicts with the reference evaluator."""
     draw = Random(20261121)
-    values = tuple(draw.randrange(1024) / 1024 for _ in range(TURN))  # the same in float32
+    values = tuple(draw.randrange(1024) / 1024 for _ in range(TURN))  # exact in float32
     properties = read(bundle).specification.properties
     columns = [verdicts(item.formula, {'x': values * 3}) for item in properties]
     turns = [tuple(zip(*(column[k * TURN:(k + 1) * TURN] for column in columns)))
@@ -104,19 +104,19 @@ def turn_of(bundle: Path) -> Turn:
 
 
 def parts_of(number: int) -> list[int]:
-    """Return how many there are of a number in each part of the run."""
+    """Divide a number into one share for each part of the run."""
     size, more = divmod(number, PARTS)
     return [size + (part < more) for part in range(PARTS)]
 
 
 def halves(megabytes: list[float]) -> tuple[float, float]:
-    """Return the highest of the first half, without the beginning, and of the second."""
+    """Return the maxima of the first half, without its first value, and of the second half."""
     middle = len(megabytes) // 2
     return max(megabytes[1:middle]), max(megabytes[middle:])
 
 
 def expect(what: str, found: object, due: object) -> None:
-    """End it all where something is not as it is due."""
+    """Exit with an error if a result is not the expected one."""
     if found != due:
         raise SystemExit(f'{what}: {found}, and not {due}')
 
@@ -124,7 +124,7 @@ def expect(what: str, found: object, due: object) -> None:
 # -- the node -------------------------------------------------------------------------------------
 
 def soak_node(bench: Bench, subject: Subject, turn: Turn, messages: int) -> Result:
-    """Publish as fast as the node takes it, and compare."""
+    """Publish as fast as the node takes messages, and compare its violations."""
     values = bench.folder / 'values.txt'
     values.write_text(''.join(
         f'{value!r} {int(not first[0])} {int(not later[0])}\n'
@@ -152,7 +152,7 @@ def soak_node(bench: Bench, subject: Subject, turn: Turn, messages: int) -> Resu
 # -- simulate -------------------------------------------------------------------------------------
 
 def soak_simulate(bundle: Path, turn: Turn, rows: int) -> Result:
-    """Write a trace into the verb, and compare what comes out, row by row."""
+    """Feed a trace to `simulate`, and compare its output row by row."""
     begin = time.monotonic()
     with simulating(bundle, lambda file: feed(file, turn, rows)) as process:
         assert process.stdout is not None
@@ -169,7 +169,7 @@ def soak_simulate(bundle: Path, turn: Turn, rows: int) -> Result:
 
 
 def resident(process: 'subprocess.Popen[str]', before: float) -> float:
-    """Return the memory in MB; it may have written all, and ended, while we still read."""
+    """Return the memory in MB; the last value if the process has already ended."""
     if process.poll() is not None:
         return before
     try:
@@ -181,7 +181,7 @@ def resident(process: 'subprocess.Popen[str]', before: float) -> float:
 @contextmanager
 def simulating(bundle: Path, write: Callable[[IO[str]], None]
                ) -> Iterator[subprocess.Popen[str]]:
-    """Start the verb, with a thread that writes its trace; see to it that it ends well."""
+    """Start `simulate` and a thread that writes its trace; check its exit status."""
     program = 'import sys; from fret_monitor.cli.main import main; sys.exit(main())'
     with subprocess.Popen(
             [sys.executable, '-c', program, 'simulate', str(bundle), '--trace', '/dev/stdin'],
@@ -199,7 +199,7 @@ def simulating(bundle: Path, write: Callable[[IO[str]], None]
 
 
 def feed(file: IO[str], turn: Turn, rows: int) -> None:
-    """Write the trace, a turn at a time."""
+    """Write the trace, one turn at a time."""
     lines = [f'{value!r}\n' for value in turn.values]
     whole = ''.join(lines)
     try:
@@ -227,7 +227,7 @@ def compare(file: IO[str], turn: Turn, begin: int, count: int) -> int:
 # -- what is printed ------------------------------------------------------------------------------
 
 def soak(bench: Bench, messages: int, only: str | None = None) -> Iterator[Result]:
-    """Yield what each part showed; the node's in each of its ways."""
+    """Yield the result of each part; the node is run once for each way to take messages."""
     bundle = bench.bundle(
         'soak', '  x: {topic: x, type: std_msgs/msg/Float32, qos: {depth: 1000}}\n', REQUIREMENTS)
     turn = turn_of(bundle)

@@ -12,14 +12,15 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// floor.c: the yardstick of a node that listens: a bare subscriber in C on rcl.
+/// floor.c: the reference for a node that subscribes: a minimal subscriber in C on rcl.
 ///
 ///     floor --topics A,B [--type float32|cloud] [--depth N] [--reliability reliable|best_effort]
 ///           [--publish TOPIC] [--take no]
 ///
-/// It waits with a wait set, 200 ms at most, and takes one message of each topic that has one. It
-/// may publish a std_msgs/Empty for each. With `--take no` it only sleeps: what the middleware does
-/// for a subscription from which nothing is taken. On SIGINT or SIGTERM it prints its count.
+/// It waits with a wait set, for at most 200 ms, and takes one message of each topic that is
+/// ready. With `--publish` it publishes a std_msgs/Empty for each message. With `--take no` it
+/// only sleeps, which measures the middleware alone. On SIGINT or SIGTERM it prints the number of
+/// messages taken.
 
 #include <signal.h>
 
@@ -47,7 +48,8 @@ static bool read_other(const char * const name, char * const value)
   return true;
 }
 
-/// Take one message if there is one, and publish an answer if asked to.
+/// Take a message if one is queued, and publish an answer unless `publisher` is NULL. Returns the
+/// number of messages taken.
 static uint64_t take(
   const rcl_subscription_t * const subscription, union message * const message,
   const rcl_publisher_t * const publisher)
@@ -83,7 +85,7 @@ static uint64_t serve(
       need(rcl_wait_set_add_subscription(&set, &subscriptions[i], NULL), "add");
     }
     if (rcl_wait(&set, 200000000) != RCL_RET_OK) {
-      rcl_reset_error();  // nothing came
+      rcl_reset_error();  // a timeout
       continue;
     }
     for (size_t i = 0u; i < topics->count; ++i) {

@@ -12,32 +12,32 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// load.c: who publishes what the others listen to, and measures what comes back.
+/// load.c: publishes messages to a subject, and measures the subject's answers.
 ///
 ///     load --topics A,B [--type float32|cloud] [--depth N] [--reliability reliable|best_effort]
 ///          [--bytes N] [--echo TOPIC] [--values FILE]
 ///
-/// Messages go to the topics in turn. With `--echo` it listens to a topic of std_msgs/Empty, on
-/// which the subject answers each message in order, and takes the time from just before a publish
-/// to just after the take of its answer: one process, one clock. Commands come on standard input, a
-/// line each, and each is answered with a line:
+/// Messages are published on the topics in turn. With `--echo` it subscribes to a topic of
+/// std_msgs/Empty, on which the subject answers each message in order. A latency is the time from
+/// just before a publish to just after the take of its answer, so that one clock of one process
+/// measures both. It reads commands from standard input, one a line, and answers each with a line:
 ///
-///     match       wait for half a second with one subscription a topic, and one that asks for the
-///                 reliability that is offered: a monitor may renew what it has
-///     send N R    publish N messages, R a second (0: without a pause), at the moments of a clock
-///                 that does not wait for late ones; prints: sent, seconds, answers, and the median and
-///                 the 99th percentile of the time to an answer, in nanoseconds
-///     tell KEY    the numbers in /diagnostics under that key, once they are stable: NAME=VALUE of each
-///                 status that has it, tabs between
-///     stream N B  publish the next N messages of `--values` on the first topic, as fast as may be,
-///                 and after each B check the number of answers; prints how many
-///                 messages were sent since the start. FILE has a line a message: its value, and
-///                 whether it is due an answer, 0 or 1, the first time and each later time that
-///                 the file is gone through
-///     appear      wait for subscriptions; prints when one topic had one, and when all had, on the
-///                 shared clock
-///     step        publish on the first topic, a message a millisecond, until an answer comes; prints
-///                 when
+///     match       wait until each topic has had exactly one subscription, with the offered
+///                 reliability, for half a second (a monitor may replace a subscription)
+///     send N R    publish N messages, R a second (0: without a pause), at fixed times, also when
+///                 earlier messages were late; prints the number sent, seconds, answers, and the
+///                 median and the 99th percentile of the latency in nanoseconds
+///     tell KEY    print the numbers for that key in /diagnostics, once they are stable:
+///                 NAME=VALUE for each status that has the key, separated by tabs
+///     stream N B  publish the next N messages of `--values` on the first topic, as fast as
+///                 possible, and check the number of answers after every B messages; prints the
+///                 number of messages sent since the start. FILE has a line for each message: its
+///                 value, and whether an answer is expected (0 or 1) in the first pass through the
+///                 file, and in each later pass
+///     appear      wait for subscriptions; prints the times, on the shared clock, when one
+///                 topic and all topics had one
+///     step        publish on the first topic, a message a millisecond, until an answer arrives;
+///                 prints the time
 
 #include <diagnostic_msgs/msg/diagnostic_array.h>
 
@@ -55,7 +55,7 @@ static rcl_subscription_t answers;
 static rcl_wait_set_t answer_set;
 static const char * echo;
 static size_t cloud_bytes = 1000000u;
-static int64_t moments[MOST_MESSAGES];  // when a message left; then how long its answer took
+static int64_t moments[MOST_MESSAGES];  // the time of publishing; after the answer, the latency
 static size_t n_sent;
 static size_t n_heard;
 
@@ -106,10 +106,10 @@ static void publish(const size_t topic)
   need(rcl_publish(&publishers[topic], &message, NULL), "publish");
 }
 
-// -- who listens --------------------------------------------------------------------------------
+// -- subscriptions ------------------------------------------------------------------------------
 
-/// Whether a topic has just one subscription, which asks for all that is offered, and the publisher
-/// knows it.
+/// Whether a topic has exactly one subscription, with the offered reliability, and the publisher
+/// is matched with it.
 static bool is_matched(const size_t topic)
 {
   size_t matched = 0u;
@@ -162,7 +162,7 @@ static void match(void)
   printf("matched\n");
 }
 
-/// Return when each of the first `wanted` topics that get one had a subscription.
+/// Wait until `wanted` topics have a subscription; returns that time.
 static int64_t wait_for_subscriptions(const size_t wanted, const int64_t begin)
 {
   size_t heard = 0u;
@@ -192,7 +192,7 @@ static void appear(void)
 
 // -- messages and their answers -----------------------------------------------------------------
 
-/// Wait for an answer until a moment, and keep when each came.
+/// Wait for an answer, until `moment` at most, and store the latency of each that has arrived.
 static void listen_until(const int64_t moment)
 {
   std_msgs__msg__Empty empty;
@@ -201,7 +201,7 @@ static void listen_until(const int64_t moment)
   need(rcl_wait_set_clear(&answer_set), "clear");
   need(rcl_wait_set_add_subscription(&answer_set, &answers, NULL), "add");
   if (rcl_wait(&answer_set, left > 0 ? left : 0) != RCL_RET_OK) {
-    rcl_reset_error();  // nothing came
+    rcl_reset_error();  // a timeout
     return;
   }
   while (rcl_take(&answers, &empty, &info, NULL) == RCL_RET_OK) {
@@ -271,12 +271,12 @@ static void step(void)
   printf("%" PRId64 "\n", now());
 }
 
-// -- a stream whose answers are known ------------------------------------------------------------
+// -- a stream with known answers -----------------------------------------------------------------
 
 struct row
 {
   float value;
-  int is_due[2];  // the first time; later
+  int is_due[2];  // in the first pass; in later passes
 };
 
 static struct row rows[MOST_ROWS];
@@ -303,13 +303,14 @@ static void read_values(const char * const path)
 
 static void hear_until(const int64_t moment)
 {
-  n_sent = 0u;  // nothing is timed
+  n_sent = 0u;  // no latency is measured
   n_heard = 0u;
   listen_until(moment);
   n_answered += n_heard;
 }
 
-/// Wait until all answers have come that are due; one too many shows here or the next time.
+/// Wait until all expected answers have arrived. An answer too many is found here or in the next
+/// call.
 static void settle(void)
 {
   const int64_t begin = now();
@@ -342,9 +343,9 @@ static void stream(const size_t count, const size_t batch)
   printf("%" PRIu64 "\n", n_streamed);
 }
 
-// -- counts published by the subject --------------------------------------------------------------
+// -- counts that the subject publishes -----------------------------------------------------------
 
-/// Write the values of an array under a key; nothing if it is of another node.
+/// Write the values of an array for a key; write nothing if another node published the array.
 static void read_array(
   const diagnostic_msgs__msg__DiagnosticArray * const array, const char * const key,
   char * const text, const size_t size)

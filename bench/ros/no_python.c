@@ -12,8 +12,8 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// no_python.c: the wheels' librcl asks for two variables of Python on loading. It never uses them,
-/// and a program in C is to be measured without Python's library.
+/// no_python.c: defines two variables of Python that the wheels' librcl needs to be loaded, but
+/// never uses, so that a C program is measured without Python's library.
 
 void * PyExc_RuntimeError;
 void * _Py_TrueStruct[8];

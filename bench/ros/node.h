@@ -12,8 +12,8 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// node.h: what the programs of bench/ros share: a node on rcl, topics, one clock. A program that
-/// cannot go on prints why on standard error and exits with status 1; memory is freed by the exit.
+/// node.h: shared functions of the programs of bench/ros: a node on rcl, topics, a clock. On an
+/// error they print the reason on standard error and exit with status 1, without freeing memory.
 
 #ifndef NODE_H_
 #define NODE_H_
@@ -38,7 +38,7 @@
 #define MOST_TOPICS 128
 #define SECOND INT64_C(1000000000)
 
-/// What is on a topic: a number of four bytes, or a cloud of points of a megabyte.
+/// The content of a topic: a number of four bytes, or a point cloud of a megabyte.
 enum content {FLOAT32, POINT_CLOUD};
 
 struct topics
@@ -76,7 +76,7 @@ static inline void need(const rcl_ret_t result, const char * const what)
   }
 }
 
-/// Nanoseconds of the clock that this machine's processes share.
+/// The time in nanoseconds, of a clock that all processes of the machine share.
 static inline int64_t now(void)
 {
   struct timespec time;
@@ -160,8 +160,8 @@ static inline void read_topics(struct topics * const topics, char * const list)
   }
 }
 
-/// Read `--topics A,B --type float32|cloud --depth N --reliability reliable|best_effort`, and hand
-/// each other option to `other`, which returns false if it has no such option either.
+/// Read `--topics A,B --type float32|cloud --depth N --reliability reliable|best_effort`, and pass
+/// all other options to `other`, which returns false for an unknown option.
 static inline void read_options(
   struct topics * const topics, const int argc, char ** const argv,
   bool (* const other)(const char * name, char * value))
