@@ -324,7 +324,7 @@ def last_number(text: str, subject: Subject) -> int:
     return int(lines[-1])
 
 
-# -- who is measured ------------------------------------------------------------------------------
+# -- subjects -------------------------------------------------------------------------------------
 
 @dataclass(frozen=True)
 class Bench:

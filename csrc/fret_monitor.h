@@ -17,9 +17,9 @@
 /// A generated module defines one `struct fm_monitor` and exports one function that returns it.
 /// This description is constant. All that changes is in two blocks of memory that the caller owns:
 /// the inputs (a struct of the module with one field for each input) and the state (another struct
-/// of the module). A generated module does not allocate, block, or write outside these blocks.
-/// Any number of monitors may run in one process, and one monitor in several threads if each
-/// thread has its own blocks.
+/// of the module). A generated module does not allocate or block, and keeps nothing outside these
+/// blocks. Any number of monitors may run in one process, and one monitor in several threads if
+/// each thread has its own blocks.
 ///
 /// C99. Complexity, failure and ownership are stated with each function.
 
