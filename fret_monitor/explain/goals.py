@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What should happen in an example of a FRETish sentence, so that the example is not trivial.
+Goals of examples for FRETish sentences: events that make an example nontrivial.
 
-The trigger should come while the sentence is in force, the response and the stop condition after
-it. Each goal is the negation of a FRETish sentence: the trigger has come if "in the same scope,
-under the same condition, immediately satisfy FALSE" is violated.
+The trigger should occur within the scope, and the response and the stop condition after it. Each
+goal is the negation of a FRETish sentence: the trigger has occurred if the sentence with the same
+scope and condition and with "immediately satisfy FALSE" is violated.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,7 +31,7 @@ from fret_monitor.model.diagnostics import CompileError, Problems, Source, Span,
 
 
 def goals(bundle: Bundle, sentences: Mapping[str, Sentence]) -> dict[str, list[Formula]]:
-    """Return by id the formulas that an example should make true, the trigger first."""
+    """Return, by id, the formulas that an example should make true; the trigger comes first."""
     wanted = [(item, text) for item in bundle.requirements if item.id.value in sentences
               for text in _denials(sentences[item.id.value])]
     found: dict[str, list[Formula]] = {item.id.value: [] for item, _ in wanted}
@@ -46,19 +46,19 @@ def _formulas(bundle: Bundle, wanted: Sequence[tuple[Requirement, str]]) -> list
     try:
         meant, _ = specify(replace(bundle, requirements=requirements), problems=Problems())
     except CompileError:
-        return []  # examples without goals are better than none
+        return []  # examples without goals are better than an error
     return [item.formula for item in meant.properties]
 
 
 def _denials(sentence: Sentence) -> Iterator[str]:
-    """Yield sentences that are violated once something relevant happens."""
+    """Yield sentences that are violated once a relevant event occurs."""
     stop = sentence.timing.stop if sentence.timing else None
     if not (sentence.scope or sentence.condition or stop):
         return
     is_only = sentence.scope_kind.is_only
     component = sentence.component.name
     start = ' '.join(_written(part.span) for part in (sentence.scope, sentence.condition) if part)
-    # An `only` scope is about the steps outside of it, where the response is denied.
+    # An `only` scope applies outside of its mode, with the negated response.
     yield f'{start} {component} shall immediately satisfy {"TRUE" if is_only else "FALSE"}'
     if stop is not None:
         never = 'eventually' if is_only else 'never'

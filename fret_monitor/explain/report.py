@@ -15,8 +15,8 @@
 """
 Explanations of requirements: fields, meaning in English, formula and example traces.
 
-`explain` returns an `Explanation` of each requirement of a bundle, or of one. `shown` makes text
-of it, `svg.to_svg` a picture of its timelines.
+`explain` returns an `Explanation` of one requirement of a bundle or of each. `shown` formats it
+as text, `svg.to_svg` draws its timelines.
 """
 
 from collections.abc import Iterator, Sequence
@@ -76,7 +76,7 @@ class Explanation:
 
 @dataclass(frozen=True)
 class _Context:
-    """What all requirements of a bundle have in common."""
+    """The data that all requirements of a bundle share."""
 
     sentences: dict[str, Sentence]
     goals: dict[str, list[Formula]]
@@ -114,7 +114,7 @@ def explain(reading: Reading, id: str | None = None
 
 
 def _concerns(warning: Diagnostic, chosen: Sequence[Property]) -> bool:
-    """Whether a warning is about one of these requirements, or has no place."""
+    """Whether a warning has its place in one of these requirements, or has no place."""
     span = warning.span
     places = [item.place for item in chosen if item.place]
     return span is None or any(place.source is span.source and place.start <= span.start
@@ -246,7 +246,7 @@ def _drawing(subject: Subject, trace: Trace, title: str, context: _Context) -> T
 
 
 def _values(subject: Subject, trace: Trace) -> Iterator[str]:
-    """Yield the values of each input that is not Boolean, and from which step on."""
+    """Yield the values of each non-Boolean input, each with the step from which it applies."""
     for number, signal in enumerate(subject.signals):
         if signal.type is ValueType.BOOL:
             continue

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A FRETish sentence in fields and in plain English.
+The fields of a FRETish sentence, and its meaning in plain English.
 
-The English is put together from scope, condition and timing, as the formula is (docs/fretish.md).
-An `only` scope is about the steps outside of it, and denies there what the timing asks.
+The English text is composed from scope, condition and timing, like the formula (docs/fretish.md).
+An `only` scope applies outside of its mode, and requires the negation of the timing there.
 """
 
 from collections.abc import Iterator
@@ -79,7 +79,7 @@ _TIMINGS[TimingKind.EVENTUALLY] = _TIMINGS[TimingKind.NONE]
 
 
 def fields(sentence: Sentence) -> Iterator[tuple[str, str]]:
-    """Yield the fields of a sentence by name, as written; `-` for what is left out."""
+    """Yield the name and text of each field of a sentence; `-` for an omitted field."""
     yield 'scope', _written(sentence.scope.span) if sentence.scope else '-'
     yield 'condition', _written(sentence.condition.span) if sentence.condition else '-'
     yield 'component', sentence.component.name
@@ -88,7 +88,7 @@ def fields(sentence: Sentence) -> Iterator[tuple[str, str]]:
 
 
 def meaning(sentence: Sentence, period: Fraction | None) -> Iterator[tuple[str, str]]:
-    """Yield scope, trigger and requirement in English; `period` (seconds) is that of a step."""
+    """Yield scope, trigger and requirement in English; `period` is the seconds per step."""
     yield 'in force', _scope(sentence)
     yield 'trigger', _trigger(sentence)
     yield 'required', _required(sentence, period)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Timelines as a picture: SVG 1.1 of shapes and text, without scripts or external files."""
+"""Draw timelines as SVG 1.1, with shapes and text only: no scripts or external files."""
 
 from collections.abc import Iterator, Sequence
 import re

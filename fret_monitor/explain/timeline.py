@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-A trace drawn as rows of characters over a scale of steps.
+Draw a trace as rows of characters above a scale of steps.
 
-Long stretches without a change are shortened and marked with `~`.
+Long intervals without a change are shortened and marked with `~`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -32,7 +32,7 @@ _LABEL = 40
 
 @dataclass(frozen=True)
 class Band:
-    """A row: its label, and whether that is true at each column."""
+    """A row: a label, and its truth value at each column."""
 
     label: str
     truth: tuple[bool, ...]
@@ -43,8 +43,8 @@ class Timeline:
     """
     The propositions and the verdict, and the step of each column.
 
-    A column of step None represents steps that are left out, in which nothing changes. With a
-    `period` (seconds) there is also a scale of time. `values` are lines about the inputs.
+    A column with step None represents omitted steps. With a `period` (seconds), there is also a
+    scale of time. `values` are lines about the inputs.
     """
 
     title: str
@@ -58,7 +58,7 @@ class Timeline:
 def timeline(title: str, labels: Sequence[str], truths: Sequence[Sequence[bool]],
              verdicts: Sequence[bool], period: Fraction | None,
              values: Sequence[str] = ()) -> Timeline:
-    """Return the drawing of a trace; `truths` and `verdicts` hold a value for each step."""
+    """Return the timeline of a trace; `truths` and `verdicts` hold a value for each step."""
     columns = list(zip(*truths, verdicts, strict=True))
     places = _columns(columns)
     shown = [columns[place if place >= 0 else ~place] for place in places]
@@ -76,7 +76,7 @@ def _cut(label: str) -> str:
 
 
 def _columns(columns: Sequence[tuple[bool, ...]]) -> list[int]:
-    """Return the steps that get a column; `~step` represents a gap with that step in it."""
+    """Return the step of each column; `~step` represents a gap that contains the step."""
     places: list[int] = []
     for _, group in groupby(range(len(columns)), key=columns.__getitem__):
         stretch = list(group)
@@ -91,7 +91,7 @@ def _columns(columns: Sequence[tuple[bool, ...]]) -> list[int]:
 
 
 def drawn(line: Timeline) -> Iterator[str]:
-    """Yield the lines of a timeline: `#` true, `.` false, `~` left out."""
+    """Yield the lines of a timeline: `#` true, `.` false, `~` omitted."""
     scales = _scales(line)
     labels = [band.label for band in (*line.bands, line.verdict)]
     width = max(len(label) for label in (*labels, *(name for name, _ in scales)))
@@ -120,7 +120,7 @@ def marked_steps(line: Timeline) -> list[tuple[int, int]]:
 
 
 def shown_time(step: int, period: Fraction) -> str:
-    """Return when a step is, in seconds since the first."""
+    """Return the time of a step in seconds since the first step, as text."""
     return f'{float(step * period):g}'
 
 
@@ -134,7 +134,7 @@ def _scales(line: Timeline) -> list[tuple[str, list[tuple[int, str]]]]:
 
 
 def _ruled(marks: Sequence[tuple[int, str]]) -> str:
-    """Return marks at their columns; one that would overlap the mark before is left out."""
+    """Return a line with marks at their columns; omits marks that would overlap."""
     text = ''
     for column, mark in marks:
         if not text or len(text) < column:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A formula in English words, as a reading aid; the formula itself decides."""
+"""Formulas in English words, as a reading aid; only the formula itself is precise."""
 
 from collections.abc import Mapping
 from typing import assert_never, NamedTuple, TypeAlias
@@ -30,7 +30,7 @@ _CUT = ' ...'
 
 
 class _Within(NamedTuple):
-    """A formula inside another one: in parentheses unless it is short."""
+    """An operand, which is printed in parentheses unless it is short."""
 
     node: Formula
 
@@ -51,7 +51,7 @@ _CONNECTIVES = {
 def in_words(formula: Formula, limit: int, values: Values | None = None,
              names: Mapping[Formula, str] | None = None) -> str:
     """
-    Return a formula in English, on one line; one longer than `limit` is cut and ends with ` ...`.
+    Return a formula in English, on one line; a text longer than `limit` is cut and ends in ` ...`.
 
     `values` and `names` are as for `to_smv`.
     """

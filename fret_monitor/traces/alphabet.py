@@ -15,9 +15,10 @@
 """
 The rows of input values to try for a requirement.
 
-If an input is only compared with constants, boundary values of these constants represent all its
-values. One row for each combination of truth values of the propositions then represents all rows
-(`is_exact`). If inputs are added or compared with one another, the rows are a sample.
+If every input is only compared with constants, the boundary values of these constants represent
+all values of the input, and one row for each combination of truth values of the propositions
+represents all rows (`is_exact`). Otherwise, for example if inputs are added or compared with one
+another, the rows are a sample.
 """
 
 from collections.abc import Iterable, Sequence
@@ -38,7 +39,7 @@ from fret_monitor.traces.subject import Subject
 from fret_monitor.traces.trace import Row, Value
 
 _MAX_CONSTANTS = 8
-_MAX_NODES = 1000  # of a proposition, among which constants are looked for
+_MAX_NODES = 1000  # nodes of a proposition that are searched for constants
 _MAX_ROWS = 2048
 _MAX_LETTERS = 64
 _EXACT_INTEGERS = 2 ** 53
@@ -50,8 +51,8 @@ class Alphabet:
     """
     Values of each input (`pools`), the simplest first, and rows of such values.
 
-    The propositions differ from row to row. With `is_exact` there is a row for each combination of
-    truth values that they can have.
+    Each row gives the propositions a different combination of truth values. With `is_exact` the
+    rows cover all combinations that are possible.
     """
 
     pools: tuple[tuple[Value, ...], ...]
@@ -65,7 +66,7 @@ class Alphabet:
 
 
 def alphabet(subject: Subject, rng: Random) -> Alphabet:
-    """Return values and rows that make the propositions of a requirement true and false."""
+    """Return the alphabet of a requirement."""
     pools, is_exact = [], True
     for signal in subject.signals:
         found, is_all = _pool(signal, subject.propositions)
@@ -81,7 +82,7 @@ def alphabet(subject: Subject, rng: Random) -> Alphabet:
 
 
 def _rows(pools: Sequence[Sequence[Value]], rng: Random) -> tuple[list[Row], bool]:
-    """Return rows of the values, the simplest first, and whether these are all."""
+    """Return rows of the values, the simplest first, and whether they are all such rows."""
     count = math.prod(len(values) for values in pools)
     if count <= _MAX_ROWS:
         ranked = sorted(product(*(enumerate(values) for values in pools)),

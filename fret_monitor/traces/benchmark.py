@@ -15,7 +15,7 @@
 """
 Measure how long a step of a compiled bundle takes.
 
-The timed loop is in C (`csrc/benchmark.c`) and reads inputs that were generated before.
+The timed loop is in C (`csrc/benchmark.c`); the inputs are generated before it starts.
 """
 
 from array import array
@@ -38,14 +38,14 @@ from fret_monitor.native.monitor import CData, Library, load, Monitor
 from fret_monitor.traces.boundary import both_sides
 from fret_monitor.traces.trace import Value
 
-# Too many rows for branch prediction to learn, few enough for the cache.
+# Too many rows for the branch predictor to learn, few enough for the cache.
 _MAX_ROWS = 1 << 17
 _MAX_BYTES = 4 << 20
 _WORD_BYTES = 8
 _LINE_BYTES = 64
 _PAGE_BYTES = 4096
 _ROUND_NANOSECONDS = 20_000_000
-_LASTING_ROWS = 200  # for which an input keeps its value, on average
+_LASTING_ROWS = 200  # mean number of rows for which an input keeps its value
 _SIGNATURE = ('uint64_t (*)(const struct fm_monitor *, void *, const void *, uint64_t, uint64_t, '
               'bool *)')
 
@@ -55,7 +55,7 @@ Values = Sequence[Sequence[Value]]
 
 @dataclass(frozen=True)
 class Inputs:
-    """Rows of inputs structs in memory: `stride` bytes apart, `count` of them."""
+    """An array of `count` inputs structs in memory, `stride` bytes apart."""
 
     memory: CData
     stride: int
@@ -63,13 +63,13 @@ class Inputs:
 
 
 def random_inputs(monitor: Monitor, values: Values, seed: int = 0) -> Inputs:
-    """Fill a buffer in which every input takes a new value in every row."""
+    """Return rows in which every input takes a new random value in every row."""
     rng = Random(seed)
     return _fill(monitor, values, lambda choices, last: rng.choice(choices))
 
 
 def lasting_inputs(monitor: Monitor, values: Values, seed: int = 0) -> Inputs:
-    """Fill a buffer in which inputs keep a value for 200 rows on average."""
+    """Return rows in which inputs keep a random value for 200 rows on average."""
     rng = Random(seed)
     return _fill(monitor, values, lambda choices, last: last
                  if last is not None and rng.randrange(_LASTING_ROWS) else rng.choice(choices))
@@ -110,8 +110,9 @@ class StepTimer:
         self._time: Any = ffi.cast(_SIGNATURE, self._library.find('fm_benchmark'))
         self._monitor = monitor
         self._inputs = inputs
-        # The same step takes a third longer if blocks share cache lines or the lower bits of their
-        # addresses. So the state begins at a page, and the verdicts at a cache line after it.
+        # A step takes up to a third longer if state and verdicts share cache lines or the lower
+        # bits of their addresses. So the state starts at a page boundary, and the verdicts at the
+        # next cache line after it.
         after = (monitor.state_bytes // _LINE_BYTES + 1) * _LINE_BYTES
         self._memory = ffi.new(
             'char[]', _PAGE_BYTES + after + len(monitor.manifest.requirements) + 1)
@@ -127,20 +128,20 @@ class StepTimer:
                               self._inputs.stride, self._inputs.count, self._verdicts))
 
     def round(self) -> float:
-        """Return the nanoseconds a step took in one round."""
+        """Run one round and return the nanoseconds per step."""
         total = sum(self._pass() for _ in range(self._repeats))
         return total / (self._repeats * self._inputs.count)
 
 
 def step_nanoseconds(monitor: Monitor, inputs: Inputs, rounds: int = 9) -> float:
-    """Return the median, over some rounds, of the nanoseconds a step takes."""
+    """Return the median of the nanoseconds per step over some rounds."""
     timer = StepTimer(monitor, inputs)
     return median(timer.round() for _ in range(rounds))
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """Cost of a bundle: nanoseconds (medians), bytes, and seconds from bundle to library."""
+    """The cost of a bundle: median nanoseconds, sizes in bytes, and seconds to build it."""
 
     requirements: int
     ns_per_step: float
@@ -149,13 +150,13 @@ class Measurement:
     compile_seconds: float
 
     def as_dict(self) -> dict[str, int | float]:
-        """Return the figures by name; `ns_per_step` is on random inputs."""
+        """Return the figures by name; `ns_per_step` is that for random inputs."""
         return asdict(self)
 
 
 def measure(path: Path) -> Measurement:
     """
-    Build a bundle with nothing cached, and time its steps on random and long-lasting inputs.
+    Build a bundle without the cache, and time its steps on random and on slowly changing inputs.
 
     Errors are those of `build`.
     """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Boundary values: numbers equal to those that an input is compared with, and on both sides."""
+"""Boundary values: numbers equal to, below and above those that an input is compared with."""
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
@@ -29,13 +29,13 @@ _MAX_NUMBERS = 8
 
 
 def constants(nodes: Iterable[Formula]) -> set[int | float]:
-    """Return the finite numbers among some nodes."""
+    """Return the values of the finite number constants among some nodes."""
     return {node.value for node in nodes if isinstance(node, Constant)
             and not isinstance(node.value, bool) and math.isfinite(node.value)}
 
 
 def both_sides(program: MonitorProgram) -> list[list[Value]]:
-    """Return for each input values that are not equal to any number of its requirements."""
+    """Return, for each input, values that differ from all constants in its requirements."""
     met: list[set[float]] = [set() for _ in program.signals]
     for group in program.groups:
         numbers = {float(equation.operation.value) for equation in group.equations
@@ -47,7 +47,7 @@ def both_sides(program: MonitorProgram) -> list[list[Value]]:
 
 
 def discrete_values(signal: Signal) -> list[Value]:
-    """Return all values of a Boolean or string input; none of a number."""
+    """Return all values of a Boolean or string input; an empty list for a number."""
     if signal.type is ValueType.BOOL:
         return [False, True]
     return list(range(len(signal.values))) if signal.is_string else []
@@ -62,10 +62,10 @@ def _beside_each(kind: ValueType, numbers: Sequence[float]) -> list[Value]:
 def boundary_values(kind: ValueType,
                     numbers: Sequence[int | float]) -> tuple[list[Value], bool]:
     """
-    Return values apart from, between and equal to some numbers, in that order, and a NaN last.
+    Return values outside of, between and equal to some numbers, in that order, then NaN (floats).
 
-    `numbers` ascend. The second result says whether these are all the ways in which a value can
-    compare with them.
+    `numbers` are in ascending order. The second result is whether the values cover all possible
+    outcomes of comparisons with them.
     """
     if kind is ValueType.BOOL:
         return [False, True], True
@@ -89,7 +89,7 @@ def _integers(kind: ValueType, numbers: Sequence[int | float]) -> list[Value]:
 
 
 def _beside(kind: ValueType, number: int | float, step: float) -> float:
-    """Return a value one off, or twice as far where one makes no difference."""
+    """Return number + step, or number + step * |number| if the former rounds to `number`."""
     beside = _rounded(kind, number + step)
     return beside if beside != _rounded(kind, float(number)) else number + step * abs(number)
 

@@ -15,8 +15,8 @@
 """
 Traces as CSV: a column for each input, a row for each step.
 
-A trace is read in blocks of rows, so that memory does not grow with its length. Each cell that
-cannot be used is refused with its line and column.
+A trace is read in blocks of rows, so that memory does not grow with its length. An invalid cell
+is an error with its line and column.
 """
 
 from array import array
@@ -39,7 +39,7 @@ from fret_monitor.model.values import ValueType
 
 _BLOCK_ROWS = 4096
 _MAX_ROW_CHARACTERS = 16 * 1024 * 1024
-_SHOWN_CHARACTERS = 200  # of a row that is too long
+_SHOWN_CHARACTERS = 200  # shown of a row that is too long
 _UNQUOTED = re.compile(r'[^,\r\n]*')
 _TRUTHS = {'0': 0, '1': 1, 'false': 0, 'true': 1}
 _INTEGER = re.compile(r'[+-]?[0-9]+')
@@ -49,7 +49,7 @@ _SEPARATORS = {';': "';'", '\t': 'tabs', '|': "'|'"}
 
 
 def trace_text(signals: Sequence[Signal], rows: Iterable[Sequence[bool | int | float]]) -> str:
-    """Return a trace as CSV; a string input has the index of its value in `signal.values`."""
+    """Return rows as CSV; the value of a string input is its index in `signal.values`."""
     text = StringIO()
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow([signal.name for signal in signals])
@@ -78,7 +78,7 @@ class _Rows:
     """
     Splits a file into rows of cells, as RFC 4180 describes.
 
-    Python's `csv` has one limit on the length of a cell for the whole process; this has its own.
+    Not Python's `csv`, whose limit on the length of a cell applies to the whole process.
     """
 
     def __init__(self, name: str, file: TextIO) -> None:
@@ -86,8 +86,8 @@ class _Rows:
         self.line = ''  # the last line read
         self.size = 0  # characters read
         self._file = file
-        self._number = 0  # of the last line read
-        self._first_line, self._first_number, self._start = '', 1, 0  # of the row being read
+        self._number = 0  # line number of the last line read
+        self._first_line, self._first_number, self._start = '', 1, 0  # start of the current row
 
     def __iter__(self) -> Iterator[_Row]:
         blank = 0
@@ -123,7 +123,7 @@ class _Rows:
         return self.line
 
     def _split(self, line: str) -> list[str]:
-        """Return the cells of a row of which some are in quotes; may read further lines."""
+        """Return the cells of a row with quoted cells; reads further lines if necessary."""
         cells: list[str] = []
         place = 0
         while True:
@@ -138,7 +138,7 @@ class _Rows:
             place += 1
 
     def _quoted(self, line: str, place: int) -> tuple[str, str, int]:
-        """Return a cell whose quote was opened, the line on which it ends, and the place there."""
+        """Return a quoted cell, the line on which it ends, and the place after it there."""
         parts: list[str] = []
         while True:
             end = line.find('"', place)
@@ -160,7 +160,7 @@ class _Rows:
 
     def refuse(self, number: int, shown: str, title: str, help: str, start: int = 0,
                width: int | None = None) -> NoReturn:
-        """Refuse with the number of a line, the text to show there, and what to underline."""
+        """Raise an error at a line number; `start` and `width` select the underlined part."""
         source = Source(self.name, '\n' * (number - 1) + shown)
         begin = number - 1 + start
         end = begin + (len(shown.rstrip('\r\n')) if width is None else width)
@@ -168,7 +168,7 @@ class _Rows:
 
 
 class TraceReader:
-    """Reads the columns of some inputs from a CSV file."""
+    """Reads the columns of the given inputs from a CSV file."""
 
     def __init__(self, name: str, file: TextIO, inputs: Sequence[ManifestInput]) -> None:
         """
@@ -193,7 +193,7 @@ class TraceReader:
         Raises
         ------
         CompileError
-            with the place, if the file is not CSV or a cell is no value of its input.
+            with the place, if the file is not CSV or a cell is not a value of its input.
         """
         while rows := list(islice(self._limited(), _BLOCK_ROWS)):
             for row in rows:
@@ -203,7 +203,7 @@ class TraceReader:
                               in zip(self._inputs, self._places, strict=True)]
 
     def _limited(self) -> Iterator[_Row]:
-        """Yield rows until they are too long to be held together."""
+        """Yield rows up to the maximum size of a block."""
         end = self._source.size + _MAX_ROW_CHARACTERS
         for row in self._rows:
             yield row
@@ -267,7 +267,7 @@ def _near_column(name: str, heading: list[str]) -> str:
 
 
 def _value(cell: str, item: ManifestInput) -> int | float:
-    """Return the value that a cell holds; raises `ValueError` if its input cannot have it."""
+    """Return the value of a cell; raises `ValueError` if it is not a value of the input."""
     if item.is_string:
         raise ValueError
     if item.value_type is ValueType.BOOL:
@@ -283,7 +283,7 @@ def _value(cell: str, item: ManifestInput) -> int | float:
 
 
 def _float32(cell: str) -> float:
-    """Round a decimal number once, which is slow only if its float64 lies amid two float32."""
+    """Round a decimal number to float32 once; slow only if its float64 is a rounding tie."""
     value = float(cell)
     rounded = to_float32(value)
     mirrored = 2 * value - rounded

@@ -15,8 +15,8 @@
 """
 Breadth-first search of the states of a requirement, for shortest examples and proofs.
 
-The verdicts of later steps depend only on the state of the monitor. A search that finds no new
-state has therefore covered all traces of the given rows.
+Future verdicts depend only on the state of the monitor and on future rows. So a search that
+reaches no new state has covered all traces of the given rows.
 """
 
 from collections.abc import Sequence
@@ -30,11 +30,11 @@ from fret_monitor.traces.trials import Trials
 @dataclass(frozen=True)
 class Exploration:
     """
-    Shortest examples; None where no trace of the search is one.
+    Shortest examples; None if the search found none.
 
-    `satisfying` ends with a true verdict and as many triggers met as possible, `violating` with a
-    false verdict. `recovering` changes from false to true at its last step. With `is_complete` the
-    search has covered all traces of the rows.
+    `satisfying` ends with a true verdict, after the largest number of triggers; `violating` ends
+    with a false verdict. The verdict of `recovering` changes from false to true at its last step.
+    With `is_complete`, the search has covered all traces of the rows.
     """
 
     satisfying: Trace | None
@@ -46,7 +46,7 @@ class Exploration:
 
 
 class Wanted(NamedTuple):
-    """When to stop: the true bits of a satisfying trace, and whether to look for a recovery."""
+    """When to stop: number of true bits of a satisfying trace; whether a recovery is wanted."""
 
     met: int
     is_recovery: bool
@@ -62,7 +62,7 @@ def explore(trials: Trials, rows: Sequence[Row], limit: int, wanted: Wanted) -> 
 
 
 class _Search:
-    """A node is a state and its verdict; `_reached` has the node and row it was reached from."""
+    """A node is a state and its verdict; `_reached` has each node's predecessor and row."""
 
     def __init__(self, trials: Trials, rows: Sequence[Row]) -> None:
         self._rows = rows

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Random traces whose values stay for about as long as the bounds of a formula ask.
+Random traces whose values stay constant for about as many steps as the bounds of a formula.
 
-Values drawn anew at each step would hardly ever keep a condition true for the length of a bound.
+With independent values at each step, a condition would rarely stay true for the length of a bound.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -34,20 +34,20 @@ Pools = Sequence[Sequence[Value]]
 def random_traces(pools: Pools, bounds: Iterable[int], reach: int, rng: Random,
                   longest: int = 200_000) -> Iterator[Trace]:
     """
-    Yield traces without end, about half of them short.
+    Yield an infinite sequence of traces, about half of them short.
 
     Parameters
     ----------
     pools
-        for each input the values it may take.
+        the possible values of each input.
     bounds
-        numbers of steps that matter: values stay for about as long.
+        numbers of steps for which values should stay constant, each varied by one.
     reach
-        how many steps back a formula looks, all bounds added up that are nested.
+        how many steps back the formula depends on the trace.
     rng
-        decides; the same state gives the same traces.
+        source of randomness; the same state gives the same traces.
     longest
-        the most steps after which no further run is added.
+        number of steps after which a trace gets no further run.
     """
     near = {end + offset for end in bounds for offset in (-1, 0, 1)}
     stays = sorted(steps for steps in {1, 2, 3, *near} if 0 < steps <= longest)
@@ -72,9 +72,9 @@ def _random_trace(pools: Pools, stays: Sequence[int], target: int, rng: Random) 
 
 def _chooser(rng: Random) -> Callable[[Sequence[Value]], Value]:
     """
-    Return a way to choose values: any, or mostly the first ones, or mostly the last ones.
+    Return a function that chooses a value: uniformly, or mostly the first, or mostly the last.
 
-    Many inputs that have to agree (`a & b & c & ...`) would hardly ever do so by chance.
+    With uniform choices, a conjunction of many inputs (`a & b & c & ...`) would rarely be true.
     """
     favoured = rng.choice((None, 0, -1))
     if favoured is None:

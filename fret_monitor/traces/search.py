@@ -15,8 +15,8 @@
 """
 Find example traces of a requirement by running its monitor, and simplify them.
 
-Exploring all states gives shortest examples and proofs. If there are too many states, random
-traces are tried as well. Examples are then shrunk. The same bundle gives the same traces.
+An exploration of all states yields shortest examples and proofs. If there are too many states,
+random traces are tried as well. Examples are then shrunk. The search is deterministic.
 """
 
 from array import array
@@ -58,8 +58,8 @@ class Examples:
     """
     Examples for a requirement, and whether a false verdict can become true again.
 
-    A trace is None if none was found; with `is_proved` none exists. `states` and `traces` count
-    what was examined.
+    A trace is None if none was found; with `is_proved`, none exists. `states` and `traces` are the
+    numbers of states and traces examined.
     """
 
     satisfying: Trace | None
@@ -73,10 +73,11 @@ class Examples:
 
 class Budget:
     """
-    The number of steps that may be taken for the requirements of a bundle together.
+    The number of steps available for all requirements of a bundle.
 
-    Each requirement may use a large share of what is left, and always a small one. So the time for
-    a large bundle is bounded, and one hard requirement among easy ones gets most of it.
+    A requirement may use the remaining budget up to a maximum, and always at least a small number
+    of steps. So the time for a large bundle is bounded, and a hard requirement among easy ones can
+    use a large part of it.
     """
 
     def __init__(self) -> None:
@@ -88,7 +89,7 @@ class Budget:
         return max(_LEAST, min(self._left[name], _LARGE))
 
     def take(self, name: str, steps: int) -> None:
-        """Count steps that were taken."""
+        """Subtract steps from the budget."""
         self._left[name] -= steps
 
 
@@ -126,7 +127,7 @@ class _Finder:
             _recovery(found, is_final_form, is_proved), is_proved, found.states, self._traces)
 
     def _simplest(self, trace: Trace | None, accept: _Accept) -> Trace | None:
-        """Return the simplest trace found that is still accepted; None for None."""
+        """Return the simplest trace found that is still accepted."""
         if trace is None:
             return None
         trials = self._subject.trials
@@ -136,13 +137,13 @@ class _Finder:
             return [accept(bits, first) for bits in trials.run(batch)]
 
         shortest = Shrinker(self._alphabet.pools, _SHRINKING).shrink(trace, judge)
-        # Some more steps, if that is still accepted, show how the trace goes on.
+        # Show how the trace continues, if the longer trace is still accepted.
         last = shortest[-1]
         longer = (*shortest[:-1], Run(last.row, last.steps + _PADDING))
         return longer if judge([longer])[0] else shortest
 
     def _near_miss(self, violating: Trace | None) -> Trace | None:
-        """Return a violating trace with another end, if the requirement has no trigger."""
+        """Return a violating trace made satisfying at its end, if there is no trigger."""
         if violating is None or self._subject.triggers:
             return None
         bits, = self._subject.trials.run([violating])
@@ -202,7 +203,7 @@ def _recovery(found: Exploration, is_final_form: bool, is_proved: bool) -> Recov
 
 
 def _satisfies(bits: _Bits, first: _Bits) -> bool:
-    """Whether a trace ends true, with as many triggers met and as few false steps."""
+    """Whether a trace ends true, with no fewer triggers and no more false steps than `first`."""
     return bool(bits[-1] & 1 and bits[-1].bit_count() >= first[-1].bit_count()
                 and _false_steps(bits) <= _false_steps(first))
 
@@ -220,7 +221,7 @@ def _recovers(bits: _Bits, first: _Bits) -> bool:
 
 
 class _Best:
-    """The best examples among random traces, cut off after the step that matters."""
+    """The best examples among random traces, each cut after the relevant step."""
 
     def __init__(self, found: Exploration, met: int) -> None:
         self.satisfying, self.violating = found.satisfying, found.violating
@@ -243,7 +244,7 @@ class _Best:
 
 
 def _shorter(best: Trace | None, trace: Trace, steps: int) -> Trace | None:
-    """Return the first steps of a trace, or `best` if that is no longer (0 steps: none)."""
+    """Return the first steps of a trace, or `best` if it is no longer, or if `steps` is 0."""
     if steps == 0 or best is not None and length(best) <= steps:
         return best
     return first_steps(trace, steps)

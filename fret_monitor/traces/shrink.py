@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Make a trace simpler as long as it still shows something.
+Shrink a trace while a judge still accepts it.
 
-Tried first are traces with fewer steps, then with fewer changes, then with simpler values.
+Fewer steps count most, then fewer changes of inputs, then simpler values.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -32,16 +32,16 @@ Judge = Callable[[Sequence[Trace]], Sequence[bool]]
 
 
 class Shrinker:
-    """Shrinks traces over some values; what it tries depends on nothing but trace and values."""
+    """Shrinks traces; deterministic for given values and a given trace."""
 
     def __init__(self, pools: Pools, work_steps: int) -> None:
-        """Take the values of each input, the simplest first, and how many steps to try a trace."""
+        """Store the values of each input, the simplest first, and the limit on steps to try."""
         self._ranks = [{_key(value): (rank, value) for rank, value in enumerate(values)}
                        for values in pools]
         self._work_steps = work_steps
 
     def shrink(self, trace: Trace, judge: Judge) -> Trace:
-        """Return the simplest trace found that `judge` accepts, as it does `trace` itself."""
+        """Return the simplest trace found that `judge` accepts; it must accept `trace`."""
         left = self._work_steps
         trace = joined(trace)
         while left > 0:
@@ -52,7 +52,7 @@ class Shrinker:
         return trace
 
     def _better(self, trace: Trace, judge: Judge, left: int) -> tuple[Trace | None, int]:
-        """Return the first simpler trace that is accepted, and the steps that were tried."""
+        """Return the first simpler trace that is accepted, and the steps used."""
         cost = self._cost(trace)
         candidates = (candidate for each in self._simpler(trace)
                       if self._cost(candidate := joined(each)) < cost)
@@ -66,7 +66,7 @@ class Shrinker:
         return None, work
 
     def _simpler(self, trace: Trace) -> Iterator[Trace]:
-        """Yield traces near one: shorter first, then with fewer changes."""
+        """Yield variants of a trace: shorter ones first, then those with fewer changes."""
         size = len(trace) // 2
         while size > 0:
             for start in range(0, len(trace), size):
@@ -83,7 +83,7 @@ class Shrinker:
             yield from _calmer(trace, number)
 
     def _cost(self, trace: Trace) -> tuple[int, int, int]:
-        """Return steps, changes of inputs, and how far its values are from the simplest."""
+        """Return the numbers of steps and of changes, and the distance from simplest values."""
         changes = sum(_key(a) != _key(b) for one, two in pairwise(trace)
                       for a, b in zip(one.row, two.row, strict=True))
         ranks = sum(rank[_key(value)][0] for run in trace
@@ -96,12 +96,12 @@ def _key(value: Value) -> Value | str:
 
 
 def _with(run: Run, place: int, value: Value) -> Run:
-    """Return a run in which an input has another value."""
+    """Return a run with the value of one input replaced."""
     return Run((*run.row[:place], value, *run.row[place + 1:]), run.steps)
 
 
 def _calmer(trace: Trace, number: int) -> Iterator[Trace]:
-    """Yield traces in which a run takes the values of a neighbour, all or one of them."""
+    """Yield traces in which a run takes one or all values of a neighbouring run."""
     run = trace[number]
     for neighbour in trace[max(number - 1, 0):number] + trace[number + 1:number + 2]:
         yield (*trace[:number], Run(neighbour.row, run.steps), *trace[number + 1:])

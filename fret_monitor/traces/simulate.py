@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A compiled bundle run over a trace in a CSV file.
+Run a compiled bundle on a trace in a CSV file.
 
-Rows are read and verdicts written block by block, so that memory does not grow with the trace. A
-file of verdicts appears only when the whole trace could be read.
+Rows are read and verdicts are written block by block, so that memory does not grow with the
+trace. A file of verdicts is created only if the whole trace could be read.
 """
 
 from collections.abc import Iterable, Iterator
@@ -33,12 +33,12 @@ from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.traces.csv_trace import TraceReader
 
-_MOST_LINES = 4096  # that are kept to be written again
+_MOST_LINES = 4096  # size of the cache of lines
 
 
 @dataclass(frozen=True)
 class Summary:
-    """The number of steps, and the number of violating steps for the id of each requirement."""
+    """The number of steps, and the number of violating steps by id of the requirement."""
 
     steps: int
     violations: dict[str, int]
@@ -54,12 +54,12 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
     monitor
         a compiled bundle.
     trace
-        CSV with a heading; one column an input (others are ignored), one row a step.
+        CSV with a heading: a column for each input (others are ignored), a row for each step.
     verdicts
-        where to write a row a step: the step from 0, then 1 (satisfied) or 0 for each
-        requirement, in the bundle's order. Standard output when None.
+        output file, with a row for each step: its number from 0, then 1 (satisfied) or 0 for each
+        requirement, in the bundle's order. Standard output if None.
     read
-        files that `verdicts` must not be, besides the trace: those of the bundle.
+        files of the bundle; `verdicts` must not be one of them, nor the trace.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def _run(evaluator: Evaluator, trace: TraceReader, out: TextIO) -> Summary:
 
 
 def _text(found: bytes, width: int, step: int, lines: dict[bytes, str]) -> str:
-    """Return a block of verdicts as CSV; `lines` caches the text of rows met before."""
+    """Return a block of verdicts as CSV; `lines` caches the text of rows seen before."""
     parts = []
     for start in range(0, len(found), width):
         flags = found[start:start + width]

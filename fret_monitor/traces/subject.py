@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-A requirement made ready to be tried: compiled alone, with its triggers beside it.
+A requirement compiled for the search for examples, in a step group with its triggers.
 
-In its own monitor a requirement shares its state with those that read the same inputs. Here each
-reads inputs of its own, so that it is a group of its own and its states can be told from others'.
-All requirements of a bundle are one library all the same.
+In a bundle's monitor, requirements that read the same inputs share a group and its state. Here
+each requirement has its own copies of the inputs, so that it forms a separate group, whose states
+can be explored separately. All requirements are compiled to one library.
 """
 
 from collections.abc import Mapping, Sequence
@@ -42,8 +42,8 @@ class Subject:
     """
     A requirement, its propositions and triggers, and its compiled form.
 
-    Bit 0 of a step's verdicts is that of the requirement; bit i + 1 is whether `triggers[i]` has
-    been true so far. `signals` are the inputs it reads, in the order of a row.
+    Bit 0 of a step's verdicts is the verdict of the requirement; bit i + 1 is whether
+    `triggers[i]` has been true so far. `signals` are its inputs, in the order of a row.
     """
 
     item: Property
@@ -58,8 +58,8 @@ def subjects(specification: Specification, chosen: Sequence[Property],
     """
     Compile some requirements of a bundle, each in a step group of its own.
 
-    `goals` are formulas, by id of the requirement, that should come true in an example; without
-    them the triggers of the formula are used.
+    `goals` are formulas, by id of the requirement, that should become true in an example; the
+    default is the triggers of the formula.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def _alone(signal: Signal, mapping: Mapping[str, str]) -> Signal:
 
 def _properties(item: Property, found: Sequence[Formula], mapping: Mapping[str, str],
                 number: int) -> list[Property]:
-    """Return a property for the requirement and each trigger; all read the same inputs."""
+    """Return properties for the requirement and each trigger, all with the same inputs."""
     names = {**mapping, **{node.name: f'{node.name}.{number}' for node, _ in item.feedback}}
     renamed = _renamed([*item.roots, *found], names)
     feedback = tuple((Feedback(names[node.name], node.type), renamed[equation])
@@ -121,7 +121,7 @@ def _properties(item: Property, found: Sequence[Formula], mapping: Mapping[str, 
 
 
 def _reading_as(other: Formula, formula: Formula) -> Formula:
-    """Return an equivalent formula that also reads the inputs of another."""
+    """Return an equivalent formula that also reads the inputs of `other`, to share its group."""
     is_other = Binary(BinaryOperator.OR, TRUE, other)
     return Binary(BinaryOperator.AND, formula, is_other)
 

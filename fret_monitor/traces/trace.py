@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A trace as a sequence of runs: values of the inputs, and for how many steps they stay."""
+"""Traces as sequences of runs: values of the inputs that stay constant for some steps."""
 
 from collections.abc import Iterable
 from typing import NamedTuple, TypeAlias
@@ -23,7 +23,7 @@ Row: TypeAlias = tuple[Value, ...]
 
 
 class Run(NamedTuple):
-    """A row, and for how many steps it stays (at least one)."""
+    """A row, and the number of steps for which it stays (at least one)."""
 
     row: Row
     steps: int
@@ -43,7 +43,7 @@ def length(trace: Trace) -> int:
 
 
 def first_steps(trace: Trace, steps: int) -> Trace:
-    """Return the part of a trace up to a number of steps."""
+    """Return the prefix of a trace with a number of steps."""
     runs = []
     for run in trace:
         if steps <= 0:
@@ -54,7 +54,7 @@ def first_steps(trace: Trace, steps: int) -> Trace:
 
 
 def joined(runs: Iterable[Run]) -> Trace:
-    """Return a trace in which no two runs in a row have the same values."""
+    """Return a trace in which consecutive runs with equal rows are merged."""
     trace: list[Run] = []
     for run in runs:
         if trace and run.row == trace[-1].row:

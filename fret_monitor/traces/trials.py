@@ -37,10 +37,10 @@ _INIT = 'void (*)(void *, const struct fm_group *, void *, bool *, const uint32_
 
 
 class TrialLibrary:
-    """The compiled loops of `csrc/trials.c`; raises `NativeError`."""
+    """The compiled loops of `csrc/trials.c`."""
 
     def __init__(self) -> None:
-        """Build and open it."""
+        """Build and open the library; raises `NativeError`."""
         text = (csrc_directory() / 'trials.c').read_text(encoding='utf-8')
         self._library = Library(build_library({'trials.c': text}, name='fm_trials'))
         self.bytes: Any = ffi.cast('uint64_t (*)(void)', self._library.find('fm_trials_bytes'))
@@ -58,7 +58,7 @@ class Trials:
 
     def __init__(self, library: TrialLibrary, monitor: Monitor,
                  requirements: Sequence[int]) -> None:
-        """Take at most 32 requirements (indices), all of one group."""
+        """Store the indices of at most 32 requirements, all of one group."""
         group = monitor.manifest.requirements[requirements[0]].group
         self._library = library
         self._monitor = monitor
@@ -78,7 +78,7 @@ class Trials:
         return tuple(self._monitor.manifest.inputs[index] for index in self._inputs)
 
     def _place(self) -> tuple[int, int]:
-        """Return offset and size of the group's state: the bytes that its reset writes."""
+        """Return the offset and size of the group's state: the bytes that its reset writes."""
         memory = ffi.buffer(self._state)
         touched: set[int] = set()
         for fill in (0x00, 0xFF):
@@ -90,7 +90,7 @@ class Trials:
         return begin, max(touched, default=-1) + 1 - begin
 
     def run(self, traces: Sequence[Trace]) -> list['array[int]']:
-        """Return the verdicts of each step of each trace; each starts at the first time point."""
+        """Return the verdicts at each step of each trace, each run from the initial state."""
         index: dict[Row, int] = {}
         runs = array('I')
         for trace in traces:
@@ -126,7 +126,7 @@ class Trials:
         return bytes(ffi.buffer(self._state)[self._begin:self._begin + self._size])
 
     def follower(self, rows: Sequence[Row]) -> 'Follower':
-        """Return a function of a state that takes one step with each of some rows."""
+        """Return a function that takes one step from a state with each of some rows."""
         packed, stride = self._pack(rows)
         return Follower(self._library, self._self, (packed, stride, len(rows)),
                         (self._begin, self._size), self)
@@ -137,14 +137,14 @@ class Follower:
 
     def __init__(self, library: TrialLibrary, trials: CData, rows: tuple[CData, int, int],
                  place: tuple[int, int], owner: Trials) -> None:
-        """Use `Trials.follower`."""
+        """Store the parts; only `Trials.follower` calls this."""
         self._library, self._trials, self._rows, self._place = library, trials, rows, place
         self._owner = owner
         self._states = bytearray(max(1, rows[2] * place[1]))
         self._bits = array('I', bytes(4 * max(1, rows[2])))
 
     def __call__(self, state: bytes) -> list[tuple[bytes, int]]:
-        """Return for each row the state that follows, and the verdicts there."""
+        """Return, for each row, the next state and the verdicts of the step."""
         rows, stride, count = self._rows
         begin, size = self._place
         self._library.follow(self._trials, rows, stride, count, begin, size,
