@@ -82,6 +82,8 @@ def _message(name: str, fields: list[str]) -> Any:
 def _publish(arguments: argparse.Namespace, message: Any) -> None:
     node = rclpy.create_node('test_publisher')
     publisher = node.create_publisher(type(message), arguments.topic, 10)
+    if publisher.get_subscription_count() == 0:
+        print(f'waiting for a subscription to {publisher.topic_name}', file=sys.stderr)
     while publisher.get_subscription_count() == 0:
         rclpy.spin_once(node, timeout_sec=POLL_S)
     for _ in range(arguments.count):
