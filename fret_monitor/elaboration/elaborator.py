@@ -276,7 +276,7 @@ class Elaborator:
         declaration = self._scope.find(name.text)
         return declaration is not None and declaration.term.is_broken
 
-    # Meaning
+    # Operators
 
     def _meaning(self, node: Number | Boolean | Prefix | Infix | Call | Conditional,
                  operands: list[TypedTerm]) -> tuple[Value, Vocabulary | None]:

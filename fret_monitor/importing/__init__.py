@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Import projects of FRET and set-ups of Ogma as bundles."""
+"""Import FRET projects and Ogma configurations as bundles."""
 
 from fret_monitor.importing.bundles import import_bundles, Imported, write_bundles
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Import files of FRET and Ogma as bundles; nothing is written before all files are read."""
+"""Import files of FRET and Ogma as bundles; reads all files before it writes any."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -40,9 +40,9 @@ _MOST_LISTED = 20
 @dataclass(frozen=True)
 class Imported:
     """
-    A bundle that is not yet written: its path and its text.
+    A bundle that is not written yet: its path and its text.
 
-    `traces` are further files, with their texts: traces on which two wordings differ.
+    `traces` are the paths and texts of traces on which two wordings of a requirement differ.
     """
 
     path: Path
@@ -55,14 +55,14 @@ class Imported:
 def import_bundles(paths: Sequence[Path], output: Path, component: str | None = None,
                    *, is_folder: bool = False) -> list[Imported]:
     """
-    Make the bundle of the component in the files, or with `is_folder` one of each component.
+    Return the bundle of the chosen component, or with `is_folder` a bundle of each component.
 
-    The warnings of the first bundle include those about what is in no bundle.
+    Warnings about parts of the files that are in no bundle belong to the first bundle.
 
     Raises
     ------
     CompileError
-        if a file cannot be read, or no bundle can be made.
+        if a file cannot be read, or no component results in a bundle.
     """
     problems = Problems()
     files = read_files(paths, problems)
@@ -101,7 +101,7 @@ def _not_chosen(components: Iterable[Component],
 
 
 def _not_made(component: Component, error: CompileError) -> Iterator[Diagnostic]:
-    """Report why there is no bundle of a component."""
+    """Report the errors because of which a component has no bundle."""
     yield from (replace(item, level=Level.WARNING) for item in error.diagnostics)
     yield _unnamed(component) if not component.name else Diagnostic(
         f"no bundle for '{component.full_name}', as no requirement can be monitored: "
@@ -110,7 +110,7 @@ def _not_made(component: Component, error: CompileError) -> Iterator[Diagnostic]
 
 def _unknown(connections: Mapping[str, Connection],
              found: Iterable[Imported]) -> Iterator[Diagnostic]:
-    """Report the names in lists and databases that no component has."""
+    """Report the names in lists and databases that occur in no component."""
     names = {fret_name(name): name for item in found
              for name in (*(one.name for one in item.draft.inputs), *item.draft.unused,
                           *(old for old, _ in item.draft.renamed))}
@@ -136,7 +136,7 @@ def _ids(component: Component) -> str:
 
 
 def _targets(components: Sequence[Component], folder: Path) -> list[Path]:
-    """Return a file name for each component; with the project's name if two share a name."""
+    """Return a path for each component; includes the project if components share a name."""
     names = [_file_name(item.name) for item in components]
     found: dict[str, None] = {}
     for item, name in zip(components, names, strict=True):
@@ -223,7 +223,7 @@ def _is_there(path: Path) -> bool:
     try:
         return path.exists()
     except (OSError, ValueError):
-        return False  # writing it reports what is wrong with the name
+        return False  # writing the file will report the invalid name
 
 
 def _write(path: Path, text: str) -> None:

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Compare the wordings of a requirement: their verdicts on random traces.
+Compare the wordings of a requirement by their verdicts on random traces.
 
-FRET writes a formula beside each sentence, and users edit one of them. Verdicts are those of
-the reference semantics, on traces without NaN. Agreement is not a proof. A difference is one, and
-comes with the trace that shows it.
+FRET exports a sentence and its formulas, of which users may edit one. Verdicts are those of the
+reference semantics, on traces without NaN. Equal verdicts do not prove that wordings are
+equivalent; a difference proves that they are not, and is returned with its trace.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,18 +35,18 @@ from fret_monitor.traces.random_traces import random_traces
 from fret_monitor.traces.trace import length, rows_of
 
 _TRACES = 150
-_SHORT = 24  # steps of the trace of formulas without variables
-_LONGEST = 400  # steps of a trace
-_MOST_WORK = 4_000_000  # nodes times steps times steps looked back at
+_SHORT = 24  # steps of the trace for formulas without variables
+_LONGEST = 400  # maximum steps of a trace
+_MOST_WORK = 4_000_000  # maximum of nodes * steps * past steps examined at each
 
 
 @dataclass(frozen=True)
 class Difference:
     """
-    Two wordings that differ, at the last step of a trace and at none before.
+    Two wordings whose verdicts differ at the last step of a trace and at none before.
 
-    `trace` has a column for each variable; `first` and `other` are labels of wordings, `verdict`
-    is that of the first.
+    `trace` has a column for each variable; `first` and `other` are the labels of the wordings;
+    `verdict` is the verdict of the first.
     """
 
     id: str
@@ -91,7 +91,7 @@ def _first_difference(formulas: Sequence[Formula], trace: dict[str, list[Value]]
 
 
 def _traces(first: Property, other: Property, rng: Random) -> Iterator[dict[str, list[Value]]]:
-    """Yield traces of the variables of two wordings; fewer for formulas that cost more."""
+    """Yield traces of the variables of two wordings; fewer if evaluation is expensive."""
     nodes = postorder([*first.roots, *other.roots])
     variables = [node for node in nodes if isinstance(node, Variable)]
     if not variables:

@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-A component of FRET or Ogma, whatever file it came from: variables and requirements.
+A component of FRET or Ogma, independent of the file format: variables and requirements.
 
-The readers of files make a `Component` and check nothing in it: formulas and types are texts as
-the other tool wrote them. A requirement can have several wordings: a sentence and formulas.
+The parsers of files create a `Component` and do not check its contents: formulas and types are
+texts in the syntax of the other tool. A requirement can have several wordings: a sentence and
+formulas.
 """
 
 from dataclasses import dataclass
@@ -26,9 +27,9 @@ from fret_monitor.bundle.bundle import Language
 
 
 class VariableRole(Enum):
-    """What a variable is in its component."""
+    """The role of a variable in its component."""
 
-    INPUT = 'input'  # inputs and outputs: a monitor reads both
+    INPUT = 'input'  # inputs and outputs, because a monitor reads both
     INTERNAL = 'internal variable'
     MODE = 'mode'
     FUNCTION = 'function'
@@ -43,9 +44,9 @@ def bare(name: str) -> str:
 @dataclass(frozen=True)
 class Wording:
     """
-    A property or definition as written, in one of `languages` (the first that reads it).
+    The text of a property or definition, in the first of `languages` that parses it.
 
-    `label` is its place, as messages show it: `fsm.json, FSM-001, ptLTL`.
+    `label` is its place for messages, such as `fsm.json, FSM-001, ptLTL`.
     """
 
     languages: tuple[Language, ...]
@@ -55,7 +56,7 @@ class Wording:
 
 @dataclass(frozen=True)
 class ComponentVariable:
-    """A variable; `type` is '' if the file has none; `assignments` are wordings of its value."""
+    """A variable; `type` is '' if unknown; `assignments` are wordings of its definition."""
 
     name: str
     role: VariableRole
@@ -65,7 +66,7 @@ class ComponentVariable:
 
 @dataclass(frozen=True)
 class ComponentRequirement:
-    """A requirement; `modes` are the names that FRET found to be modes in it."""
+    """A requirement; `modes` are the names in it that FRET identified as modes."""
 
     id: str
     wordings: tuple[Wording, ...]
@@ -77,9 +78,9 @@ class ComponentRequirement:
 @dataclass(frozen=True)
 class Component:
     """
-    A component; `project` is '' where the file does not say one.
+    A component; `project` is '' if the file does not name one.
 
-    `files` are the names, without folders, of the files that describe it.
+    `files` are the names, without directories, of the files that describe it.
     """
 
     name: str
@@ -90,5 +91,5 @@ class Component:
 
     @property
     def full_name(self) -> str:
-        """The name with its project: two projects may have components of one name."""
+        """The name with the project, because names are unique only within a project."""
         return f'{self.project}/{self.name}' if self.project else self.name

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-What the bundle of a component will contain: inputs with their topics, definitions, requirements.
+The draft of a component's bundle: inputs with their topics, definitions and requirements.
 
-A component and the connections go in, a `Draft` comes out. What cannot be used is left out, with
-a warning and an entry in the list of manual tasks. The rest is checked by the same `specify` that
-elaborates a bundle, so the written bundle is valid. Of the wordings of a requirement, the first
-with a meaning goes into the bundle; the others are compared with it.
+`draft` takes a component and the connections of its inputs, and returns a `Draft`. Parts that
+cannot be used are left out, with a warning and an entry in the list of manual tasks. The rest is
+checked by `specify`, which also elaborates bundles, so the written bundle is valid. The bundle
+contains the first valid wording of each requirement; the other valid ones are compared with it.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -53,7 +53,7 @@ from fret_monitor.model.values import ValueType
 
 @dataclass(frozen=True)
 class DraftInput:
-    """An input as it is written: `topic` and `field` None where they are left out."""
+    """An input of the bundle; `topic` and `field` are None if they are omitted."""
 
     name: str
     type: str
@@ -64,7 +64,7 @@ class DraftInput:
 
 @dataclass(frozen=True)
 class DraftDefinition:
-    """A definition as it is written."""
+    """A definition of the bundle."""
 
     name: str
     language: Language
@@ -73,7 +73,7 @@ class DraftDefinition:
 
 @dataclass(frozen=True)
 class DraftRequirement:
-    """A requirement in its first usable wording; `title` is the sentence if that is not it."""
+    """A requirement in its first valid wording; `title` is the sentence if that is another."""
 
     id: str
     language: Language
@@ -84,7 +84,7 @@ class DraftRequirement:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The wordings of one requirement that have a meaning; the bundle has the first."""
+    """The valid wordings of one requirement; the first one is in the bundle."""
 
     id: str
     properties: tuple[tuple[str, Property], ...]
@@ -95,8 +95,9 @@ class Draft:
     """
     The content of a bundle.
 
-    `left_out` are requirements with the reason. `todo` are manual tasks: the first line is the
-    task, the further lines are text to paste. `renamed` are reserved names, with their new names.
+    `left_out` are the omitted requirements with the reasons. `todo` are manual tasks: the first
+    line is the task, the following lines are text to paste. `renamed` maps reserved names to their
+    replacements.
     """
 
     component: str
@@ -115,7 +116,7 @@ class Draft:
 def draft(component: Component, connections: Mapping[str, Connection],
           problems: Problems) -> Draft:
     """
-    Decide what the bundle of a component contains; add warnings to `problems`.
+    Return the draft of a component's bundle; add warnings to `problems`.
 
     Raises
     ------
@@ -187,7 +188,7 @@ class _Drafter:
     # Names
 
     def _rename_reserved(self) -> None:
-        """Rename what is an operator in a bundle (`pre`, `H`) wherever it is used as a name."""
+        """Rename variables whose names are operators in a bundle (`pre`, `H`)."""
         readings = [*chain(*self._readings, *self._assignments.values())]
         names = {fret_name(name): name for reading in readings for name in names_in(reading)}
         taken = {*names, *(fret_name(item.name) for item in self._component.variables)}
@@ -244,7 +245,7 @@ class _Drafter:
         return True
 
     def _close_cycles(self) -> None:
-        """Turn definitions that use their own past, or one another's, into equations."""
+        """Turn definitions that depend on themselves or on one another into equations."""
         used = {key: used_names(reading) for key, (_, reading) in self._definitions.items()}
         graph = {key: [other for other in names if other in used] for key, names in used.items()}
         for group in components(graph):
@@ -282,7 +283,7 @@ class _Drafter:
                 self._types.declare(name, ValueType.BOOL)
 
     def _add_undeclared(self) -> None:
-        """Make inputs of the names that are used but not declared by any file."""
+        """Add an input for each name that is used but not declared in any file."""
         known = {*self._constants, *self._definitions, *self._inputs}
         readings = [item for items in self._readings for item in items]
         readings += [item for _, item in self._definitions.values()]
@@ -298,7 +299,7 @@ class _Drafter:
     # Inputs
 
     def _input(self, item: ComponentVariable) -> DraftInput:
-        """Return an input with its topic and type, as far as they are known."""
+        """Return an input with its topic and type, if they are known."""
         link = self._connection(item.name)
         kind = self._value_type(item, link)
         if link.topic is None:
@@ -322,7 +323,7 @@ class _Drafter:
             self._todo.append(f"the input '{name}' on {link.topic}: {error.title}{hint}")
 
     def _list_requirements(self, left_out: Sequence[tuple[ComponentRequirement, str]]) -> None:
-        """List the requirements that are left out, or in another wording than the first."""
+        """Add tasks for requirements that are left out, or not in their first wording."""
         reasons: dict[str, list[str]] = {}
         for item, reason in left_out:
             reasons.setdefault(reason, []).append(item.id)
@@ -333,7 +334,7 @@ class _Drafter:
                               f'({reason}): {", ".join(ids)}')
 
     def _list_inputs(self, inputs: Sequence[DraftInput]) -> None:
-        """List the inputs without a topic, and those whose types are guesses."""
+        """Add tasks for inputs without a topic, and for inputs whose types are guesses."""
         missing = [item for item in inputs if item.topic is None]
         if missing:
             lines = [f'  {item.name}: {{topic: ..., type: {message_for(item.signal.type)}}}'
@@ -361,7 +362,7 @@ class _Drafter:
     # Meanings
 
     def _meanings(self, inputs: dict[str, DraftInput]) -> dict[ParsedWording, Property]:
-        """Return the meaning of each wording that has one; keep the errors of the others."""
+        """Return the property of each valid wording; store the errors of the others."""
         active = {reading: f'{number}' for number, reading in enumerate(
             item for items in self._readings for item in items if item.tree)}
         while active:
@@ -422,7 +423,7 @@ class _Drafter:
 
     def _usable(self, requirement: ComponentRequirement, readings: Sequence[ParsedWording],
                 meanings: Mapping[ParsedWording, Property]) -> list[_Usable]:
-        """Return the wordings that have a meaning; warn about the others."""
+        """Return the valid wordings; warn about the others."""
         found = [(item, meanings[item]) for item in readings if item in meanings]
         failed = [item for item in readings if item not in meanings]
         for item in failed if found else failed[:1]:
@@ -485,7 +486,7 @@ class _Drafter:
 
 
 def written_name(name: str) -> str | None:
-    """Return a name as a bundle writes it, quoted if necessary; None if it cannot be a name."""
+    """Return a name in a bundle's syntax, quoted if necessary; None if it is invalid."""
     inner = bare(name)
     if inner == name and name_fault(name) is None:
         return name
@@ -507,7 +508,7 @@ def _undeclared(reading: ParsedWording, known: set[str]) -> Iterator[str]:
 
 
 def _number(text: str) -> str | None:
-    """Return a number, true or false as a bundle writes it; None for other expressions."""
+    """Return a number, true or false in a bundle's syntax; None for other expressions."""
     word = text.strip()
     while word.startswith('(') and word.endswith(')') and '(' not in word[1:]:
         word = word[1:-1].strip()
@@ -520,7 +521,7 @@ def _number(text: str) -> str | None:
 
 
 def _equations(texts: Sequence[str], reading: ParsedWording) -> ParsedWording:
-    """Return equations as one wording; the last equation is the definition's own."""
+    """Return equations as one wording; the last equation is that of the definition itself."""
     found = parse_wording(replace(reading.wording, languages=(Language.COCOSPEC,),
                                   text=' '.join(texts)))
     return found if found.tree else reading

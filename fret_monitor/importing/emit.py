@@ -15,9 +15,9 @@
 """
 The YAML text of a draft, for people to read and for `parse_bundle` to parse.
 
-Each text is written in the simplest form that preserves it: a word plain, a short text quoted, a
-long one folded, several lines as a literal block, anything else in double quotes with escapes.
-Manual tasks are comments at the end.
+Each text is written in the simplest form that preserves it: a word as a plain scalar, a short
+text in quotes, a long text as a folded block, several lines as a literal block, and any other
+text in double quotes with escapes. Manual tasks are comments at the end.
 """
 
 from collections.abc import Iterator
@@ -92,7 +92,7 @@ def _requirement(item: DraftRequirement) -> Iterator[str]:
 
 
 def _entry(key: str, text: str, is_text: bool = False) -> Iterator[str]:
-    """Yield a key with a text, on several lines if it is long."""
+    """Yield the lines of a key with a text."""
     inner = ' ' * (len(key) - len(key.lstrip()) + 2)
     if len(key) + len(text) + 2 <= _WIDTH and not _UNSAFE.search(text):
         yield key + scalar(text, is_text)
@@ -180,7 +180,7 @@ def _notes(draft: Draft) -> Iterator[str]:
 
 
 def _commented(text: str, indent: str, further: str = '') -> list[str]:
-    """Return the lines of a comment; `further` begins all but the first."""
+    """Return the lines of a comment; all lines except the first start with `further`."""
     return _wrapped(_comment(text), indent, further or f'{indent}  ')
 
 

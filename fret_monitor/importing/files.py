@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Read the files of an import and merge what they say about each component.
+Read the files of an import and merge their descriptions of each component.
 
-The content of a file decides what it is, not its name. Several files may describe one component:
-from a project, its specification and its Lustre comes one component, whose requirements have the
-wordings of all three. Different requirements with one id, or one handler, get new ids. A
-requirement without a component (FRET could not parse its sentence) is added to the component of
-its project, if there is only one.
+The format of a file is recognised by its content, not its name. Several files may describe one
+component: a FRET project, a component specification and a Lustre file result in one component,
+whose requirements have the wordings of all three. Different requirements with the same id or
+handler get new ids. A requirement without a component (FRET could not parse its sentence) is
+added to the component of its project, if there is only one.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -40,7 +40,7 @@ from fret_monitor.importing.topics import (
 from fret_monitor.model.diagnostics import did_you_mean, Problems, refuse, Source, Span
 from fret_monitor.model.names import fret_name, handler_fault, shown
 
-MAX_BYTES = 256 * 2 ** 20  # FRET writes some 10 KiB for a requirement
+MAX_BYTES = 256 * 2 ** 20  # FRET writes about 10 KiB for each requirement
 _KINDS = ('a project or component specification of FRET (JSON), its Lustre, a variable database '
           'of Ogma (JSON), or a list of names and topics')
 _LONGEST_ID = 100
@@ -56,7 +56,7 @@ class Files:
 
 def read_files(paths: Sequence[Path], problems: Problems) -> Files:
     """
-    Read all files and merge what they say about each component.
+    Read all files and merge their descriptions of each component.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def _read_json(source: Source, path: Path,
 
 def _connect(item: Connection, connections: dict[str, Connection], file: str,
              problems: Problems) -> None:
-    """Add a connection; a later file only completes what an earlier one says of an input."""
+    """Add a connection; earlier files take precedence, later ones only add missing fields."""
     key = fret_name(item.name)
     known = connections.get(key)
     if known is not None and known.topic and item.topic and known.topic != item.topic:
@@ -123,10 +123,10 @@ def _connect(item: Connection, connections: dict[str, Connection], file: str,
             known.file or item.file, known.place or item.place)
 
 
-# Merging what several files say about one component.
+# Merging descriptions of one component.
 
 def _merged(components: Iterable[Component]) -> list[Component]:
-    """Merge components of one name, if at most one project has a component of that name."""
+    """Merge components with the same name, if at most one project has such a component."""
     found: dict[tuple[str, str], Component] = {}
     for item in sorted(components, key=lambda item: not item.project):
         same = [key for key in found if key[1] == item.name]
@@ -156,7 +156,7 @@ def _joined(first: Component, second: Component) -> Component:
 
 
 def _with_unique_ids(component: Component, problems: Problems) -> Component:
-    """Merge entries for one requirement or variable; give different requirements unique ids."""
+    """Merge entries for the same requirement or variable; make the ids of others unique."""
     requirements: list[ComponentRequirement] = []
     places: dict[str, list[int]] = {}
     for item in component.requirements:
@@ -177,7 +177,7 @@ def _sentences(item: ComponentRequirement) -> set[str]:
 
 
 def _is_same(first: ComponentRequirement, second: ComponentRequirement) -> bool:
-    """Whether two requirements are one: they share the id and do not differ in the sentence."""
+    """Whether two requirements with one id are the same: their sentences do not differ."""
     if first.id != second.id:
         return False
     sentences = _sentences(first), _sentences(second)

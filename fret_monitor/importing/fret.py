@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Projects and component specifications: the JSON that FRET exports and Ogma reads.
+Parse projects and component specifications: the JSON that FRET exports and Ogma reads.
 
 A project is a list of requirements (old versions), or an object with `requirements` and
-`variables`; it may contain several components. A component specification is an object with a
-component's name, under which are its internal variables, other variables and requirements. Ogma's
-JSON formats allow other keys for them, which users do write.
+`variables`; it may contain several components. A component specification is an object that maps
+the name of a component to its internal variables, other variables and requirements. Ogma's JSON
+formats allow other keys for them, which occur in practice.
 """
 
 from collections.abc import Iterator
@@ -42,7 +42,7 @@ _OTHER = ('Other_variables', 'external_variables', 'Input_variables', 'Output_va
 _REQUIREMENTS = ('Requirements', 'properties', 'requirements')
 _FUNCTIONS = ('Functions', 'functions')
 _IDS = ('name', 'id', 'reqid')
-# What FRET and Ogma write where a requirement has no formula or no sentence.
+# Texts that FRET and Ogma write for a missing formula or sentence.
 _PLACEHOLDERS = frozenset({
     'meaning not specified', 'no meaning assigned', 'under construction', 'unhandled',
     'undefined', 'true',
@@ -51,7 +51,7 @@ _RESULTS = ('result_type', 'result_formula')
 
 
 def plain(formula: str) -> str:
-    """Return a formula on one line, without the HTML that old versions of FRET put into it."""
+    """Return a formula on one line, without the HTML markup of old versions of FRET."""
     # Not html.unescape: it replaces `&not` even where no semicolon follows.
     cleaned = _TAG.sub('', formula)
     for entity, char in (('&lt;', '<'), ('&gt;', '>'), ('&amp;', '&')):
@@ -148,7 +148,7 @@ def _wordings(label: str, sentence: str, ptltl: str, cocospec: str) -> Iterator[
 
 
 def _is_placeholder(text: str) -> bool:
-    """Whether a tool wrote a text where it had no formula."""
+    """Whether a text is a tool's placeholder for a missing formula."""
     return text.lower().strip(' .()') in _PLACEHOLDERS
 
 
@@ -175,7 +175,7 @@ def _is_specified(content: dict[str, object]) -> bool:
 
 def read_specification(value: object, file: str, stem: str,
                        problems: Problems) -> list[Component]:
-    """Return the components of a file; add warnings to `problems` for what is ignored."""
+    """Return the components of a file; add warnings about ignored parts to `problems`."""
     return [_component(name, content, file, problems)
             for name, content in _specifications(value, stem)]
 
@@ -200,9 +200,9 @@ def _all(content: dict[str, object], keys: tuple[str, ...]) -> list[dict[str, ob
 
 def component_name(name: str, requirements: tuple[ComponentRequirement, ...]) -> str:
     """
-    Return the name of a component as its sentences write it.
+    Return the name of a component as in its sentences, if they agree.
 
-    FRET appends 'Spec' in the files that it exports; files written by hand may use any name.
+    FRET appends 'Spec' to the name in exported files; other files may use any name.
     """
     sentences = [item.text for requirement in requirements for item in requirement.wordings
                  if item.languages == (Language.FRETISH,)]

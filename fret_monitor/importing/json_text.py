@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-JSON of other tools: parsed with the places of errors, and accessed without exceptions.
+Parse JSON of other tools with places of errors, and access it without exceptions.
 
-A value that is missing or has an unexpected type reads as empty: exports differ from version to
-version. The callers refuse a file that lacks what they need.
+A value that is missing or has an unexpected type reads as empty, because exports differ between
+versions. The callers refuse a file that lacks required parts.
 """
 
 import json
@@ -36,7 +36,7 @@ def read_json(source: Source) -> object:
     Raises
     ------
     CompileError
-        if it is not JSON, or nested too deeply.
+        if the text is not JSON, or is nested too deeply.
     """
     try:
         found: object = json.loads(source.text, parse_constant=_no_constant, parse_int=_whole)
@@ -51,7 +51,7 @@ def read_json(source: Source) -> object:
 
 
 class _NoNumber(Exception):
-    """NaN or an infinity, which Python's parser accepts although JSON has neither."""
+    """The text has NaN or an infinity, which Python's parser accepts although JSON does not."""
 
 
 def _no_constant(text: str) -> NoReturn:
@@ -67,7 +67,7 @@ def _label(message: str) -> str:
 
 
 def mapping(value: object) -> dict[str, object]:
-    """Return a value if it is an object, else an empty one."""
+    """Return a value if it is an object, else an empty object."""
     return value if isinstance(value, dict) else {}
 
 
@@ -77,7 +77,7 @@ def items(value: object) -> list[dict[str, object]]:
 
 
 def text(item: dict[str, object], *keys: str) -> str:
-    """Return the text under the first of the keys that has one that is not blank, or ''."""
+    """Return the first non-blank text under one of the keys, or ''."""
     for key in keys:
         value = item.get(key)
         if isinstance(value, str) and value.strip():

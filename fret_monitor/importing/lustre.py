@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Lustre files as FRET writes them: contracts, with local variables, guarantees and modes.
+Parse Lustre files of FRET: contracts with local variables, guarantees and modes.
 
-A contract is a comment of its own (`(*@contract NAME (...) returns (...); let ... tel *)`) or, in
-Kind 2, `contract NAME ...`. Each guarantee and each assumption is a requirement; the comment
-before it has FRET's sentence. What a mode ensures is required while the mode holds. The nodes of
-FRET's library (H, O, S ...) in the same file are skipped: `cocospec` has these operators.
+A contract is a comment (`(*@contract NAME (...) returns (...); let ... tel *)`) or, in Kind 2,
+`contract NAME ...`. Each guarantee and each assumption is a requirement; the comment before it
+contains FRET's sentence. An `ensure` of a mode is required while the mode holds. The nodes of
+FRET's library (H, O, S ...) in the same file are skipped, because `cocospec` has these operators.
 """
 
 from collections.abc import Iterator
@@ -59,7 +59,7 @@ class _Token:
 
 @dataclass
 class _Contract:
-    """A contract, as far as it has been read."""
+    """A contract during parsing."""
 
     name: str
     label: str
@@ -74,7 +74,7 @@ def read_lustre(source: Source, file: str, problems: Problems) -> list[Component
     Raises
     ------
     CompileError
-        if there is no contract, or one cannot be read.
+        if there is no contract, or one cannot be parsed.
     """
     reader = _ContractReader(source, file, problems)
     found = list(reader.contracts())
@@ -87,7 +87,7 @@ def read_lustre(source: Source, file: str, problems: Problems) -> list[Component
 
 
 class _ContractReader:
-    """Reads the contracts of one file, a token at a time."""
+    """Parses the contracts of one file."""
 
     def __init__(self, source: Source, file: str, problems: Problems) -> None:
         self._source = source
@@ -100,7 +100,7 @@ class _ContractReader:
         self._comment = ''
 
     def contracts(self) -> Iterator[_Contract]:
-        """Yield all contracts; skip what is between them."""
+        """Yield all contracts; skip the text between them."""
         while self._next < len(self._tokens):
             token = self._tokens[self._next]
             self._next += 1
@@ -162,7 +162,7 @@ class _ContractReader:
         return contract
 
     def _declarations(self) -> Iterator[ComponentVariable]:
-        """Read `(a, b: real; c: bool;)`."""
+        """Parse `(a, b: real; c: bool;)`."""
         self._expect('(')
         while self._peek().text != ')':
             found = [self._name('a variable')]
@@ -197,7 +197,7 @@ class _ContractReader:
         self._comment = ''
 
     def _local(self, contract: _Contract) -> None:
-        """Read `x: real = 2.0;` (a constant may have no type)."""
+        """Parse `x: real = 2.0;` (the type of a constant is optional)."""
         name = self._name('a variable')
         kind = ''
         if self._expect(':', '=').text == ':':
@@ -207,7 +207,7 @@ class _ContractReader:
         contract.variables.append(ComponentVariable(name, VariableRole.INTERNAL, kind, (wording,)))
 
     def _property(self, contract: _Contract, comment: str) -> None:
-        """Read `"FSM-001" expression;` and FRET's sentence from the comment before it."""
+        """Parse `"FSM-001" expression;`, and FRET's sentence in the comment before it."""
         name = self._id(f'{contract.name}_{len(contract.requirements) + 1}')
         label = f'{self._file}, {name}'
         wordings = [Wording((Language.COCOSPEC,), self._expression(), label)]
@@ -221,7 +221,7 @@ class _ContractReader:
         return self._take().text[1:-1] if self._peek().kind == 'STRING' else default
 
     def _mode(self, contract: _Contract) -> None:
-        """Read `name (require p; ensure q; );`: q is required while p holds."""
+        """Parse `name (require p; ensure q; );`: q is required while p holds."""
         name = self._name("the mode's name")
         self._expect('(')
         requires: list[str] = []
@@ -245,7 +245,7 @@ class _ContractReader:
         contract.requirements.append(ComponentRequirement(name, (wording,)))
 
     def _expression(self) -> str:
-        """Read up to the next ';' and return the text before it."""
+        """Consume the tokens up to the next ';' and return the text before it."""
         parts: list[_Token] = []
         while (token := self._take()).text != ';':
             if token.kind in ('END', 'CLOSE') or token.text in ('tel', 'guarantee'):
@@ -256,7 +256,7 @@ class _ContractReader:
         return self._joined(parts)
 
     def _joined(self, parts: list[_Token]) -> str:
-        """Return tokens as the file writes them, without comments and on one line."""
+        """Return the text of tokens on one line, without comments."""
         text = parts[0].text
         for before, part in pairwise(parts):
             text += ('' if before.end == part.start else ' ') + part.text

@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-The wordings of requirements, parsed: the tree of each, and the names in it.
+Parsed wordings of requirements: the tree of each, and the names in it.
 
-FRET's sentence is the first wording of a requirement, then come its past-time MTL and its
-CoCoSpec. A wording that cannot be parsed keeps its diagnostics: they become warnings if another
-wording can be used.
+The order of wordings is FRET's sentence, its past-time MTL, its CoCoSpec. A wording that cannot
+be parsed keeps its diagnostics; they become warnings if another wording is valid.
 """
 
 from collections.abc import Iterator, Mapping
@@ -38,7 +37,7 @@ Tree: TypeAlias = Expression | Equations | Sentence
 
 @dataclass(frozen=True, eq=False)
 class ParsedWording:
-    """A wording in the language that parses it; `tree` is None if none does."""
+    """A wording with the language that parses it; `tree` is None if none does."""
 
     wording: Wording
     language: Language
@@ -60,7 +59,7 @@ def parse_wording(wording: Wording) -> ParsedWording:
 
 
 def expressions(tree: Tree) -> Iterator[tuple[Expression, str]]:
-    """Yield the expressions of a tree, each with its name ('' for a Boolean without one)."""
+    """Yield the expressions of a tree, each with its name ('' for a Boolean without a name)."""
     match tree:
         case Equations():
             yield from ((item.expression, item.name) for item in tree.equations)
@@ -88,7 +87,7 @@ def names_in(reading: ParsedWording) -> Iterator[str]:
 
 
 def rename(reading: ParsedWording, names: Mapping[str, str]) -> ParsedWording:
-    """Return a wording with other names in its text; `names` maps a `fret_name` to the new."""
+    """Return a wording with names replaced; `names` maps each `fret_name` to a new name."""
     if reading.tree is None:
         return reading
     places = {node.span: names[fret_name(node.text)] for node in _free_names(reading.tree)
@@ -100,7 +99,7 @@ def rename(reading: ParsedWording, names: Mapping[str, str]) -> ParsedWording:
 
 
 def add_uses(reading: ParsedWording, name: str, types: TypesByUse) -> None:
-    """Add the uses of names in a wording; `name` is what it defines, '' for a property."""
+    """Add the uses of names in the definition of `name`, or with '' in a property."""
     if reading.tree is None or isinstance(reading.tree, Equations):
         return
     for expression, _ in expressions(reading.tree):

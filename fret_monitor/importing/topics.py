@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Ogma's variable databases, and lists of names and topics: the topics of inputs.
+Parse the topics of inputs: Ogma's variable databases, and lists of names and topics.
 
-Both give a `Connection` for each name. A database has the topic of each input, the message type of
-each topic, and sometimes the field. A list has one line for each input: name, topic and, if they
-are known, message type and field.
+Both result in a `Connection` for each name. A database contains the topic of each input, the
+message type of each topic, and sometimes the field. A list has a line for each input: name,
+topic, and optionally message type and field.
 """
 
 from dataclasses import dataclass
@@ -38,11 +38,11 @@ _MOST_COLUMNS = 4
 @dataclass(frozen=True)
 class Connection:
     """
-    The topic of an input; None for what is not known.
+    The topic and types of an input; None if unknown.
 
-    `type` is the C type that a database gives the input; `message_type` is the ROS type of the
-    topic. `note` is the reason if there is no topic. `file` names the input; `place` is where, in
-    a list.
+    `type` is the C type of the input in a database; `message_type` is the ROS type of the topic.
+    `note` is the reason if there is no topic. `file` is the file with the input; `place` is its
+    place in a list.
     """
 
     name: str
@@ -90,7 +90,7 @@ def _connection(item: dict[str, object], topics: dict[str, str], fields: dict[st
 
 
 def _usable(found: Connection, file: str, problems: Problems, place: Span | None) -> Connection:
-    """Remove a topic or type that ROS would refuse, with a warning."""
+    """Remove a topic or type that is invalid in ROS, with a warning."""
     kind_fault = type_fault(found.message_type) if found.message_type else None
     for fault in (topic_fault(found.topic) if found.topic else None, kind_fault):
         if fault:
@@ -105,12 +105,12 @@ def _usable(found: Connection, file: str, problems: Problems, place: Span | None
 
 
 def _message_type(name: str) -> str:
-    """Return `pkg/msg/Name` for C++'s `pkg::msg::Name`."""
+    """Return a message type as `pkg/msg/Name`; accepts C++'s `pkg::msg::Name`."""
     return re.sub(r'::|\.', '/', name.strip().removeprefix('::'))
 
 
 def is_list(content: str) -> bool:
-    """Whether each line of a text is a name with at most three further words."""
+    """Whether each line of a text is a name with at most three more words."""
     lines = [_LINE.findall(line) for line in _lines(content) if line.strip()]
     return any(lines) and all(
         len(words) <= _MOST_COLUMNS and _NAME.match(words[0]) for words in lines if words)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The names that FRET, Ogma, Copilot, C and Lustre give to types, and the messages of ROS."""
+"""Type names in FRET, Ogma, Copilot, C and Lustre, and the corresponding messages of ROS."""
 
 from fret_monitor.model.values import ValueType
 
@@ -21,7 +21,7 @@ _ALSO_CALLED = {
     ValueType.INT8: ('i8', 'sint8'),
     ValueType.INT16: ('i16', 'sint16', 'short'),
     ValueType.INT32: ('i32', 'sint32'),
-    # FRET and Lustre do not say how wide an integer is.
+    # FRET and Lustre do not define the width of an integer.
     ValueType.INT64: ('i64', 'sint64', 'int', 'integer', 'long', 'subrange'),
     ValueType.UINT8: ('u8', 'word8', 'byte', 'char'),
     ValueType.UINT16: ('u16', 'word16'),
@@ -35,12 +35,12 @@ _MESSAGES = {ValueType.BOOL: 'Bool', ValueType.FLOAT32: 'Float32', ValueType.FLO
 
 
 def plain_type(written: str) -> ValueType | None:
-    """Return the type that another tool calls so, None for a structure or an unknown name."""
+    """Return the type for a name in another tool; None for a struct or an unknown name."""
     name = written.strip().lower().removeprefix('std::').removesuffix('_t')
     return _TYPES.get(name)
 
 
 def message_for(kind: ValueType) -> str:
-    """Return the type of std_msgs that carries one value of a type."""
+    """Return the message type of std_msgs that contains one value of a type."""
     name = _MESSAGES.get(kind) or kind.value.replace('uint', 'UInt').replace('int', 'Int')
     return f'std_msgs/msg/{name}'
