@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What all tests share: a home of their own, a copy of the repository, a domain of DDS."""
+"""Fixtures of all tests: a home folder, a copy of the repository, a DDS domain."""
 
 from collections.abc import Callable, Iterator
 import fcntl
@@ -27,10 +27,10 @@ from typing import Any
 from hypothesis import HealthCheck, settings
 import pytest
 
-# What helps several tests asserts too, and is to say as much when it fails.
+# Helpers of several tests contain assertions too: rewrite them, so that failures show values.
 pytest.register_assert_rewrite('differential.compiled', 'ros.harness', 'strategies')
 
-# Time says more of the machine, which others share, than of the code.
+# Run times depend on other load on the machine more than on the code.
 settings.register_profile(
     'fret_monitor', deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile('fret_monitor')
@@ -39,7 +39,7 @@ ROOT = Path(__file__).resolve().parent.parent
 _BUSY = r'/test_(bench|colcon|faults|hot_path|interrupts|shutdown|soak)'  # those with ROS 2
 _WORKER = 'PYTEST_XDIST_WORKER'
 _HOME = pytest.StashKey[str]()
-# Of the domain numbers, 0 to 101 give ports that no system hands to others; 0 is everybody's.
+# Domain ids 0 to 101 give ports outside the ephemeral range; 0 is the default of all nodes.
 _DOMAINS = range(1, 101)
 _turns = 0
 
@@ -63,14 +63,14 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """
-    Let two workers of pytest-xdist have all tests that watch processes against the clock.
+    Let two workers of pytest-xdist run all tests that time processes.
 
-    One has those that keep a processor busy, the other one those that wait most of their time.
+    One runs the tests that keep a processor busy, the other those that mostly wait.
     """
     from xdist.scheduler import LoadScopeScheduling
 
     class WorkersForRos(LoadScopeScheduling):  # type: ignore[misc]
-        # Its way to be told what goes together; xdist_group does nothing in pytest 9.
+        # Override how tests are grouped; xdist_group has no effect in pytest 9.
 
         def _split_scope(self, nodeid: str) -> str:
             if not re.search(r'\btest/(ros/|test_colcon)', nodeid):
@@ -85,8 +85,8 @@ def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """
     Set ROS_DOMAIN_ID to a number that no other test on this machine uses, and return it.
 
-    Whoever uses one holds a lock on a file, which ends with the process whatever happens to it.
-    None is used again soon: what was sent in it may still be under way.
+    Each user locks a file, and the lock ends with the process in any case. A number is not used
+    again soon, since messages may still be under way.
     """
     global _turns
     _turns += 1

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Golden files: what the package answers, as texts that a person has read.
+Golden files: outputs of the package that a person has reviewed.
 
-`test/golden/FOLDER/NAME.yaml` is what goes in, `NAME.txt` beside it is what must come out. With
-`FRET_MONITOR_UPDATE_GOLDEN=1` in the environment the answers are written anew (read the
+`test/golden/FOLDER/NAME.yaml` is the input, and `NAME.txt` beside it the expected output. With
+`FRET_MONITOR_UPDATE_GOLDEN=1` in the environment the outputs are written again (read the
 difference before you commit it); nothing else writes them.
 """
 
@@ -32,7 +32,7 @@ def cases(folder: str, suffix: str = '.yaml') -> list[Path]:
 
 
 def check(path: Path, answer: str) -> None:
-    """Compare the answer to an input with the text beside it, or write that text anew."""
+    """Compare an output with the golden file of its input, or write that file."""
     expected = path.with_suffix('.txt')
     if os.environ.get(UPDATE) == '1':
         expected.write_text(answer, encoding='utf-8')

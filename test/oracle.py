@@ -14,7 +14,7 @@
 
 
 """
-What FRETish means, said once more without any formula: intervals, trigger points, behaviour.
+The meaning of FRETish without formulas: intervals, trigger points, behaviour.
 
 For a finite trace: the scope gives closed intervals of steps; the condition gives the steps of an
 interval at which the timing starts; the timing says of each what the response must do from there

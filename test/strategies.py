@@ -85,7 +85,7 @@ def finite_values(kind: ValueType) -> tuple[Any, ...]:
 
 
 def all_values(kind: ValueType) -> tuple[Any, ...]:
-    """Return values of a type on which mistakes show, infinities and NaN too."""
+    """Return values of a type on which mistakes show, including infinities and NaN."""
     return finite_values(kind) + (_NOT_FINITE if kind.is_float else ())
 
 

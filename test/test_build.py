@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From a bundle to a folder that a robot runs: the same bytes each time, whole or not at all."""
+"""From a bundle to a folder for a robot: reproducible, and written completely or not at all."""
 
 from fractions import Fraction
 import os
@@ -62,13 +62,13 @@ def write_bundle(bundle: Path, folder: Path) -> None:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Return all files of a folder, but for libraries: linkers may differ from run to run."""
+    """Return all files of a folder except libraries: linkers may differ from run to run."""
     return {path.relative_to(folder).as_posix(): path.read_bytes()
             for path in sorted(folder.rglob('*')) if path.is_file()}
 
 
 def verdicts(folder: Path, values: list[tuple[bool, float]]) -> list[bool]:
-    """Run what a folder holds and return the verdicts of R-1."""
+    """Run the compiled bundle of a folder and return the verdicts of R-1."""
     held = open_folder(folder)
     evaluator = Evaluator(load(held.library, held.manifest), library=held.evaluator)
     found = []
@@ -81,7 +81,7 @@ def verdicts(folder: Path, values: list[tuple[bool, float]]) -> list[bool]:
 
 
 def refusal(bundle: Path, folder: Path) -> str:
-    """Return how a folder is refused; nothing is left beside it."""
+    """Return the error for a folder that is refused; check that nothing is left beside it."""
     before = sorted(os.listdir(bundle.parent.parent))
     with pytest.raises(CompileError) as caught:
         write_bundle(bundle, folder)
@@ -103,7 +103,7 @@ def test_a_folder_holds_libraries_manifest_and_sources(pump: Path, tmp_path: Pat
     assert stat.S_IMODE(out.stat().st_mode) == 0o755
 
 
-def test_the_manifest_of_a_folder_says_what_the_bundle_says(pump: Path, tmp_path: Path) -> None:
+def test_the_manifest_of_a_folder_agrees_with_the_bundle(pump: Path, tmp_path: Path) -> None:
     write_bundle(pump, tmp_path / 'out')
     manifest = open_folder(tmp_path / 'out').manifest
     assert [item.name for item in manifest.inputs] == ['p', 'x']
@@ -150,7 +150,7 @@ def test_a_folder_reads_messages(pump: Path, tmp_path: Path) -> None:
                        cwd=source.parent, check=True)
 
 
-def test_the_sources_of_a_folder_compile_where_they_are(pump: Path, tmp_path: Path) -> None:
+def test_the_sources_of_a_folder_compile_in_place(pump: Path, tmp_path: Path) -> None:
     out = tmp_path / 'out'
     write_bundle(pump, out)
     compiler = shutil.which('cc') or shutil.which('gcc')
@@ -194,7 +194,7 @@ def test_another_text_gives_another_hash(pump: Path) -> None:
 # -- where it is written ----------------------------------------------------------------------
 
 
-def test_missing_folders_on_the_way_are_made(pump: Path, tmp_path: Path) -> None:
+def test_missing_parent_folders_are_created(pump: Path, tmp_path: Path) -> None:
     write_bundle(pump, tmp_path / 'a' / 'b' / 'out')
     assert set(os.listdir(tmp_path / 'a' / 'b' / 'out')) == HOLDS
     assert os.listdir(tmp_path / 'a' / 'b') == ['out']
@@ -206,7 +206,7 @@ def test_an_empty_folder_is_filled(pump: Path, tmp_path: Path) -> None:
     assert set(os.listdir(tmp_path / 'out')) == HOLDS
 
 
-def test_what_was_compiled_before_is_replaced_as_a_whole(pump: Path, tmp_path: Path) -> None:
+def test_an_earlier_compiled_bundle_is_replaced_as_a_whole(pump: Path, tmp_path: Path) -> None:
     out = tmp_path / 'out'
     write_bundle(pump, out)
     pump.write_text(PUMP.replace('O[0,3]', 'O[0,1]'))
@@ -217,7 +217,7 @@ def test_what_was_compiled_before_is_replaced_as_a_whole(pump: Path, tmp_path: P
 
 
 @pytest.mark.parametrize('name', ['mine/keep', 'src/mine.c', 'notes.txt'])
-def test_what_a_user_put_beside_what_was_compiled_is_not_lost(
+def test_files_that_a_user_added_to_a_compiled_folder_are_not_lost(
     name: str, pump: Path, tmp_path: Path,
 ) -> None:
     out = tmp_path / 'out'
@@ -230,7 +230,7 @@ def test_what_a_user_put_beside_what_was_compiled_is_not_lost(
     assert contents(out) == before
 
 
-def test_a_relative_path_is_taken_from_where_one_is(
+def test_a_relative_path_is_relative_to_the_working_directory(
         pump: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for folder in ('out', './other', 'in/../third/', 'out'):
@@ -238,8 +238,8 @@ def test_a_relative_path_is_taken_from_where_one_is(
     assert sorted(os.listdir(tmp_path)) == ['in', 'other', 'out', 'third']
 
 
-def test_the_folder_one_is_in_is_refused(pump: Path, tmp_path: Path,
-                                         monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_working_directory_is_refused(pump: Path, tmp_path: Path,
+                                          monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / 'here').mkdir()
     monkeypatch.chdir(tmp_path / 'here')
     for folder in ('.', '', '../here', str(tmp_path / 'here')):
@@ -276,7 +276,7 @@ def test_a_file_in_the_way_is_refused(pump: Path, tmp_path: Path) -> None:
     assert "'/dev/null' is a file" in refusal(pump, Path('/dev/null'))
 
 
-def test_a_path_that_cannot_be_is_refused(pump: Path, tmp_path: Path) -> None:
+def test_an_impossible_path_is_refused(pump: Path, tmp_path: Path) -> None:
     assert 'File name too long' in refusal(pump, tmp_path / ('x' * 300))
     (tmp_path / 'loop').symlink_to('loop')
     assert 'cannot write' in refusal(pump, tmp_path / 'loop')
@@ -291,7 +291,7 @@ def test_a_folder_that_may_not_be_written_is_refused(pump: Path, tmp_path: Path)
     assert 'Permission denied' in refusal(pump, tmp_path / 'shut' / 'out')
 
 
-def test_a_disk_that_fills_up_leaves_what_was_there(pump: Path, tmp_path: Path) -> None:
+def test_a_full_disk_leaves_the_earlier_folder_unchanged(pump: Path, tmp_path: Path) -> None:
     out = tmp_path / 'out'
     write_bundle(pump, out)
     before = contents(out)
@@ -308,14 +308,14 @@ def test_a_disk_that_fills_up_leaves_what_was_there(pump: Path, tmp_path: Path) 
     assert sorted(os.listdir(tmp_path)) == ['in', 'out']
 
 
-def test_a_name_that_is_no_text_is_a_bundle_all_the_same(tmp_path: Path) -> None:
+def test_a_bundle_may_have_a_file_name_that_is_not_utf_8(tmp_path: Path) -> None:
     bundle = tmp_path / os.fsdecode(b'p\xffp.yaml')
     bundle.write_text(PUMP)
     write_bundle(bundle, tmp_path / 'out')
     assert open_folder(tmp_path / 'out').manifest.symbol == 'p_p_monitor'
 
 
-def test_a_long_file_name_is_a_bundle_all_the_same(tmp_path: Path) -> None:
+def test_a_bundle_may_have_a_long_file_name(tmp_path: Path) -> None:
     bundle = tmp_path / ('n' * 250 + '.yaml')
     bundle.write_text(PUMP)
     write_bundle(bundle, tmp_path / 'out')
@@ -347,7 +347,7 @@ def test_a_compiler_that_fails_leaves_nothing(pump: Path, tmp_path: Path,
     assert sorted(path.name for path in tmp_path.iterdir() if path.name != 'home') == ['in']
 
 
-def test_what_is_built_is_kept_and_found(pump: Path) -> None:
+def test_a_built_library_is_cached_and_found(pump: Path) -> None:
     first = build(pump)
     changed = first.library.stat().st_mtime_ns
     assert build(pump).library == first.library
@@ -358,7 +358,7 @@ def test_what_is_built_is_kept_and_found(pump: Path) -> None:
 # -- policy and period ------------------------------------------------------------------------
 
 
-def test_policy_and_period_stand_in_for_those_of_the_bundle(pump: Path) -> None:
+def test_given_policy_and_period_replace_those_of_the_bundle(pump: Path) -> None:
     def manifest(**options: object) -> Manifest:
         return generate_monitor(read(pump, **options)).manifest  # type: ignore[arg-type]
 
@@ -391,7 +391,7 @@ def test_a_bad_period_hides_no_other_problem(pump: Path) -> None:
         assert all(item.span for item in caught.value.diagnostics)
 
 
-def test_a_policy_from_outside_that_does_not_fit_hides_no_problem_of_the_bundle(
+def test_a_given_policy_that_does_not_fit_hides_no_problem_of_the_bundle(
         pump: Path) -> None:
     pump.write_text(PUMP + '  - {id: R9, ptltl: H nothing}\n')
     for options in ({'policy': Policy.PERIODIC}, {'period': Fraction(1)}):
@@ -402,14 +402,14 @@ def test_a_policy_from_outside_that_does_not_fit_hides_no_problem_of_the_bundle(
         assert second == "'nothing' is not declared"
 
 
-def test_a_period_of_the_bundle_goes_with_its_policy_only(pump: Path) -> None:
+def test_the_period_of_the_bundle_is_used_with_its_own_policy_only(pump: Path) -> None:
     pump.write_text(PUMP + 'evaluation: {policy: periodic, rate: 20}\n')
     assert generate_monitor(read(pump)).manifest.period == 0.05
     assert generate_monitor(read(pump, policy=Policy.ALL_INPUTS)).manifest.period is None
     assert generate_monitor(read(pump, period=Fraction(2))).manifest.period == 2.0
 
 
-def test_a_bundle_may_leave_its_period_to_whoever_builds_it(pump: Path) -> None:
+def test_a_bundle_without_a_period_can_be_given_one(pump: Path) -> None:
     pump.write_text(pump.read_text() + 'evaluation: {policy: periodic}\n')
     with pytest.raises(CompileError, match="the policy periodic needs a 'period'"):
         read(pump)

@@ -15,7 +15,7 @@
 """
 The package in a workspace: `colcon build`, then its executables as `ros2 run` starts them.
 
-The ROS 2 that the tests run on, a sourced installation or the wheels, is the underlay.
+The underlay is the ROS 2 that runs the tests: a sourced installation, or the wheels.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -64,7 +64,7 @@ def workspace(
     copy_repository: Callable[[Path], Path],
 ) -> Path:
     """Return a workspace in which a copy of the repository is built."""
-    # With a space, since people have them.
+    # With a space in its path, as some users have.
     folder = tmp_path_factory.mktemp('my workspace')
     copy_repository(folder / 'src' / NAME)
     done = subprocess.run(
@@ -79,7 +79,7 @@ def workspace(
 def environment(workspace: Path, domain: int) -> dict[str, str]:
     """Return the environment of a shell that has sourced the workspace."""
     script = f'. {shlex.quote(str(workspace / "install" / "setup.sh"))} && env -0'
-    # A plain sh cannot tell a sourced file where it is; `setup.bash` needs no such help.
+    # A sourced file cannot find its own path in a plain sh; `setup.bash` can.
     shell = {**os.environ, 'COLCON_CURRENT_PREFIX': str(workspace / 'install')}
     listed = subprocess.run(['sh', '-c', script], env=shell, capture_output=True, check=True)
     pairs = (entry.partition('=') for entry in listed.stdout.decode().split('\0') if entry)
@@ -108,7 +108,7 @@ def graph(domain: int) -> Iterator[Callable[[], list[str]]]:
 
 
 def wait_until(true: Callable[[], bool], process: 'subprocess.Popen[str]') -> None:
-    """Wait until something is true, and fail with what a process said when it is not in time."""
+    """Wait until a condition holds; on a timeout fail with the output of a process."""
     deadline = time.monotonic() + 60
     while not true():
         if process.poll() is not None or time.monotonic() > deadline:
@@ -118,7 +118,7 @@ def wait_until(true: Callable[[], bool], process: 'subprocess.Popen[str]') -> No
 
 
 @pytest.mark.parametrize('executable', ['monitor', 'logger'])
-def test_a_node_comes_up_and_ends_as_ros2_run_starts_it(
+def test_a_node_starts_and_ends_under_ros2_run(
     executable: str, environment: dict[str, str], graph: Callable[[], list[str]], tmp_path: Path,
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'
@@ -149,7 +149,7 @@ def test_the_command_line_runs_from_the_workspace(
     assert (done.returncode, 'ROS-001' in done.stdout) == (0, True), f'{done.stdout}{done.stderr}'
 
 
-def test_what_belongs_to_the_package_is_installed_with_it(
+def test_every_file_of_the_package_is_installed(
     environment: dict[str, str], workspace: Path,
 ) -> None:
     share = workspace / 'install' / NAME / 'share' / NAME
@@ -164,7 +164,7 @@ def test_what_belongs_to_the_package_is_installed_with_it(
 
 
 @pytest.mark.parametrize('bundle', ['arm.yaml', 'mobile_base.yaml', 'quadrotor.yaml'])
-def test_the_bundles_that_come_with_the_package_run_from_where_they_are_installed(
+def test_the_bundles_of_the_package_run_where_they_are_installed(
     bundle: str, environment: dict[str, str], graph: Callable[[], list[str]], workspace: Path,
     tmp_path: Path,
 ) -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The files around the package: what they declare is what there is, and they name no machine."""
+"""The files around the package agree with it, and contain no path or host of one machine."""
 
 import ast
 from collections.abc import Iterator
@@ -49,7 +49,7 @@ limitations under the License.
 COMMENT = {'.py': '#', '.sh': '#', '.c': '//', '.h': '//'}
 CODE = {*COMMENT, '.lark', '.yaml', '.toml', '.cfg'}
 
-# The key of rosdep for a module of Python that is called otherwise.
+# The key of rosdep for a Python module of another name.
 KEYS = {
     '_cffi_backend': 'python3-cffi',
     'cffi': 'python3-cffi',
@@ -59,12 +59,12 @@ KEYS = {
     'pytest': 'python3-pytest',
     'yaml': 'python3-yaml',
 }
-# Only where the wheels are: a ROS 2 installation has no key for these, and the tests do without.
+# Only with wheels: a ROS 2 installation has no key for these, and their tests are skipped there.
 OPTIONAL = {'atheris', 'catkin_pkg', 'pycparser', 'reelay', 'xdist', 'z3', 'ziglang'}
 
 
 def git(*arguments: str) -> str:
-    """Return what git prints, or skip where this is no clone."""
+    """Return the output of git, or skip where this is no clone."""
     done = subprocess.run(['git', *arguments], cwd=ROOT, text=True, capture_output=True,
                           check=False)
     if done.returncode:
@@ -73,7 +73,7 @@ def git(*arguments: str) -> str:
 
 
 def committed() -> list[Path]:
-    """Return the files that are, or are about to be, committed."""
+    """Return the files that are committed or staged."""
     return [ROOT / name for name in git('ls-files', '-z').split('\0') if (ROOT / name).is_file()]
 
 
@@ -83,7 +83,7 @@ def manifest() -> Any:
 
 
 def imported(folder: str) -> Iterator[str]:
-    """Yield the first part of every import below a folder that is not Python's or our own."""
+    """Yield the top-level name of every import in a folder, except Python's and our own."""
     ours = {NAME, 'bench'} | {path.stem for path in (ROOT / 'test').iterdir()}
     for path in sorted((ROOT / folder).rglob('*.py')):
         for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
@@ -99,19 +99,19 @@ def imported(folder: str) -> Iterator[str]:
                                                                 path.parent.glob('*.py')}
 
 
-def test_colcon_takes_the_manifest() -> None:
+def test_colcon_accepts_the_manifest() -> None:
     package = manifest()
     package.validate()
     assert (package.name, package.get_build_type()) == (NAME, 'ament_python')
 
 
-def test_one_version_is_told_everywhere() -> None:
+def test_the_version_is_the_same_everywhere() -> None:
     version = manifest().version
     assert f"version='{version}'" in (ROOT / 'setup.py').read_text(encoding='utf-8')
     assert f'\n{version} (' in (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
 
 
-def test_what_runs_imports_only_what_the_manifest_declares() -> None:
+def test_the_package_imports_only_what_the_manifest_declares() -> None:
     package = manifest()
     declared = {each.name for each in package.exec_depends}
     needed = {KEYS.get(name, name) for folder in (NAME, 'launch', 'examples')
@@ -150,7 +150,7 @@ def test_every_file_of_code_starts_with_the_licence() -> None:
 
 
 def test_no_committed_file_names_a_machine() -> None:
-    # A path of who wrote it, or a host that only he can reach, is of no use to anyone else.
+    # A path or host of one developer's machine is of no use to anyone else.
     pattern = re.compile(
         r'(?<![\w.$}])/(?:work|root|tmp|home|Users)/(?!somebody\b)[\w.]|index-url|\.internal\b')
     wrong = []
@@ -176,7 +176,7 @@ def test_every_page_that_is_cited_exists() -> None:
     assert wrong == []
 
 
-def test_lines_end_as_they_should() -> None:
+def test_lines_end_with_a_newline_without_carriage_return() -> None:
     wrong = [path.relative_to(ROOT) for path in committed()
              if (text := path.read_bytes()) and (not text.endswith(b'\n') or b'\r\n' in text)]
     assert wrong == []

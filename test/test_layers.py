@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The levels of the package: who may import whom (DESIGN 3).
+The layers of the package: which module may import which (docs/design.md).
 
 Imports are read from the syntax trees, so those inside functions and under TYPE_CHECKING count.
 """
@@ -47,7 +47,7 @@ LEVELS = {
     'fret_monitor.runtime': 10,
     'fret_monitor.lint': 11,
     'fret_monitor.build': 12,
-    'fret_monitor.start': 13,  # build, or what was built before
+    'fret_monitor.start': 13,  # builds, or loads what was built before
     'fret_monitor.traces': 14,
     'fret_monitor.smt': 15,
     'fret_monitor.explain': 16,
@@ -61,7 +61,7 @@ LEVELS = {
 FACES = {name for name, level in LEVELS.items() if level == 17}
 LEAN = {'fret_monitor.native', 'fret_monitor.runtime'}
 LEAN_LEVELS = {0, 1, 9, 10}
-# What a test cannot see from the name alone: these are ROS without being called `*_msgs`.
+# Packages of ROS that are not named `*_msgs`.
 ROS_MODULES = {
     'ament_index_python', 'builtin_interfaces', 'launch', 'launch_ros', 'mcap', 'rclpy',
     'rosbag2_py', 'rosbags', 'std_srvs', 'unique_identifier_msgs',
@@ -70,7 +70,7 @@ ROS_MODULES = {
 
 @dataclass(frozen=True)
 class Import:
-    """One import: who does it, what it names, the line, and whether it runs when loaded."""
+    """One import: importing module, imported name, line, and whether it runs on load."""
 
     importer: str
     imported: str
@@ -102,7 +102,7 @@ def nodes(tree: ast.AST, on_load: bool = True) -> Iterator[tuple[ast.AST, bool]]
 
 
 def named(node: ast.AST, module: str, is_package: bool) -> Iterator[str]:
-    """Yield what an import statement names; `from a import b` names a.b where that is a module."""
+    """Yield what an import statement imports; `from a import b` gives a.b if that is a module."""
     match node:
         case ast.Import(names=names):
             yield from (alias.name for alias in names)
@@ -136,7 +136,7 @@ def all_imports() -> tuple[Import, ...]:
 
 
 def place(name: str) -> str:
-    """Return the level's entry that a module belongs to: the first two parts of its name."""
+    """Return the entry of the level that a module belongs to: the first two parts of its name."""
     return '.'.join(name.split('.')[:2])
 
 
@@ -146,7 +146,7 @@ def inside() -> list[Import]:
 
 
 def reached_from(name: str) -> set[str]:
-    """Return the modules that loading or running a module may load, itself too."""
+    """Return the modules that loading or running a module may load, including itself."""
     seen, waiting = {name}, [name]
     while waiting:
         for each in imports_of(waiting.pop()):
@@ -168,7 +168,7 @@ def test_every_module_has_a_level() -> None:
     assert [name for name in modules() if place(name) not in LEVELS] == []
 
 
-def test_what_is_imported_exists() -> None:
+def test_every_imported_module_exists() -> None:
     wrong = [each for each in inside() if each.imported not in modules()]
     assert not wrong, told(wrong)
 
@@ -183,7 +183,7 @@ def test_imports_point_down_only() -> None:
 
 
 def named_from(name: str) -> set[str]:
-    """Return the modules that a module names, and those that these name, and so on."""
+    """Return the modules that a module imports, directly or indirectly."""
     seen: set[str] = set()
     waiting = [name]
     while waiting:
@@ -194,8 +194,8 @@ def named_from(name: str) -> set[str]:
     return seen
 
 
-def test_imports_do_not_go_in_circles() -> None:
-    # Not even inside a function: a module that cannot be thought of alone is not one noun.
+def test_there_are_no_import_cycles() -> None:
+    # Not even inside functions: modules in a cycle cannot be understood separately.
     assert [name for name in modules() if name in named_from(name)] == []
 
 
@@ -208,7 +208,7 @@ def test_the_faces_do_not_import_each_other() -> None:
     assert not wrong, told(wrong)
 
 
-def test_only_the_node_and_the_bag_know_ros() -> None:
+def test_only_the_nodes_and_the_bag_reader_import_ros() -> None:
     wrong = [
         each for each in all_imports()
         if place(each.importer) not in {'fret_monitor.ros', 'fret_monitor.bag'}
@@ -225,7 +225,7 @@ def test_a_robot_loads_a_monitor_without_parser_and_compiler(face: str) -> None:
     assert {name for name in reached if LEVELS[name] not in LEAN_LEVELS} == set()
 
 
-def test_the_reference_semantics_and_the_lowering_do_not_know_each_other() -> None:
+def test_the_reference_semantics_and_the_lowering_are_independent() -> None:
     evaluate, lower = 'fret_monitor.logic.evaluate', 'fret_monitor.program.lower'
     assert lower not in reached_from(evaluate)
     assert evaluate not in reached_from(lower)
@@ -241,8 +241,8 @@ def test_the_nodes_load_the_parsers_only_when_they_need_them() -> None:
 
 
 @pytest.mark.parametrize('face', ['native', 'runtime', 'ros.monitor_node', 'ros.logger_node'])
-def test_loading_does_load_no_parser(face: str) -> None:
-    # The same said of a real process, in which nothing escapes that is imported by name.
+def test_loading_a_monitor_loads_no_parser(face: str) -> None:
+    # The same for a real process, which also covers modules imported by name.
     if face.startswith('ros.'):
         pytest.importorskip('rclpy')
     script = f'import sys, fret_monitor.{face}; print(*sys.modules)'

@@ -38,7 +38,7 @@ TOOLS = {
     'pydocstyle': [PEP257, r'--match=.*\.py', 'setup.py', *FOLDERS],
     'ruff': ['check', '--no-cache', '.'],
 }
-# The plugins that ament_flake8 depends on; without one, flake8 says nothing of what it would find.
+# The plugins that ament_flake8 depends on; flake8 silently skips the checks of a missing plugin.
 PLUGINS = {
     'flake8-blind-except', 'flake8-builtins', 'flake8-class-newline', 'flake8-comprehensions',
     'flake8-deprecated', 'flake8-docstrings', 'flake8-import-order', 'flake8-quotes',
@@ -51,9 +51,9 @@ AMENT = {
 
 
 @pytest.mark.parametrize('tool', sorted(TOOLS))
-def test_the_tool_finds_nothing_to_say(tool: str) -> None:
+def test_the_tool_reports_nothing(tool: str) -> None:
     pytest.importorskip(tool)
-    # Colours and the coverage hooks of a run around this one are none of the tool's business.
+    # Without the colours and coverage hooks of the surrounding test run.
     environment = {**os.environ, 'NO_COLOR': '1', 'TERM': 'dumb'}
     done = subprocess.run([sys.executable, '-m', tool, *TOOLS[tool]], cwd=ROOT, text=True,
                           capture_output=True, env=environment, check=False)
@@ -68,7 +68,7 @@ def test_flake8_has_the_plugins_of_ament() -> None:
 
 
 @pytest.mark.parametrize('linter', sorted(AMENT))
-def test_the_linter_of_ros_finds_nothing_to_say(
+def test_the_linter_of_ros_reports_nothing(
     linter: str, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pytest.importorskip(linter)

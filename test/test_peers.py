@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Measuring the peers: without them it says so; where Copilot is, its C is driven rightly."""
+"""Comparison with peers: missing ones are reported, and Copilot's C is driven correctly."""
 
 import os
 from pathlib import Path
@@ -25,7 +25,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def test_without_peers_it_says_what_was_not_found(tmp_path: Path) -> None:
+def test_missing_peers_are_reported(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, '-S', '-c', 'import sys; sys.path[:] = sys.argv[1:]\n'
          'import bench.peers as peers\n'
@@ -38,7 +38,7 @@ def test_without_peers_it_says_what_was_not_found(tmp_path: Path) -> None:
         'reelay: not found; pip install reelay']
 
 
-def test_differences_are_told_with_their_number_and_the_first() -> None:
+def test_differences_are_reported_with_their_number_and_the_first() -> None:
     assert peers.difference([b'0', b'1'], [b'0', b'1']) == 'equal'
     assert peers.difference([b'0', b'1', b'1'], [b'0', b'0', b'0']) == \
         'differ at 2 of 3 steps, first at step 1'
@@ -46,7 +46,7 @@ def test_differences_are_told_with_their_number_and_the_first() -> None:
 
 @pytest.mark.skipif(peers.copilot_version() is None, reason='needs GHC and Copilot')
 @pytest.mark.parametrize('name', ['running_example', 'historically', 'once', 'since'])
-def test_copilot_by_hand_gives_our_verdicts(tmp_path: Path, name: str) -> None:
+def test_hand_written_copilot_gives_our_verdicts(tmp_path: Path, name: str) -> None:
     work = next(work for work in peers.ALL_WORKS if work.floor == name)
     ours = peers.compile_ours(work, tmp_path)
     peer = peers.copilot(peers.WAYS[1], ours, tmp_path)
@@ -59,7 +59,7 @@ def test_copilot_by_hand_gives_our_verdicts(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.skipif(peers.copilot_version() is None, reason='needs GHC and Copilot')
-def test_a_since_that_is_none_is_told(tmp_path: Path) -> None:
+def test_a_wrong_since_is_reported(tmp_path: Path) -> None:
     ours = peers.compile_ours(peers.ALL_WORKS[-1], tmp_path)
     ogma = peers.copilot(peers.WAYS[0], ours, tmp_path)
     told = [peers.difference(list(peers.verdicts(ours.monitor, inputs)),

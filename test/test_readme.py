@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The pages a user reads say what happens: their commands are run, and their files written.
+The user's pages are correct: their commands are run, and their files written.
 
 A fenced block whose first line is a comment with the name of a file is that file. In a block
 marked `console`, a line after `$ ` is a command, and what follows is its output, in which `...`
@@ -41,7 +41,7 @@ if not PAGES[0].is_file():
 
 @dataclass(frozen=True)
 class Session:
-    """A command of a page and what it is said to print."""
+    """A command of a page and the output that the page gives."""
 
     line: int
     command: str
@@ -56,14 +56,14 @@ def sessions(text: str, start: int) -> Iterator[Session]:
 
 
 def matches(said: str, printed: str) -> bool:
-    """Say whether what was printed is what the page says, `...` being anything."""
+    """Return whether the output is that of the page, where `...` matches anything."""
     first, *pieces = without_trailing_spaces(said).split('...')
     text = without_trailing_spaces(printed)
     if not pieces:
         return text == first
     *between, last = pieces
     place = len(first)
-    # Each piece where it is found first: what follows has the most room then.
+    # Match each piece as early as possible: this leaves the most text for the next ones.
     for piece in between:
         found = text.find(piece, place)
         if found < 0:
@@ -73,7 +73,7 @@ def matches(said: str, printed: str) -> bool:
 
 
 def without_trailing_spaces(text: str) -> str:
-    """Return the lines of a text without what nobody sees at their ends."""
+    """Return the lines of a text without trailing spaces."""
     return '\n'.join(line.rstrip() for line in text.rstrip().splitlines())
 
 
@@ -104,7 +104,7 @@ def test_the_links_of_a_page_lead_to_files(page: Path) -> None:
     assert [link for link in links if not (page.parent / link).exists()] == []
 
 
-def test_anything_may_stand_for_dots_and_nothing_else() -> None:
+def test_dots_match_anything_and_other_text_only_itself() -> None:
     assert matches('a ... c\nd\n', 'a bb c  \nd\n')
     assert matches('...\nend', 'one\ntwo\nend\n')
     assert not matches('a c', 'a bb c')
@@ -114,7 +114,7 @@ def test_anything_may_stand_for_dots_and_nothing_else() -> None:
     assert matches('a...b...c', 'a b b c')
 
 
-def test_long_rows_of_dots_are_compared_in_a_blink() -> None:
+def test_long_rows_of_dots_are_compared_quickly() -> None:
     row = '.' * 3000 + 'x'
     assert matches(row * 3, row * 3)
     assert not matches(row * 3, row * 2 + 'y')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The package uses nothing that takes data for code, and no shell."""
+"""The package executes no data as code, and starts no shell."""
 
 import ast
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ def trees() -> Iterator[tuple[str, ast.Module]]:
 
 
 def uses(tree: ast.Module) -> Iterator[str]:
-    """Yield what a module uses of that, with the line."""
+    """Yield the places where a module does so, with the line."""
     for node in ast.walk(tree):
         match node:
             case ast.Import(names=names):
@@ -49,14 +49,14 @@ def uses(tree: ast.Module) -> Iterator[str]:
         yield from (f'{item} in line {node.lineno}' for item in found)
 
 
-def test_no_module_takes_data_for_code_or_starts_a_shell() -> None:
+def test_no_module_executes_data_or_starts_a_shell() -> None:
     found = {name: list(uses(tree)) for name, tree in trees()}
-    # `prove` runs arithmetic as Python that it has written itself, of operators and numbers.
+    # `prove` runs arithmetic as Python that it generates itself, from operators and numbers.
     assert len(found.pop('smt/concrete.py', [''])) == 1
     assert {name: items for name, items in found.items() if items} == {}
 
 
-def test_what_is_looked_for_would_be_found() -> None:
+def test_the_check_finds_each_forbidden_use() -> None:
     text = ('import pickle\nfrom runpy import run_path\nos.system("x")\neval("1")\n'
             'subprocess.run("x", shell=True)\nyaml.load(x)\n')
     assert len(list(uses(ast.parse(text)))) == 6

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What `make setup` says on a machine that lacks something: one sentence, and what to install."""
+"""`make setup` on a machine that lacks something: one sentence, and what to install."""
 
 import ast
 from collections.abc import Callable
@@ -53,7 +53,7 @@ def machine(repository: Path, tmp_path: Path) -> Callable[..., 'subprocess.Compl
 
 
 def sentence(done: 'subprocess.CompletedProcess[str]') -> str:
-    """Return the one line that was said, besides make's own, of a run that failed."""
+    """Return the one line printed by a failed run, besides make's own."""
     assert done.returncode != 0
     lines = [line for line in f'{done.stdout}{done.stderr}'.splitlines()
              if not line.startswith(('make: ***', 'fret_monitor: making'))]
@@ -76,14 +76,14 @@ def test_without_python_it_says_what_to_install(
     assert said.startswith('fret_monitor: no Python 3.12 found: install it')
 
 
-def test_a_shim_that_finds_no_python_is_passed_over(
+def test_a_shim_that_finds_no_python_is_skipped(
     machine: Callable[..., 'subprocess.CompletedProcess[str]'],
 ) -> None:
     said = sentence(machine('setup', cc='exit 0', python3_12='exit 127', python3='exit 127'))
     assert said.startswith('fret_monitor: no Python 3.12 found: install it')
 
 
-def test_a_python_without_ensurepip_gets_another_hint_than_none(
+def test_a_python_without_ensurepip_gets_a_hint_of_its_own(
     machine: Callable[..., 'subprocess.CompletedProcess[str]'],
 ) -> None:
     # Debian's python3.12 without python3.12-venv has no ensurepip.
@@ -92,7 +92,7 @@ def test_a_python_without_ensurepip_gets_another_hint_than_none(
     assert 'sudo apt install python3.12-venv' in said
 
 
-def test_nothing_is_left_half_made(
+def test_a_failed_setup_leaves_nothing_behind(
     machine: Callable[..., 'subprocess.CompletedProcess[str]'], repository: Path,
 ) -> None:
     machine('setup', cc='exit 0', python3='exit 127')
@@ -100,7 +100,7 @@ def test_nothing_is_left_half_made(
 
 
 def requirements(name: str) -> list[str]:
-    """Return a list of setup.py."""
+    """Return one list of requirements of setup.py."""
     script = ast.parse((ROOT / 'setup.py').read_text(encoding='utf-8'))
     [found] = [item.value for item in script.body
                if isinstance(item, ast.Assign) and ast.unparse(item.targets[0]) == name]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A start finds what was built before, and never what was built of something else."""
+"""A start reuses what was built from the same files, and builds again if any of them changed."""
 
 from collections.abc import Callable
 from fractions import Fraction
@@ -66,7 +66,7 @@ DAMAGES: list[Callable[[dict[str, Any]], Any]] = [
 
 @pytest.fixture(autouse=True)
 def ros_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Keep what is built in a folder of the test's."""
+    """Keep the cache in a folder of the test."""
     monkeypatch.setenv('ROS_HOME', str(tmp_path / 'ros'))
     return tmp_path / 'ros'
 
@@ -87,7 +87,7 @@ def bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def built(monkeypatch: pytest.MonkeyPatch) -> list[CompiledMonitor]:
-    """Return the list of what is built from here on, and not recalled."""
+    """Return a list that collects what is built from here on, and not taken from the cache."""
     found: list[CompiledMonitor] = []
     compile_monitor = build.compile_monitor
 
@@ -100,7 +100,7 @@ def built(monkeypatch: pytest.MonkeyPatch) -> list[CompiledMonitor]:
 
 
 def limit_of(compiled: CompiledMonitor) -> float:
-    """Return the limit that a monitor has, by trying it."""
+    """Return the limit of a monitor, found by trying values."""
     evaluator = Evaluator(compiled.monitor)
     for limit in (1.0, 2.0, 3.0):
         evaluator.store(0, limit)
@@ -113,7 +113,7 @@ def limit_of(compiled: CompiledMonitor) -> float:
 
 
 def note() -> Path:
-    """Return the one note there is."""
+    """Return the only note in the cache."""
     found, = (cache_directory() / 'bundles').iterdir()
     return found
 
@@ -135,7 +135,7 @@ def test_a_second_start_loads_no_parser(bundle: Path) -> None:
     assert {'lark', 'yaml', 'fret_monitor.build'} & set(done.stdout.split()) == set()
 
 
-def test_a_recalled_warning_still_has_its_place(
+def test_a_warning_from_the_cache_still_has_its_place(
     bundle: Path, built: list[CompiledMonitor],
 ) -> None:
     signals = bundle.parent / 'shared' / 'signals.yaml'
@@ -151,7 +151,7 @@ def test_a_recalled_warning_still_has_its_place(
 
 
 @pytest.mark.parametrize('name', ['b.yaml', 'shared/signals.yaml'])
-def test_a_changed_file_is_built_anew(
+def test_a_changed_file_causes_a_new_build(
     name: str, bundle: Path, built: list[CompiledMonitor],
 ) -> None:
     start(bundle)
@@ -176,7 +176,7 @@ def test_a_file_that_changes_during_the_build_is_noticed_at_the_next_start(
     assert limit_of(start(bundle)) == 2.0
 
 
-def test_a_bundle_that_changes_between_two_looks_is_not_taken_for_what_it_was(
+def test_a_bundle_that_changes_between_two_reads_is_built_again(
     bundle: Path, built: list[CompiledMonitor], monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     read = build.read
@@ -194,10 +194,10 @@ def test_a_bundle_that_changes_between_two_looks_is_not_taken_for_what_it_was(
     assert limit_of(start(bundle)) == 1.0
 
 
-def test_a_link_on_the_way_is_followed_as_the_system_does(
+def test_a_link_in_a_path_is_followed_as_by_the_system(
     bundle: Path, tmp_path: Path,
 ) -> None:
-    # link/.. is not the folder that the link stands in
+    # link/.. is the parent of the link's target, not the folder that contains the link
     (bundle.parent / 'sub').mkdir()
     moved = bundle.rename(bundle.parent / 'sub' / 'b.yaml')
     moved.write_text(BUNDLE.replace('shared/', '../shared/'))
@@ -210,7 +210,7 @@ def test_a_link_on_the_way_is_followed_as_the_system_does(
     assert limit_of(start(home / 'link' / 'b.yaml')) == 2.0
 
 
-def test_a_changed_message_definition_is_built_anew_or_refused(
+def test_a_changed_message_definition_causes_a_new_build_or_an_error(
     bundle: Path, tmp_path: Path, built: list[CompiledMonitor],
 ) -> None:
     start(bundle)
@@ -223,7 +223,7 @@ def test_a_changed_message_definition_is_built_anew_or_refused(
     assert len(built) == 2
 
 
-def test_a_field_before_the_one_that_is_read_decides_too(
+def test_a_change_of_an_earlier_field_causes_a_new_build(
     bundle: Path, tmp_path: Path, built: list[CompiledMonitor],
 ) -> None:
     folder = tmp_path / 'prefix' / 'share' / 'my_msgs' / 'msg'
@@ -244,7 +244,7 @@ def test_a_field_before_the_one_that_is_read_decides_too(
     assert len(built) == 3
 
 
-def test_overrides_and_the_compiler_decide_too(
+def test_other_overrides_or_compilers_cause_a_new_build(
     bundle: Path, tmp_path: Path, built: list[CompiledMonitor], monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     start(bundle)
@@ -261,7 +261,7 @@ def test_overrides_and_the_compiler_decide_too(
 
 
 @pytest.mark.parametrize('damage', DAMAGES)
-def test_a_damaged_note_is_none(
+def test_a_damaged_note_is_ignored(
     damage: Callable[[dict[str, Any]], Any], bundle: Path, built: list[CompiledMonitor],
 ) -> None:
     start(bundle)
@@ -271,7 +271,7 @@ def test_a_damaged_note_is_none(
     assert len(built) == 2
 
 
-def test_a_damaged_library_is_built_anew(bundle: Path, built: list[CompiledMonitor]) -> None:
+def test_a_damaged_library_is_built_again(bundle: Path, built: list[CompiledMonitor]) -> None:
     library = start(bundle).library
     library.write_bytes(library.read_bytes()[:-1])
     assert limit_of(start(bundle)) == 1.0
@@ -279,7 +279,7 @@ def test_a_damaged_library_is_built_anew(bundle: Path, built: list[CompiledMonit
 
 
 @pytest.mark.parametrize('part', ['note', 'folder', 'link'])
-def test_a_note_that_others_can_write_is_none(
+def test_a_note_that_others_can_write_is_ignored(
     part: str, bundle: Path, tmp_path: Path, built: list[CompiledMonitor],
 ) -> None:
     start(bundle)
@@ -297,7 +297,7 @@ def test_a_note_that_others_can_write_is_none(
     assert len(built) == 2
 
 
-def test_notes_that_nobody_asked_for_in_90_days_are_removed(
+def test_notes_unused_for_90_days_are_removed(
     bundle: Path, built: list[CompiledMonitor],
 ) -> None:
     start(bundle)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command line as a user runs it, in a process of its own or, where that will do, in ours."""
+"""The command line as users run it: in a process of its own or, for speed, in this process."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ HEADING = 'p,x,n,mode,word\n'
 
 @dataclass(frozen=True)
 class Done:
-    """How a command ended, and what it said."""
+    """The exit status and output of a command."""
 
     status: int
     out: str
@@ -59,7 +59,7 @@ def command(*arguments: object) -> list[str]:
 
 
 def environment(**changes: str) -> dict[str, str]:
-    """Return ours, so that the package of these tests is found from any folder."""
+    """Return the environment in which this package is found from any folder."""
     known = os.environ.get('PYTHONPATH')
     path = os.pathsep.join([str(PACKAGE.parent), *([known] if known else [])])
     return {**os.environ, 'PYTHONPATH': path, **changes}
@@ -78,16 +78,16 @@ class Here:
     """Runs the command line in this process."""
 
     def __init__(self, capture: pytest.CaptureFixture[str], folder: Path) -> None:
-        """Take what catches the output, and a folder for files."""
+        """Take the fixture that captures output, and a folder for files."""
         self._capture = capture
         self.folder = folder
 
     def run(self, *arguments: object) -> Done:
-        """Run one command; any exception but the end of the program fails the test."""
+        """Run one command; any exception other than SystemExit fails the test."""
         self._capture.readouterr()
         try:
             status = main([str(item) for item in arguments])
-        except SystemExit as end:  # as argparse ends
+        except SystemExit as end:  # raised by argparse
             status = end.code if isinstance(end.code, int) else 1
         said = self._capture.readouterr()
         return Done(status, said.out, said.err)

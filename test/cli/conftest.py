@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the tests of the command line share."""
+"""Fixtures of the tests of the command line."""
 
 from pathlib import Path
 
@@ -22,5 +22,5 @@ import pytest
 
 @pytest.fixture
 def here(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Here:
-    """Return what runs the command line in this process."""
+    """Return an object that runs the command line in this process."""
     return Here(capsys, tmp_path)

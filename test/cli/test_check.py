@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`check`: all problems of each bundle, or a table; the tables are golden files."""
+"""`check`: all problems of each bundle, or a table of it; the tables are golden files."""
 
 from pathlib import Path
 import shutil
@@ -42,7 +42,7 @@ def test_there_is_a_table_for_every_policy() -> None:
     assert len(texts) >= 4
 
 
-def test_each_bundle_is_checked_and_one_that_is_bad_is_1(here: Here) -> None:
+def test_each_bundle_is_checked_and_a_bad_one_gives_status_1(here: Here) -> None:
     good, other = here.file('good.yaml', PUMP), here.file('other.yaml', PUMP)
     bad = here.file('bad.yaml', PUMP.replace('n < 5', 'n < q'))
     done = here.run('check', good, bad, here.folder / 'gone.yaml', other)
@@ -56,7 +56,7 @@ def test_each_bundle_is_checked_and_one_that_is_bad_is_1(here: Here) -> None:
     assert here.run('check', good, other).status == 0
 
 
-def test_all_problems_are_told_in_one_run(here: Here) -> None:
+def test_all_problems_are_reported_in_one_run(here: Here) -> None:
     bundle = PUMP.replace('n < 5', 'n << 5')\
         .replace('LANDING ->', 'FLYING ->').replace('float32', 'flt')
     done = here.run('check', here.file('pump.yaml', bundle))
@@ -64,7 +64,7 @@ def test_all_problems_are_told_in_one_run(here: Here) -> None:
     assert done.err.count('error: ') >= 3
 
 
-def test_a_warning_is_told_and_is_no_error(here: Here) -> None:
+def test_a_warning_is_reported_and_is_no_error(here: Here) -> None:
     bundle = PUMP + '  - {id: R-4, cocospec: "ST(5, 2, p, x > 1.0)"}\n'
     done = here.run('check', here.file('pump.yaml', bundle))
     assert done.status == 0
@@ -73,7 +73,7 @@ def test_a_warning_is_told_and_is_no_error(here: Here) -> None:
 
 
 @pytest.mark.parametrize('policy', ['every_message', 'relevant_message', 'all_inputs'])
-def test_a_topic_that_nobody_reads_is_told_where_it_makes_steps(here: Here, policy: str) -> None:
+def test_an_unread_topic_is_reported_where_it_causes_steps(here: Here, policy: str) -> None:
     bundle = (HERE.parent / 'golden' / 'check' / 'unread_topics.yaml').read_text()
     done = here.run('check', here.file(
         'unread.yaml', f'{bundle}evaluation: {{policy: {policy}}}\n'))
@@ -81,7 +81,7 @@ def test_a_topic_that_nobody_reads_is_told_where_it_makes_steps(here: Here, poli
     assert ("messages on 'weather' are steps" in done.err) == (policy == 'every_message')
 
 
-def test_state_that_is_too_large_is_refused(here: Here) -> None:
+def test_too_much_state_is_refused(here: Here) -> None:
     bundle = PUMP + '  - {id: R-4, ptltl: "O[300000000,300000009] p"}\n'
     done = here.run('check', here.file('pump.yaml', bundle))
     assert (done.status, done.out) == (1, '')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`compile`: a folder, and a line that says what is in it."""
+"""`compile`: writes a folder, and prints a line about its content."""
 
 import os
 import re
@@ -25,7 +25,7 @@ from fret_monitor.native.monitor import load
 import pytest
 
 
-def test_it_writes_a_folder_and_says_what_is_in_it(here: Here) -> None:
+def test_it_writes_a_folder_and_prints_its_content(here: Here) -> None:
     out = here.folder / 'robot' / 'pump'
     done = here.run('compile', here.file('pump.yaml', PUMP), '--output', out)
     assert (done.status, done.err) == (0, '')
@@ -38,7 +38,7 @@ def test_it_writes_a_folder_and_says_what_is_in_it(here: Here) -> None:
     assert found and 3 * operations < int(found[1]) < 20 * operations
 
 
-def test_the_worst_case_is_told_in_instructions_and_stack(
+def test_the_worst_case_is_printed_as_instructions_and_stack(
     here: Here, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     gcc = shutil.which('gcc')
@@ -55,7 +55,7 @@ def test_the_worst_case_is_told_in_instructions_and_stack(
         r'C library needs in memcpy, memset\n', done.out.partition('\n')[2])
 
 
-def test_a_compiler_that_cannot_tell_the_stack_is_told(
+def test_a_compiler_without_stack_usage_is_reported(
     here: Here, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pytest.importorskip('ziglang')
@@ -66,7 +66,7 @@ def test_a_compiler_that_cannot_tell_the_stack_is_told(
     assert done.out.endswith('  stack: only gcc 10 or later can tell it; name one in CC\n')
 
 
-def test_what_is_refused_is_told_on_one_line_and_written_nowhere(here: Here) -> None:
+def test_an_error_is_one_line_and_nothing_is_written(here: Here) -> None:
     bundle = here.file('pump.yaml', PUMP)
     for folder, expected in [
         (here.folder, 'holds other files'), (bundle, 'is a file'), (bundle / 'out', 'is a file'),

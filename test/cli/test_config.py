@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bundles of config/ on traces: what is not known, NaN, violates what is said of it."""
+"""Bundles of config/ on traces: an unknown value, NaN, violates the requirements on it."""
 
 import csv
 from io import StringIO
@@ -24,7 +24,7 @@ CONFIG = PACKAGE.parent / 'config'
 if not CONFIG.is_dir():
     pytest.skip('needs the source tree', allow_module_level=True)
 
-# What is right, in rows enough for all bounds.
+# Rows without a fault, enough for all bounds.
 BASE = {'nearest': '2', 'commanded': '0.3', 'speed': '0.3', 'turning': '0', 'odometry_time': '1'}
 ARM = {'joints': '6', 'elbow': '0', 'fastest': '0', 'slowest': '0', 'velocities': '0',
        'load': '3', 'stop': '0'}
@@ -32,7 +32,7 @@ STEPS = 60
 
 
 def violated(here: Here, bundle: str, row: dict[str, str], change: dict[str, str]) -> set[str]:
-    """Return what is violated once a row that is right is followed by others that may not be."""
+    """Return what is violated once rows without a fault are followed by changed ones."""
     rows = [row.values()] + [{**row, **change}.values()] * STEPS
     trace = here.file('trace.csv', '\n'.join(map(','.join, [row, *rows])) + '\n')
     done = here.run('simulate', CONFIG / bundle, '--trace', trace)
@@ -43,7 +43,7 @@ def violated(here: Here, bundle: str, row: dict[str, str], change: dict[str, str
 
 
 @pytest.mark.parametrize(('bundle', 'row'), [('mobile_base.yaml', BASE), ('arm.yaml', ARM)])
-def test_what_is_right_violates_nothing(here: Here, bundle: str, row: dict[str, str]) -> None:
+def test_no_fault_violates_nothing(here: Here, bundle: str, row: dict[str, str]) -> None:
     assert not violated(here, bundle, row, {})
 
 
@@ -56,7 +56,7 @@ def test_what_is_right_violates_nothing(here: Here, bundle: str, row: dict[str, 
     ({'commanded': '0', 'speed': 'nan'}, {'BASE-001', 'BASE-003'}),
     ({'turning': 'nan'}, {'BASE-001'}),
     ({'odometry_time': 'nan'}, {'BASE-004'})])
-def test_a_base_that_knows_not_what_it_does_violates_what_is_said_of_it(
+def test_an_unknown_value_of_the_base_violates_the_requirements_on_it(
     here: Here, change: dict[str, str], handlers: set[str],
 ) -> None:
     assert violated(here, 'mobile_base.yaml', BASE, change) == handlers
@@ -69,7 +69,7 @@ def test_a_base_that_knows_not_what_it_does_violates_what_is_said_of_it(
      {'ARM-002', 'ARM-003', 'ARM-004'}),
     ({'velocities': 'nan', 'stop': '1'}, {'ARM-002', 'ARM-003', 'ARM-004'}),
     ({'load': 'nan'}, {'ARM-005'})])
-def test_an_arm_that_knows_not_what_it_does_violates_what_is_said_of_it(
+def test_an_unknown_value_of_the_arm_violates_the_requirements_on_it(
     here: Here, change: dict[str, str], handlers: set[str],
 ) -> None:
     assert violated(here, 'arm.yaml', ARM, change) == handlers

@@ -24,7 +24,7 @@ import pytest
 def test_a_bundle_that_is_ready_passes_check(tmp_path: Path,
                                              capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip('std_msgs')
-    database = {**DATABASE, 'inputs': DATABASE['inputs'][:2]}  # those that the component has
+    database = {**DATABASE, 'inputs': DATABASE['inputs'][:2]}  # those of the component
     files = [str(path) for path in written(tmp_path, spec_json=SPECIFICATION, db_json=database)]
     bundle = tmp_path / 'rover.yaml'
     assert main(['import', *files, '-o', str(bundle)]) == 0
@@ -63,7 +63,7 @@ def test_a_trace_on_which_wordings_differ_can_be_simulated(
     assert [row[1] for row in rows[1:]] == ['1'] * (len(rows) - 2) + ['0']
 
 
-def test_a_folder_takes_a_bundle_of_each_component(tmp_path: Path) -> None:
+def test_a_folder_receives_a_bundle_for_each_component(tmp_path: Path) -> None:
     project = {'requirements': [requirement('A', 'rover shall always satisfy p'),
                                 requirement('A', 'arm shall always satisfy p', component='arm')]}
     [file] = written(tmp_path, moon_json=project)
@@ -108,7 +108,7 @@ def test_without_output_it_reports_that_traces_are_not_written(
     assert [path.name for path in tmp_path.iterdir()] == ['moon.json']
 
 
-def test_a_sentence_that_is_none_does_not_spoil_a_folder(
+def test_a_malformed_sentence_does_not_prevent_the_other_bundles(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     project = {'requirements': [
         requirement('R-1', 'rover shall always satisfy p'),
@@ -131,7 +131,7 @@ def test_a_file_that_is_no_export_is_refused_and_nothing_is_written(
     assert [path.name for path in tmp_path.iterdir()] == ['odd.json']
 
 
-def test_a_bundle_is_written_over_with_force_alone(
+def test_a_bundle_is_overwritten_only_with_force(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     [file] = written(tmp_path, moon_json=PROJECT)
     bundle = tmp_path / 'rover.yaml'
@@ -142,7 +142,7 @@ def test_a_bundle_is_written_over_with_force_alone(
     assert bundle.read_text() != 'mine'
 
 
-def test_a_file_that_was_imported_is_not_written_over_even_with_force(
+def test_the_imported_file_is_not_overwritten_even_with_force(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     [file] = written(tmp_path, moon_json=PROJECT)
     text = file.read_text()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command line as a whole: what it answers with, and how it ends."""
+"""The command line as a whole: output, exit status and signals."""
 
 from collections.abc import Callable
 import os
@@ -30,14 +30,14 @@ VERBS = ('check', 'simulate', 'compile', 'bench')
 
 
 def arguments(verb: str, bundle: Path) -> tuple[object, ...]:
-    """Return what makes a verb do its work on a bundle."""
+    """Return arguments with which a verb succeeds on a bundle."""
     more = {'simulate': ('--trace', bundle.parent / 'trace.csv'),
             'compile': ('--output', bundle.parent / 'out')}
     return (verb, bundle, *more.get(verb, ()))
 
 
 @pytest.mark.parametrize('verb', VERBS)
-def test_success_is_0_and_all_of_it_on_standard_output(here: Here, verb: str) -> None:
+def test_success_is_status_0_with_output_on_standard_output_only(here: Here, verb: str) -> None:
     here.file('trace.csv', HEADING)
     done = here.run(*arguments(verb, here.file('pump.yaml', PUMP)))
     assert (done.status, done.err) == (0, '')
@@ -45,7 +45,7 @@ def test_success_is_0_and_all_of_it_on_standard_output(here: Here, verb: str) ->
 
 
 @pytest.mark.parametrize('verb', VERBS)
-def test_a_bad_bundle_is_1_and_all_of_it_on_standard_error(here: Here, verb: str) -> None:
+def test_a_bad_bundle_is_status_1_with_only_errors_on_stderr(here: Here, verb: str) -> None:
     here.file('trace.csv', HEADING)
     done = here.run(*arguments(verb, here.file('pump.yaml', BAD)))
     assert (done.status, done.out) == (1, '')
@@ -56,8 +56,8 @@ def test_a_bad_bundle_is_1_and_all_of_it_on_standard_error(here: Here, verb: str
 
 @pytest.mark.parametrize('verb', VERBS)
 @pytest.mark.parametrize('name', ['gone.yaml', '.', '/dev/null', 'x' * 300, 'pump.yaml/x'])
-def test_a_bundle_that_is_no_file_is_1(here: Here, monkeypatch: pytest.MonkeyPatch, verb: str,
-                                       name: str) -> None:
+def test_a_missing_bundle_is_status_1(here: Here, monkeypatch: pytest.MonkeyPatch, verb: str,
+                                      name: str) -> None:
     here.file('pump.yaml', PUMP)
     here.file('trace.csv', HEADING)
     monkeypatch.chdir(here.folder)
@@ -71,21 +71,21 @@ def test_a_bundle_that_is_no_file_is_1(here: Here, monkeypatch: pytest.MonkeyPat
     (), ('chekc',), ('check',), ('simulate', 'b.yaml'), ('simulate', 'b.yaml', '--trace'),
     ('compile', 'b.yaml'), ('bench',), ('bench', 'a', 'b'), ('check', '--json', 'b.yaml'),
     ('simulate', 'b.yaml', '--trace', 't.csv', 'more'), ('--no-such-option',)])
-def test_wrong_usage_is_2(here: Here, words: tuple[str, ...]) -> None:
+def test_wrong_usage_is_status_2(here: Here, words: tuple[str, ...]) -> None:
     done = here.run(*words)
     assert (done.status, done.out) == (2, '')
     assert done.err.startswith('usage: fret-monitor')
 
 
-def test_without_a_verb_the_verbs_are_told(here: Here) -> None:
+def test_without_a_verb_the_verbs_are_listed(here: Here) -> None:
     done = here.run()
     told = [line.split()[0] for line in done.err.splitlines() if line.startswith('    ')]
-    assert told[:3] == ['check', 'formalize', 'print']  # a long name has a line of its own
+    assert told[:3] == ['check', 'formalize', 'print']  # a long name is on a line of its own
     assert set(VERBS) | {'import', 'explain'} <= set(told)
     assert done.err.endswith('error: a verb is missing\n')
 
 
-def test_the_package_is_the_command_line() -> None:
+def test_running_the_package_runs_the_command_line() -> None:
     asked = [sys.executable, '-m', 'fret_monitor', 'formalize', 'the sw shall always satisfy p']
     done = subprocess.run(asked, env=environment(), capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, 'H p\n', '')
@@ -95,7 +95,7 @@ def test_the_package_is_the_command_line() -> None:
     assert done.stderr.startswith('usage: fret-monitor formalize')
 
 
-def test_formalize_tells_that_a_time_counts_steps(here: Here) -> None:
+def test_formalize_says_that_a_duration_counts_steps(here: Here) -> None:
     done = here.run('formalize', 'the sw shall within 2 seconds satisfy p')
     assert (done.status, done.out) == (0, here.run(
         'formalize', 'the sw shall within 2 ticks satisfy p').out)
@@ -109,7 +109,7 @@ def test_formalize_tells_that_a_time_counts_steps(here: Here) -> None:
 
 
 @pytest.mark.parametrize('words', [('--help',), *((verb, '--help') for verb in VERBS)])
-def test_help_is_given(here: Here, words: tuple[str, ...]) -> None:
+def test_each_verb_has_help(here: Here, words: tuple[str, ...]) -> None:
     done = here.run(*words)
     assert (done.status, done.err) == (0, '')
     assert done.out.startswith('usage: fret-monitor')
@@ -121,7 +121,7 @@ def test_help_is_given(here: Here, words: tuple[str, ...]) -> None:
     ({'CC': 'no-such-cc'}, "error: CC is set to 'no-such-cc', which cannot be run"),
     ({'CC': 'false'}, 'error: the C compiler failed (exit status 1):'),
 ])
-def test_a_compiler_that_is_missing_or_fails_is_1(
+def test_a_compiler_that_is_missing_or_fails_is_status_1(
         here: Here, monkeypatch: pytest.MonkeyPatch, verb: str, settings: dict[str, str],
         expected: str) -> None:
     monkeypatch.setenv('ROS_HOME', str(here.folder / 'home'))
@@ -151,7 +151,7 @@ def is_alive(process: int) -> bool:
 
 @pytest.mark.parametrize('verb', ['simulate', 'compile', 'bench'])
 @pytest.mark.parametrize(('number', 'status'), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_ends_the_compiler_too_and_leaves_nothing(
+def test_a_signal_ends_the_compiler_too_and_leaves_no_files(
         here: Here, verb: str, number: signal.Signals, status: int) -> None:
     home, told = here.folder / 'home', here.folder / 'compiler'
     slow = here.file('slow-cc', f"""#!/bin/sh
@@ -166,10 +166,10 @@ exec sleep 100
         command(*arguments(verb, here.file('pump.yaml', PUMP))),
         env=environment(ROS_HOME=str(home), CC=str(slow), TMPDIR=str(here.folder)),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        # Who runs these tests in the background may ignore SIGINT, and children inherit that.
+        # If these tests run in the background, SIGINT may be ignored, and children inherit that.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
     wait_until(told.exists, 'the compiler')
-    before = list(here.folder.glob('**/fret_monitor.h'))  # what the compiler is reading
+    before = list(here.folder.glob('**/fret_monitor.h'))  # the compiler reads these
     process.send_signal(number)
     said, err = process.communicate(timeout=30)
     assert (process.returncode, said, err) == (status, '', '')
@@ -181,7 +181,7 @@ exec sleep 100
     assert list((home / 'fret_monitor').glob('*')) == []
 
 
-def test_a_handler_of_who_runs_it_stays(here: Here) -> None:
+def test_a_signal_handler_of_the_caller_is_restored(here: Here) -> None:
     former = signal.signal(signal.SIGTERM, signal.SIG_IGN)
     try:
         assert here.run('check', here.file('pump.yaml', PUMP)).status == 0
@@ -208,7 +208,7 @@ def test_it_runs_from_any_folder(here: Here) -> None:
     assert run('check', 'gone.yaml', cwd=here.folder).status == 1
 
 
-def test_names_that_a_terminal_cannot_show_are_no_error(here: Here) -> None:
+def test_names_that_a_terminal_cannot_display_are_no_error(here: Here) -> None:
     bundle = here.folder / os.fsdecode(b'p\xffmp.yaml')
     bundle.write_text(PUMP.replace('R-1', 'Größe'), encoding='utf-8')
     for encoding in ('ascii', 'utf-8'):
@@ -219,7 +219,7 @@ def test_names_that_a_terminal_cannot_show_are_no_error(here: Here) -> None:
         assert b'p\\udcffmp.yaml: 3 requirements' in done.stdout
 
 
-def test_a_reader_that_is_gone_is_no_error(here: Here) -> None:
+def test_a_closed_pipe_is_no_error(here: Here) -> None:
     bundle = here.file('pump.yaml', PUMP)
     reader, writer = os.pipe()
     os.close(reader)
@@ -229,7 +229,7 @@ def test_a_reader_that_is_gone_is_no_error(here: Here) -> None:
     assert (done.returncode, done.stderr) == (1, '')
 
 
-def test_an_output_that_is_closed_is_no_error(here: Here) -> None:
+def test_a_closed_standard_output_is_no_error(here: Here) -> None:
     bundle = here.file('pump.yaml', PUMP)
     done = subprocess.run(
         ['sh', '-c', 'exec "$@" >&-', 'sh', *command('check', bundle)], env=environment(),
@@ -237,7 +237,7 @@ def test_an_output_that_is_closed_is_no_error(here: Here) -> None:
     assert (done.returncode, done.stderr) == (0, '')
 
 
-def test_the_executable_is_this_command_line() -> None:
+def test_the_executable_runs_this_command_line() -> None:
     executable = Path(sys.executable).with_name('fret-monitor')
     if not executable.exists():
         pytest.skip('not installed')

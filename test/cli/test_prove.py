@@ -52,7 +52,7 @@ def prove(here: Here, *arguments: object) -> Done:
     return here.run('prove', here.file('pump.yaml', BUNDLE), *arguments)
 
 
-def test_a_bundle_is_proved_with_a_certificate_that_hides_nothing(here: Here) -> None:
+def test_a_bundle_is_proved_with_a_complete_certificate(here: Here) -> None:
     done = prove(here)
     assert (done.status, done.err) == (0, '')
     assert done.out.startswith('pump.yaml: proved, 2 requirements\n')
@@ -61,7 +61,7 @@ def test_a_bundle_is_proved_with_a_certificate_that_hides_nothing(here: Here) ->
         assert text in done.out
 
 
-def test_a_counterexample_is_not_written_over_a_file_that_was_read(here: Here) -> None:
+def test_a_counterexample_does_not_overwrite_an_input_file(here: Here) -> None:
     sources = compiled(here)
     code = sources / 'pump_monitor.c'
     for arguments, out in (((), here.folder / 'pump.yaml'), (('--sources', sources), code)):
@@ -91,7 +91,7 @@ def test_the_certificate_is_json_too_and_the_same_for_the_same_bundle(here: Here
         {key: second[key] for key in ('bundle_hash', 'source_hash', 'code_hash')}
 
 
-def test_what_compile_wrote_is_proved_where_it_lies(here: Here) -> None:
+def test_a_compiled_folder_is_proved_in_place(here: Here) -> None:
     sources = compiled(here)
     assert json.loads(prove(here, '--sources', sources, '--json').out)['proved'] is True
     for file in sources.iterdir():
@@ -120,7 +120,7 @@ def test_a_folder_with_another_file_is_refused(here: Here, name: str) -> None:
     ('fret_cells.h', 'return age <= bound', 'return age < bound'),
     ('fret_monitor.h', 'FM_FLOAT32 = 9', 'FM_FLOAT32 = 10'),
 ])
-def test_a_folder_with_other_c_is_refused_with_the_line(
+def test_a_folder_with_changed_c_is_refused_with_the_line(
     here: Here, name: str, old: str, new: str,
 ) -> None:
     file = compiled(here) / name
@@ -145,7 +145,7 @@ def test_a_folder_that_lacks_a_file_is_refused(here: Here) -> None:
     ('> 15.0f', '>= 15.0f', 'R-1'),
     ('state == 1', 'state == 0', 'R-2'),
 ])
-def test_c_that_is_wrong_is_refuted_by_a_trace_that_simulate_runs(
+def test_wrong_c_is_refuted_by_a_trace_for_simulate(
     here: Here, old: str, new: str, wrong: str, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def with_an_error(reading: Reading) -> GeneratedMonitor:
@@ -185,14 +185,14 @@ def test_cells_that_are_wrong_are_reported(
     assert 'refuted: fm_once_within_u8' in done.out
 
 
-def test_what_takes_too_long_is_not_proved_and_reported(here: Here) -> None:
+def test_a_proof_that_takes_too_long_is_reported_as_not_proved(here: Here) -> None:
     done = prove(here, '--timeout', '0.001')
     assert done.status == 1
     assert 'NOT PROVED' in done.out
     assert 'the obligation ran out of time: allow more with --timeout' in done.out
 
 
-def test_c_that_cannot_be_read_is_not_proved(
+def test_c_that_cannot_be_parsed_is_not_proved(
     here: Here, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(
@@ -204,13 +204,13 @@ def test_c_that_cannot_be_read_is_not_proved(
 
 
 @pytest.mark.parametrize('seconds', ['0', '-1', 'ten', 'nan'])
-def test_a_time_that_is_none_is_wrong_usage(here: Here, seconds: str) -> None:
+def test_a_malformed_time_limit_is_wrong_usage(here: Here, seconds: str) -> None:
     assert prove(here, '--timeout', seconds).status == 2
 
 
 def test_without_the_solver_it_says_what_to_install(tmp_path: Path) -> None:
     (tmp_path / 'pump.yaml').write_text(BUNDLE, encoding='utf-8')
-    # An interpreter that finds no z3: a finder in front of all others.
+    # A Python interpreter in which z3 cannot be imported: a finder before all others refuses it.
     (tmp_path / 'sitecustomize.py').write_text(
         'import importlib.util as util\nfind = util.find_spec\n'
         "util.find_spec = lambda name, *more: None if name == 'z3' else find(name, *more)\n",

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`simulate`: a trace in a CSV file in, a row of verdicts a step out, and nothing half-done."""
+"""`simulate`: reads a trace from a CSV file and writes a row of verdicts for each step."""
 
 from collections import deque
 import csv
@@ -32,7 +32,7 @@ GOOD = '0,0,0,IDLE,stopped\n'
 
 
 def verdicts(here: Here, trace: str | bytes, bundle: str = PUMP) -> list[list[str]]:
-    """Simulate a trace that can be used, and return the rows of the verdicts."""
+    """Simulate a valid trace, and return the rows of verdicts."""
     path = here.file('trace.csv', trace)
     done = here.run('simulate', here.file('pump.yaml', bundle), '--trace', path)
     assert (done.status, done.err) == (0, '')
@@ -40,7 +40,7 @@ def verdicts(here: Here, trace: str | bytes, bundle: str = PUMP) -> list[list[st
 
 
 def column(here: Here, requirement: str, inputs: str, cells: list[str]) -> str:
-    """Return the verdicts of one requirement over a trace of one input, as a word of 0 and 1."""
+    """Return the verdicts of one requirement over a trace of one input, as a string of 0 and 1."""
     bundle = f'format: 1\ninputs: {{{inputs}}}\n' \
              f'requirements: [{{id: R, ptltl: "{requirement}"}}]\n'
     name = inputs.split(':')[0]
@@ -49,7 +49,7 @@ def column(here: Here, requirement: str, inputs: str, cells: list[str]) -> str:
 
 
 def refused(here: Here, trace: str | bytes) -> str:
-    """Return how a trace is refused; a file of verdicts that was there stays as it was."""
+    """Return the error for a trace; an existing file of verdicts must stay unchanged."""
     bundle, path = here.file('pump.yaml', PUMP), here.file('trace.csv', trace)
     former = here.file('verdicts.csv', 'former\n')
     done = here.run('simulate', bundle, '--trace', path, '--verdicts', former)
@@ -61,10 +61,10 @@ def refused(here: Here, trace: str | bytes) -> str:
     return done.err.replace(str(path), 'trace.csv')
 
 
-# -- what goes out ----------------------------------------------------------------------------
+# -- output -----------------------------------------------------------------------------------
 
 
-def test_a_row_a_step_is_written_with_the_ids_in_the_order_of_the_bundle(here: Here) -> None:
+def test_each_step_is_a_row_with_the_ids_in_the_order_of_the_bundle(here: Here) -> None:
     rows = GOOD + '1,0.5,5,LANDING,stopped\n0,0,-128,7,moving\n'
     trace = here.file('trace.csv', HEADING + rows)
     done = here.run('simulate', here.file('pump.yaml', PUMP), '--trace', trace)
@@ -72,12 +72,12 @@ def test_a_row_a_step_is_written_with_the_ids_in_the_order_of_the_bundle(here: H
     assert (done.status, done.err) == (0, '')
 
 
-def test_the_order_of_the_columns_is_free_and_other_columns_do_not_matter(here: Here) -> None:
+def test_columns_may_have_any_order_and_other_columns_are_ignored(here: Here) -> None:
     trace = 'time,word,mode,time,n,x,p\n10:00,moving,0,?,4,.2,0\n,stopped,7,"a,b",5,0,0\n'
     assert verdicts(here, trace)[1:] == [['0', '1', '1', '1'], ['1', '0', '1', '0']]
 
 
-def test_a_file_of_verdicts_gets_what_standard_output_would(here: Here) -> None:
+def test_a_file_of_verdicts_has_what_standard_output_would_have(here: Here) -> None:
     bundle, trace = here.file('pump.yaml', PUMP), here.file('trace.csv', HEADING + GOOD)
     out = here.folder / 'out.csv'
     done = here.run('simulate', bundle, '--trace', trace, '--verdicts', out)
@@ -92,7 +92,7 @@ def test_a_trace_without_rows_gives_no_verdicts(here: Here) -> None:
     assert verdicts(here, HEADING.rstrip()) == [['step', 'R-1', 'R,2', 'R"3']]
 
 
-def test_a_trace_without_rows_judges_nothing(here: Here) -> None:
+def test_without_rows_no_requirement_is_evaluated(here: Here) -> None:
     bundle, trace = here.file('pump.yaml', PUMP), here.file('trace.csv', HEADING)
     done = here.run('simulate', bundle, '--trace', trace, '--verdicts', here.folder / 'out.csv',
                     '--fail-on-violation')
@@ -111,7 +111,7 @@ def test_a_row_is_a_step_under_every_policy(here: Here, policy: str) -> None:
     assert [row[4] for row in rows[1:]] == ['0', '0', '1', '0', '0']
 
 
-def test_violations_make_it_fail_only_when_told_so(here: Here) -> None:
+def test_violations_make_it_fail_only_if_requested(here: Here) -> None:
     bundle = here.file('pump.yaml', PUMP)
     bad, good = here.file('bad.csv', HEADING + GOOD), here.file('good.csv', HEADING + '1,1,1,0,'
                                                                 'stopped\n')
@@ -125,7 +125,7 @@ def test_violations_make_it_fail_only_when_told_so(here: Here) -> None:
 # -- cells ------------------------------------------------------------------------------------
 
 
-def test_truth_is_written_in_four_ways(here: Here) -> None:
+def test_booleans_are_written_in_four_ways(here: Here) -> None:
     assert column(here, 'p', 'p: {type: bool}', ['0', '1', 'true', 'false', 'True', ' 1 ']) \
         == '011011'
 
@@ -140,8 +140,8 @@ def test_numbers_that_are_not_finite_are_ieee_numbers(here: Here, kind: str) -> 
 
 
 def test_a_float32_is_rounded_once(here: Here) -> None:
-    # Just above the middle of 1 and its neighbour: by way of a float64 it would be the middle,
-    # and end at 1.
+    # Just above the middle between 1 and the next float32: rounded to float64 first it would be
+    # the middle, and then become 1.
     cells = ['1.000000059604644775390625000000000000001', '1.000000059604644775390625']
     assert column(here, 'x = 1.00000011920928955078125', 'x: {type: float32}', cells) == '10'
     assert column(here, 'x = 0.1', 'x: {type: float32}', ['0.1', '0.100000001', '.1e0']) == '111'
@@ -156,7 +156,7 @@ def test_integers_have_their_whole_range(here: Here) -> None:
                       [f'{2 ** bits - 1}', '007']) == '10'
 
 
-def test_names_and_numbers_may_stand_for_one_another_but_for_strings(here: Here) -> None:
+def test_names_and_numbers_are_interchangeable_except_for_strings(here: Here) -> None:
     rows = verdicts(here, HEADING + '1,0,0,IDLE,moving\n1,0,0,0,moving\n1,0,0, LANDING ,stopped\n')
     assert [row[2] for row in rows[1:]] == ['1', '1', '1']
     assert 'is no value' in refused(here, HEADING + '1,0,0,0,1\n')
@@ -180,7 +180,7 @@ def test_csv_is_read_as_spreadsheets_write_it(here: Here, trace: bytes) -> None:
     ((HEADING + GOOD).replace(',', ';'), "';'"), ((HEADING + GOOD).replace(',', '\t'), 'tabs'),
     ('"p";"x";"n";"mode";"word"\n' + GOOD.replace(',', ';'), "';'"),
     (HEADING + GOOD.replace(',', '|'), "'|'")])
-def test_a_trace_with_another_separator_is_told(here: Here, trace: str, separator: str) -> None:
+def test_another_separator_is_refused_by_name(here: Here, trace: str, separator: str) -> None:
     here.file('trace.csv', trace)
     done = here.run('simulate', here.file('pump.yaml', PUMP), '--trace',
                     here.folder / 'trace.csv')
@@ -189,7 +189,7 @@ def test_a_trace_with_another_separator_is_told(here: Here, trace: str, separato
             'with commas') in done.err
 
 
-# -- what is refused --------------------------------------------------------------------------
+# -- errors -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(('trace', 'expected'), [
@@ -227,7 +227,7 @@ def test_a_trace_with_another_separator_is_told(here: Here, trace: str, separato
     (HEADING + '0,0,0,0,"mov"ing\n', 'trace.csv:2:1: error: not CSV:'),
     (HEADING + '0,0,0,0,' + 'm' * 200_000 + '\n', "trace.csv:2:9: error: 'mmmm"),
 ], ids=range(30))
-def test_a_trace_that_cannot_be_used_is_refused_with_its_place(
+def test_an_invalid_trace_is_refused_with_the_place(
         here: Here, trace: str, expected: str) -> None:
     said = refused(here, trace)
     assert expected in said
@@ -237,17 +237,17 @@ def test_a_trace_that_cannot_be_used_is_refused_with_its_place(
 @pytest.mark.parametrize('trace', [
     HEADING.encode() + b'0,0,0,0,\xff\n', 'p,x'.encode('utf-16'), os.urandom(4096) + b'\xff'],
     ids=['Latin-1', 'UTF-16', 'noise'])
-def test_a_trace_that_is_no_text_is_refused(here: Here, trace: bytes) -> None:
+def test_a_trace_that_is_not_text_is_refused(here: Here, trace: bytes) -> None:
     assert refused(here, trace) == "error: 'trace.csv' is not text in UTF-8\n"
 
 
-def test_a_column_that_is_close_to_a_missing_one_is_pointed_at(here: Here) -> None:
+def test_a_column_with_a_name_close_to_a_missing_one_is_suggested(here: Here) -> None:
     said = refused(here, 'p,x,n,Mode,word\n')
     assert said.splitlines()[1:3] == [' 1 | p,x,n,Mode,word', '   | ^^^^^^^^^^^^^^^']
     assert "help: the column 'Mode' is close to 'mode'" in said
 
 
-def test_a_cell_is_underlined(here: Here) -> None:
+def test_a_wrong_cell_is_underlined(here: Here) -> None:
     assert refused(here, HEADING + GOOD + '1,2,x3,4,moving\n').splitlines() == [
         "trace.csv:3:5: error: 'x3' is no value of 'n'",
         ' 3 | 1,2,x3,4,moving',
@@ -257,7 +257,7 @@ def test_a_cell_is_underlined(here: Here) -> None:
 
 
 @pytest.mark.parametrize('rest', ['', '\n', '\n0,0,0,0,moving\n\n'])
-def test_a_quote_that_is_not_closed_is_shown_where_its_row_begins(here: Here, rest: str) -> None:
+def test_an_unclosed_quote_is_shown_where_its_row_begins(here: Here, rest: str) -> None:
     assert refused(here, HEADING + GOOD + '1,"2' + rest).splitlines() == [
         'trace.csv:3:1: error: not CSV: unexpected end of data',
         ' 3 | 1,"2',
@@ -272,13 +272,13 @@ def test_a_quote_within_a_cell_is_shown_with_its_line(here: Here) -> None:
     assert said.splitlines()[1:3] == [' 4 | "ing', '   | ^^^^']
 
 
-def test_a_long_cell_of_a_column_that_nobody_reads_does_not_matter(here: Here) -> None:
+def test_a_long_cell_of_an_unused_column_is_accepted(here: Here) -> None:
     long = 'm' * 1_000_000
     trace = f'p,x,n,mode,word,{long}\n1,0,0,0,moving,{long}\n0,0,0,0,moving,"{long}\n"\n'
     assert verdicts(here, trace)[1:] == [['0', '1', '1', '1'], ['1', '0', '1', '1']]
 
 
-def test_a_line_without_end_is_refused_and_never_held(here: Here) -> None:
+def test_an_endless_line_is_refused_without_filling_the_memory(here: Here) -> None:
     bundle = here.file('pump.yaml', PUMP)
     done = subprocess.run(
         [sys.executable, '-c', PEAK, 'simulate', bundle, '--trace', '/dev/zero'],
@@ -292,16 +292,16 @@ def test_a_line_without_end_is_refused_and_never_held(here: Here) -> None:
 
 
 def limited() -> None:
-    """End in an error, not with all memory of the machine."""
+    """Limit the memory, so that the process fails instead of filling the machine."""
     resource.setrlimit(resource.RLIMIT_AS, (2 ** 30, 2 ** 30))
 
 
-def test_a_place_is_right_behind_a_cell_of_several_lines(here: Here) -> None:
+def test_a_place_after_a_cell_of_several_lines_is_correct(here: Here) -> None:
     said = refused(here, 'p,x,n,mode,word,note\n0,0,0,0,moving,"a\nb"\n0,0,0,0,moving,\n2,,,,,\n')
     assert said.startswith("trace.csv:5:1: error: '2' is no value of 'p'")
 
 
-def test_files_that_cannot_be_read_or_written_are_told(here: Here) -> None:
+def test_files_that_cannot_be_read_or_written_are_reported(here: Here) -> None:
     bundle, trace = here.file('pump.yaml', PUMP), here.file('trace.csv', HEADING + GOOD)
     gone, long = here.folder / 'gone.csv', here.folder / ('x' * 300)
     for arguments, expected in [
@@ -325,14 +325,14 @@ def test_files_that_cannot_be_read_or_written_are_told(here: Here) -> None:
     assert sorted(os.listdir(here.folder)) == ['pump.yaml', 'trace.csv']
 
 
-def test_verdicts_are_not_written_over_a_file_that_was_read(here: Here) -> None:
+def test_verdicts_do_not_overwrite_an_input_file(here: Here) -> None:
     signals = here.file('signals.yaml', 'inputs: {spare: {type: bool}}\n')
     trace = here.file('trace.csv', 'spare,' + HEADING + '0,' + GOOD)
     bundle = here.file('pump.yaml', PUMP + 'signals: signals.yaml\n')
     (here.folder / 'link.csv').symlink_to('pump.yaml')
     (here.folder / 'hard.csv').hardlink_to(signals)
     before = {path: path.read_text() for path in here.folder.iterdir()}
-    for _ in range(2):  # the second start reads no bundle: it is known
+    for _ in range(2):  # the second start finds the bundle in the cache
         for out in (bundle, signals, trace, here.folder / 'link.csv', here.folder / 'hard.csv',
                     here.folder / '..' / here.folder.name / 'signals.yaml'):
             done = here.run('simulate', bundle, '--trace', trace, '--verdicts', out)
@@ -342,7 +342,7 @@ def test_verdicts_are_not_written_over_a_file_that_was_read(here: Here) -> None:
         assert here.run('simulate', bundle, '--trace', trace).status == 0
 
 
-def test_a_folder_that_is_missing_is_not_called_a_missing_trace(here: Here) -> None:
+def test_a_missing_output_folder_is_not_reported_as_a_missing_trace(here: Here) -> None:
     bundle, trace = here.file('pump.yaml', PUMP), here.file('trace.csv', HEADING + GOOD)
     out = here.folder / 'no' / 'v.csv'
     done = here.run('simulate', bundle, '--trace', trace, '--verdicts', out)
@@ -354,7 +354,7 @@ def test_a_folder_that_is_missing_is_not_called_a_missing_trace(here: Here) -> N
 
 @pytest.fixture(scope='module')
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a bundle and long traces, no two rows of whose verdicts are alike."""
+    """Return a folder with a bundle and long traces, in which all rows of verdicts differ."""
     folder = tmp_path_factory.mktemp('large')
     requirements = [f'{{id: R-{bit}, ptltl: "n mod {2 ** (bit + 1)} < {2 ** bit}"}}'
                     for bit in range(20)]
@@ -376,7 +376,7 @@ sys.exit(status)
 
 
 def peak_kilobytes(folder: Path, steps: int) -> int:
-    """Simulate that many rows to a file and return the most memory it took."""
+    """Simulate that many rows to a file and return the peak memory."""
     out = folder / f'verdicts-{steps}.csv'
     done = subprocess.run(
         [sys.executable, '-c', PEAK, 'simulate', folder / 'many.yaml', '--trace',
@@ -390,13 +390,13 @@ def peak_kilobytes(folder: Path, steps: int) -> int:
     return int(done.stderr)
 
 
-def test_a_million_rows_take_no_more_memory_than_a_hundred_thousand(files: Path) -> None:
+def test_a_million_rows_need_no_more_memory_than_a_hundred_thousand(files: Path) -> None:
     few = peak_kilobytes(files, 100_000)
     many = peak_kilobytes(files, 1_000_000)
     assert many - few < 8 * 1024, f'{few} and {many} kB'
 
 
-def test_a_reader_that_goes_away_is_no_error(files: Path) -> None:
+def test_a_reader_that_closes_the_pipe_is_no_error(files: Path) -> None:
     process = subprocess.Popen(
         command('simulate', files / 'many.yaml', '--trace', files / '100000.csv'),
         env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -409,7 +409,7 @@ def test_a_reader_that_goes_away_is_no_error(files: Path) -> None:
     assert said == ''
 
 
-def test_a_pipe_and_a_device_take_the_verdicts(here: Here) -> None:
+def test_verdicts_can_be_written_to_a_pipe_or_device(here: Here) -> None:
     bundle, trace = here.file('pump.yaml', PUMP), here.file('trace.csv', HEADING + GOOD)
     pipe = here.folder / 'pipe'
     os.mkfifo(pipe)
@@ -425,7 +425,7 @@ def test_a_pipe_and_a_device_take_the_verdicts(here: Here) -> None:
     assert Path('/dev/null').is_char_device()
 
 
-def test_a_pipe_whose_reader_goes_away_is_no_error(files: Path, here: Here) -> None:
+def test_a_named_pipe_whose_reader_closes_it_is_no_error(files: Path, here: Here) -> None:
     pipe = here.folder / 'pipe'
     os.mkfifo(pipe)
     process = subprocess.Popen(
@@ -438,13 +438,13 @@ def test_a_pipe_whose_reader_goes_away_is_no_error(files: Path, here: Here) -> N
     assert process.returncode == 1
 
 
-def test_a_trace_can_come_through_a_pipe(here: Here) -> None:
+def test_a_trace_can_be_read_from_a_pipe(here: Here) -> None:
     done = run('simulate', here.file('pump.yaml', PUMP), '--trace', '/dev/stdin',
                stdin=HEADING + GOOD)
     assert (done.status, done.out) == (0, 'step,R-1,"R,2","R""3"\n0,0,1,1\n')
 
 
-def test_a_full_disk_is_told_and_leaves_nothing(here: Here) -> None:
+def test_a_full_disk_is_reported_and_leaves_no_file(here: Here) -> None:
     bundle = here.file('pump.yaml', PUMP)
     trace = here.file('trace.csv', HEADING + GOOD * 20_000)
     out = here.folder / 'out.csv'
@@ -459,7 +459,7 @@ def test_a_full_disk_is_told_and_leaves_nothing(here: Here) -> None:
 
 
 @pytest.mark.skipif(not Path('/dev/full').exists(), reason='needs /dev/full')
-def test_an_output_that_is_full_is_told(here: Here) -> None:
+def test_a_full_output_device_is_reported(here: Here) -> None:
     bundle, trace = here.file('pump.yaml', PUMP), here.file('trace.csv', HEADING + GOOD)
     for arguments in (('simulate', bundle, '--trace', trace), ('check', bundle)):
         with Path('/dev/full').open('w') as full:
@@ -469,15 +469,15 @@ def test_an_output_that_is_full_is_told(here: Here) -> None:
         assert done.stderr == 'error: cannot write to standard output: No space left on device\n'
 
 
-def test_an_interrupt_leaves_nothing_and_is_no_traceback(here: Here) -> None:
+def test_an_interrupt_leaves_no_file_and_no_traceback(here: Here) -> None:
     bundle, out, pipe = here.file('pump.yaml', PUMP), here.folder / 'out.csv', here.folder / 'pipe'
     os.mkfifo(pipe)
     process = subprocess.Popen(
         command('simulate', bundle, '--trace', pipe, '--verdicts', out), env=environment(),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        # A shell lets what runs in the background ignore it.
+        # A shell lets background processes ignore SIGINT.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
-    with pipe.open('w') as writer:  # opens when the reader does
+    with pipe.open('w') as writer:  # blocks until the reader opens the pipe
         writer.write(HEADING + GOOD * 20_000)
         writer.flush()
         process.send_signal(signal.SIGINT)
@@ -486,7 +486,7 @@ def test_an_interrupt_leaves_nothing_and_is_no_traceback(here: Here) -> None:
     assert sorted(os.listdir(here.folder)) == ['pipe', 'pump.yaml']
 
 
-def test_odd_names_go_all_the_way(here: Here) -> None:
+def test_unusual_names_work_from_bundle_to_verdicts(here: Here) -> None:
     bundle = here.file('odd names *', """\
 format: 1
 inputs:

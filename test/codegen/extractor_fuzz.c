@@ -12,9 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// Read a corpus with generated readers: `fuzz FILE`. The file holds messages one after the other,
-/// each behind the number of its topic and its length (uint32, of the machine). Prints how many
-/// could be decoded, how many there were, and a digest of what was read.
+/// Read a corpus with generated extractors: `fuzz FILE`. The file holds messages one after the
+/// other, each after the number of its topic and its length (uint32, native byte order). Prints
+/// how many could be decoded, how many there were, and a digest of the values read.
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -45,7 +45,7 @@ static void add_fields(const struct fm_field * fields, uint32_t count)
   }
 }
 
-/// Read a message that ends where its memory ends, `shift` bytes behind an aligned place.
+/// Read a message that ends at the end of its allocation, `shift` bytes after an aligned address.
 static bool read_at(
   const struct fm_reader * reader, const uint8_t * message, size_t size, size_t shift)
 {

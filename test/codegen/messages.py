@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Messages made at random, serialized, and read again: the reference for generated extractors.
+Random messages, serialized and read again: the reference for generated extractors.
 
-A value of a message is a `Tree`, with an attribute a field, as the objects of rclpy have.
-`serialize` writes one in either byte order, and `taken` says what an input is to get of one, or of
-a message object of rclpy. Both know nothing of the generated C.
+A value of a message is a `Tree`, with an attribute for each field, like the objects of rclpy.
+`serialize` writes one in either byte order, and `taken` returns what an input must read from one,
+or from a message object of rclpy. Neither uses the generated C.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -151,7 +151,7 @@ def _units(text: str) -> list[int]:
 
 
 def message_class(name: str) -> Any:
-    """Import the class of a message, of a service or an action too."""
+    """Import the class of a message, also of a service or an action."""
     package, folder, word = name.split('/')
     module = import_module(f'{package}.{folder}')
     if folder == 'action' and not hasattr(module, word):
@@ -181,7 +181,7 @@ def message_object(layout: MessageLayout, tree: Any) -> Any:
 
 
 def taken(message: Any, signal: Signal) -> FieldReading:
-    """Return what an input gets of a tree or of a message object."""
+    """Return what an input must read from a tree or a message object."""
     value, base = message, _field_of(signal).types[-1].base
     for step in signal.path:
         if isinstance(step, str):
@@ -208,12 +208,12 @@ def _field_of(signal: Signal) -> ResolvedField:
 
 
 def text(value: str) -> Text:
-    """Return a text that stands nowhere else."""
+    """Return a text without a place in a file."""
     return Text.whole(Source('test', value))
 
 
 def _plain(value: Any) -> bool | int | float:
-    """Return what numpy or rclpy hands out as a number of Python."""
+    """Return a number of numpy or rclpy as a number of Python."""
     if isinstance(value, bytes):
         return value[0]
     found: bool | int | float = value.item() if hasattr(value, 'item') else value
@@ -248,7 +248,7 @@ def _elements(value: Any) -> Iterable[Any]:
 
 
 def _total(values: Iterable[float]) -> float:
-    """Sum as C does: Python's own sum of floats is more exact."""
+    """Add as C does: Python's own sum of floats is more exact."""
     total = 0.0
     for value in values:
         total += value
@@ -291,14 +291,14 @@ def same(one: FieldReading, other: FieldReading) -> bool:
 
 @dataclass(frozen=True)
 class Topic:
-    """A message type, and inputs that are fed by it."""
+    """A message type, and inputs on its fields."""
 
     layout: MessageLayout
     signals: tuple[Signal, ...]
 
 
 def written_paths(layout: MessageLayout, prefix: str = '', depth: int = 0) -> Iterator[str]:
-    """Yield all that could be taken of a message; of arrays, a few elements."""
+    """Yield the paths of all readable values; of arrays, those of a few elements."""
     if depth > _DEEPEST:
         return
     for item in layout.fields:
@@ -315,7 +315,7 @@ def written_paths(layout: MessageLayout, prefix: str = '', depth: int = 0) -> It
 
 
 def signal_of(layout: MessageLayout, name: str, topic: str, field: str) -> Signal:
-    """Return an input that is fed by a field, as a bundle would declare it."""
+    """Return an input on a field, as a bundle would declare it."""
     found = resolve_field(layout, text(field), text(layout.name))
     is_text = found.type_name in ('string', 'wstring')
     return Signal(

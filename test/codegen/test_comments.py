@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Texts of users in comments of C: readable, on their lines, and never code."""
+"""Texts of users in comments of C: readable, within their lines, and never code."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -52,7 +52,7 @@ def test_titles_ids_and_texts_may_be_anything() -> None:
 
 
 def test_ids_and_names_of_inputs_may_be_any_text() -> None:
-    # C99 promises 4095 characters of a string.
+    # C99 guarantees string literals of 4095 characters.
     words = [text[:4000] for text in dict.fromkeys(HOSTILE) if '\ud800' not in text]
     formulas: list[Formula] = [Once(Window(0, 2), Variable(word, ValueType.BOOL))
                                for word in words if word]
@@ -63,7 +63,7 @@ def test_ids_and_names_of_inputs_may_be_any_text() -> None:
     assert_clean_and_right(replace(specification, properties=tuple(properties)), steps=50)
 
 
-def test_what_is_harmless_stays_as_it_is() -> None:
+def test_harmless_characters_are_unchanged() -> None:
     for text in ('if p ROS_component shall within 10 seconds satisfy x <= cc_t', 'a / b * c',
                  'why?', 'Übergröße', '日本語', 'x → y', '50 % of 3 µm'):
         assert safe(text) == text
@@ -80,19 +80,19 @@ def test_a_text_cannot_leave_its_comment(text: str) -> None:
         assert len(line) <= 110
         for sign in ('??', '*/', '/*', '\\'):
             assert sign not in line
-        # Nothing is read from the right: what stands in a line stands where it seems to.
+        # There is no right-to-left text: every character is displayed at its position in the line.
         assert not {unicodedata.bidirectional(char) for char in line} & {
             'R', 'AL', 'AN', 'RLO', 'RLE', 'RLI', 'LRO', 'LRE', 'LRI', 'FSI', 'PDF', 'PDI', 'BN'}
 
 
 @settings(max_examples=300)
 @given(st.text(st.sampled_from('?/*\\ \n"a\x00é\u202e')))
-def test_no_combination_of_signs_can_leave_its_comment(text: str) -> None:
+def test_no_combination_of_characters_can_leave_its_comment(text: str) -> None:
     shown = safe(text)
     assert not any(sign in shown for sign in ('??', '*/', '/*', '\\', '\n', '\x00', '\u202e'))
 
 
-def test_a_compiler_sees_nothing_of_the_texts(tmp_path: Path) -> None:
+def test_the_texts_do_not_reach_the_compiler(tmp_path: Path) -> None:
     if gcc() is None:
         pytest.skip('needs gcc')
     lines = ['int before(void);']
@@ -105,6 +105,6 @@ def test_a_compiler_sees_nothing_of_the_texts(tmp_path: Path) -> None:
                    source, '-o', tmp_path / 'out.o'])
 
 
-def test_a_formula_that_is_constant_has_its_heading(tmp_path: Path) -> None:
+def test_a_constant_formula_has_its_heading(tmp_path: Path) -> None:
     module = assert_clean_and_right(specify([FALSE, Once(Window(0, 0), P)]))
     assert '// R-0: R-0' in module.sources[0][1]

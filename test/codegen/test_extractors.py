@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Extractors read the same values of a message as Python, and no bytes make them crash."""
+"""Extractors read the same values from a message as Python, and no input makes them crash."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -45,8 +45,8 @@ from strategies import property_of
 
 HERE = Path(__file__).resolve().parent
 SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-g', '-O1')
-MOST_INPUTS = 40  # of a type: compilers take long over thousands
-HEAVY = 400  # values of a message that are too many to draw
+MOST_INPUTS = 40  # for each type: compiling thousands takes long
+HEAVY = 400  # a message with more values than this takes too long to draw
 
 # All scalar types, at every offset, with arrays and strings between them.
 SCALARS = ('bool', 'byte', 'char', 'int8', 'uint8', 'int16', 'uint16', 'int32', 'uint32', 'int64',
@@ -64,7 +64,7 @@ WRITTEN = {
         'Odd[] odds', 'bool between', 'Odd[3] three', 'Steps[<=4] steps', 'Steps[2] pair',
         'Nothing[] nothings', 'Nothing[2] two', 'Named[] named', 'Named[2] both', 'string[] words',
         'string[2] few', 'wstring[] wides', 'uint8 last'],
-    # What stands right behind something whose elements have gaps between them.
+    # What follows an array whose elements have padding between them.
     **{f'lay_msgs/msg/Behind{i}': [f'{kind} before', 'uint8 behind'] for i, kind in enumerate((
         'Odd', 'Odd[]', 'Odd[3]', 'Steps[]', 'Steps[2]', 'Nothing[]', 'Nothing[2]', 'Named[]',
         'wstring[2]', 'string[]', 'float64[]', 'float64[<=3]'))},
@@ -86,7 +86,7 @@ def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @cache
 def installed() -> tuple[str, ...]:
-    """Return the types of all messages that are installed and that rclpy knows."""
+    """Return all installed message types that rclpy supports."""
     paths = [path for prefix in search_path()
              for pattern in ('msg/*.msg', 'srv/*.srv', 'action/*.action')
              for path in sorted(prefix.glob(f'share/*/{pattern}'))]
@@ -98,7 +98,7 @@ def installed() -> tuple[str, ...]:
 
 
 def is_known(name: str) -> bool:
-    """Whether rclpy has the messages of a type, with fields, and not too many to draw."""
+    """Whether rclpy supports a type, and it has fields, and not too many values to draw."""
     try:
         return bool(message_class(name)()) and 0 < weight(find_message(name)) < HEAVY
     except (ImportError, AttributeError, CompileError):
@@ -106,22 +106,22 @@ def is_known(name: str) -> bool:
 
 
 def topic_of(layout: MessageLayout, number: int, most: int | None = None) -> Topic:
-    """Return a topic with inputs of all kinds, or a choice of them."""
+    """Return a topic with inputs of all kinds, or with a selection of them."""
     signals: list[Signal] = []
     for path in written_paths(layout):
         try:
             signals.append(signal_of(layout, f't{number}_{len(signals)}', f'topic{number}', path))
         except CompileError:
-            continue  # there is no such reduction, or no value at the end
+            continue  # there is no such reduction, or the path ends at no value
     if most is not None and len(signals) > most:
-        # With the last, there is something to go past before it.
+        # With the last field there is something to skip before it.
         *others, last = signals
         signals = [*Random(f'{layout.name} {number}').sample(others, most - 1), last]
     return Topic(layout, tuple(signals))
 
 
 def specification_for(topics: Sequence[Topic]) -> Specification:
-    """Return a specification that does nothing but have inputs."""
+    """Return a specification with inputs and one trivial requirement."""
     signals = tuple(signal for topic in topics for signal in topic.signals)
     return Specification('readers', '', signals, (property_of('R', TRUE),),
                          Policy.EVERY_MESSAGE, None)
@@ -133,7 +133,7 @@ def build_topics(topics: Sequence[Topic]) -> Monitor:
 
 @pytest.fixture(scope='session')
 def ours(prefix: Path) -> tuple[list[Topic], Monitor]:
-    """Build readers of much and of little of the messages written here."""
+    """Build extractors of many and of few fields of the messages defined here."""
     chosen = [(name, most) for most in (3 * MOST_INPUTS, 3, 1)
               for name in WRITTEN if WRITTEN[name]]
     topics = [topic_of(find_message(name, [prefix]), number, most)
@@ -143,7 +143,7 @@ def ours(prefix: Path) -> tuple[list[Topic], Monitor]:
 
 @pytest.fixture(scope='session')
 def theirs() -> tuple[list[Topic], Monitor]:
-    """Build readers of the messages that are installed."""
+    """Build extractors of the installed messages."""
     pytest.importorskip('rclpy')
     topics = [topic_of(find_message(name), number, MOST_INPUTS // 2)
               for number, name in enumerate(installed())]
@@ -157,12 +157,12 @@ def assert_same(topic: Topic, found: tuple[FieldReading, ...] | None, message: A
         assert same(reading, expected), (signal.path, signal.reduction, reading, expected)
 
 
-# -- right ----------------------------------------------------------------------------------------
+# -- valid messages -------------------------------------------------------------------------------
 
 
 @settings(max_examples=500, suppress_health_check=list(HealthCheck), deadline=None)
 @given(data=st.data())
-def test_extractors_read_what_was_written_in_either_byte_order(
+def test_extractors_read_what_was_serialized_in_either_byte_order(
         ours: tuple[list[Topic], Monitor], data: st.DataObject) -> None:
     topics, monitor = ours
     number = data.draw(st.integers(0, len(topics) - 1))
@@ -173,7 +173,7 @@ def test_extractors_read_what_was_written_in_either_byte_order(
 
 
 @pytest.mark.parametrize('name', installed())
-def test_extractors_read_what_python_reads_of_a_message(
+def test_extractors_read_the_same_values_as_python(
         theirs: tuple[list[Topic], Monitor], name: str) -> None:
     from rclpy.serialization import deserialize_message, serialize_message
     topics, monitor = theirs
@@ -189,8 +189,8 @@ def test_extractors_read_what_python_reads_of_a_message(
         found = read_fields(monitor, number, sent)
         assert_same(topic, found, made)
         assert_same(topic, found, deserialize_message(sent, message_class(name)))
-        # The serializer of the other tests writes what rclpy writes; what lies between the fields
-        # is chance there.
+        # The serializer of the other tests gives the same bytes as rclpy, but for padding, whose
+        # content is random in rclpy.
         for big in (False, True):
             own = serialize(topic.layout, tree, big=big)
             assert len(own) <= len(sent)
@@ -251,7 +251,7 @@ def test_sums_of_integers_wrap() -> None:
         FieldReading(Outcome.READ, 3)
 
 
-def test_what_is_not_a_number_is_skipped_unless_all_is() -> None:
+def test_nan_is_skipped_unless_all_elements_are_nan() -> None:
     layout = parse_message('float32[] x', 'a')
     nan = struct.pack('<f', float('nan'))
 
@@ -267,7 +267,7 @@ def test_what_is_not_a_number_is_skipped_unless_all_is() -> None:
     assert both() == [FieldReading(Outcome.EMPTY, None)] * 2
 
 
-def test_of_an_empty_array_there_is_a_sum_but_no_mean() -> None:
+def test_an_empty_array_has_a_sum_but_no_mean() -> None:
     layout = parse_message('float64[] x\nbool[] y', 'a')
     message = message_of(0, 0)
     found = {function: read_one(layout, function, message) for function in (
@@ -306,7 +306,7 @@ def test_a_string_without_its_zero_is_read_as_it_is() -> None:
         Outcome.UNNAMED, None, 5)
 
 
-def test_nothing_behind_the_last_field_is_looked_at() -> None:
+def test_bytes_after_the_last_field_are_not_read() -> None:
     layout = parse_message('uint32 x\nstring[] y\nuint32 z', 'a')
     whole = message_of(5, 2 ** 32 - 1)
     assert read_one(layout, 'x', whole) == FieldReading(Outcome.READ, 5)
@@ -315,12 +315,12 @@ def test_nothing_behind_the_last_field_is_looked_at() -> None:
     assert read_one(layout, 'len(y)', message_of(5, 9, 1) + b'\0') is None
 
 
-# -- wrong ----------------------------------------------------------------------------------------
+# -- malformed messages ---------------------------------------------------------------------------
 
 
 @settings(max_examples=40, suppress_health_check=list(HealthCheck), deadline=None)
 @given(data=st.data())
-def test_a_message_that_is_cut_short_is_none_or_says_the_same(
+def test_a_truncated_message_is_rejected_or_gives_the_same_values(
         ours: tuple[list[Topic], Monitor], data: st.DataObject) -> None:
     topics, monitor = ours
     number = data.draw(st.integers(0, len(topics) - 1))
@@ -336,7 +336,7 @@ def test_a_message_that_is_cut_short_is_none_or_says_the_same(
     'string[] x\nuint8 y', 'wstring[] x\nuint8 y', 'float64[] x\nuint8 y', 'Named[] x\nuint8 y',
     'Odd[] x\nuint8 y', 'Nothing[] x\nuint8 y', 'Steps[] x\nuint8 y', 'string x\nuint8 y',
     'wstring x\nuint8 y'])
-def test_a_length_beyond_the_message_ends_at_once(prefix: Path, definition: str) -> None:
+def test_a_length_beyond_the_message_is_rejected_at_once(prefix: Path, definition: str) -> None:
     layout = replace(parse_message(definition, 'lay_msgs'), search_path=(prefix,))
     for length in (2 ** 32 - 1, 2 ** 32 - 8, 2 ** 31, 2 ** 31 - 1, 2 ** 30, 2 ** 29, 2 ** 28,
                    10 ** 9, 0x15555556, 0x20000000, 0x1C71C71D):
@@ -345,7 +345,7 @@ def test_a_length_beyond_the_message_ends_at_once(prefix: Path, definition: str)
 
 
 def corpus(topics: Sequence[Topic], rng: Random) -> list[tuple[int, bytes]]:
-    """Return messages with all kinds of damage, each with the number of its topic."""
+    """Return damaged messages of all kinds, each with the number of its topic."""
     found = []
     for number, topic in enumerate(topics):
         for tree in examples(topic.layout, 12):
@@ -372,7 +372,7 @@ def examples(layout: MessageLayout, count: int) -> list[Any]:
 
 
 def damaged(message: bytes, rng: Random) -> bytes:
-    """Cut a message, turn some of its bits, or put a strange length into it."""
+    """Truncate a message, flip some of its bits, or write a wrong length into it."""
     data = bytearray(message)
     match rng.randrange(4):
         case 0:
@@ -393,7 +393,7 @@ def damaged(message: bytes, rng: Random) -> bytes:
 @pytest.fixture(scope='session')
 def attack(ours: tuple[list[Topic], Monitor],
            tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Write the readers of our messages and a corpus for them; return the folder and the file."""
+    """Write the extractors of our messages and a corpus for them; return folder and file."""
     topics = [replace(topic, signals=topic.signals[:MOST_INPUTS]) for topic in ours[0]]
     folder = tmp_path_factory.mktemp('attack')
     write_module(c_module(specification_for(topics)), folder)
@@ -404,7 +404,7 @@ def attack(ours: tuple[list[Topic], Monitor],
 
 
 def run_attack(attack: tuple[Path, Path], *command: str) -> str:
-    """Compile the readers and read the corpus with them; return what that prints."""
+    """Compile the extractors, read the corpus with them, and return what that prints."""
     folder, file = attack
     program = folder / 'fuzz'
     compile_c([*command, '-std=c99', '-ffp-contract=off', *WARNINGS, f'-I{CSRC}',
@@ -417,7 +417,7 @@ def run_attack(attack: tuple[Path, Path], *command: str) -> str:
 
 
 def sanitized() -> list[tuple[str, ...]]:
-    """Return compilers that look for what is undefined, as far as they are here and can."""
+    """Return the compilers that support sanitizers here."""
     found: list[tuple[str, ...]] = []
     probe = 'int main(void) {return 0;}\n'
     for compiler, flags in ((gcc(), SANITIZERS), (clang(), (
@@ -429,7 +429,7 @@ def sanitized() -> list[tuple[str, ...]]:
     return found
 
 
-def test_no_bytes_make_a_reader_do_what_is_undefined(attack: tuple[Path, Path]) -> None:
+def test_no_bytes_cause_undefined_behaviour_in_an_extractor(attack: tuple[Path, Path]) -> None:
     commands = sanitized()
     if not commands:
         pytest.skip('needs a compiler with sanitizers')
@@ -442,7 +442,7 @@ def test_no_bytes_make_a_reader_do_what_is_undefined(attack: tuple[Path, Path]) 
         assert run_attack(attack, *command) == expected
 
 
-def test_the_sanitizers_would_see_a_byte_too_many(
+def test_the_sanitizers_detect_a_read_one_byte_too_far(
         attack: tuple[Path, Path], tmp_path: Path) -> None:
     commands = [command for command in sanitized() if SANITIZERS[0] in command]
     if not commands:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Names that users choose, however odd, become C that compiles and does the right thing."""
+"""Names that users choose, however odd, become C that compiles and gives right verdicts."""
 
 from dataclasses import replace
 import re
@@ -60,7 +60,7 @@ def small(name: str, kind: ValueType = ValueType.BOOL) -> Variable:
 
 
 def each_in_use(names: list[str]) -> list[Formula]:
-    """Return formulas that make locals, cells and comments of each name."""
+    """Return formulas that generate locals, cells and comments for each name."""
     formulas: list[Formula] = []
     for number, name in enumerate(names):
         other = small(names[number - 1])
@@ -72,7 +72,7 @@ def each_in_use(names: list[str]) -> list[Formula]:
 
 @pytest.mark.parametrize('names', [KEYWORDS, LIBRARY, OURS, QUOTED, NAMES + QUOTED], ids=[
     'keywords', 'library', 'ours', 'quoted', 'all in one group'])
-def test_inputs_have_any_names(names: list[str]) -> None:
+def test_inputs_may_have_any_name(names: list[str]) -> None:
     names = list(dict.fromkeys(names))
     formulas = each_in_use(names)
     if len(names) > 200:
@@ -84,7 +84,7 @@ def test_inputs_have_any_names(names: list[str]) -> None:
 
 
 @pytest.mark.parametrize('kind', [ValueType.FLOAT32, ValueType.FLOAT64])
-def test_numbers_have_any_names(kind: ValueType) -> None:
+def test_numeric_inputs_may_have_any_name(kind: ValueType) -> None:
     limit = Constant(0.5, ValueType.FLOAT64)
     formulas: list[Formula] = []
     for name in [*OURS, *LIBRARY, 'x', 'y']:
@@ -98,7 +98,7 @@ def test_numbers_have_any_names(kind: ValueType) -> None:
     assert_clean_and_right(specify([*formulas, whole]))
 
 
-def test_definitions_have_any_names_those_of_inputs_once_written_in_c_too() -> None:
+def test_definitions_may_have_any_name_also_the_c_name_of_an_input() -> None:
     names = ['a b', 'a_b', 'a-b', *NAMES, *QUOTED]
     terms: list[Formula] = [Once(Window(0, number + 1), small('p' if number % 2 else 'a_b'))
                             for number, _ in enumerate(names)]
@@ -122,7 +122,7 @@ def test_definitions_have_any_names_those_of_inputs_once_written_in_c_too() -> N
     '.yaml', 'FM', 'FM_EXPORT', 'NULL', 'bool', '??/', '%s', '"', 'x\\', '*/',
     'x\n#error', 'linux', 'std',
     '\N{RIGHT-TO-LEFT OVERRIDE}lmay', '\udcff', 'clock', 'memset', 'n' * 100])
-def test_a_bundle_has_any_file_name(stem: str) -> None:
+def test_a_bundle_may_have_any_file_name(stem: str) -> None:
     p, q = small('p'), small('q')
     module = assert_clean_and_right(specify([Once(Window(0, 3), p), Yesterday(q)], stem), steps=20,
                                     with_clang=stem in ('std', 'fm', 'linux'))
@@ -132,7 +132,7 @@ def test_a_bundle_has_any_file_name(stem: str) -> None:
     assert not {path.name for path in CSRC.iterdir()} & set(names)
 
 
-def test_plain_names_stay_as_they_are() -> None:
+def test_plain_names_are_unchanged() -> None:
     assert distinct(['wind_speed', 'Alt2', 'x']) == {
         'wind_speed': 'wind_speed', 'Alt2': 'Alt2', 'x': 'x'}
     names = Names('quadrotor', ['wind_speed'], ['ROS-001'], ['overload'])
@@ -148,20 +148,20 @@ def test_a_later_name_does_not_change_those_before_it() -> None:
 
 
 @given(st.lists(st.text(min_size=1), unique=True))
-def test_names_become_different_identifiers(names: list[str]) -> None:
+def test_different_names_become_different_identifiers(names: list[str]) -> None:
     chosen = distinct(names)
     assert len(set(chosen.values())) == len(names)
     assert all(re.fullmatch('[A-Za-z][A-Za-z0-9_]*', word) for word in chosen.values())
 
 
 @given(st.from_regex(r'[A-Za-z_][A-Za-z0-9_]{0,8}', fullmatch=True))
-def test_what_stays_as_it_is_cannot_be_a_name_of_the_generator(name: str) -> None:
-    # Those have a number behind them, a prefix of ours, or are listed.
+def test_an_unchanged_name_cannot_be_a_name_of_the_generator(name: str) -> None:
+    # The generator's names end in a number, have one of our prefixes, or are listed.
     if identifier(name) == name:
         assert not re.fullmatch(r'(fm|FM)_.*|[a-z]+_[0-9]+|_.*|.*_t|[A-Z0-9_]+', name)
 
 
-def test_the_same_names_give_the_same_c_whatever_else_was_made_before() -> None:
+def test_the_same_names_give_the_same_c_whatever_was_generated_before() -> None:
     first = c_module(specify(each_in_use(QUOTED)))
     c_module(specify(each_in_use(OURS), 'other'))
     assert c_module(specify(each_in_use(QUOTED))) == first

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What generated C looks like and what it leaves out, as compilers, linkers and readers see it."""
+"""Properties of generated C: its text, nesting, symbols, and support by compilers."""
 
 from collections.abc import Callable
 import ctypes
@@ -58,7 +58,7 @@ TARGETS = {
 
 @pytest.fixture(scope='module')
 def module() -> CModule:
-    """Return C of every kind, from random requirements on all inputs."""
+    """Return generated C with every construct, from random requirements on all inputs."""
     rng = Random(1)
     return c_module(specification_of(
         [random_property(rng, f'R-{number}', random_inputs(rng), size=60, loops=number % 3)
@@ -75,7 +75,7 @@ def text_of(bundle: Path) -> str:
         .replace(made.source_hash, 'HASH')
 
 
-def test_the_c_of_the_demo_is_what_a_person_has_read() -> None:
+def test_the_c_of_the_demo_is_its_golden_file() -> None:
     bundle = ROOT / 'config' / 'quadrotor.yaml'
     if not bundle.is_file():
         pytest.skip('needs the source tree')
@@ -83,12 +83,12 @@ def test_the_c_of_the_demo_is_what_a_person_has_read() -> None:
 
 
 @pytest.mark.parametrize('case', golden.cases('c'), ids=lambda path: path.stem)
-def test_the_c_of_a_bundle_is_what_a_person_has_read(case: Path) -> None:
+def test_the_c_of_a_bundle_is_its_golden_file(case: Path) -> None:
     golden.check(case, text_of(case))
 
 
 @pytest.mark.parametrize('case', golden.cases('c'), ids=lambda path: path.stem)
-def test_the_c_that_a_person_has_read_is_right(case: Path) -> None:
+def test_the_c_of_the_golden_files_gives_right_verdicts(case: Path) -> None:
     specification = read(case).specification
     trace = random_trace(Random(1), inputs_of(specification), 1500)
     found = Compiled(specification, flags=(*FLAGS, *WARNINGS)).run(trace)
@@ -101,7 +101,7 @@ def test_the_c_that_a_person_has_read_is_right(case: Path) -> None:
 
 
 def nesting(text: str) -> int:
-    """Return how deep the parentheses of C nest, comments and texts left out."""
+    """Return the depth of parentheses in C, comments and string literals left out."""
     deepest = level = 0
     for sign in re.findall(r'//[^\n]*|"(?:[^"\\]|\\.)*"|[()]', text):
         level += {'(': 1, ')': -1}.get(sign, 0)
@@ -141,7 +141,7 @@ def test_no_expression_nests_deeper_than_32(name: str) -> None:
     assert max(nesting(text) for _, text in made.sources) <= 16
 
 
-def test_long_chains_do_not_nest_and_are_cut() -> None:
+def test_long_chains_are_cut_and_do_not_nest() -> None:
     chain: Formula = P
     for number in range(500):
         chain = Binary(BinaryOperator.AND, chain, Once(Window(0, number + 1), Q))
@@ -149,15 +149,15 @@ def test_long_chains_do_not_nest_and_are_cut() -> None:
     assert max(len(line) for _, text in made.sources for line in text.splitlines()) <= 200
 
 
-def test_all_c_nests_little(module: CModule) -> None:
+def test_no_expression_of_random_c_nests_deeply(module: CModule) -> None:
     assert max(nesting(text) for _, text in (module.header, *module.sources)) <= 16
 
 
-# -- what is left out -------------------------------------------------------------------------
+# -- symbols, loops and includes --------------------------------------------------------------
 
 
 def symbols(module: CModule, folder: Path, *flags: str) -> list[tuple[str, str]]:
-    """Compile to objects and return the kind (as nm tells it) and name of each symbol."""
+    """Compile to objects and return the kind (nm's letter) and name of each symbol."""
     nm, compiler = shutil.which('nm'), gcc()
     if nm is None or compiler is None:
         pytest.skip('needs gcc and nm')
@@ -170,18 +170,18 @@ def symbols(module: CModule, folder: Path, *flags: str) -> list[tuple[str, str]]
     return found
 
 
-def test_there_are_no_globals_that_change(module: CModule, tmp_path: Path) -> None:
+def test_there_are_no_mutable_globals(module: CModule, tmp_path: Path) -> None:
     found = symbols(module, tmp_path, '-fno-pic')
     assert {kind for kind, _ in found} <= set('TtrRU')
 
 
-def test_linkers_see_prefixed_names_alone(module: CModule, tmp_path: Path) -> None:
+def test_all_linker_symbols_have_the_prefix(module: CModule, tmp_path: Path) -> None:
     found = symbols(module, tmp_path)
     for name in (name for kind, name in found if kind == 'T'):
         assert name.startswith(f'{module.name}_'), name
 
 
-def test_it_needs_a_few_functions_of_the_c_library(module: CModule, tmp_path: Path) -> None:
+def test_it_calls_only_a_few_functions_of_the_c_library(module: CModule, tmp_path: Path) -> None:
     found = symbols(module, tmp_path, '-fno-stack-protector')
     ours = {name for kind, name in found if kind == 'T'}
     needed = {name for kind, name in found if kind == 'U'} - ours
@@ -189,7 +189,7 @@ def test_it_needs_a_few_functions_of_the_c_library(module: CModule, tmp_path: Pa
     assert needed >= {'fmod', 'pow'}
 
 
-def test_there_are_no_loops_but_over_rings_at_reset(module: CModule) -> None:
+def test_the_only_loops_are_over_rings_at_reset(module: CModule) -> None:
     for _, text in module.sources:
         code = re.sub(r'//[^\n]*', '', text)
         assert re.search(r'\b(while|goto|do|malloc|calloc|free|setjmp|alloca|switch)\b',
@@ -204,20 +204,20 @@ def test_no_function_calls_itself(module: CModule) -> None:
             assert f'{name}(' not in body
 
 
-def test_only_the_headers_of_ours_and_string_h_are_included(module: CModule) -> None:
+def test_only_our_headers_and_string_h_are_included(module: CModule) -> None:
     for _, text in module.sources:
         assert re.findall(r'#include (.*)', text) == [
             f'"{module.header[0]}"', '<string.h>', '"fret_cells.h"']
     assert re.findall(r'#include (.*)', module.header[1]) == ['"fret_monitor.h"']
 
 
-def test_lines_end_where_their_words_end(module: CModule) -> None:
+def test_lines_have_no_trailing_spaces(module: CModule) -> None:
     for _, text in (module.header, *module.sources):
         assert text.endswith(('}\n', '_H_\n'))
         assert not re.search(r'[ \t]\n|\t|\r', text)
 
 
-# -- compilers and machines -------------------------------------------------------------------
+# -- compilers and targets --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('level', ['-O0', '-O1', '-O2', '-O3', '-Os'])
@@ -234,7 +234,7 @@ def test_every_level_of_optimisation_gives_the_same_verdicts(level: str) -> None
 
 
 @pytest.mark.parametrize('target', TARGETS)
-def test_other_machines_compile_it(module: CModule, target: str, tmp_path: Path) -> None:
+def test_it_compiles_for_other_targets(module: CModule, target: str, tmp_path: Path) -> None:
     zig = (sys.executable, '-m', 'ziglang', 'cc')
     if clang() != zig:
         pytest.skip('needs ziglang')
@@ -243,7 +243,7 @@ def test_other_machines_compile_it(module: CModule, target: str, tmp_path: Path)
                    f'-I{CSRC}', f'-I{tmp_path}', '-c', source, '-o', tmp_path / 'out.o'])
 
 
-def test_a_machine_with_excess_precision_is_refused(module: CModule, tmp_path: Path) -> None:
+def test_a_target_with_excess_precision_is_refused(module: CModule, tmp_path: Path) -> None:
     zig = (sys.executable, '-m', 'ziglang', 'cc')
     if clang() != zig:
         pytest.skip('needs ziglang')
@@ -287,7 +287,7 @@ def test_cpp_includes_the_header_and_links(module: CModule, standard: str, tmp_p
 
 
 def test_many_monitors_run_in_one_process() -> None:
-    # Two of one library, and one of another with the same names, by turns.
+    # Two of one library and one of another library with the same names, stepped alternately.
     first = specify([Once(Window(0, 2), P), Once(Window(1, 9), P)])
     other = specify([Unary(UnaryOperator.NOT, Once(Window(0, 2), P)), Q])
     trace = {'p': [True, False, False, False] * 5, 'q': [False] * 20}
@@ -297,7 +297,7 @@ def test_many_monitors_run_in_one_process() -> None:
     assert [item.run(trace) for item in reversed(loaded)] == [alone[0], alone[1], alone[0]]
 
 
-def test_states_do_not_know_of_each_other(module: CModule, tmp_path: Path) -> None:
+def test_states_are_independent(module: CModule, tmp_path: Path) -> None:
     compiler = gcc()
     if compiler is None:
         pytest.skip('needs gcc')
@@ -322,7 +322,7 @@ def test_states_do_not_know_of_each_other(module: CModule, tmp_path: Path) -> No
 
 
 def value_in_c(shown: list[str], kind: str, folder: Path) -> list[str]:
-    """Return what C makes of literals: the bits of a float or a double, in hexadecimal."""
+    """Return the values of C literals: the bits of a float or a double, in hexadecimal."""
     compiler = gcc()
     if compiler is None:
         pytest.skip('needs gcc')
@@ -354,7 +354,7 @@ def test_a_literal_has_exactly_its_value(kind: ValueType, name: str, as_bits: ty
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
-def test_a_float32_is_shown_with_nine_digits_at_most(value: float) -> None:
+def test_a_float32_is_printed_with_nine_digits_at_most(value: float) -> None:
     shown = c.literal(value, ValueType.FLOAT32).text
     digits = shown.removesuffix('f').split('e')[0].lstrip('-').replace('.', '')
     assert len(digits.strip('0')) <= 9
@@ -363,8 +363,8 @@ def test_a_float32_is_shown_with_nine_digits_at_most(value: float) -> None:
 
 @pytest.mark.parametrize(('kind', 'values'), [
     (ValueType.FLOAT32, (-0.0,)), (FLOAT64, (math.inf, -math.inf, math.nan, -0.0))])
-def test_numbers_that_are_no_plain_ones_are_constants_too(kind: ValueType,
-                                                          values: tuple[float, ...]) -> None:
+def test_negative_zero_nan_and_infinities_may_be_constants(kind: ValueType,
+                                                           values: tuple[float, ...]) -> None:
     number = Variable('x', kind)
     formulas: list[Formula] = [
         Binary(operator, number, Constant(value, kind))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A C program of one's own runs a compiled monitor, with no Python and no ROS."""
+"""A separate C program runs a compiled monitor, without Python and without ROS."""
 
 from pathlib import Path
 import re
@@ -26,7 +26,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM, BUNDLE = ROOT / 'examples' / 'standalone.c', ROOT / 'config' / 'quadrotor.yaml'
-# At rest, then a gust that lasts, then none.
+# At rest, then a lasting gust, then none.
 ROWS = ['2.0,3.0'] * 5 + ['17.5,9.25'] * 40 + ['12.0,3.0'] * 5
 
 if not PROGRAM.is_file():
@@ -34,7 +34,7 @@ if not PROGRAM.is_file():
 
 
 def commands() -> list[str]:
-    """Return the commands that the program's comment says."""
+    """Return the commands in the program's comment."""
     lines = PROGRAM.read_text(encoding='utf-8').splitlines()
     return [line.removeprefix('//   ') for line in lines
             if re.match('//   [a-z]', line)]
@@ -42,14 +42,14 @@ def commands() -> list[str]:
 
 @pytest.fixture
 def compiled(tmp_path: Path) -> Path:
-    """Return a folder with the program where its comment expects it, and the compiled bundle."""
+    """Return a folder with the compiled bundle, and the program where its comment expects it."""
     (tmp_path / 'examples').mkdir()
     shutil.copy(PROGRAM, tmp_path / 'examples')
     write(generate_monitor(read(BUNDLE)), tmp_path / 'compiled')
     return tmp_path
 
 
-def test_it_tells_the_violations_that_simulate_tells(compiled: Path) -> None:
+def test_it_prints_the_violations_of_simulate(compiled: Path) -> None:
     if shutil.which('cc') is None:
         pytest.skip('needs a compiler by the name of cc')
     compile_it, enter, build_it, run_it = commands()

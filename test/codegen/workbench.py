@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Specifications whose C is compiled with warnings as errors, run, and held to the reference."""
+"""Compile the C of specifications with warnings as errors, and compare it with the reference."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -43,7 +43,7 @@ def inputs_of(specification: Specification) -> list[Variable]:
 
 def assert_clean_and_right(specification: Specification, *, steps: int = 200,
                            with_clang: bool = True) -> CModule:
-    """Compile with gcc and clang without a warning, and compare the verdicts; return the C."""
+    """Compile with gcc and clang without a warning, compare the verdicts, and return the C."""
     formulas = [item.formula for item in specification.properties]
     trace = random_trace(Random(1), inputs_of(specification), steps) \
         or {'nothing': [False] * steps}
@@ -58,7 +58,7 @@ def assert_clean_and_right(specification: Specification, *, steps: int = 200,
 
 
 def compile_with(compiler: tuple[str, ...] | None, module: CModule, *flags: str) -> None:
-    """Compile generated C to objects, warnings being errors; nothing without the compiler."""
+    """Compile generated C to objects with warnings as errors; do nothing without the compiler."""
     if compiler is None:
         return
     with tempfile.TemporaryDirectory() as name:

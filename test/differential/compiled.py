@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Compile specifications with a C compiler and flags of one's choice, and run them over traces.
+Compile specifications with any C compiler and flags, and run them over traces.
 
-The loop over the steps is C (`run.c` beside this file), so that traces can be long. It stands on
-`csrc/fret_monitor.h` alone; the evaluator and `native` are tested elsewhere.
+The loop over the steps is C (`run.c` beside this file), so that traces can be long. It uses only
+`csrc/fret_monitor.h`; the evaluator and `native` are tested elsewhere.
 """
 
 from collections.abc import Sequence
@@ -67,7 +67,7 @@ def gcc() -> tuple[str, ...] | None:
 
 @cache
 def clang() -> tuple[str, ...] | None:
-    """Return the command of clang, of its own or inside ziglang; None where there is none."""
+    """Return the command of clang, installed or inside ziglang; None where there is none."""
     found = shutil.which('clang')
     if found:
         return (found,)
@@ -90,7 +90,7 @@ def write_module(module: CModule, folder: Path) -> list[Path]:
 
 
 def compile_c(command: Sequence[str | Path]) -> None:
-    """Run a compiler; a failure shows what it said."""
+    """Run a compiler; a failure shows its output."""
     result = subprocess.run([str(word) for word in command], capture_output=True, text=True,
                             check=False)
     assert result.returncode == 0, f'{command}\n{result.stderr[-4000:]}'
@@ -102,7 +102,7 @@ class Compiled:
 
     def __init__(self, specification: Specification, *, compiler: Sequence[str] | None = None,
                  flags: Sequence[str] = FLAGS) -> None:
-        """Compile with `compiler` (gcc unless told) into a temporary folder and load it."""
+        """Compile with `compiler` (by default gcc) into a temporary folder and load it."""
         self._signals = specification.signals
         self._count = len(specification.properties)
         module = c_module(specification)
@@ -124,7 +124,7 @@ class Compiled:
         self._monitor = entry()
 
     def run(self, trace: Trace, resets: Sequence[int] = ()) -> list[list[bool]]:
-        """Return the verdicts of each requirement over a trace; start afresh before `resets`."""
+        """Return the verdicts of each requirement over a trace; reset before each of `resets`."""
         steps = len(next(iter(trace.values())))
         columns = [(_C_TYPES[item.type] * steps)(*trace[item.name]) if item.name in trace
                    else (_C_TYPES[item.type] * steps)() for item in self._signals]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Generated C is clean: no warning from gcc and clang, nothing for the sanitizers to find."""
+"""Generated C has no warnings from gcc and clang, and no findings of the sanitizers."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -63,7 +63,7 @@ def test_generated_c_compiles_without_a_warning(name: str, standard: str, tmp_pa
     compiler = COMPILERS[name]()
     if compiler is None:
         pytest.skip(f'needs {name}')
-    # No expression nests deeper than 32, which clang can hold it to.
+    # No expression nests deeper than 32; clang checks this limit.
     extra = ('-fbracket-depth=32',) if name == 'clang' else ()
     sources = write_module(random_module(1, 40, 25), tmp_path)
     for level in ('-O0', '-O1', '-O2', '-O3'):
@@ -85,7 +85,7 @@ def drive(module: CModule, folder: Path, *command: str) -> str:
 
 
 def has_sanitizers(folder: Path) -> bool:
-    """Tell whether gcc can link and run a program with sanitizers here."""
+    """Return whether gcc can link and run a program with sanitizers here."""
     (folder / 'empty.c').write_text('int main(void) {return 0;}\n')
     found = gcc()
     if found is None:
@@ -97,8 +97,8 @@ def has_sanitizers(folder: Path) -> bool:
 
 
 @pytest.mark.parametrize(('seed', 'size'), [(1, 12), (2, 40)])
-def test_no_value_makes_generated_c_do_what_is_undefined(seed: int, size: int,
-                                                         tmp_path: Path) -> None:
+def test_no_value_causes_undefined_behaviour_in_generated_c(seed: int, size: int,
+                                                            tmp_path: Path) -> None:
     if not has_sanitizers(tmp_path):
         pytest.skip('needs gcc with the address and undefined-behaviour sanitizers')
     module = random_module(seed, 30, size)
@@ -109,7 +109,7 @@ def test_no_value_makes_generated_c_do_what_is_undefined(seed: int, size: int,
         assert digest == drive(module, tmp_path, *clang() or (), '-O2')
 
 
-def test_the_sanitizers_would_see_a_state_that_is_too_small(tmp_path: Path) -> None:
+def test_the_sanitizers_detect_a_state_that_is_too_small(tmp_path: Path) -> None:
     if not has_sanitizers(tmp_path):
         pytest.skip('needs gcc with the address and undefined-behaviour sanitizers')
     module = random_module(1, 1, 4)
@@ -124,7 +124,7 @@ def test_the_sanitizers_would_see_a_state_that_is_too_small(tmp_path: Path) -> N
     assert 'heap-buffer-overflow' in result.stderr
 
 
-def test_the_library_exports_prefixed_names_alone(tmp_path: Path) -> None:
+def test_the_library_exports_only_prefixed_names(tmp_path: Path) -> None:
     nm, found = shutil.which('nm'), gcc()
     if nm is None or found is None:
         pytest.skip('needs gcc and nm')
@@ -143,7 +143,7 @@ def test_no_text_of_a_bundle_reaches_c_unescaped(tmp_path: Path) -> None:
     texts = ['"', "a'b", 'back\\slash\\', 'end\\', '*/ int x; /*', '// \\', '??/', '??=??>', '%s',
              'tab\tnewline\nreturn\r', '\x01\x7f', 'Höhe', '高度', '\U0001f681', 'int', '__LINE__',
              '$(x)', '@SOURCE-HASH@', 'a' * 500]
-    # Ids that give one handler are refused in a bundle: the number keeps these apart.
+    # A bundle refuses ids with the same handler: the number keeps these apart.
     properties = [replace(property_of(f'{text} {number}', formula), title=text)
                   for number, (text, formula) in enumerate(zip(texts, every_window()))]
     specification = replace(specification_of(properties, (P, Q)), component='"*/\\')

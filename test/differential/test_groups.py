@@ -15,8 +15,8 @@
 """
 Messages in any order: the evaluator against the reference run once for each requirement.
 
-The reference of a requirement sees only the steps of its group. What those are is
-said here once more, for one requirement at a time, in the plainest way.
+The reference of a requirement sees only the steps of its group. This file computes them again,
+for one requirement at a time, in the simplest way.
 """
 
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ from strategies import INPUTS, random_inputs, random_property, random_trace, spe
 
 @dataclass(frozen=True)
 class Message:
-    """A message of a topic: a value for each of its inputs, by name. None in place is a reset."""
+    """A message of a topic: values of its inputs, by name. None in its place is a reset."""
 
     topic: int
     values: dict[str, Any]
@@ -43,7 +43,7 @@ class Message:
 
 @dataclass
 class Alone:
-    """One requirement as if there were no other: its steps since start, and since when."""
+    """One requirement on its own: its steps since the start, and the time of the first."""
 
     item: Property
     reads: frozenset[str]
@@ -73,7 +73,7 @@ class Alone:
                 return False
 
     def start_afresh(self) -> Iterator[tuple[int, int]]:
-        """End the run, and give the violations in it: step and stamp."""
+        """End the run, and yield its violations: step and stamp."""
         columns = {name: [values[name] for _, values in self.steps] for name in self.reads}
         trace = columns or {'nothing': [False] * len(self.steps)}
         before = True
@@ -86,7 +86,7 @@ class Alone:
 
 
 def specification(rng: Random, policy: Policy) -> Specification:
-    """Make requirements on few inputs each; some inputs share a topic, some have a value."""
+    """Return requirements on few inputs each; some share a topic, some have initial values."""
     properties = [
         replace(random_property(rng, f'R-{number}', random_inputs(rng, INPUTS, 3), reach=20,
                                 loops=int(number % 5 == 0)),
@@ -119,7 +119,7 @@ def random_messages(rng: Random, topics: list[list[str]], count: int) -> list[Me
 
 
 def alone(spec: Specification, messages: list[Message | None]) -> list[Violation]:
-    """Return all violations to announce, from requirements that know nothing of one another."""
+    """Return all expected violations, computed for each requirement separately."""
     initial = {item.name: item.initial for item in spec.signals if item.initial is not None}
     found = []
     for index, item in enumerate(spec.properties):
@@ -156,7 +156,7 @@ def test_each_requirement_steps_as_if_it_were_alone(policy: Policy, seed: int) -
 
 def feed(evaluator: Evaluator, names: list[str], message: Message | None,
          stamp: int) -> list[Violation]:
-    """Hand one message, or a reset, to the evaluator."""
+    """Pass one message, or a reset, to the evaluator."""
     if message is None:
         evaluator.reset()
         return []

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Windows of thousands of steps, on traces so long that every counter saturates and every line wraps.
+Windows of thousands of steps, on traces so long that all counters saturate and delay lines wrap.
 
-The reference evaluator would look back too long; here each operator is checked by sums over the
-trace, one pass an operator, that share nothing with it either.
+The reference evaluator would take too long; instead each operator is checked by running sums over
+the trace, one pass for each, which share no code with the reference.
 """
 
 from collections.abc import Callable
@@ -59,12 +59,12 @@ def negated(column: list[bool]) -> list[bool]:
 
 
 def seen(window: Window, q: list[bool]) -> list[bool]:
-    """Tell whether the number of q up to the near end is more than before the far end."""
+    """Return whether the number of q up to the near end exceeds that before the far end."""
     return held(window, [True] * len(q), q)
 
 
 def held(window: Window, p: list[bool], q: list[bool]) -> list[bool]:
-    """Tell the same, with the far end no further than the last step without p."""
+    """Return the same, with the far end no further back than the last step without p."""
     sums = [0, *accumulate(q)]
     result = []
     last_break = 0
@@ -77,7 +77,7 @@ def held(window: Window, p: list[bool], q: list[bool]) -> list[bool]:
 
 
 def runs(rng: Random, steps: int, longest: int) -> list[bool]:
-    """Return stretches of one value, some of a step, some of up to `longest` steps."""
+    """Return runs of one value, some of a single step, some of up to `longest` steps."""
     column: list[bool] = []
     while len(column) < steps:
         length = rng.choice((1, 2, rng.randint(1, longest)))

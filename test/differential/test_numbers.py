@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Every operation on numbers, bit for bit: compiled C against the reference, on nasty values."""
+"""Every operation on numbers, bit for bit: compiled C against the reference, on edge values."""
 
 from collections.abc import Iterator, Sequence
 from functools import cache
@@ -45,7 +45,7 @@ EXPONENTS = (0, 1, 2, 3, 4, 5, 7, 8, 10, 31, 63, 64, 65, 1000, 2 ** 62 + 1, 2 **
 
 
 def operands(kind: ValueType) -> list[tuple[Any, Any]]:
-    """Return pairs of values: all nasty ones with one another, and random ones."""
+    """Return pairs of values: all edge values with one another, and random ones."""
     rng = Random(kind.value)
     values = all_values(kind)
     return [*product(values, repeat=2),
@@ -85,7 +85,7 @@ def terms() -> Iterator[Formula]:
 
 
 def constants() -> Iterator[Formula]:
-    """Yield constants, the nasty ones and others of many digits."""
+    """Yield constants: edge values, and others of many digits."""
     rng = Random(1)
     for kind in TERM_TYPES:
         values = [*finite_values(kind), *(random_value(rng, kind) for _ in range(100))]
@@ -100,14 +100,14 @@ def two_roundings() -> Iterator[Formula]:
 
 
 def conversions() -> Iterator[Formula]:
-    """Yield every conversion there is."""
+    """Yield every conversion."""
     for source, kind in product(NUMBERS, TERM_TYPES):
         if source is not kind and becomes(source, kind):
             yield Conversion(A[source], kind)
 
 
 def is_value(term: Formula, result: Variable) -> Formula:
-    """Say that a term is, bit for bit, the value of an input; one NaN is like another."""
+    """Return that a term is, bit for bit, the value of an input; all NaNs are alike."""
     equal = Binary(BinaryOperator.EQ, term, result)
     if not term.type.is_float:
         return equal
@@ -133,7 +133,7 @@ def columns() -> dict[str, list[Any]]:
 
 
 def neighbour(value: Any, kind: ValueType) -> Any:
-    """Return another value, as near as there is."""
+    """Return the nearest other value."""
     if kind is FLOAT32:
         bits = struct.unpack('<I', struct.pack('<f', value))[0]
         return 1.0 if math.isnan(value) else struct.unpack('<f', struct.pack('<I', bits ^ 1))[0]
@@ -177,7 +177,7 @@ def test_every_operation_gives_the_same_bits_as_the_reference(compiler: Any, lev
     assert not wrong
 
 
-def test_a_result_that_is_wrong_in_its_last_bit_is_noticed() -> None:
+def test_a_result_with_a_wrong_last_bit_is_detected() -> None:
     properties = [property_of(f'R-{number}', is_value(term, result))
                   for number, (term, result, _) in enumerate(results())]
     inputs = (*A.values(), *B.values(), *(result for _, result, _ in results()))

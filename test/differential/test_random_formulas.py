@@ -42,7 +42,7 @@ def cut(trace: Trace, start: int, stop: int) -> Trace:
 
 
 def assert_equal(properties: list[Property], trace: Trace, resets: tuple[int, ...] = ()) -> None:
-    """Compare all verdicts over a trace, on which the groups start afresh before `resets`."""
+    """Compare all verdicts over a trace, with the groups reset before each step of `resets`."""
     compiled = Compiled(specification_of(properties)).run(trace, resets)
     steps = len(next(iter(trace.values())))
     for item, found in zip(properties, compiled, strict=True):
@@ -72,7 +72,7 @@ def test_random_formulas_give_the_verdicts_of_the_reference(seed: int, size: int
 
 
 @pytest.mark.parametrize('seed', [1, 2, 3])
-def test_requirements_of_one_group_that_share_subterms_do_not_disturb_one_another(
+def test_requirements_that_share_subterms_do_not_affect_one_another(
         seed: int) -> None:
     rng = Random(seed)
     inputs = (P, Q, Variable('x_int32', ValueType.INT32), Variable('x_float32', ValueType.FLOAT32))
@@ -83,7 +83,7 @@ def test_requirements_of_one_group_that_share_subterms_do_not_disturb_one_anothe
 
 
 def variant(rng: Random, shared: list[Formula]) -> Formula:
-    """Join shared formulas anew, in either order, negated or not."""
+    """Combine shared formulas in either order, negated or not."""
     a, b = (rng.choice([item, Unary(UnaryOperator.NOT, item)]) for item in rng.sample(shared, 2))
     operator = rng.choice([item for item in BinaryOperator if item.is_boolean])
     variants: list[Formula] = [
@@ -111,7 +111,7 @@ def test_each_operator_has_each_window() -> None:
 
 
 def runs(rng: Random, steps: int) -> Trace:
-    """Return p and q with stretches from one step to hundreds, as windows of any size see them."""
+    """Return p and q with runs of one to hundreds of steps, for windows of all sizes."""
     columns: Trace = {'p': [], 'q': []}
     for column in columns.values():
         while len(column) < steps:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Small formulas in great number, on few inputs: what a compiler likes to simplify.
+Many small formulas on few inputs, which compilers like to simplify.
 
-FRET's formulas are full of first time points, steps before, constants and short windows, nested in
-one another; every way to nest two operators is tried, and thousands of ways to nest more.
+FRET's formulas nest first time points, previous steps, constants and short windows; all nestings
+of two operators are tried, and thousands of deeper ones.
 """
 
 from collections.abc import Iterator
@@ -97,7 +97,7 @@ def assert_equal(formulas: list[Formula], trace: Trace, resets: tuple[int, ...] 
 
 
 def trace_of(seed: int) -> Trace:
-    """Return noise, and then long stretches."""
+    """Return random values, and then long runs."""
     rng = Random(seed)
     noise = {name: [rng.random() < 0.5 for _ in range(60)] for name in 'pq'}
     calm = random_trace(rng, (P, Q), 60)
@@ -117,7 +117,7 @@ def test_small_nested_formulas_are_those_of_the_reference(seed: int) -> None:
 
 
 def as_fret_writes(p: Formula, q: Formula, left: Formula, n: int) -> Iterator[Formula]:
-    """Yield the shapes that FRET makes of conditions, timings and predefined functions."""
+    """Yield the shapes of FRET's conditions, timings and predefined functions."""
     def no(f: Formula) -> Formula:
         return Unary(UnaryOperator.NOT, f)
 
@@ -166,7 +166,7 @@ def check_loop(item: Property, trace: Trace, inputs: tuple[Variable, ...]) -> No
 
 
 @pytest.mark.parametrize('kind', [BOOL, ValueType.INT64, ValueType.FLOAT32])
-def test_equations_that_hand_values_round_step_all_at_once(kind: ValueType) -> None:
+def test_equations_that_pass_values_in_a_ring_step_together(kind: ValueType) -> None:
     x = Variable('x', kind)
     a, b, d = (Feedback(name, kind) for name in 'abd')
     first = Choice(FTP, x, b)
@@ -185,7 +185,7 @@ def is_one(term: Formula) -> Formula:
 
 
 @pytest.mark.parametrize('kind', [BOOL, ValueType.INT64, ValueType.FLOAT64])
-def test_a_value_of_several_steps_ago_is_handed_on_from_step_to_step(kind: ValueType) -> None:
+def test_a_value_of_several_steps_ago_is_passed_on_at_each_step(kind: ValueType) -> None:
     x, y = Variable('x', kind), Variable('y', kind)
     term: Formula = x
     for number in range(6):

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the tests of `explain` share."""
+"""Helpers of the tests of `explain`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -45,7 +45,7 @@ def bundle(folder: Path, *formulas: str) -> Path:
 
 
 def examined(path: Path) -> list[tuple[Subject, Examples]]:
-    """Return the requirements of a bundle with what was found about them."""
+    """Return the requirements of a bundle with their examples."""
     specification = read(path).specification
     budget = Budget()
     return [(subject, find_examples(subject, budget))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What `explain` says, as text and as a picture."""
+"""The output of `explain`, as text and as a picture."""
 
 from fractions import Fraction
 from pathlib import Path
@@ -31,7 +31,7 @@ SVG = '{http://www.w3.org/2000/svg}'
 
 
 @pytest.mark.parametrize('path', golden.cases('explain'), ids=lambda path: path.stem)
-def test_explanations_read_as_they_did(path: Path) -> None:
+def test_explanations_are_their_golden_files(path: Path) -> None:
     found, _ = explain(read(path))
     golden.check(path, '\n\n'.join('\n'.join(shown(item)) for item in found) + '\n')
 
@@ -47,7 +47,7 @@ def test_one_requirement_is_explained_alone(
     assert said.err == ''
 
 
-def test_an_unknown_id_is_told_with_one_like_it(
+def test_an_unknown_id_is_reported_with_a_similar_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert main(['explain', str(bundle(tmp_path, 'H p')), 'R00']) == 1
@@ -57,7 +57,7 @@ def test_an_unknown_id_is_told_with_one_like_it(
     assert "did you mean 'R0'?" in said.err
 
 
-def test_a_picture_is_not_written_over_the_bundle(
+def test_a_picture_does_not_overwrite_the_bundle(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = bundle(tmp_path, 'H p')
     text = path.read_text()
@@ -69,7 +69,7 @@ def test_a_picture_is_not_written_over_the_bundle(
         assert path.read_text() == text
 
 
-def test_a_bad_bundle_is_told_and_nothing_explained(
+def test_a_bad_bundle_is_reported_and_nothing_explained(
     tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
     drawing = tmp_path / 'out.svg'
@@ -82,7 +82,7 @@ def test_a_bad_bundle_is_told_and_nothing_explained(
     assert not drawing.exists()
 
 
-def test_a_picture_that_cannot_be_written_is_told(
+def test_a_picture_that_cannot_be_written_is_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
     path = bundle(tmp_path, 'H p')
@@ -122,7 +122,7 @@ def test_a_timeline_has_a_sign_for_each_step_and_a_scale() -> None:
     ]
 
 
-def test_long_stretches_of_a_timeline_are_left_out() -> None:
+def test_long_constant_parts_of_a_timeline_are_left_out() -> None:
     truth = [True] * 500 + [False] * 2
     line = timeline('t', ['p'], [truth], truth, None, ['x: 3'])
     assert list(drawn(line)) == [
@@ -133,7 +133,7 @@ def test_long_stretches_of_a_timeline_are_left_out() -> None:
     ]
 
 
-def test_restless_traces_of_any_length_fit_a_page() -> None:
+def test_traces_of_any_length_that_change_often_fit_a_page() -> None:
     truth = [step % 2 == 0 for step in range(100_000)]
     assert max(len(text) for text in drawn(timeline('t', ['p'], [truth], truth, None))) < 250
 
@@ -147,7 +147,7 @@ def test_deep_and_wide_requirements_are_explained(tmp_path: Path) -> None:
     assert [len(item.timelines) for item in found] == [3, 2, 3]
 
 
-def test_what_cannot_be_read_is_a_diagnostic(tmp_path: Path) -> None:
+def test_an_unreadable_bundle_is_a_diagnostic(tmp_path: Path) -> None:
     with pytest.raises(CompileError, match='there is no formula'):
         explain(read(bundle(tmp_path, '')))
 

@@ -28,7 +28,7 @@ from hypothesis import strategies as st
 import pytest
 from trees import refusal, show, text, written
 
-# Lustre V6's manual, the tightest first; '^' is FRET's, and stands where V6 has '**'.
+# Lustre V6's manual, the tightest first; FRET's '^' has the precedence of V6's '**'.
 INFIX = (('^',), ('*', '/', 'mod'), ('+', '-'), ('<', '<=', '=', '<>', '>', '>='), ('and',),
          ('or', 'xor'), ('=>',), ('->',))
 FROM_RIGHT = ('^', '=>', '->')
@@ -109,7 +109,7 @@ def test_a_prefix_operator_binds_tighter_than_all_infix_ones(prefix: str) -> Non
     ('current > 3 and type = node', '((current > 3) & (type = node))'),
     ('var = let', '(var = let)'),
 ])
-def test_a_formula_reads_as_lustre_and_fret_say(formula: str, expected: str) -> None:
+def test_a_formula_has_the_tree_of_lustre_and_fret(formula: str, expected: str) -> None:
     assert read(formula) == expected
 
 
@@ -135,7 +135,7 @@ def test_frets_functions_are_operators_with_their_arguments_in_order(
     assert read(formula) == show(parse_smv(text(smv)))
 
 
-def test_an_operator_made_of_a_function_has_places() -> None:
+def test_an_operator_read_from_a_function_has_places() -> None:
     node = tree('p or ST(10, 2, p, q)')
     assert isinstance(node, Infix) and isinstance(node.right, Infix)
     assert node.right.bound is not None
@@ -164,7 +164,7 @@ tel
 """
 
 
-def test_a_node_is_its_equations_declarations_and_result() -> None:
+def test_a_node_has_equations_declarations_and_a_result() -> None:
     node = equations(NODE)
     assert [(it.name, show(it.expression)) for it in node.equations] == [
         ('C', '(0 arrow ((pre C) + 1))'), ('D', '(C > 3)'), ('Y', '((D | p) -> (Y (! q)))'),
@@ -180,7 +180,7 @@ def test_a_node_is_its_equations_declarations_and_result() -> None:
     assert written(node.span).startswith('node') and written(node.span).endswith('tel')
 
 
-def test_the_result_of_a_node_is_its_output_wherever_its_equation_stands() -> None:
+def test_the_result_of_a_node_is_its_output_whatever_the_order_of_equations() -> None:
     node = equations('node N() returns (o: bool) var a: bool; let o = a; a = p; tel.')
     assert node.result.name == 'o'
     assert node.inputs == ()
@@ -235,13 +235,13 @@ DEEP = 20_000
     ('pre ' * DEEP + 'p', DEEP + 1),
     ('0 -> ' * DEEP + 'p', 2 * DEEP + 1),
 ])
-def test_large_and_deep_formulas_are_read_in_a_blink(formula: str, nodes: int) -> None:
+def test_large_and_deep_formulas_are_read_quickly(formula: str, nodes: int) -> None:
     started = time.process_time()
     assert sum(1 for _ in postorder(tree(formula))) == nodes
     assert time.process_time() - started < TOO_LONG
 
 
-def test_thousands_of_equations_are_read_in_a_blink() -> None:
+def test_thousands_of_equations_are_read_quickly() -> None:
     started = time.process_time()
     found = equations(''.join(f'a{i} = p and pre a{i};\n' for i in range(5000)))
     assert len(found.equations) == 5000
@@ -281,7 +281,7 @@ def test_every_formula_of_fret_has_the_same_shape_in_both_languages() -> None:
         names = [{node.text for node in postorder(root) if isinstance(node, Name)}
                  for root in (in_smv, in_lustre)]
         assert names[0] == names[1]
-        # FRET writes SI for a common shape of S; all else is the same tree but for `=`.
+        # FRET writes SI for a common shape of S; otherwise the trees are equal except for `=`.
         if 'SI(' not in entry['cocospec']:
             assert show(in_lustre) == show(in_smv).replace(' <-> ', ' = ')
 

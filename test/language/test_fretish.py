@@ -159,7 +159,7 @@ def test_a_unit_may_touch_its_number() -> None:
     'the sw, when p, shall always satisfy r', 'WHEN p THE sw SHALL ALWAYS SATISFY r .',
     '  when\tp\n the sw\n\nshall always satisfy r  ',
 ])
-def test_the_component_stands_before_or_after(sentence: str) -> None:
+def test_the_component_may_come_before_or_after_the_condition(sentence: str) -> None:
     found = parse(sentence)
     assert found.key == 'null,regular,always'
     assert found.component.name == 'sw'
@@ -202,7 +202,7 @@ def test_expressions_bind_as_in_fret(written: str, read: str) -> None:
 
 @pytest.mark.parametrize('written', [
     'p & if q then r', '!if p then q', 'if p then q <-> r', 'if p -> q then r'])
-def test_an_if_that_fret_tears_apart_is_remarked_on(written: str) -> None:
+def test_an_if_that_fret_splits_gets_a_warning(written: str) -> None:
     (remark,) = parse(f'the sw shall always satisfy {written}').remarks
     assert remark.span is not None
     assert remark.span.column == 29 + written.index('if')
@@ -212,7 +212,7 @@ def test_an_if_that_fret_tears_apart_is_remarked_on(written: str) -> None:
     'if p then q', 'if p & q then r | s', 'if (p) then q', 'if ((p) -> q) then r', 'if !p then q',
     'if p then (q <-> r)', 'p & (if q then r)', 'if p then if q then r',
     '(if p then q) <-> r', 'if p then q -> r'])
-def test_an_if_that_holds_together_is_not(written: str) -> None:
+def test_an_if_that_fret_does_not_split_gets_no_warning(written: str) -> None:
     assert parse(f'the sw shall always satisfy {written}').remarks == ()
 
 

@@ -30,7 +30,7 @@ from hypothesis import strategies as st
 import pytest
 from trees import refusal, show, text, written
 
-# DESIGN 5, the tightest first; '-' alone is the sign, '^' goes from right to left.
+# Operators in docs/language.md, the tightest first; '-' is the sign, '^' is right-associative.
 INFIX = (('^',), ('*', '/', 'mod'), ('+', '-'), ('<', '<=', '=', '!=', '>', '>='),
          ('S', 'T', 'SI'), ('&',), ('|',), ('xor',), ('->',), ('<->',))
 FROM_RIGHT = ('^', '->')
@@ -99,7 +99,7 @@ def test_a_sign_takes_a_power_and_no_more(infix: str) -> None:
     ('TRUE & false | tRuE', '((True & False) | True)'),
     ('FTP -> p', '(FTP -> p)'),
 ])
-def test_a_formula_reads_as_design_says(formula: str, tree: str) -> None:
+def test_a_formula_has_the_documented_tree(formula: str, tree: str) -> None:
     assert read(formula) == tree
 
 
@@ -123,7 +123,7 @@ def test_the_sign_that_touches_a_number_belongs_to_it_as_in_fret(formula: str, t
     ('x Mod y', '(x mod y)'), ('p &lt;-&gt; q', '(p <-> q)'), ('p -&gt; q', '(p -> q)'),
     ('x &lt;= 3 &amp; y &gt; 2', '((x <= 3) & (y > 2))'), ('p &amp;&amp; q', '(p & q)'),
 ])
-def test_what_users_of_other_tools_write_is_understood(spelled: str, tree: str) -> None:
+def test_spellings_of_other_tools_are_accepted(spelled: str, tree: str) -> None:
     assert read(spelled) == tree
 
 
@@ -154,7 +154,7 @@ def test_a_bound_and_its_operator_have_places() -> None:
     assert written(node.span) == 'p | (q S[<3] r)'
 
 
-def test_every_node_stands_where_it_was_written() -> None:
+def test_every_node_has_the_place_where_it_was_written() -> None:
     tree = parse_smv(text('H (abs(x) > -1.5) & ! "a b"'))
     assert [written(node.span) for node in postorder(tree)] == [
         'x', 'abs(x)', '1.5', '-1.5', '(abs(x) > -1.5)', 'H (abs(x) > -1.5)', '"a b"',
@@ -170,7 +170,7 @@ def test_a_number_is_kept_as_written(number: str) -> None:
 
 
 @pytest.mark.parametrize('number', ['03', '5.', '10s', '0x1F', '1_000', '1e', '1.5.2', '1.e3'])
-def test_what_is_nearly_a_number_is_refused_as_a_whole(number: str) -> None:
+def test_a_malformed_number_is_refused_as_a_whole(number: str) -> None:
     assert place(f'x > {number} & p') == (4, 4 + len(number))
 
 
@@ -195,7 +195,7 @@ def test_a_reserved_word_is_no_name(word: str) -> None:
         error(word)
 
 
-def test_an_old_export_of_fret_reads_as_its_content_and_keeps_its_places() -> None:
+def test_an_old_export_of_fret_is_read_without_its_tags_and_keeps_its_places() -> None:
     formula = '(<b><i>mode</i></b> & (O[=<b><i>10</i></b>] <b><i>(( p ))</i></b>))'
     tree = parse_smv(text(formula))
     assert show(tree) == '(mode & (O[=10] p))'
@@ -223,16 +223,16 @@ def test_places_are_those_of_the_file_where_yaml_has_folded_the_text() -> None:
     ('x \u2264 3', 2), ('p & \U0001f600', 4), ('größe > 1', 2), ('p &\u2028q', 3),
     ('"a\x00b"', 0), ('p\ud800', 1),
 ])
-def test_a_character_that_cannot_be_used_is_told_with_its_place(formula: str, start: int) -> None:
+def test_an_invalid_character_is_reported_with_its_place(formula: str, start: int) -> None:
     assert place(formula)[0] == start
 
 
-def test_an_unexpected_end_is_just_behind_the_last_word() -> None:
+def test_an_unexpected_end_is_just_after_the_last_word() -> None:
     assert place('p &   ') == (3, 3)
     assert place('   ') == (0, 3)
 
 
-def test_an_open_bracket_is_told_at_its_place() -> None:
+def test_an_open_bracket_is_reported_at_its_place() -> None:
     assert place('(p & (q | r)') == (0, 1)
     assert place('O[0,3') == (1, 2)
     assert place('(p] & q') == (0, 1)
@@ -255,7 +255,7 @@ DEEP = 20_000
     ('f(' + 'p, ' * DEEP + 'q)', DEEP + 2),
     ('f(' * DEEP + 'p' + ')' * DEEP, DEEP + 1),
 ])
-def test_large_and_deep_formulas_are_read_in_a_blink(formula: str, nodes: int) -> None:
+def test_large_and_deep_formulas_are_read_quickly(formula: str, nodes: int) -> None:
     started = time.process_time()
     assert sum(1 for _ in postorder(parse_smv(text(formula)))) == nodes
     assert time.process_time() - started < TOO_LONG
@@ -324,7 +324,7 @@ def test_reading_gives_no_warning() -> None:
     assert (done.returncode, done.stderr) == (0, '')
 
 
-def test_nothing_of_lark_is_loaded_before_a_formula_is_read() -> None:
+def test_lark_is_not_loaded_before_a_formula_is_read() -> None:
     program = 'import sys, fret_monitor.language.smv; sys.exit("lark" in sys.modules)'
     done = subprocess.run([sys.executable, '-c', program], check=False,
                           env={'PYTHONPATH': ':'.join(sys.path)})
@@ -334,7 +334,7 @@ def test_nothing_of_lark_is_loaded_before_a_formula_is_read() -> None:
 def test_every_formula_of_fret_is_read() -> None:
     for entry in (*facts.templates(), *facts.requirements()):
         tree = parse_smv(text(entry['ptltl']))
-        # FRET writes all parentheses: each operator takes exactly what stands beside it.
+        # FRET writes all parentheses, so each operator takes exactly its neighbours.
         for node in postorder(tree):
             if isinstance(node, Infix | Prefix):
                 assert re.match(r'\(|-[0-9]', written(node.span))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A requirement that no message changes is told."""
+"""A requirement whose verdict no message can change is reported."""
 
 from pathlib import Path
 
@@ -37,7 +37,7 @@ requirements:
     ('FTP', ''),
     ('Y TRUE', ''),
 ])
-def test_a_verdict_that_no_message_changes_is_told(
+def test_a_verdict_that_no_message_changes_is_reported(
     formula: str, told: str, tmp_path: Path,
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is asked of the solver: its limit of time, and that it leaves signals alone."""
+"""The solver: its time limit, and its handling of signals."""
 
 from collections.abc import Iterator
 import os
@@ -28,20 +28,20 @@ import pytest
 
 @pytest.fixture
 def interrupts() -> Iterator[None]:
-    """Have SIGINT interrupt, as at a start: rclpy, of tests before, may have taken it over."""
+    """Let SIGINT raise KeyboardInterrupt again; rclpy may have replaced the handler."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before or signal.default_int_handler)
 
 
 def hard() -> Term:
-    """Return that a number has no two factors, which takes longer to refute than anyone waits."""
+    """Return that a number is prime, which takes too long to prove."""
     a, b = (t.resized(t.variable(name, t.word(62)), 128, False) for name in 'ab')
     product = t.number((2 ** 61 - 1) * 1_000_000_000_000_000_003, 128)
     return t.negation(t.relation('equal', t.operation('mul', a, b), product))
 
 
-def test_what_is_too_hard_is_not_proved_and_not_refuted() -> None:
+def test_a_hard_claim_is_neither_proved_nor_refuted() -> None:
     result = prove([hard()], seconds=0.2)
     assert result.answer is Answer.UNKNOWN
     assert result.values == {}
@@ -67,7 +67,7 @@ def test_an_interrupt_while_an_object_is_freed_is_not_lost() -> None:
         Freed()
 
 
-def test_what_follows_from_what_is_given_is_proved_and_nothing_else() -> None:
+def test_only_consequences_of_the_assumptions_are_proved() -> None:
     a, b = (t.variable(name, t.word(32)) for name in 'ab')
     less = t.relation('ult', a, b)
     assert prove([t.negation(t.relation('equal', a, b))], [less]).answer is Answer.PROVED

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Terms: one for each expression, in all threads, and none that nobody uses."""
+"""Terms: one for each expression, in all threads, freed when unused."""
 
 import gc
 import sys
@@ -50,7 +50,7 @@ def test_two_threads_get_one_term_for_one_expression() -> None:
         assert all(one is other for one, other in zip(found[0], others, strict=True))
 
 
-def test_terms_that_nobody_uses_are_freed_also_deep_ones() -> None:
+def test_unused_terms_are_freed_also_deep_ones() -> None:
     gc.collect()
     before = len(t._interned)
     item = t.variable('deep', t.word(32))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The timed loop runs the steps it counts, on the values it was given."""
+"""The timed loop runs as many steps as it counts, on the values that it is given."""
 
 from array import array
 from fractions import Fraction
@@ -74,7 +74,7 @@ def column(monitor: Monitor, inputs: Inputs, index: int) -> 'array[float]':
     return found
 
 
-def test_boundary_values_lie_on_both_sides_of_what_requirements_mention(bundle: Path) -> None:
+def test_boundary_values_lie_on_both_sides_of_each_constant(bundle: Path) -> None:
     p, b, n, x, d, word = values_of(bundle)
     assert p == [False, True]
     assert {249, 251} <= set(b) and all(0 <= value <= 255 for value in b)
@@ -94,7 +94,7 @@ def test_every_row_has_values_among_the_boundary_values(bundle: Path) -> None:
             assert set(column(monitor, inputs, index)) == set(allowed)
 
 
-def test_random_values_change_all_the_time_and_lasting_ones_seldom(bundle: Path) -> None:
+def test_random_values_change_often_and_lasting_ones_seldom(bundle: Path) -> None:
     monitor, values = build(bundle).monitor, values_of(bundle)
 
     def changes(inputs: Inputs) -> Fraction:
@@ -107,7 +107,7 @@ def test_random_values_change_all_the_time_and_lasting_ones_seldom(bundle: Path)
         bytes(ffi.buffer(random_inputs(monitor, values).memory))
 
 
-def test_a_round_is_one_pass_at_least(bundle: Path) -> None:
+def test_a_round_is_at_least_one_pass(bundle: Path) -> None:
     monitor = build(bundle).monitor
     rows = random_inputs(monitor, values_of(bundle))
     timer = StepTimer(monitor, Inputs(rows.memory, rows.stride, 1))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The examples that `explain` finds, held against the reference semantics."""
+"""The examples that `explain` finds, checked by the reference semantics."""
 
 from pathlib import Path
 from random import Random
@@ -34,7 +34,7 @@ FORMULAS = (
 
 
 def check(subject: Subject, found: Examples) -> None:
-    """Hold what is claimed against the reference semantics."""
+    """Check each claim by the reference semantics."""
     if found.satisfying is not None:
         assert reference(subject, found.satisfying)[-1]
     if found.violating is not None:
@@ -44,14 +44,14 @@ def check(subject: Subject, found: Examples) -> None:
     assert (found.recovering is not None) == (found.recovery is Recovery.POSSIBLE)
 
 
-def test_examples_are_what_they_are_called(tmp_path: Path) -> None:
+def test_examples_satisfy_and_violate_as_claimed(tmp_path: Path) -> None:
     for subject, found in examined(bundle(tmp_path, *FORMULAS)):
         check(subject, found)
         assert found.satisfying is not None, subject.item.text
         assert found.violating is not None, subject.item.text
 
 
-def test_examples_of_random_formulas_are_what_they_are_called() -> None:
+def test_examples_of_random_formulas_satisfy_and_violate_as_claimed() -> None:
     rng = Random(4)
     properties = [strategies.random_property(rng, f'R{number}', size=14, reach=9, loops=number % 3)
                   for number in range(40)]
@@ -100,7 +100,7 @@ def test_formulas_that_are_final_by_their_form_never_recover() -> None:
     ('n > 1 | n <= 1', Recovery.NEVER_FALSE),
     ('n + n > 1 | n + n <= 1', Recovery.NONE_FOUND),  # sums are not proved
 ])
-def test_recovery_is_told_by_what_the_formula_does(
+def test_recovery_is_reported_as_the_formula_behaves(
     formula: str, recovery: Recovery, tmp_path: Path,
 ) -> None:
     (_, found), = examined(bundle(tmp_path, formula))
@@ -114,14 +114,14 @@ def test_a_satisfying_example_has_its_trigger(tmp_path: Path) -> None:
     assert reference(subject, found.satisfying)[-1]
 
 
-def test_a_violating_example_is_as_short_as_can_be(tmp_path: Path) -> None:
+def test_a_violating_example_is_as_short_as_possible(tmp_path: Path) -> None:
     (_, found), = examined(bundle(tmp_path, 'H (H[0,6] p & H[0,5] !FTP -> q)'))
     assert found.violating is not None
-    # Seven steps to the first false verdict, and two more to see how it goes on.
+    # Seven steps to the first false verdict, and two more to show what follows.
     assert (len(found.violating), length(found.violating)) == (1, 9)
 
 
-def test_a_bound_that_no_trace_reaches_is_no_proof(tmp_path: Path) -> None:
+def test_a_bound_that_no_trace_reaches_proves_nothing(tmp_path: Path) -> None:
     (_, found), = examined(bundle(tmp_path, 'H !(H[0,2000000000] p & H[0,1999999999] !FTP)'))
     assert found.violating is None
     assert not found.is_proved

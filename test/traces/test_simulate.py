@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Traces of random bundles: what `simulate` writes is what the reference says of each row."""
+"""Traces of random bundles: `simulate` writes the verdicts of the reference for each row."""
 
 from collections.abc import Iterator
 import csv
@@ -66,7 +66,7 @@ def cell(rng: Random, value: Any) -> str:
 
 
 def write_trace(rng: Random, trace: Trace, path: Path) -> None:
-    """Write a trace with its columns in any order, and one that nobody reads."""
+    """Write a trace with its columns in any order, and an unused one."""
     names = list(trace)
     rng.shuffle(names)
     with path.open('w', newline='') as file:
@@ -84,7 +84,7 @@ def rows(path: Path) -> Iterator[list[str]]:
 
 @pytest.mark.parametrize('policy', Policy)
 @pytest.mark.parametrize('steps', [0, 1, 300])
-def test_verdicts_are_those_of_the_reference_under_every_policy(
+def test_verdicts_equal_the_reference_under_every_policy(
         tmp_path: Path, policy: Policy, steps: int) -> None:
     rng = Random(steps)
     specification = random_specification(rng, policy)
@@ -114,14 +114,14 @@ def test_blocks_of_any_size_give_the_same_rows(tmp_path: Path, monkeypatch: pyte
     assert (tmp_path / 'cut.csv').read_bytes() == (tmp_path / 'whole.csv').read_bytes()
 
 
-def test_a_bundle_without_inputs_takes_a_step_a_row(tmp_path: Path) -> None:
+def test_a_bundle_without_inputs_takes_one_step_for_each_row(tmp_path: Path) -> None:
     monitor = build_specification(specification_of([property_of('R', FTP)], ())).monitor
     (tmp_path / 'trace.csv').write_text('time\n0\n1\n2\n')
     simulate(monitor, tmp_path / 'trace.csv', tmp_path / 'out.csv')
     assert (tmp_path / 'out.csv').read_text() == 'step,R\n0,1\n1,0\n2,0\n'
 
 
-def test_a_trace_that_breaks_off_in_a_later_block_leaves_no_verdicts(tmp_path: Path) -> None:
+def test_an_error_in_a_later_block_leaves_no_verdicts(tmp_path: Path) -> None:
     rng = Random(1)
     specification = random_specification(rng, Policy.EVERY_MESSAGE)
     write_trace(rng, random_trace(rng, INPUTS, 9000), tmp_path / 'trace.csv')
@@ -149,7 +149,7 @@ def test_a_row_that_is_too_long_is_refused_where_it_begins(
     assert os.listdir(tmp_path) == ['trace.csv']
 
 
-def test_long_rows_are_not_held_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_rows_are_read_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(csv_trace, '_MAX_ROW_CHARACTERS', 100)
     (tmp_path / 'trace.csv').write_text('p,n,x,y\n' + ('1,-5,2.5,' + 'm' * 40 + '\n') * 90)
     blocks: list[int] = []
@@ -159,14 +159,14 @@ def test_long_rows_are_not_held_together(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def recorded(rows: Any, counts: list[int]) -> Any:
-    """Return a method that does the same and notes the number of rows."""
+    """Return a method that also records the number of rows."""
     def method(evaluator: Any, columns: Any, count: int) -> Any:
         counts.append(count)
         return rows(evaluator, columns, count)
     return method
 
 
-def test_nothing_is_changed_that_belongs_to_the_process(
+def test_process_wide_settings_are_not_changed(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*arguments: object) -> int:
         assert not arguments, 'another thread would see the change'

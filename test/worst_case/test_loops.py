@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Generated C, as a parser of C reads it: its loops, its calls."""
+"""Loops and calls of generated C, found by a C parser."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -32,7 +32,7 @@ c_source = pytest.importorskip('fret_monitor.proving.c_source')
 SPECIFICATIONS = {
     'windows': windows_apart(), 'parts': many_of_a_group(), 'remainders': remainders(),
     **{f'random {seed}': random_specification(seed) for seed in (2, 6, 7, 10, 11)}}
-LIBRARY = {'memset', 'fmod', 'fmodf', 'pow', 'fm_offset'}  # the last is how offsetof is read
+LIBRARY = {'memset', 'fmod', 'fmodf', 'pow', 'fm_offset'}  # the last stands for offsetof
 
 
 def functions_of(specification: Specification) -> dict[str, Any]:
@@ -69,7 +69,7 @@ def has_fixed_bound(loop: Any) -> bool:
 
 
 def problems(functions: dict[str, Any]) -> Iterator[str]:
-    """Yield what has no bound: loops, jumps, calls of what is not known, circles of calls."""
+    """Yield what has no bound: other loops, jumps, calls of unknown functions, recursion."""
     calls: dict[str, set[str]] = {}
     for name, body in functions.items():
         calls[name] = set()
@@ -87,7 +87,7 @@ def problems(functions: dict[str, Any]) -> Iterator[str]:
 
 
 def circles(calls: dict[str, set[str]]) -> Iterator[str]:
-    """Yield the functions that are left when those that call nothing left are taken away."""
+    """Yield the functions that are left when those that call none of the rest are removed."""
     left = {name: called & calls.keys() for name, called in calls.items()}
     while ends := {name for name, called in left.items() if not called}:
         left = {name: called - ends for name, called in left.items() if name not in ends}
@@ -95,9 +95,9 @@ def circles(calls: dict[str, set[str]]) -> Iterator[str]:
 
 
 @pytest.mark.parametrize('name', SPECIFICATIONS)
-def test_all_loops_have_fixed_bounds_and_all_calls_an_end(name: str) -> None:
+def test_all_loops_have_fixed_bounds_and_no_call_is_recursive(name: str) -> None:
     functions = functions_of(SPECIFICATIONS[name])
-    assert len(functions) > 40  # those of the headers are among them
+    assert len(functions) > 40  # including those of the headers
     assert list(problems(functions)) == []
 
 
@@ -112,7 +112,7 @@ def test_all_loops_have_fixed_bounds_and_all_calls_an_end(name: str) -> None:
     ('f(x);', 'may call itself'),
     ('abort();', 'a call of abort'),
 ])
-def test_what_has_no_bound_is_found(body: str, expected: str) -> None:
+def test_unbounded_constructs_are_detected(body: str, expected: str) -> None:
     text = f'void f(unsigned x);\nvoid g(unsigned x) {{f(x);}}\nvoid f(unsigned x) {{{body}}}\n'
     program = c_source.parse({'a.c': text})
     found = list(problems({name: item.body for name, item in program.functions.items()}))

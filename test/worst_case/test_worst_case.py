@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What a step costs at most, against what is counted: instructions by valgrind, stack by painting.
+The worst-case cost of a step against measurements: instructions by valgrind, stack by painting.
 
-`count.c` beside this file steps a monitor over hostile and over lasting inputs.
+`count.c` beside this file steps a monitor over adverse and over lasting inputs.
 """
 
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)
 STEPS = 120
-SLACK = 4  # a bound further above what is counted says little
+SLACK = 4  # a bound must be no more than this factor above the measurement
 BUNDLES = [*sorted((ROOT / 'config').glob('*.yaml')),
            ROOT / 'test/golden/check/every_message.yaml']
 
@@ -81,7 +81,7 @@ def many_of_a_group() -> Specification:
 
 
 def remainders() -> Specification:
-    """Return the divisions that the C library does bit by bit, and its powers."""
+    """Return divisions and powers, for which the C library takes many instructions."""
     found: list[Property] = []
     for kind in (ValueType.FLOAT32, ValueType.FLOAT64):
         x, y = Variable(f'x_{kind.value}', kind), Variable(f'y_{kind.value}', kind)
@@ -116,7 +116,7 @@ def build(specification: Specification, folder: Path) -> tuple[Path, CModule, Co
         objects.append(source.with_suffix('.o'))
         compile_c([*found, *COMPILE_FLAGS, f'-I{CSRC}', f'-I{folder}', '-c', source, '-o',
                    objects[-1]])
-    # The loader's work at the first call of a function is none of a step's: -z now.
+    # -z now: the loader's work at the first call of a function must not count.
     compile_c([*found, '-O2', f'-DMONITOR={module.symbol}', f'-I{CSRC}', HERE / 'count.c',
                *objects, '-lm', '-lpthread', '-Wl,-z,now', '-o', folder / 'count'])
     return folder / 'count', module, step_cost(layouts)
@@ -136,7 +136,7 @@ def instructions(program: Path) -> list[int]:
 
 
 def check(specification: Specification, folder: Path, slack: float | None = None) -> None:
-    """Hold the bound against what is counted; and not far above, where `slack` is given."""
+    """Check the bound against the measurement; it must not be far above where `slack` is given."""
     program, _, cost = build(specification, folder)
     counted = instructions(program)
     assert len(counted) == STEPS
@@ -147,7 +147,7 @@ def check(specification: Specification, folder: Path, slack: float | None = None
 
 
 @pytest.mark.parametrize('bundle', BUNDLES, ids=lambda path: path.stem)
-def test_a_bundle_takes_no_more_instructions_than_told_and_not_far_less(
+def test_the_bound_of_a_bundle_holds_and_is_close(
     bundle: Path, tmp_path: Path,
 ) -> None:
     if not bundle.is_file():
@@ -156,31 +156,31 @@ def test_a_bundle_takes_no_more_instructions_than_told_and_not_far_less(
 
 
 @pytest.mark.parametrize('seed', range(12))
-def test_random_requirements_take_no_more_instructions_than_told(
+def test_random_requirements_stay_within_the_bound(
     seed: int, tmp_path: Path,
 ) -> None:
     check(random_specification(seed), tmp_path)
 
 
-def test_each_operator_with_each_window_takes_no_more_instructions_than_told(
+def test_each_operator_with_each_window_stays_within_the_bound(
     tmp_path: Path,
 ) -> None:
     check(windows_apart(), tmp_path, SLACK)
 
 
-def test_a_group_of_several_functions_takes_no_more_instructions_than_told(
+def test_a_group_of_several_functions_stays_within_the_bound(
     tmp_path: Path,
 ) -> None:
     check(many_of_a_group(), tmp_path, SLACK)
 
 
-def test_remainders_and_powers_of_floats_take_no_more_instructions_than_told(
+def test_remainders_and_powers_of_floats_stay_within_the_bound(
     tmp_path: Path,
 ) -> None:
     check(remainders(), tmp_path)
 
 
-def test_bounds_do_not_change_what_a_step_costs() -> None:
+def test_the_bounds_of_windows_do_not_change_the_cost_of_a_step() -> None:
     def cost(bound: int) -> Cost:
         windows = (Window(0, bound), Window(bound, None), Window(bound, 2 * bound))
         return step_cost(layouts_of(specification_of(
@@ -189,14 +189,14 @@ def test_bounds_do_not_change_what_a_step_costs() -> None:
     assert cost(100) == cost(1_000_000)
 
 
-def test_every_kind_of_equation_has_a_cost_and_every_cost_a_kind() -> None:
+def test_every_kind_of_equation_has_exactly_one_cost() -> None:
     specifications = [windows_apart(), remainders(), *map(random_specification, range(60)),
                       many_of_a_group()]
     found = {kind for item in specifications for kind in kinds(layouts_of(item))}
     assert found == COSTS.keys() | LIBRARY_COSTS.keys()
 
 
-def test_the_costs_in_the_documentation_are_those_reckoned_with() -> None:
+def test_the_costs_in_the_documentation_are_those_in_use() -> None:
     page = ROOT / 'docs' / 'worst_case.md'
     if not page.is_file():
         pytest.skip('needs the source tree')
@@ -208,7 +208,7 @@ def test_the_costs_in_the_documentation_are_those_reckoned_with() -> None:
 
 
 def bools(seed: int) -> Specification:
-    """Return requirements that need nothing of the C library."""
+    """Return requirements that call no functions of the C library."""
     rng = Random(seed)
     properties = [random_property(rng, f'R-{number}', INPUTS[:4], size=40) for number in range(40)]
     return specification_of([item for item in properties if not any(
@@ -231,7 +231,7 @@ def graph_of(module: CModule, sources: Sequence[str]) -> Any:
 @pytest.mark.parametrize('specification', [
     bools(1), bools(2), windows_apart(), many_of_a_group()],
     ids=['random', 'random too', 'windows', 'parts'])
-def test_steps_take_no_more_stack_than_the_compiler_tells(
+def test_steps_take_no_more_stack_than_the_compiler_reports(
     specification: Specification, tmp_path: Path,
 ) -> None:
     program, module, _ = build(specification, tmp_path)
@@ -244,11 +244,11 @@ def test_steps_take_no_more_stack_than_the_compiler_tells(
 
 @pytest.mark.parametrize('specification', [windows_apart(), many_of_a_group(), remainders()],
                          ids=['windows', 'parts', 'remainders'])
-def test_generated_c_calls_no_function_of_its_own_again_nor_any_through_a_pointer(
+def test_generated_c_has_no_recursion_and_no_calls_through_pointers(
     specification: Specification,
 ) -> None:
     module = generate(lower(specification), layouts_of(specification))
     graph = graph_of(module, [name for name, _ in module.sources])
-    assert max(map(graph.depth, graph.frames)) > 0  # or it raises, naming the circle
+    assert max(map(graph.depth, graph.frames)) > 0  # depth raises for a recursion and names it
     assert graph.external <= {'memset', 'fmod', 'fmodf', 'pow'}
     assert not any('__indirect_call' in called for called in graph.calls.values())
