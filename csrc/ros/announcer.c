@@ -54,12 +54,14 @@ static void * run(void * argument)
   struct fm_announcer * announcer = argument;
   struct fm_violation batch[BATCH];
   uint32_t n = 0;
+  bool is_closed = false;
   do {
+    is_closed = fm_engine_is_closed(announcer->engine);  // nothing is queued after this is true
     n = fm_engine_take(announcer->engine, batch, BATCH, WAIT_MS);
     for (uint32_t k = 0; k < n; ++k) {
       publish(announcer, &batch[k]);
     }
-  } while (n > 0 || !fm_engine_is_closed(announcer->engine));
+  } while (n > 0 || !is_closed);
   return NULL;
 }
 

@@ -87,6 +87,19 @@ def test_threads(tmp_path: Path, name: str, sanitizer: str) -> None:
         assert (done.returncode, done.stdout) == (0, '')
 
 
+def test_a_violation_queued_just_before_closing_is_published(tmp_path: Path) -> None:
+    gcc = shutil.which('gcc')
+    if gcc is None:
+        pytest.skip('no gcc')
+    program = tmp_path / 'closing'
+    built = run(gcc, '-std=c99', '-O1', *WARNINGS, *INCLUDES, *SOURCES, HERE / 'closing.c',
+                '-Wl,--wrap=fm_engine_is_closed,--wrap=fm_engine_take', '-o', program, '-pthread')
+    assert (built.returncode, built.stdout) == (0, '')
+    for place in ('before take', 'after take', 'before is_closed', 'after is_closed'):
+        done = run(program, place)
+        assert (done.returncode, done.stdout) == (0, '')
+
+
 @pytest.mark.parametrize('seed', range(4))
 def test_losses_counted_are_messages_dropped(tmp_path: Path, seed: int) -> None:
     for compiler in compilers():

@@ -1,0 +1,114 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// closing.c: the engine is closed, right after a last violation, at one place of the announcer's
+/// loop: before or after one of the functions that the loop calls. The linker wraps both.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include "announcer.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+bool __real_fm_engine_is_closed(struct fm_engine * engine);
+uint32_t __real_fm_engine_take(
+  struct fm_engine * engine, struct fm_violation * out, uint32_t room, uint32_t milliseconds);
+bool __wrap_fm_engine_is_closed(struct fm_engine * engine);
+uint32_t __wrap_fm_engine_take(
+  struct fm_engine * engine, struct fm_violation * out, uint32_t room, uint32_t milliseconds);
+
+static const char * chosen;
+static int published = 0;
+
+static void close_at(struct fm_engine * engine, const char * place)
+{
+  if (strcmp(chosen, place) == 0) {
+    chosen = "";
+    fm_engine_tick(engine, 0);
+    fm_engine_close(engine);
+  }
+}
+
+bool __wrap_fm_engine_is_closed(struct fm_engine * engine)
+{
+  close_at(engine, "before is_closed");
+  const bool is_closed = __real_fm_engine_is_closed(engine);
+  close_at(engine, "after is_closed");
+  return is_closed;
+}
+
+uint32_t __wrap_fm_engine_take(
+  struct fm_engine * engine, struct fm_violation * out, uint32_t room, uint32_t milliseconds)
+{
+  close_at(engine, "before take");
+  const uint32_t n = __real_fm_engine_take(engine, out, room, milliseconds);
+  close_at(engine, "after take");
+  return n;
+}
+
+static int publish(const void * publisher, const void * message, void * allocation)
+{
+  (void)publisher;
+  (void)message;
+  (void)allocation;
+  published += 1;
+  return 0;
+}
+
+static void forget_error(void) {}
+static bool has_error(void) {return false;}
+
+static const struct fm_middleware middleware = {
+  NULL, NULL, publish, forget_error, has_error, NULL, {0, 0, 0}};
+
+// ---- a monitor that is violated in each step ---------------------------------------------------
+
+static void reset(void * state) {(void)state;}
+
+static void step(void * state, const void * inputs, bool * verdicts)
+{
+  (void)state;
+  (void)inputs;
+  verdicts[0] = false;
+}
+
+static const uint32_t requirement_indices[] = {0};
+static const struct fm_group groups[] = {{NULL, 0, requirement_indices, 1, reset, step}};
+static const struct fm_requirement requirements[] = {{"A", 0}};
+static const struct fm_monitor monitor = {
+  FM_ABI, 0, 1, 1, 8, 8, NULL, groups, requirements, "m", "", NULL};
+
+int main(int argc, char ** argv)
+{
+  chosen = argc > 1 ? argv[1] : "";
+  const struct fm_evaluator_options evaluator = {&monitor, NULL, 0, FM_PERIODIC, NULL};
+  void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
+  const struct fm_engine_options options = {
+    fm_evaluator_init(memory, &evaluator), &monitor, NULL, NULL, 0};
+  struct fm_engine * engine = fm_engine_create(&options);
+  int publisher = 0;
+  void * publishers[] = {&publisher};
+  struct fm_announcer * announcer = fm_announcer_start(engine, &middleware, publishers, 1);
+  fm_announcer_join(announcer);
+  const uint64_t unpublished = fm_engine_unpublished(engine);
+  fm_engine_destroy(engine);
+  free(memory);
+  if (published != 1 || unpublished != 0) {
+    printf("published %d, not published %lu\n", published, (unsigned long)unpublished);
+    return 1;
+  }
+  return 0;
+}
