@@ -30,7 +30,8 @@
 #include "fret_monitor.h"
 
 #define FM_GID_BYTES 16u
-/// Publishers of a topic that are remembered. If more than these send in turn, losses are missed.
+/// Publishers of a topic that are remembered. If more than these send in turn, losses are missed,
+/// and at a handover the history of a publisher that was forgotten is not recognised as repeated.
 #define FM_MOST_PUBLISHERS 64u
 
 /// The origin of a message.
