@@ -113,11 +113,6 @@ class SharedEvaluator:
         """Ignore messages from now on, and stop waiting when the queues are empty."""
         self._library.fm_engine_close(self.pointer)
 
-    @property
-    def is_closed(self) -> bool:
-        """Whether `close` was called."""
-        return bool(self._library.fm_engine_is_closed(self.pointer))
-
     def message(self, topic: int, message: bytes, received: int, *, sent: int = 0,
                 sequence: int = 0, is_retired: bool = False) -> Receipt:
         """
