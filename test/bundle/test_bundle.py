@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A bundle is read as it is written, and all that is wrong with it is told in one run."""
+"""A bundle is read as it is written, and all its mistakes are reported in one run."""
 
 from fractions import Fraction
 import os
@@ -86,7 +86,7 @@ def _with(part: str) -> str:
 
 @pytest.mark.skipif(not yaml.__with_libyaml__, reason='places differ by a blank without libyaml')
 @pytest.mark.parametrize('path', golden.cases('bundle'), ids=lambda path: path.stem)
-def test_what_is_wrong_with_a_bundle_is_told(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mistakes_of_a_bundle_are_reported(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Compare with golden texts; FRET_MONITOR_UPDATE_GOLDEN=1 writes them (see golden.py)."""
     monkeypatch.chdir(path.parent)
     with pytest.raises(CompileError) as caught:

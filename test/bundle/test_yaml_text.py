@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Each character of a YAML scalar knows where it stands in the file."""
+"""Each character of a YAML scalar has its place in the file."""
 
 from fret_monitor.bundle import yaml_tree
 from fret_monitor.bundle.yaml_text import scalar_text

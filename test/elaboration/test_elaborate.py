@@ -175,7 +175,7 @@ class TestOperators:
         ('[<2147483648]', 'a bound is at most 2147483647 steps'),
         ('[0,' + '9' * 1000 + ']', 'a bound is at most 2147483647 steps'),
     ])
-    def test_a_bound_that_makes_no_sense_is_told_at_its_place(
+    def test_a_senseless_bound_is_reported_at_its_place(
             self, bound: str, title: str) -> None:
         ((told, marked, _),) = mistakes(f'p & O{bound} q')
         assert told == title
@@ -187,7 +187,7 @@ class TestOperators:
 
 
 class TestTypes:
-    """Where numbers meet."""
+    """The common type of operands."""
 
     @pytest.mark.parametrize('name', [key for key, item in NUMBERS.items() if (
         item.type.is_integer and item.type not in (INT64, UINT64))])
@@ -205,7 +205,7 @@ class TestTypes:
         ('f64', 'i64', FLOAT64), ('f64', 'f64', FLOAT64),
     ])
     @pytest.mark.parametrize('operator', ['+', '-', '*', '/', 'mod'])
-    def test_arithmetic_meets_in_one_type(
+    def test_operands_of_arithmetic_get_one_common_type(
             self, left: str, right: str, kind: ValueType, operator: str) -> None:
         for a, b in ((left, right), (right, left)):
             formula = smv(f'({a} {operator} {b}) != 0')
@@ -320,7 +320,7 @@ class TestLiterals:
         ('f64 > 2 ^ 99999999999', '2 ^ 99999999999'),
         ('f64 > 1.0 / 0', '1.0 / 0'),
     ])
-    def test_one_that_does_not_fit_is_told_at_its_place(self, text: str, marked: str) -> None:
+    def test_one_that_does_not_fit_is_reported_at_its_place(self, text: str, marked: str) -> None:
         assert [item[1] for item in mistakes(text)] == [marked]
 
 
@@ -397,7 +397,7 @@ class TestPowers:
 
 
 class TestMistakes:
-    """A mistake is told once, at the operand that it lies in."""
+    """A mistake is reported once, at the operand that contains it."""
 
     @pytest.mark.parametrize(('text', 'told'), [
         ('f32 + yes > 1', [("'+' takes numbers", 'yes', 'this is TRUE')]),
@@ -444,7 +444,7 @@ class TestMistakes:
           ("'anybody' is not declared", 'anybody', 'unknown name')]),
         ('nobody + 1 > !p', [("'nobody' is not declared", 'nobody', 'unknown name')]),
     ])
-    def test_it_is_told_where_it_is(self, text: str, told: list[tuple[str, str, str]]) -> None:
+    def test_it_is_reported_in_place(self, text: str, told: list[tuple[str, str, str]]) -> None:
         assert mistakes(text) == told
 
     @pytest.mark.parametrize(('text', 'help_'), [
@@ -459,7 +459,7 @@ class TestMistakes:
         ('preInt(0, f32) > 1', 'write preReal'),
         ('occurred(p)', 'write occurred(n, p) or occurred(m, n, p)'),
     ])
-    def test_a_line_says_what_to_do(self, text: str, help_: str) -> None:
+    def test_the_help_says_what_to_write(self, text: str, help_: str) -> None:
         with pytest.raises(CompileError) as caught:
             smv(text)
         assert caught.value.diagnostics[0].help == help_
@@ -479,7 +479,7 @@ class TestValues:
         mode = wide(MODE, INT64)
         assert smv('mode = AUTO') is binary('=', mode, number(0, INT64))
         assert smv('HAND = mode') is binary('=', number(1, INT64), mode)
-        # Two names of one string: whoever stores the input knows only the string.
+        # Two names of one string: a stored input is only the string's number.
         assert smv('mode != MANUAL') is binary('!=', mode, number(1, INT64))
 
     def test_a_value_comes_before_a_constant_of_its_name(self) -> None:
@@ -514,7 +514,7 @@ class TestValues:
         ('p = mode', [("'=' takes two numbers, or two that are true or false", 'mode',
                        'this is text, the other is true or false')]),
     ])
-    def test_a_name_that_does_not_belong_is_told(
+    def test_a_name_that_is_no_value_of_the_input_is_reported(
             self, text: str, told: list[tuple[str, str, str]]) -> None:
         assert mistakes(text) == told
 
@@ -658,13 +658,13 @@ class TestLustre:
         ('x = 0 -> pre x and p;',
          [("'&' takes what is true or false", 'pre x', 'this is a number (int64)')]),
     ])
-    def test_a_mistake_in_equations_is_told(
+    def test_a_mistake_in_equations_is_reported(
             self, text: str, told: list[tuple[str, str, str]]) -> None:
         assert mistakes(text, lustre) == told
 
 
 class TestSize:
-    """Formulas get deep, and names of chains long."""
+    """Deep formulas, and long chains of names."""
 
     def test_a_formula_of_a_hundred_thousand_levels_costs_no_recursion(self) -> None:
         place = Span(Source('deep', 'p'), 0, 1)
@@ -690,7 +690,7 @@ class TestSize:
 
 
 class TestRandomTexts:
-    """Whatever is written gets a well-typed formula, or mistakes with their places."""
+    """Any text gives a well-typed formula, or mistakes with their places."""
 
     NAMES = ('p', 'q', 'state', 'mode', 'LANDING', 'ON', 'AUTO', 'nobody', 'three', 'tenth', 'yes',
              'big', 'LANDED', 'FTP', 'TRUE', '1', '0', '2.5', '-3', '1e40', '1e400',

@@ -83,7 +83,7 @@ def check_equal(ours: Formula, theirs: Formula, names: str) -> None:
 # Bundles
 
 @pytest.mark.parametrize('case', golden.cases('fretish'), ids=lambda path: path.stem)
-def test_what_is_told_of_a_bundle_is_what_was_agreed(
+def test_the_messages_about_a_bundle_are_its_golden_file(
         case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(case.parent)
     bundle = read_bundle(Path(case.name))
@@ -275,7 +275,7 @@ def test_formalize_prints_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr() == ('H(m => x > 3.0)\n', '')
 
 
-def test_formalize_tells_a_mistake_at_its_place(capsys: pytest.CaptureFixture[str]) -> None:
+def test_formalize_reports_a_mistake_at_its_place(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['formalize', 'the sw shal satisfy r']) == 1
     out, err = capsys.readouterr()
     assert out == ''

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Whole bundles become specifications, or are told what is wrong with them, all at once."""
+"""Whole bundles become specifications, or all their mistakes are reported together."""
 
 from fractions import Fraction
 from pathlib import Path
@@ -81,7 +81,7 @@ def specified(text: str) -> Specification:
 
 
 @pytest.mark.parametrize('path', golden.cases('types'), ids=lambda path: path.stem)
-def test_what_is_told_of_a_bundle_is_what_was_agreed(
+def test_the_messages_about_a_bundle_are_its_golden_file(
         path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(path.parent)
     problems = Problems()
@@ -350,7 +350,7 @@ requirements:
     assert {cell.name for cell, _ in result.properties[0].feedback} == {'A.a', 'A.b', 'A.c'}
 
 
-def test_feedback_of_like_names_is_told_apart() -> None:
+def test_feedback_of_similar_names_is_distinct() -> None:
     result = specified("""
 inputs:
   p: {type: bool}

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Every key of FRETish against what it means without formulas, on thousands of random traces."""
+"""Every key of FRETish against its meaning without formulas, on thousands of random traces."""
 
 from random import Random
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Real exports of FRET and Ogma, where they are: imported whole, with equal verdicts."""
+"""Real exports of FRET and Ogma, if present: imported completely, with equal verdicts."""
 
 from pathlib import Path
 

@@ -155,7 +155,7 @@ def names_as(kind: ValueType, node: Expression) -> Iterator[tuple[str, ValueType
 
 
 def uses(node: Expression) -> Iterator[tuple[str, ValueType]]:
-    """Yield what the operator of a node says of the names that are its operands."""
+    """Yield the types that an operator requires of the names among its operands."""
     match node:
         case Prefix() | Conditional():
             kind = NUMBER if isinstance(node, Prefix) and node.operator == '-' else BOOL
@@ -193,7 +193,7 @@ def inputs_of(tree: Expression) -> tuple[Variable, ...]:
     kinds = dict(names_as(BOOL, tree))
     for node in postorder(tree):
         for name, kind in uses(node):
-            # A truth is a truth everywhere; `preInt(0, x)` says more of x than `x < 3`.
+            # BOOL wins over other uses; `preInt(0, x)` restricts x more than `x < 3`.
             if kinds.get(name, NUMBER) is NUMBER:
                 kinds[name] = kind
     return tuple(Variable(name, kind) for name, kind in kinds.items() if name != 'FTP')
@@ -204,7 +204,7 @@ def foreign_functions(tree: Expression) -> set[str]:
 
 
 def values_for(tree: Expression, kind: ValueType) -> list[Any]:
-    """Return the numbers that a formula speaks of and their neighbours, or both truths."""
+    """Return the numbers in a formula and their neighbours, or both truth values."""
     if kind is BOOL:
         return [False, True]
     written = {float(node.text) for node in postorder(tree) if isinstance(node, Number)} | {0.0}
@@ -227,7 +227,7 @@ class Batch:
         self.pairs: list[tuple[Formula, Formula]] = []
 
     def takes(self, inputs: tuple[Variable, ...]) -> bool:
-        """Tell whether no input is here with another type."""
+        """Return whether no input is already present with another type."""
         return all(self.kinds.get(item.name, item.type) is item.type for item in inputs)
 
     def add(self, item: dict[str, Any], tree: Expression, inputs: tuple[Variable, ...]) -> None:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What is fuzzed: for each kind of text that comes from outside, what is done with it.
+The fuzz targets: one for each kind of text from outside.
 
-A target takes any bytes. It ends well, or with the errors that are documented for it; any other
-exception is a bug of ours, and so is one that takes longer than `PATIENCE`.
+A target takes any bytes. It succeeds, or raises one of its documented errors; any other exception
+is a bug of ours, and so is an input that takes longer than `PATIENCE`.
 """
 
 from collections.abc import Callable, Iterable
@@ -44,7 +44,7 @@ from importing.examples import DATABASE, DOCUMENT, LUSTRE, SPECIFICATION
 HERE = Path(__file__).resolve().parent
 GOLDEN = HERE.parent / 'golden'
 CORPUS = HERE / 'corpus'
-PATIENCE = 20  # seconds for one input, on a machine that others use too
+PATIENCE = 20  # seconds for one input; the machine may be busy
 
 INPUTS = """\
 format: 1
@@ -93,7 +93,7 @@ def attempt(target: Target, data: bytes) -> bool:
         target.run(data)
         return True
     except target.errors as error:
-        # An error is there to be read: that it can be shown is part of the promise.
+        # It must also be possible to print the error.
         str(error).encode(errors='surrogatepass')
         return False
     finally:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Every input of the corpus ends as it may, and fuzzing would see one that does not."""
+"""Every input of the corpus ends as documented, and fuzzing would detect one that does not."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -34,7 +34,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize('name', TARGETS)
-def test_what_was_kept_ends_as_it_may(name: str) -> None:
+def test_inputs_of_the_corpus_end_as_documented(name: str) -> None:
     outcomes = {label: attempt(TARGETS[name], data) for label, data in kept(name).items()}
     assert outcomes['accepted']
     assert not all(outcomes.values()), 'some are accepted and some are refused'
@@ -45,7 +45,7 @@ def test_the_corpus_stays_small() -> None:
 
 
 @pytest.mark.parametrize('name', TARGETS)
-def test_what_is_changed_at_random_ends_as_it_may(name: str) -> None:
+def test_randomly_changed_inputs_end_as_documented(name: str) -> None:
     rng, pool = Random(1), inputs_of(name)
     words = [word.encode() for word in TARGETS[name].words]
     for _ in range(30):
@@ -75,7 +75,7 @@ def test_an_error_that_is_not_documented_is_found_once_and_its_input_kept(
     assert [path.read_bytes() for path in found] == [b'a bug']
 
 
-def test_what_takes_too_long_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_input_that_takes_too_long_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(targets, 'PATIENCE', 1)
     target = Target(lambda data: time.sleep(30), (CompileError,), lambda: [b''])
     with pytest.raises(TookTooLong):
@@ -96,7 +96,7 @@ def test_messages_are_read_and_fed_without_harm(tmp_path: Path) -> None:
     assert int(done.stdout.split()[1]) > 1000
 
 
-def test_a_reader_that_looks_behind_a_message_is_found(tmp_path: Path) -> None:
+def test_an_extractor_that_reads_past_a_message_is_found(tmp_path: Path) -> None:
     """Compile it all with a header in which a check is one byte too lenient."""
     shutil.copytree(CSRC, tmp_path / 'csrc')
     header = tmp_path / 'csrc' / 'fret_cdr.h'

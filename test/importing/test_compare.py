@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whether random traces tell wordings apart that differ, and only those."""
+"""Random traces distinguish wordings that differ, and no others."""
 
 from fractions import Fraction
 

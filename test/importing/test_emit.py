@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Everything that goes into a bundle comes out of it as it was."""
+"""Everything written into a bundle is read back unchanged."""
 
 from pathlib import Path
 

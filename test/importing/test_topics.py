@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Variable databases and lists: what feeds an input."""
+"""Variable databases and lists: the topics and fields of inputs."""
 
 from fret_monitor.importing.topics import Connection, is_list, read_database, read_list
 from fret_monitor.model.diagnostics import Problems, Source

@@ -70,7 +70,7 @@ def shown(formula: Formula, **columns: str) -> str:
     (TRUE, '1111111'),
     (FALSE, '0000000'),
 ])
-def test_an_operator_on_one_formula_is_as_worked_by_hand(formula: Formula, expected: str) -> None:
+def test_a_unary_operator_is_as_computed_by_hand(formula: Formula, expected: str) -> None:
     assert shown(formula, p='0110010') == expected
 
 
@@ -84,8 +84,8 @@ def test_an_operator_on_one_formula_is_as_worked_by_hand(formula: Formula, expec
     (Triggered(Window(0, -1), P, Q), '1111111'),
     (Triggered(Window(1, 1), P, Q), '1110010'),
 ])
-def test_an_operator_on_two_formulas_is_as_worked_by_hand(formula: Formula,
-                                                          expected: str) -> None:
+def test_a_binary_operator_is_as_computed_by_hand(formula: Formula,
+                                                  expected: str) -> None:
     assert shown(formula, p='0110010', q='0100100') == expected
 
 
@@ -387,8 +387,8 @@ def test_a_value_outside_its_type_is_refused(kind: ValueType, value: Any) -> Non
 
 @settings(deadline=None)
 @given(formulas(), traces(longest=20))
-def test_a_verdict_depends_on_the_past_alone(formula: Formula,
-                                             trace: dict[str, list[Any]]) -> None:
+def test_a_verdict_depends_only_on_the_past(formula: Formula,
+                                            trace: dict[str, list[Any]]) -> None:
     steps = len(trace['p'])
     half = {name: column[:steps // 2] for name, column in trace.items()}
     assert verdicts(formula, half) == verdicts(formula, trace)[:steps // 2]

@@ -64,7 +64,7 @@ def test_threads_get_the_same_object_for_the_same_formula() -> None:
     assert twins == 0
 
 
-def test_a_formula_that_nobody_holds_is_forgotten() -> None:
+def test_an_unreferenced_formula_is_freed() -> None:
     before = len(f._interned)
     nodes = built(-1)
     assert len(f._interned) == before + len(nodes)

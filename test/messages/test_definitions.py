@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Message definitions are read as rosidl reads them, and field paths lead where they say."""
+"""Message definitions are read as by rosidl, and field paths lead to the right fields."""
 
 from pathlib import Path
 import sys
@@ -378,12 +378,12 @@ def test_a_type_in_idl_alone_is_refused(tmp_path: Path) -> None:
         find_message('pkg_d/msg/Special', [tmp_path])
 
 
-def test_without_any_messages_the_user_is_told_to_source_ros(tmp_path: Path) -> None:
+def test_without_any_messages_the_error_says_to_source_ros(tmp_path: Path) -> None:
     with pytest.raises(CompileError, match='source ROS'):
         find_message('std_msgs/msg/Float32', [tmp_path])
 
 
-def test_a_broken_definition_is_told_with_its_place(prefix: Path) -> None:
+def test_a_broken_definition_is_reported_with_its_place(prefix: Path) -> None:
     with pytest.raises(CompileError, match=r'Broken\.msg:2:1: error: this line is no field'):
         find_message('pkg_a/msg/Broken', [prefix])
 
@@ -421,7 +421,7 @@ def test_the_first_prefix_that_has_a_message_wins(
     assert _leads_to(find_message('pkg_a/msg/State'), 'battery.cells[0].other')[1] == 'int8'
 
 
-def test_a_definition_that_is_written_anew_is_read_anew(prefix: Path) -> None:
+def test_a_rewritten_definition_is_read_again(prefix: Path) -> None:
     path = prefix / 'share' / 'pkg_b' / 'msg' / 'Cell.msg'
     assert find_message('pkg_b/msg/Cell', [prefix]).fields[0].name == 'voltage'
     path.write_text('int8 other\nint8 more\n')

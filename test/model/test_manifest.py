@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A manifest is read as it was written; a damaged one is refused with the key, whatever it is."""
+"""A manifest is read as written; a damaged one is refused with the key."""
 
 from dataclasses import replace
 import json
@@ -152,7 +152,7 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
     ('requirements[0].inputs[1]', 3, '(requirements[0].inputs[1] is to be an index below 3'),
     ('topics[1].qos[0]', ['depth'], '(topics[1].qos[0] is to be a list of two'),
 ])
-def test_what_is_wrong_is_said(key: str, value: object, expected: str) -> None:
+def test_the_error_says_what_is_wrong(key: str, value: object, expected: str) -> None:
     with pytest.raises(ManifestError) as caught:
         Manifest.from_json(damaged(dict(PLACES)[key], value))
     assert expected in str(caught.value)

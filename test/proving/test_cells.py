@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The cells of `fret_cells.h`, proved for every bound and every trace; and what would not be."""
+"""The cells of `fret_cells.h`, proved for every bound and trace; wrong cells are not proved."""
 
 from dataclasses import replace
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""C run on terms: what it computes is what a compiler makes of it, and what is undefined shows."""
+"""Symbolic execution of C: its results equal compiled C, and undefined behaviour is reported."""
 
 import ctypes
 from pathlib import Path

@@ -159,7 +159,7 @@ def test_a_counter_that_is_too_narrow_is_not_proved(
     ('small_group_0_reset, small', 'small_group_1_reset, small', 'description: groups'),
     ('small_step_any\n', 'small_group_0_step\n', 'description: monitor'),
 ])
-def test_a_description_that_lies_is_told(old: str, new: str, said: str, tmp_path: Path) -> None:
+def test_a_wrong_description_is_reported(old: str, new: str, said: str, tmp_path: Path) -> None:
     found = settled(bundle(tmp_path, 'O[0,5] p', 'q'), old, new)
     assert any(said in text for text in failures(found))
 

@@ -74,7 +74,7 @@ def test_types_and_functions_that_the_proof_does_not_model_are_not_read(
     ('[9];', '[9][2];', 'group 1: type of ring_'),
     ('  float d;', '  int32_t d;', 'group 1: type of inputs.d'),
 ])
-def test_a_field_of_another_kind_is_told(old: str, new: str, said: str, tmp_path: Path) -> None:
+def test_fields_of_other_kinds_are_reported(old: str, new: str, said: str, tmp_path: Path) -> None:
     found = verify(exchanged(monitor(tmp_path), HEADER, old, new))
     names = [proof.name for proof in found.proofs if proof.answer is not Answer.PROVED]
     assert any(name.startswith(said) for name in names), names

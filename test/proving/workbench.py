@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Generated C with a part of its text exchanged."""
+"""Generated C with a part of its text replaced."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ from fret_monitor.build import GeneratedMonitor
 
 
 def exchanged(generated: GeneratedMonitor, name: str, old: str, new: str) -> GeneratedMonitor:
-    """Return the monitor with the first `old` in one of its files exchanged for `new`."""
+    """Return the monitor with the first `old` in one of its files replaced by `new`."""
     module = generated.module
 
     def changed(file: tuple[str, str]) -> tuple[str, str]:

@@ -149,7 +149,7 @@ def test_a_row_that_is_too_long_is_refused_where_it_begins(
     assert os.listdir(tmp_path) == ['trace.csv']
 
 
-def test_long_rows_are_read_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_rows_make_smaller_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(csv_trace, '_MAX_ROW_CHARACTERS', 100)
     (tmp_path / 'trace.csv').write_text('p,n,x,y\n' + ('1,-5,2.5,' + 'm' * 40 + '\n') * 90)
     blocks: list[int] = []
