@@ -132,6 +132,7 @@ class HotReceiver:
         self._middleware = middleware
         self._lock = Lock()  # the feed's thread drains, another thread may stop
         self._pointer: Any = ffi.NULL
+        self._is_leaked = False
         self._held = ExitStack()
         with ExitStack() as undo:
             undo.enter_context(subscription.handle)
@@ -167,15 +168,18 @@ class HotReceiver:
         with self._lock:
             pointer, self._pointer = self._pointer, ffi.NULL
             if pointer != ffi.NULL and not self._library.fm_receiver_stop(pointer):
-                # The callback may still run: keep its objects until the process ends.
-                self._leaked, self._held = self._held, ExitStack()
+                # The middleware may still call back.
+                self._is_leaked = True
+                native_lifetimes.keep_forever(self)
+            if self._is_leaked:
                 return
         native_lifetimes.release(self)
 
     def stop(self) -> None:
         """Stop delivering; afterwards the subscription may be destroyed."""
         self.end()
-        self._held.close()
+        if not self._is_leaked:
+            self._held.close()
 
 
 class HotTopic:

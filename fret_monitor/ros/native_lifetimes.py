@@ -22,6 +22,7 @@ refers to it. At exit it stops the remaining threads and callbacks, but destroys
 
 import atexit
 from contextlib import suppress
+import ctypes
 from typing import Protocol
 
 
@@ -43,6 +44,11 @@ def keep(user: NativeUser) -> None:
 def release(user: NativeUser) -> None:
     """Stop keeping an object whose threads and callbacks have ended."""
     _KEPT.pop(id(user), None)
+
+
+def keep_forever(user: NativeUser) -> None:
+    """Keep an object that could not be ended, even while Python clears its modules at exit."""
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(user))
 
 
 @atexit.register

@@ -14,11 +14,16 @@
 
 """Receiving in C: messages are read where the middleware has stored them."""
 
+from contextlib import contextmanager
+import gc
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, Iterator
+import weakref
 
-from fret_monitor.ros import MonitorNode
-from fret_monitor.ros.hot_path import Middleware
+from fret_monitor.native.binding import ffi
+from fret_monitor.ros import MonitorNode, native_lifetimes
+from fret_monitor.ros.hot_path import HotReceiver, Middleware
 from fret_monitor.ros.in_place import KNOWN, loaded_versions, refuse_unknown_versions
 from fret_monitor.ros.loaded import Unavailable
 from fret_monitor.ros.rcl_subscription import RclSubscription
@@ -119,3 +124,42 @@ def test_messages_are_read_in_place_only_with_known_versions() -> None:
                 refuse_unknown_versions({**found, name: other})
     with pytest.raises(Unavailable, match='not with unknown'):
         refuse_unknown_versions({})
+
+
+@pytest.mark.parametrize('is_stopped', [True, False])
+def test_a_receiver_that_could_not_be_stopped_keeps_its_objects(
+        is_stopped: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept: dict[int, Any] = {}
+    monkeypatch.setattr(native_lifetimes, '_KEPT', kept)
+    calls = []
+
+    class Subscription:
+        @property
+        @contextmanager
+        def handle(self) -> Iterator[None]:
+            yield
+            calls.append('released')
+
+    def stop(pointer: Any) -> bool:
+        calls.append('stop')
+        return is_stopped
+
+    memory = ffi.new('char[]', 8)
+    library: Any = SimpleNamespace(
+        fm_receiver_start=lambda *_: ffi.cast('struct fm_receiver *', memory),
+        fm_receiver_stop=stop)
+    middleware: Any = SimpleNamespace(
+        functions=None, subscription=lambda _: None, is_in_place=lambda _: False)
+    evaluator: Any = SimpleNamespace(library=library, pointer=None)
+    subscription: Any = Subscription()
+    receiver = HotReceiver(evaluator, middleware, subscription, 0)
+    for _ in range(2):
+        receiver.end()
+        receiver.stop()
+    assert calls == (['stop', 'released'] if is_stopped else ['stop'])
+    assert bool(kept) is not is_stopped
+    kept.clear()  # as when Python clears its modules at exit
+    found = weakref.ref(receiver)
+    del receiver
+    gc.collect()
+    assert (found() is None) is is_stopped
