@@ -41,7 +41,7 @@ LEVELS = {Severity.ERROR: DiagnosticStatus.ERROR, Severity.WARN: DiagnosticStatu
 Value = bool | int | float | None
 
 _OF_ALL = ('step', 'stamp', 'suppressed', 'silent')  # keys of all details, in this order
-_STEP = re.compile(r'[0-9]{1,20}')
+_COUNT = re.compile(r'[0-9]{1,20}')
 _STAMP = re.compile(r'-?[0-9]{1,12}\.[0-9]{9}')
 
 
@@ -50,13 +50,15 @@ class Detail:
     """
     A violation as published: step, time in seconds, names and values of inputs.
 
-    `silent` names the stale inputs, if they are the reason.
+    `silent` names the stale inputs, if they are the reason; `suppressed` counts the details of the
+    requirement that were not published so far.
     """
 
     step: int
     stamp: float
     values: tuple[tuple[str, str], ...]
     silent: str = ''
+    suppressed: int = 0
 
 
 def read_detail(status: DiagnosticStatus) -> Detail | None:
@@ -64,11 +66,12 @@ def read_detail(status: DiagnosticStatus) -> Detail | None:
     pairs = [(item.key, item.value) for item in status.values]
     if tuple(key for key, _ in pairs[:4]) != _OF_ALL:
         return None
-    step, stamp = pairs[0][1], pairs[1][1]
-    if not _STEP.fullmatch(step) or not _STAMP.fullmatch(stamp):
+    step, stamp, suppressed = (value for _, value in pairs[:3])
+    if not _COUNT.fullmatch(step) or not _STAMP.fullmatch(stamp) \
+            or not _COUNT.fullmatch(suppressed):
         return None
     values = tuple((_name(key), value) for key, value in pairs[4:])
-    return Detail(int(step), float(stamp), values, pairs[3][1])
+    return Detail(int(step), float(stamp), values, pairs[3][1], int(suppressed))
 
 
 class Details:

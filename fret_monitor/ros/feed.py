@@ -35,7 +35,7 @@ from threading import Event, Thread
 from time import monotonic, time_ns
 from typing import Any, Protocol
 
-from fret_monitor.ros import qos
+from fret_monitor.ros import native_lifetimes, qos
 from fret_monitor.ros.losses import Gaps, ReportedLosses
 from fret_monitor.ros.parameters import Refusal
 from fret_monitor.ros.periods import Throttle
@@ -132,7 +132,7 @@ class Feed:
         self._held: list[_Taken] = []
         self._sources: list[tuple[Any, _Topic, bool]] = []
         self._wait_set: Any = None
-        self._kept = _Keeper()
+        self._kept = ErrorKeeper()
 
     def subscribe(self, name: str, message_type: str, message_class: Any,
                   deliver: Deliver | TopicReceiver, fixed: Mapping[str, str | int]) -> None:
@@ -166,7 +166,20 @@ class Feed:
         """Start delivering."""
         for topic in self._topics:
             topic.open()
+        native_lifetimes.keep(self)
         self._thread.start()
+
+    def end(self) -> None:
+        """
+        End the thread; a second call does nothing.
+
+        At the exit of a process Python ends daemon threads in the middle of a call to rcl, which
+        terminates the process.
+        """
+        self._closing.set()
+        if self._thread.is_alive():
+            self._guard.trigger_guard_condition()
+            self._thread.join()
 
     def close(self) -> None:
         """Stop delivering, and destroy the subscriptions; nothing is delivered afterwards."""
@@ -176,9 +189,8 @@ class Feed:
             last.callback(self._topics.clear)
             for topic in self._topics:
                 last.callback(topic.close)
-            if self._thread.is_alive():
-                self._guard.trigger_guard_condition()
-                self._thread.join()
+            self.end()
+            native_lifetimes.release(self)
 
     def statuses(self) -> list[PublisherStatus]:
         """Return the publishers of each topic, in order of subscription."""
@@ -261,7 +273,7 @@ class Feed:
         return batch
 
 
-class _Keeper(AbstractContextManager[None]):
+class ErrorKeeper(AbstractContextManager[None]):
     """Catches and keeps an exception that is raised inside the block."""
 
     def __init__(self) -> None:

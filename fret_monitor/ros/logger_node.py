@@ -29,9 +29,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.manifest import ManifestRequirement
 from fret_monitor.model.policies import Severity
+from fret_monitor.ros import native_lifetimes
 from fret_monitor.ros.compiled import open_manifests
 from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
-from fret_monitor.ros.feed import Deliver, Feed
+from fret_monitor.ros.feed import Deliver, ErrorKeeper, Feed
 from fret_monitor.ros.fields import UNDECODABLE
 from fret_monitor.ros.handlers import handler_topic
 from fret_monitor.ros.overrides import DeclaredOverrides, Overrides
@@ -44,7 +45,9 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Empty
 
-_CHECK = 1.0  # s between two checks for an error in the feed's thread
+_CHECK = 1.0  # s between two checks for an error in a thread
+_MOST_WAITING = 1000  # violations; above that, messages wait in the middleware
+_WAIT_S = 0.1
 
 
 class LoggerNode(Node):
@@ -66,24 +69,32 @@ class LoggerNode(Node):
         self._is_over = False
         self._reports: dict[str, Callable[[ReceivedViolation], None]] = {}
         self._thread = Thread(target=self._report_all, name='reports', daemon=True)
+        self._kept = ErrorKeeper()
         with ExitStack() as undo:
             undo.callback(self.destroy_node)
             self._begin()
             undo.pop_all()
 
     def _check(self) -> None:
-        """Raise the error that ended the feed's thread, if any, in the executor."""
-        if self._feed.failure is not None:
-            raise self._feed.failure
+        """Raise the error that ended a thread, if any, in the executor."""
+        for failure in (self._feed.failure, self._kept.error):
+            if failure is not None:
+                raise failure
+
+    def end(self) -> None:
+        """End the threads, after what was received is logged; a second call does nothing."""
+        self._feed.end()
+        with self._changed:
+            self._is_over = True
+            self._changed.notify_all()
+        if self._thread.is_alive():
+            self._thread.join()
 
     def destroy_node(self) -> None:
         """Close the feed, log the violations received so far, then destroy the node."""
         self._feed.close()
-        with self._changed:
-            self._is_over = True
-            self._changed.notify()
-        if self._thread.is_alive():
-            self._thread.join()
+        self.end()
+        native_lifetimes.release(self)
         super().destroy_node()
 
     def _begin(self) -> None:
@@ -104,6 +115,7 @@ class LoggerNode(Node):
             self._feed.subscribe(name, 'std_msgs/msg/Empty', Empty, self._receive(requirement),
                                  request(name))
         self._feed.start()
+        native_lifetimes.keep(self)
         self._thread.start()
         names = [DETAILS_TOPIC, *map(handler_topic, requirements)]
         DeclaredOverrides(self, {self.resolve_topic_name(name): fixed for name in names})
@@ -121,8 +133,10 @@ class LoggerNode(Node):
             if not uses_received:
                 received = self.get_clock().now().nanoseconds
             with self._changed:
+                while len(self._pairing) >= _MOST_WAITING and self._thread.is_alive():
+                    self._changed.wait(_WAIT_S)
                 self._pairing.add_violation(requirement.id, received, sent, monotonic())
-                self._changed.notify()
+                self._changed.notify_all()
 
         return receive
 
@@ -137,10 +151,14 @@ class LoggerNode(Node):
             if status.name in self._reports and detail is not None:
                 with self._changed:
                     self._pairing.add_detail(status.name, detail, sent)
-                    self._changed.notify()
+                    self._changed.notify_all()
 
     def _report_all(self) -> None:
         """Log violations once `Pairing` releases them, until the node is destroyed."""
+        with self._kept:
+            self._report_until_over()
+
+    def _report_until_over(self) -> None:
         while True:
             with self._changed:
                 now = float('inf') if self._is_over else monotonic()

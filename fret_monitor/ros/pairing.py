@@ -13,81 +13,128 @@
 # limitations under the License.
 
 """
-Match violations with their details, which are received on another topic.
+Pairs violations with their details, which arrive on a topic of their own.
 
-Two threads publish them, so either may be received first. A violation waits up to `WAIT_S` for its
-detail, and is then reported without one.
+A violation is published at once and its detail when it is made, so either may arrive first.
+Details come in the order of their violations, and each carries the number of those that were
+suppressed before it: this tells how many violations without a detail lie between two of them.
 """
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from fret_monitor.ros.details import Detail
 
 WAIT_S = 0.3
 _TOGETHER_NS = int(WAIT_S * 1e9)
-_ROUNDING_NS = 1000  # error of a stamp, which is a float in seconds
-_MOST_DETAILS = 1000  # per requirement, kept until their violations are received
+_ROUNDING_NS = 1000  # a stamp is a float of seconds
+_MOST_DETAILS = 1000  # of a requirement, waiting for their violations
 
 
-@dataclass
+@dataclass(eq=False)
 class ReceivedViolation:
     """A violation of a requirement (its id), as received; times in nanoseconds."""
 
     requirement: str
     received: int
     sent: int
-    due: float  # s, on the monotonic clock: reported then at the latest
+    due: float  # s, on the monotonic clock: it is reported then at the latest
     detail: Detail | None = None
+
+
+@dataclass(frozen=True)
+class _WaitingDetail:
+    detail: Detail
+    sent: int
+    without: int | None  # violations without a detail before its own; None: not known
+
+
+@dataclass
+class _Stream:
+    """Violations and details of one requirement that have no partner yet, oldest first."""
+
+    violations: deque[ReceivedViolation] = field(default_factory=deque)
+    details: deque[_WaitingDetail] = field(default_factory=lambda: deque(maxlen=_MOST_DETAILS))
+    suppressed: int | None = None  # as the last detail says
+    passed: int = 0  # violations without a detail since the last pair
 
 
 class Pairing:
     """
-    Holds violations until their details are received, and returns them in order.
+    Holds violations until their details have arrived, and returns them in order.
 
     Not thread-safe.
     """
 
     def __init__(self) -> None:
-        """Start empty."""
+        """Hold nothing."""
         self._violations: deque[ReceivedViolation] = deque()
-        self._details: dict[str, deque[tuple[Detail, int]]] = {}
+        self._streams: dict[str, _Stream] = {}
+
+    def __len__(self) -> int:
+        """Return the number of violations held."""
+        return len(self._violations)
 
     def add_violation(self, requirement: str, received: int, sent: int, now: float) -> None:
         """Add a violation; `now` is on the monotonic clock."""
         violation = ReceivedViolation(requirement, received, sent, now + WAIT_S)
-        details = self._details.get(requirement, deque())
-        for place, (detail, detail_sent) in enumerate(details):
-            if _belong_together(violation, detail, detail_sent):
-                violation.detail = detail
-                for _ in range(place + 1):  # older details are of violations that were lost
-                    details.popleft()
-                break
         self._violations.append(violation)
+        stream = self._streams.setdefault(requirement, _Stream())
+        stream.violations.append(violation)
+        self._pair(stream)
 
     def add_detail(self, requirement: str, detail: Detail, sent: int) -> None:
-        """Add a detail; `sent` is the time at which it was sent (ns)."""
-        for violation in self._violations:
-            if violation.requirement == requirement and violation.detail is None \
-                    and _belong_together(violation, detail, sent):
-                violation.detail = detail
-                return
-        self._details.setdefault(requirement, deque(maxlen=_MOST_DETAILS)).append((detail, sent))
+        """Add a detail, by the time at which it was sent (ns)."""
+        stream = self._streams.setdefault(requirement, _Stream())
+        before, stream.suppressed = stream.suppressed, detail.suppressed
+        # A smaller count is that of a monitor that was started again.
+        is_known = before is not None and detail.suppressed >= before
+        without = detail.suppressed - before if before is not None and is_known else None
+        stream.details.append(_WaitingDetail(detail, sent, without))
+        self._pair(stream)
 
     def take(self, now: float) -> ReceivedViolation | None:
-        """Return the next violation if it has its detail or is due; None otherwise."""
-        if self._violations and (self._violations[0].detail is not None
-                                 or self._violations[0].due <= now):
-            return self._violations.popleft()
-        return None
+        """Return the next violation, if it has its detail or has waited long enough."""
+        if not self._violations:
+            return None
+        first = self._violations[0]
+        if first.detail is None and first.due > now:
+            return None
+        stream = self._streams[first.requirement]
+        if stream.violations and stream.violations[0] is first:
+            stream.violations.popleft()
+            stream.passed += 1
+        return self._violations.popleft()
 
     @property
     def next_due(self) -> float | None:
         """When the next violation is due, on the monotonic clock; None if there is none."""
         return self._violations[0].due if self._violations else None
 
+    def _pair(self, stream: _Stream) -> None:
+        while stream.details and stream.violations:
+            waiting = stream.details[0]
+            if waiting.without is not None and stream.passed > waiting.without:
+                stream.details.popleft()  # its violation was reported without it
+                stream.passed -= waiting.without + 1
+            elif waiting.sent < stream.violations[0].sent - _TOGETHER_NS:
+                stream.details.popleft()  # its violation was lost
+                stream.passed = 0
+            elif waiting.without is None and len(stream.violations) > 1:
+                # Any of them may be its own: claim none, and start over with the next detail.
+                stream.details.clear()
+                stream.suppressed = None
+            elif waiting.without is not None and stream.passed < waiting.without:
+                stream.violations.popleft()  # its detail was suppressed
+                stream.passed += 1
+            else:
+                stream.details.popleft()
+                self._settle(stream, waiting)
 
-def _belong_together(violation: ReceivedViolation, detail: Detail, detail_sent: int) -> bool:
-    """Return whether both were sent within `WAIT_S`, the violation after the detail's stamp."""
-    return abs(violation.sent - detail_sent) <= _TOGETHER_NS \
-        and violation.sent >= detail.stamp * 1e9 - _ROUNDING_NS
+    def _settle(self, stream: _Stream, waiting: _WaitingDetail) -> None:
+        violation = stream.violations.popleft()
+        stream.passed = 0
+        # A violation is sent after the step that it is of, and about when its detail is.
+        if violation.sent >= waiting.detail.stamp * 1e9 - _ROUNDING_NS \
+                and abs(violation.sent - waiting.sent) <= _TOGETHER_NS:
+            violation.detail = waiting.detail

@@ -115,3 +115,37 @@ def test_an_interrupted_shutdown_does_not_crash(bundle: Path, thread: str) -> No
     assert done.returncode == 0, done.stdout
     assert 'interrupted' in done.stdout
     assert 'still here' in done.stdout
+
+
+START = """
+import os, signal, sys
+from fret_monitor.ros.signals import StopRequest
+stop = StopRequest()
+from fret_monitor.ros import {kind}
+from fret_monitor.ros.process import run
+
+def make():
+    node = {kind}()
+    print('made', flush=True)
+    os.kill(os.getpid(), signal.SIGTERM)
+    return node
+
+sys.exit(run('{name}', make, stop))
+"""
+
+
+@pytest.mark.parametrize('kind, name, parameters', [
+    ('LoggerNode', 'logger', ()),
+    ('MonitorNode', 'monitor', ('-p', 'hot_path:=off')),
+    ('MonitorNode', 'monitor', ('-p', 'hot_path:=on')),
+])
+def test_a_signal_just_before_the_node_is_handed_over_ends_the_process(
+    kind: str, name: str, parameters: tuple[str, ...], domain: int,
+) -> None:
+    done = subprocess.run(
+        [sys.executable, '-c', START.format(kind=kind, name=name), '--ros-args', '-p',
+         'spec:=quadrotor.yaml', *parameters],
+        text=True, capture_output=True, timeout=120, check=False,
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)})
+    assert 'made' in done.stdout, done.stderr
+    assert done.returncode == 0, done.stderr

@@ -146,13 +146,35 @@ def test_a_violation_waits_for_its_detail_for_a_short_time_only() -> None:
     assert paired(pairing, now=1.5) == [None]
 
 
-def test_suppressed_details_do_not_pair_other_details_with_the_wrong_violation() -> None:
+@pytest.mark.parametrize('lag_ms', [0, 50])
+def test_suppressed_details_do_not_pair_other_details_with_the_wrong_violation(
+    lag_ms: int,
+) -> None:
+    pairing = Pairing()
+    found = []
+    for step in range(400):
+        if step % 4 != 3 and not 100 <= step < 150:  # the others are suppressed
+            before = step // 4 + sum(each % 4 != 3 for each in range(100, min(step, 150)))
+            detail = Detail(step, step * 0.001, (), suppressed=before)
+            pairing.add_detail('R', detail, step * MS)
+        if step >= lag_ms:
+            late = step - lag_ms
+            pairing.add_violation('R', 0, step * MS + 10, now=late * 0.001)
+        found += paired(pairing, now=step * 0.001 - 1)
+    found += paired(pairing)
+    assert len(found) == 400 - lag_ms
+    claimed = [(place, step) for place, step in enumerate(found) if step is not None]
+    assert len(claimed) > 150
+    assert all(place == step for place, step in claimed)
+
+
+def test_a_detail_that_may_be_of_several_violations_is_given_to_none() -> None:
     pairing = Pairing()
     for step in range(200):
         pairing.add_violation('R', 0, step * MS + 10, now=0.0)
-    pairing.add_detail('R', Detail(150, 0.150, ()), 151 * MS)
+    pairing.add_detail('R', Detail(150, 0.150, (), suppressed=150), 151 * MS)
     pairing.add_detail('Q', Detail(3, 0.0, ()), 151 * MS)  # of another requirement
-    assert paired(pairing) == [*[None] * 150, 150, *[None] * 49]
+    assert paired(pairing) == [None] * 200
 
 
 def test_a_detail_whose_violation_never_came_is_dropped(
