@@ -50,7 +50,7 @@ from fret_monitor.native.compiler import (
     COMPILE_FLAGS, compile_library, Compiler, find_compiler, LIBRARIES, LINK_FLAGS, TIMEOUT,
 )
 from fret_monitor.native.errors import CacheError, CompilerError, LibraryError, NativeError
-from fret_monitor.native.monitor import is_cut_short
+from fret_monitor.native.monitor import is_cut_short, Library
 
 #: The sources of the library with the evaluator, the engine and the receivers.
 EVALUATOR_SOURCES = (
@@ -114,12 +114,13 @@ def private_copy(library: Path) -> Path:
 
     The original may then be overwritten or removed while the copy is in use. dlopen returns the
     library that is already open if the path is the same; a changed file gets another path here. If
-    the cache cannot be used, the copy exists until this process ends.
+    the cache cannot be used, the copy exists until this process ends. If there is no place for a
+    copy, or the copy cannot be loaded from its place, the original is returned, with a warning.
 
     Raises
     ------
     LibraryError
-        if the file cannot be read, or no copy can be written.
+        if the file cannot be read.
     """
     try:
         content = library.read_bytes()
@@ -131,13 +132,34 @@ def private_copy(library: Path) -> Path:
 
     entry = _Entry(sha256(content).hexdigest(), library.name, fill)
     try:
-        return entry.kept() or entry.make()
-    except CacheError:
-        pass  # other users can write to the cache
-    try:
-        return entry.make_for_now('others can write there')
+        try:
+            copy = entry.kept() or entry.make()
+        except _ForeignError:
+            copy = entry.make_for_now('others can write there')
     except CacheError as error:
-        raise LibraryError(str(error)) from None
+        _warn_shared(library.parent, str(error))
+        return library
+    return _loadable(copy, library)
+
+
+def _loadable(copy: Path, library: Path) -> Path:
+    """Return the copy, or the original if only that can be loaded: a disk may refuse code."""
+    try:
+        Library(copy)
+    except LibraryError as error:
+        with suppress(LibraryError):
+            Library(library)
+            _warn_shared(library.parent, str(error))
+            return library
+    return copy
+
+
+@cache
+def _warn_shared(folder: Path, reason: str) -> None:
+    """Warn that the libraries of a folder are not copied, once for each reason."""
+    _log.warning(
+        '%s is used in place, without a copy (%s): do not change it while this process runs',
+        folder, reason)
 
 
 @cache
@@ -335,7 +357,7 @@ class _Entry:
         except OSError as error:
             raise CacheError(
                 f'there is no place to put a library: neither {self._root} ({reason}) nor '
-                f'{error.filename or "a temporary folder"} ({error.strerror or error}) can be '
+                f'{tempfile.tempdir or "a temporary folder"} ({error.strerror or error}) can be '
                 'written: make room, or set ROS_HOME or TMPDIR to another folder') from None
         return folder / self._library
 
@@ -395,14 +417,18 @@ def _seal(library: Path) -> dict[str, str]:
     return {'library': library.name, 'sha256': sha256(library.read_bytes()).hexdigest()}
 
 
+class _ForeignError(CacheError):
+    """Other users can write to the cache."""
+
+
 def _refuse_foreign(folder: Path) -> None:
     status = folder.stat()
     if status.st_uid != os.geteuid():
-        raise CacheError(
+        raise _ForeignError(
             f'{folder} belongs to another user, who could put a library there for you to run: '
             'set ROS_HOME to a folder of your own')
     if stat.S_IMODE(status.st_mode) & 0o022:
-        raise CacheError(
+        raise _ForeignError(
             f'{folder} can be written by others, who could put a library there for you to run:\n'
             f'  chmod 700 {folder}')
 

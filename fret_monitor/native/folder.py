@@ -46,12 +46,12 @@ class CompiledFolder:
 
     def private(self) -> 'CompiledFolder':
         """
-        Copy the libraries, so that the folder may change while they are loaded.
+        Copy the libraries, so that the folder may change while they are loaded (`private_copy`).
 
         Raises
         ------
         LibraryError
-            if a library cannot be read or copied.
+            if a library cannot be read.
         """
         return replace(self, library=private_copy(self.library),
                        evaluator=private_copy(self.evaluator))

@@ -14,8 +14,11 @@
 
 """Compiled folders that change while a process runs their libraries."""
 
+import os
 from pathlib import Path
 import shutil
+import subprocess
+import tempfile
 
 from fret_monitor.native import build_library, LibraryError, load, Monitor
 from fret_monitor.native.binding import ffi
@@ -83,6 +86,47 @@ def test_a_copy_is_made_even_where_the_cache_cannot_be_written(
         assert is_cool(opened(file), 5)
     finally:
         home.chmod(0o700)
+
+
+@pytest.mark.parametrize('is_foreign', [False, True])
+def test_a_library_is_opened_in_place_where_no_copy_can_be_written(
+    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture,
+    is_foreign: bool,
+) -> None:
+    file = tmp_path / 'libtoy.so'
+    shutil.copyfile(toy(10), file)
+    (tmp_path / 'file').touch()
+    if is_foreign:
+        home.chmod(0o777)
+    else:
+        monkeypatch.setenv('ROS_HOME', str(tmp_path / 'file' / 'home'))
+    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path / 'file'))
+    assert private_copy(file) == file
+    assert is_cool(opened(file), 5)
+    cause = 'others can write there' if is_foreign else 'Not a directory'
+    [warning] = caplog.messages
+    assert warning.startswith(f'{tmp_path} is used in place, without a copy (there is no place')
+    assert f'neither {cache_directory()} ({cause}) nor {tmp_path}/file (Not a dir' in warning
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason='only root can mount a disk')
+def test_a_library_is_opened_in_place_where_its_copy_may_not_run(
+    home: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture,
+) -> None:
+    file = tmp_path / 'libtoy.so'
+    shutil.copyfile(toy(10), file)
+    shutil.rmtree(home)
+    home.mkdir(mode=0o700)
+    mount = ['mount', '-t', 'tmpfs', '-o', 'noexec,mode=700', 'tmpfs', str(home)]
+    if subprocess.run(mount, check=False).returncode != 0:
+        pytest.skip('no disk can be mounted')
+    try:
+        assert private_copy(file) == file
+        assert is_cool(opened(file), 5)
+    finally:
+        subprocess.run(['umount', '-l', str(home)], check=True)
+    [warning] = caplog.messages
+    assert warning.startswith(f'{tmp_path} is used in place, without a copy (cannot load {home}')
 
 
 def test_errors_name_the_file_that_was_copied(home: Path, tmp_path: Path) -> None:
