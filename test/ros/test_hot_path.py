@@ -134,6 +134,7 @@ def test_a_receiver_that_could_not_be_stopped_keeps_its_objects(
     calls = []
 
     class Subscription:
+
         @property
         @contextmanager
         def handle(self) -> Iterator[None]:
