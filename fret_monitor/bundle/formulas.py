@@ -60,7 +60,7 @@ def read_one_formula(shape: Shape, what: str, place: Span,
                        'ptltl: "H (speed <= 2.0)"')
     for key in keys[1:]:
         problems.error(f'{what} has two formulas', key.span,
-                       f"'{keys[0].value}' is there already", 'remove one of them')
+                       f"'{keys[0].value}' is already given", 'remove one of them')
     if not keys:
         return Language.PTLTL, None
     node = shape.node(keys[0].value)
@@ -75,18 +75,19 @@ def _formula(key: YamlScalar, node: Node, problems: Problems) -> Text | None:
         return None
     if not isinstance(node, YamlScalar):
         if not (node.items if isinstance(node, YamlList) else node.entries):
-            problems.error('there is no formula', key.span, f'this is {kind_of(node)}, and empty')
+            problems.error('there is no formula', key.span,
+                           f'this is {kind_of(node)} without entries')
         elif source.text[node.span.start] in '[{':
             report_misread(source, node.span.start, problems)
         else:
-            problems.error('a formula is a text', node.span, f'this is {kind_of(node)}')
+            problems.error('a formula must be a text', node.span, f'this is {kind_of(node)}')
         return None
     comment = None if node.style else _COMMENT.match(source.text, max(
         node.span.end, key.span.end + (1 if node.is_missing else 0)))
     if not node.value.strip():
         problems.error('there is no formula', key.span,
                        "a '#' starts a comment: put the formula in quotes" if comment else
-                       'nothing is written behind it')
+                       'nothing follows this key')
         return None
     if comment:
         written = ' '.join(node.value.split())

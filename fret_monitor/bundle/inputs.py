@@ -93,11 +93,11 @@ def _check_input(entry: InputEntry, shape: Shape, problems: Problems) -> set[str
     if entry.field and entry.type and entry.type.value in PLAIN_TYPES:
         damaged.add('field')
         problems.error(f"'{entry.type.value}' has no fields", entry.field.span,
-                       'a field of nothing', "remove 'field', or name a message type")
+                       'only a message has fields', "remove 'field', or name a message type")
     stale = shape.key('stale')
     if stale and shape.lacks('timeout'):
-        problems.error("'stale' needs a 'timeout'", stale.span, 'stale after how long?',
-                       'timeout: 0.5   # seconds')
+        problems.error("'stale' needs a 'timeout'", stale.span,
+                       'without a timeout it is never stale', 'timeout: 0.5   # seconds')
     return damaged
 
 
@@ -115,7 +115,7 @@ def _values(node: Node | None, problems: Problems) -> Iterator[ValueEntry]:
     if mapping is None:
         return
     if not mapping.entries:
-        problems.error("'values' names no value", mapping.span,
+        problems.error("'values' is empty", mapping.span,
                        help='values: {IDLE: 0, LANDING: 1}')
     found = [entry for key, item in mapping.entries if (entry := _value(key, item, problems))]
     _check_values(found, problems)
@@ -133,7 +133,7 @@ def _value(key: YamlScalar, node: Node, problems: Problems) -> ValueEntry | None
     is_string = not looks_like_number(text.value)
     if not is_string and not is_integer(text.value):
         fault = number_fault(text.value)
-        problems.error('a value with a name is a whole number or a string', text.span,
+        problems.error('a named value must be a whole number or a string', text.span,
                        'this is neither', fault.help if fault and fault.help else
                        f'{key.value}: "{text.value}"   # if it is a string')
     return ValueEntry(key.text, text, is_string)
@@ -143,16 +143,17 @@ def _check_values(entries: list[ValueEntry], problems: Problems) -> None:
     firsts: dict[str | Fraction, ValueEntry] = {}
     for item in entries:
         if item.is_string != entries[0].is_string:
-            first = entries[0].name.value
-            problems.error("'values' are all numbers, or all strings", item.value.span,
-                           f'unlike {shown(first)}')
+            first = entries[0]
+            problems.error("the 'values' must be all numbers or all strings", item.value.span,
+                           f'{shown(first.name.value)} is a '
+                           f'{"string" if first.is_string else "number"}')
             return
         number = None if item.is_string else exact(item.value.value)
         same = firsts.setdefault(item.value.value if number is None else number, item)
         if same is not item:
             kind = 'string' if item.is_string else 'number'
             problems.error(f'two names for one {kind}', item.value.span,
-                           f'{shown(same.name.value)} stands for it already')
+                           f'{shown(same.name.value)} already names it')
 
 
 def _qos(node: Node | None, problems: Problems) -> Iterator[tuple[Text, Text]]:
@@ -167,7 +168,7 @@ def _qos(node: Node | None, problems: Problems) -> Iterator[tuple[Text, Text]]:
         if words and text.value not in words:
             report_choice(text, key, words, problems)
         elif not words and not (is_integer(text.value) and 0 < _whole(text.value) < 2 ** 31):
-            problems.error(f"'{key}' is a number of messages, at least 1", text.span)
+            problems.error(f"'{key}' must be a whole number of messages, at least 1", text.span)
         else:
             yield name.text, text
 
@@ -192,7 +193,7 @@ def _check_topic(item: InputEntry, topic: Text, first: InputEntry,
             problems.error(
                 f"inputs on one topic must agree in '{key}'", place,
                 f'{shown(first.name.value)} in {line_of(first.name, place)} '
-                f'says {_said(first, key)}, {shown(item.name.value)} {_said(item, key)}')
+                f'has {_said(first, key)}, {shown(item.name.value)} has {_said(item, key)}')
 
 
 def _qos_of(item: InputEntry) -> object:
@@ -203,9 +204,9 @@ def _said(item: InputEntry, key: str) -> str:
     """Return what is written under a key of an input."""
     place = dict(item.places).get(key)
     if place is None:
-        return 'nothing'
+        return 'none'
     if key == 'qos':
-        return ', '.join(f'{name.value}: {value.value}' for name, value in item.qos) or 'nothing'
+        return ', '.join(f'{name.value}: {value.value}' for name, value in item.qos) or 'none'
     return shown(place.source.text[place.start:place.end])[1:-1]
 
 

@@ -165,11 +165,11 @@ class _BundleReader:
             if key.value == 'format':
                 text = text_of(node, "'format'", self._problems)
                 if text is not None and text.value != FORMAT:
-                    self._problems.error(f'format {shown(text.value)} is not known', text.span,
+                    self._problems.error(f'format {shown(text.value)} is not supported', text.span,
                                          f'this version reads format {FORMAT}', 'format: 1')
                 return text is None or text.value == FORMAT
         if is_required:
-            self._problems.error("the bundle does not say its 'format'", mapping.span,
+            self._problems.error("the bundle has no 'format'", mapping.span,
                                  'write this line first', 'format: 1')
         return True
 
@@ -213,11 +213,11 @@ class _BundleReader:
                              1 / _SHORTEST_PERIOD_S)
         keys = [key for key in (part.key('period'), part.key('rate')) if key]
         if len(keys) == 2:
-            self._problems.error("'period' and 'rate' say the same", keys[1].span,
-                                 f"'{keys[0].value}' is there already", 'remove one of them')
+            self._problems.error("'period' and 'rate' are both given", keys[1].span,
+                                 f"'{keys[0].value}' is already given", 'remove one of them')
         elif keys and is_known and policy is not Policy.PERIODIC:
             self._problems.error(
-                f"'{keys[0].value}' goes with the policy periodic only", keys[0].span,
+                f"'{keys[0].value}' applies to the policy periodic only", keys[0].span,
                 f'the policy is {policy.value}', 'policy: periodic')
         elif (part.lacks('period', 'rate') and policy is Policy.PERIODIC
               and self._needs_period):
@@ -288,8 +288,9 @@ class _BundleReader:
     def _report_outdented(self, name: DeclaredName) -> None:
         """Report a key of an input that stands beside the input's name."""
         self._problems.error(
-            f"'{name.value}' is a key of an input, and no input", name.span,
-            'not indented under the name of one', 'indent it deeper than the name of its input')
+            f"'{name.value}' is a key of an input, not an input", name.span,
+            'not indented under the name of an input',
+            'indent it deeper than the name of its input')
         self._unreadable.add(name.value)
 
     def _definitions(self, shape: Shape) -> Iterator[Definition]:
@@ -307,7 +308,7 @@ class _BundleReader:
         for text in self._signals_names(shape.node('signals')):
             path = self._directory / text.value
             if _resolved(path) in read:
-                self._problems.error('this file is read already', text.span)
+                self._problems.error('this file is already listed', text.span)
                 continue
             read.add(_resolved(path))
             part = self._signals_file(path, text)

@@ -51,11 +51,11 @@ def _requirement_nodes(shape: Shape, node: Node | None,
                 yield mapping
     elif isinstance(node, YamlList) or isinstance(node, YamlScalar) and node.is_missing or (
             node is None and shape.lacks('requirements')):
-        problems.error('a bundle has at least one requirement',
-                       node.span if node else shape.span, 'there is none',
+        problems.error('a bundle needs at least one requirement',
+                       node.span if node else shape.span, 'none is given',
                        'requirements:\n  - id: R1\n    ptltl: "H (speed <= 2.0)"')
     elif node is not None and not isinstance(node, Unread):
-        problems.error("'requirements' is a list", node.span, f'this is {kind_of(node)}',
+        problems.error("the 'requirements' must be a list", node.span, f'this is {kind_of(node)}',
                        '- id: R1\n  ptltl: "H (speed <= 2.0)"')
 
 
@@ -68,9 +68,9 @@ def _check_id(item: Requirement, ids: dict[str, Requirement],
                        f'first in line {same.id.span.line}')
     elif clash is not item:
         problems.error(
-            f'two ids give one handler, {shown(item.handler)}', item.id.span,
-            f'{shown(clash.id.value)} in line {clash.id.span.line} gives it too',
-            "letters, digits and '_' tell ids apart; other characters do not")
+            f'two ids have the same handler, {shown(item.handler)}', item.id.span,
+            f'{shown(clash.id.value)} in line {clash.id.span.line} has it too',
+            "ids must differ in letters or digits: every other character becomes '_'")
 
 
 def _requirement_node(node: Node, problems: Problems) -> YamlMapping | None:
@@ -108,12 +108,12 @@ def _requirement(mapping: YamlMapping, report: Report, severity: Severity,
 
 def _id(shape: Shape, problems: Problems) -> Text | None:
     if shape.lacks('id'):
-        problems.error("a requirement has an 'id'", shape.span, 'this one has none', 'id: R1')
+        problems.error("a requirement needs an 'id'", shape.span, 'this one has none', 'id: R1')
     text = shape.text('id')
     if text is None:
         return None
     if not text.value.isprintable() or text.value != text.value.strip():
-        problems.error('an id is one line, with no blank at its ends', text.span)
+        problems.error('an id must be one line, without spaces at its ends', text.span)
         return None
     found = Requirement(text, Language.PTLTL, text, '', '', Report.EVERY_STEP, Severity.ERROR)
     report_fault(handler_fault(found.handler), text, problems)

@@ -63,5 +63,5 @@ def _decoded(path: Path, data: bytes) -> Source:
     is_wide = data.startswith((b'\xff\xfe', b'\xfe\xff'))
     source = Source(str(path), good + rest)
     refuse('the file is not in UTF-8', Span(source, len(good), len(good) + 1),
-           'it is in UTF-16' if is_wide else 'this byte begins no character',
+           'it is in UTF-16' if is_wide else 'this byte is not part of a UTF-8 character',
            'save it as UTF-8')

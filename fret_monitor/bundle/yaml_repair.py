@@ -16,7 +16,7 @@
 Finds and reports values that YAML cuts or misreads because they are not in quotes.
 
 A formula such as `!p & q`, `a: b` or `[x] > 3` means something else to YAML, or nothing. The user
-gets the line to paste; the reader goes on behind the value.
+gets the line to paste; the reader goes on after the value.
 """
 
 from collections.abc import Iterator
@@ -53,7 +53,7 @@ _KEY_LINE = re.compile(r'[ ]+([A-Za-z_]\w*)(?=:(?:[ ]|$))')
 def report_lacking_space(match: re.Match[str], span: Span, problems: Problems) -> None:
     """Report `key:value`, which `LACKS_SPACE` matches, at its place."""
     key, value = match[0][match.start(1):].split(':', 1)
-    problems.error("a space is missing after the ':'", span, 'YAML takes this for a text',
+    problems.error("a space is missing after the ':'", span, 'YAML reads this as a text',
                    f'{key}: {value.strip()}')
 
 
@@ -63,7 +63,7 @@ def report_misread(source: Source, start: int, problems: Problems) -> None:
     first = source.text[start]
     quotes = first in '"\''
     if quotes:
-        title = 'there is text behind a closing quote'
+        title = 'text follows the closing quote'
     elif first in _MARKS:
         title = f"'{first}' {_MARKS[first]} in YAML"
     elif re.search(r':(?:\s|$)', written):
@@ -157,7 +157,7 @@ def _line_end(text: str, start: int) -> int:
 
 class Repair:
     """
-    What goes on behind a value that YAML cannot read.
+    What follows a value that YAML cannot read.
 
     The value is reported and replaced by a word of the same length, so that all places stay right.
     `unread` are the places of such values; those in `swallowing` have taken in keys below them.
@@ -266,16 +266,16 @@ class Repair:
                                  'look at the brackets, commas and colons within them')
         elif 'escape' in problem:
             self._problems.error(
-                "a '\\' in double quotes starts an escape, and this is none",
-                Span(self._source, place, place + 2), 'not an escape',
-                'write two of them, or put the text in single quotes')
+                "a '\\' in double quotes must start an escape sequence",
+                Span(self._source, place, place + 2), 'this is not an escape sequence',
+                'write two backslashes, or put the text in single quotes')
         elif self._line(place) != self._line(start) and text[start] not in _MARKS:
             self.swallowing |= {start}
             if self._is_too_deep(start, place):
                 return
             self._problems.error(
-                "there is a ': ' inside a text of several lines", Span(self._source, place,
-                                                                       place + 1),
+                "a text of several lines contains ': '",
+                Span(self._source, place, place + 1),
                 f'the text begins in line {self._line(start)}',
                 'put the text in quotes, or correct the indentation of this line')
         else:
@@ -294,8 +294,8 @@ class Repair:
         self._problems.error(
             'this key is indented deeper than the one above',
             Span(self._source, begin + key.start(1), place),
-            f'so it goes on with the text of line {self._line(start)}',
-            f'begin it under {above["key"].strip()!r}, or put that text in quotes:\n{line}')
+            f'so YAML reads it as part of the text of line {self._line(start)}',
+            f'indent it like {above["key"].strip()!r}, or put that text in quotes:\n{line}')
         return True
 
     def _blank(self, start: int) -> None:
@@ -320,10 +320,10 @@ class Repair:
 _PROBLEMS = (
     ('flow sequence', 'this list is not closed'),
     ('flow mapping', 'this brace is not closed'),
-    ("expected ':'", "there is no ':' behind this key"),
-    ('expected key', 'a key was expected here: indent it as those above'),
-    ('expected <block end>', 'a key was expected here: indent it as those above'),
+    ("expected ':'", "a ':' is missing after this key"),
+    ('expected key', 'expected a key: indent it like those above'),
+    ('expected <block end>', 'expected a key: indent it like those above'),
     ('mapping values', "a ':' is not allowed here"),
-    ("expected '-'", "a '-' was expected here; or indent it as the key behind the '-' above"),
-    ('document start', 'there is text behind the end of the document'),
+    ("expected '-'", "expected a '-', or indent it like the key after the '-' above"),
+    ('document start', 'text follows the end of the document'),
 )

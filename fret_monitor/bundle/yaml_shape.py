@@ -75,10 +75,10 @@ class Shape:
         if help_ is None:
             slip = slips.get(key.value)
             meant = [slip] if slip else close_matches(key.value, self._known)
-            help_ = suggestion(meant) or 'known are ' + ', '.join(self._known)
+            help_ = suggestion(meant) or 'the keys are ' + ', '.join(self._known)
         self._meant.update(meant)
         self._problems.error(f'{self.what} has no key {shown(key.value)}', key.span,
-                             'not known', help_)
+                             'unknown key', help_)
 
     def lacks(self, *keys: str) -> bool:
         """Return whether none of the keys is there, nor anything that was meant to be one."""
@@ -125,7 +125,7 @@ class Shape:
         fault = number_fault(text.value)
         value = exact(text.value)
         if fault is not None:
-            self._problems.error(f"'{key}' is a number of {unit}: {fault.reason}", text.span,
+            self._problems.error(f"'{key}' must be a number of {unit}: {fault.reason}", text.span,
                                  help=fault.help or f'{key}: 0.1')
         elif value is not None and value <= 0:
             self._problems.error(f"'{key}' must be greater than 0", text.span)
@@ -158,7 +158,7 @@ def kind_of(node: Node) -> str:
     """Say what a node is, in the user's words."""
     match node:
         case YamlMapping():
-            return 'keys with values'
+            return 'a mapping'
         case YamlList():
             return 'a list'
         case YamlScalar():
@@ -174,7 +174,7 @@ def text_of(node: Node, what: str, problems: Problems) -> Text | None:
     if isinstance(node, YamlScalar):
         problems.error(f'{what} has no value', node.span, 'write one, or remove the key')
     elif not isinstance(node, Unread):
-        problems.error(f'{what} is a text', node.span, f'this is {kind_of(node)}')
+        problems.error(f'{what} must be a text', node.span, f'this is {kind_of(node)}')
     return None
 
 
@@ -189,7 +189,7 @@ def mapping_of(node: Node | None, what: str, problems: Problems,
     if node is not None and (match := LACKS_SPACE.fullmatch(plain)):
         report_lacking_space(match, node.span, problems)
     elif node is not None and not isinstance(node, Unread):
-        problems.error(f'{what} holds keys with values', node.span,
+        problems.error(f'{what} must be a mapping of keys to values', node.span,
                        f'this is {kind_of(node)}', help)
     return None
 
@@ -197,7 +197,7 @@ def mapping_of(node: Node | None, what: str, problems: Problems,
 def report_choice(text: Text, key: str, words: Iterable[str], problems: Problems) -> None:
     """Report a word that is not one of the choices."""
     words = list(words)
-    problems.error(f"{shown(text.value)} is no choice for '{key}'", text.span,
+    problems.error(f"{shown(text.value)} is not valid for '{key}'", text.span,
                    'one of ' + ', '.join(words), did_you_mean(text.value, words))
 
 

@@ -57,7 +57,7 @@ class _Pairs:
         self.offsets.append(offset)
 
     def stands_for(self, value: str) -> bool:
-        """Return whether the characters are, or go on behind, those of `value`."""
+        """Return whether the characters are, or follow, those of `value`."""
         mine = ''.join(self._chunks)[:len(value)]
         return len(mine) == len(value) and all(
             a in (b, '\0') for a, b in zip(mine, value, strict=True))
@@ -79,7 +79,7 @@ def scalar_text(source: Source, start: int, value: str, style: str) -> Text:
 
 
 def _closed(offsets: list[int], length: int, start: int) -> Sequence[int]:
-    """Cut off what chomping drops, and add the place just behind the last character."""
+    """Cut off what chomping drops, and add the place just after the last character."""
     kept = offsets[:length]
     if not kept or kept[-1] - kept[0] == length - 1:  # most are: save the memory of a list
         first = kept[0] if kept else start
@@ -198,7 +198,7 @@ def _block(text: str, place: int, length: int, style: str, indentation: int) -> 
 
 
 def _content_start(text: str, start: int, end: int, indentation: int) -> int | None:
-    """Return where a line's own text begins, None where the line is no longer of the scalar."""
+    """Return where a line's own text begins, None if it is not part of the scalar."""
     place = start
     while place < end and place - start < indentation and text[place] == ' ':
         place += 1

@@ -126,7 +126,7 @@ def _refuse_unprintable(source: Source, problems: Problems) -> bool:
 
 
 def _events(text: str) -> Iterator[yaml.Event]:
-    """Yield the events of a text; their marks count from behind a byte order mark."""
+    """Yield the events of a text; their marks count from after a byte order mark."""
     yield from yaml.parse(text, Loader=_Loader)
 
 
@@ -193,7 +193,7 @@ class _TreeBuilder:
         self._documents += 1
         if self._documents > 1:
             self.problems.error(
-                'a bundle is one YAML document', self._span(event),
+                'a bundle must be one YAML document', self._span(event),
                 'a second one begins here', 'remove this line, or make it a file of its own')
             raise _TooMuch
 
@@ -245,13 +245,13 @@ class _TreeBuilder:
             if isinstance(key, YamlScalar) and self._is_new(key, found):
                 found[key.value] = (key, value)
             elif isinstance(key, YamlList | YamlMapping):
-                self.problems.error('a key is a word', key.span, 'this is a list or mapping')
+                self.problems.error('a key must be a word', key.span, 'this is a list or mapping')
         return tuple(found.values())
 
     def _is_new(self, key: YamlScalar, found: dict[str, tuple[YamlScalar, Node]]) -> bool:
         if key.value == '<<' and not key.style:
-            self.problems.error('a bundle has no merges', key.span,
-                                "YAML merges what '<<' names", 'write the keys out')
+            self.problems.error('YAML merge keys are not supported', key.span,
+                                "'<<' would merge another mapping", 'write the keys out')
             return False
         first = found.get(key.value)
         if first is not None:
@@ -262,8 +262,8 @@ class _TreeBuilder:
     def _alias(self, event: yaml.AliasEvent) -> Node:
         span = self._span(event)
         if event.anchor in self._anchors:
-            self.problems.error('a bundle has no aliases', span,
-                                f"stands for what '&{event.anchor}' marks", 'write it out')
+            self.problems.error('YAML aliases are not supported', span,
+                                f"refers to '&{event.anchor}'", 'write the value out')
         else:
             report_misread(self.source, span.start, self.problems)
         return Unread(span)
@@ -278,7 +278,7 @@ class _TreeBuilder:
         is_text = isinstance(event, yaml.ScalarEvent)
         if mark.startswith('!!') or not is_text and (event.anchor or not rest):
             kind = 'tags' if mark.startswith('!') else 'anchors'
-            self.problems.error(f'a bundle has no {kind}',
+            self.problems.error(f'YAML {kind} are not supported',
                                 Span(self.source, span.start, span.start + len(mark)),
                                 'remove it')
         else:

@@ -76,7 +76,7 @@ def _folded(operator: BinaryOperator, a: ExactNumber, b: ExactNumber, place: Spa
     except NumberError as error:
         refuse('this number cannot be computed', place, str(error))
     if operator is BinaryOperator.DIV and (b.value == 0 or a.value / b.value != result.value):
-        problems.warning(f'{a} / {b} of whole numbers is {result}', place, 'rounded toward zero',
+        problems.warning(f'{a} / {b} in whole numbers is {result}', place, 'rounded toward zero',
                          f'write {a}.0 / {b} for the exact quotient')
     return result
 

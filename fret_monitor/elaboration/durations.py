@@ -52,13 +52,13 @@ def steps_of(duration: Duration, period: Fraction | None) -> int:
     is_timed = period is not None and duration.unit in SECONDS
     steps = number * SECONDS[duration.unit] / period if is_timed and period else number
     if steps > MAX_BOUND - 1:
-        refuse(f'a duration is at most {MAX_BOUND - 1} steps', duration.span, 'this is more')
+        refuse(f'a duration is at most {MAX_BOUND - 1} steps', duration.span, 'this is longer')
     if steps.denominator == 1:
         return int(steps)
     if is_timed and period is not None:
         _refuse_period(duration, number * SECONDS[duration.unit], period)
     refuse('a duration counts whole steps', duration.span,
-           f'{duration.number} is no whole number of steps',
+           f'{duration.number} is not a whole number of steps',
            'write a whole number; under policy: periodic a time becomes steps of the period'
            if duration.unit in SECONDS else 'write a whole number')
 
@@ -72,7 +72,7 @@ def _number(duration: Duration) -> ExactNumber:
 
 def _refuse_period(duration: Duration, seconds: Fraction, period: Fraction) -> None:
     periods, rates = _fitting_key(seconds, period)
-    refuse('this duration is no whole number of steps', duration.span,
+    refuse('this duration is not a whole number of steps', duration.span,
            f'{approximate(seconds)} s are {approximate(seconds / period)} periods of '
            f'{approximate(period)} s',
            'it would be with ' + periods + (f' ({rates})' if periods and rates else rates)
@@ -98,8 +98,9 @@ def _fitting_key(seconds: Fraction, period: Fraction) -> tuple[str, str]:
 def steps_help(number: str, unit: Unit, policy: Policy, period: Fraction | None) -> str:
     """Return the help text for a bound that has a unit of time where only steps are allowed."""
     if period is None:
-        return ('write how many' if policy is Policy.PERIODIC else
-                f'write how many: policy: {policy.value} does not say how long a step is')
+        return ('write the number of steps' if policy is Policy.PERIODIC else
+                f'write the number of steps: with policy: {policy.value} '
+                'a step has no fixed length')
     steps = Fraction(number) * SECONDS[unit] / period
     written = f"{number} {unit.value.removesuffix('s') if number == '1' else unit.value}"
     shown = f'{written} = {approximate(steps)} periods of {approximate(period)} s'

@@ -219,13 +219,13 @@ class _Reading:
         if term.is_broken:
             return None
         if not term.is_boolean:
-            self.problems.error('a requirement is true or false', term.span,
+            self.problems.error('a requirement must be true or false', term.span,
                                 f'this is {describe(term)}')
             return None
         if term.undefined:
             self.problems.warning(
                 "this 'pre' has no value at the first step", term.origin,
-                'false or 0 is taken there', 'write what it is at first, as in 0 -> pre x')
+                'false or 0 is used there', 'write its first value, as in 0 -> pre x')
         formula = formula_of(term)
         return Property(
             id=item.id.value,
@@ -263,8 +263,9 @@ class _Reading:
         expected = self._bundle.component
         if expected is not None and found.name != expected.value:
             self.problems.error(f"the component of this bundle is '{expected.value}'", found.span,
-                                'another component', f'write {expected.value}, or leave out '
-                                'component: in the bundle, for any')
+                                'this is another component',
+                                f'write {expected.value}, or leave out component: in the '
+                                'bundle, for any')
 
     def _tree(self, language: Language, text: Text) -> Expression | Equations | None:
         try:

@@ -230,7 +230,7 @@ class Elaborator:
         if declaration is not None:
             self._problems.warning(
                 f"'{node.text}' is {declaration.role.value} and the name of a value", node.span,
-                'the value is meant here')
+                'here it is the value')
         number = ExactNumber(Fraction(vocabulary.numbers[node.text]), False)
         return TypedTerm(number, node.span, vocabulary)
 
@@ -250,7 +250,7 @@ class Elaborator:
         known = dict.fromkeys([*vocabulary.numbers, *self._scope.known()])
         help_ = f"it is a value of '{owners[0]}'" if owners else did_you_mean(name, known)
         self._problems.error(
-            f"'{name}' is neither declared nor a value of what it is compared with", span,
+            f"'{name}' is neither declared nor a value of the other operand", span,
             'unknown name', help_ or f'the values are {vocabulary}')
 
     def _constant(self, node: Name) -> int:
@@ -268,7 +268,7 @@ class Elaborator:
         if not isinstance(value, ExactNumber) or value.is_real or value.value < 0:
             is_real = (isinstance(value, ExactNumber) and value.value.denominator == 1
                        and value.is_real)
-            refuse('a bound counts steps, so it takes whole numbers from 0', node.span,
+            refuse('a bound counts steps: it must be a whole number, at least 0', node.span,
                    f'this is {describe(declaration.term)}' + ', as a real number' * is_real)
         return value.value.numerator
 
@@ -338,9 +338,9 @@ class Elaborator:
         past = window(node.bound, self._constant)
         if self._is_lustre and past.low > 0:
             self._problems.warning(
-                "with a lower bound above 0 FRET's own Lustre library means something else",
-                node.operator_span, 'the metric meaning is taken',
-                "FRET's library takes the operator without a bound, and the bounded O")
+                "FRET's own Lustre library differs when the lower bound is above 0",
+                node.operator_span, 'the metric meaning is used here',
+                "FRET's library computes the unbounded operator and the bounded O")
         match node.operator:
             case 'S':
                 return Since(past, p, q)
@@ -358,8 +358,8 @@ class Elaborator:
             self._refuse_function(node)
         if not function.takes(len(node.arguments)):
             forms = ' or '.join(f'{name}({form})' for form in function.forms)
-            refuse(f"'{name}' takes other arguments", node.span,
-                   f'these are {len(node.arguments)}', f'write {forms}')
+            refuse(f"'{name}' has the wrong number of arguments", node.span,
+                   f'{len(node.arguments)} given', f'write {forms}')
         if node in self._cells:
             delayed_term = TypedTerm(self._cells[node], node.span)
             first, later = alike([operands[0], delayed_term], f"'{name}'")
@@ -380,7 +380,7 @@ class Elaborator:
                    f"'{node.function}' looks into the future", f'write {_FUTURE[node.function]}')
         refuse(f"there is no function '{node.function}'", node.function_span, '',
                did_you_mean(node.function, FUNCTIONS)
-               or 'there are ' + ', '.join(sorted(FUNCTIONS)))
+               or 'one of ' + ', '.join(sorted(FUNCTIONS)))
 
 
 def _refuse_application(node: Call, role: Role) -> NoReturn:

@@ -112,7 +112,7 @@ class _LustreNode:
             if outer is not None:
                 self._problems.warning(
                     f"'{equation.name}' is {outer.role.value} and an equation", equation.name_span,
-                    'the equation is meant in these equations')
+                    'in these equations it is the equation')
 
     def _input(self, item: LustreVariable) -> TypedTerm:
         outer = self._outer.find(item.name)
@@ -344,7 +344,7 @@ def _declared(term: TypedTerm, declaration: LustreVariable) -> TypedTerm:
     """Return a term converted to its declared type."""
     if declaration.type not in _TYPES:
         refuse(f"Lustre's type '{declaration.type}' is not known", declaration.span, '',
-               did_you_mean(declaration.type, _TYPES) or 'there are bool, int and real')
+               did_you_mean(declaration.type, _TYPES) or 'the types are bool, int and real')
     what = f"'{declaration.name}: {declaration.type}'"
     if declaration.type == 'bool':
         expect_bool(term, what)

@@ -145,8 +145,8 @@ class _Formalisation:
         owner = scope.owners[mode.text][0]
         compared = f'{_SCOPE_WORDS[phrase.kind]} {owner} = {mode.text}'
         self._problems.error(
-            f"'{mode.text}' is a value of '{owner}', and no mode", mode.span,
-            'true or false is wanted here',
+            f"'{mode.text}' is a value of '{owner}', not a mode", mode.span,
+            'expected true or false',
             f'write {compared}; or give the mode a name: definitions: '
             f'{{{mode.text.lower()}_mode: {owner} = {mode.text}}}')
         return True

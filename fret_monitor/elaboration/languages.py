@@ -48,8 +48,8 @@ def read_formula(language: Language, text: Text) -> Expression | Equations | Sen
 
 
 _KINDS = {
-    Language.FRETISH: 'a sentence of FRETish', Language.PTLTL: 'a formula, and no sentence',
-    Language.COCOSPEC: 'a formula of CoCoSpec, and no sentence',
+    Language.FRETISH: 'a sentence of FRETish', Language.PTLTL: 'a formula, not a sentence',
+    Language.COCOSPEC: 'a formula of CoCoSpec, not a sentence',
 }
 _SHALL = re.compile(r'\bshall\b', re.IGNORECASE)
 

@@ -149,8 +149,8 @@ def _scalar(name: str, text: Text, plain: dict[str, ValueType]) -> ValueType | N
     if name in (_TEXT, 'wstring'):
         return None
     if name not in plain:
-        refuse(f"'{name}' is no type that a monitor reads", text.span, '',
-               did_you_mean(name, plain) or 'there are ' + ', '.join([*plain, _TEXT]))
+        refuse(f"'{name}' is not a type that a monitor can read", text.span, '',
+               did_you_mean(name, plain) or 'one of ' + ', '.join([*plain, _TEXT]))
     return plain[name]
 
 
@@ -158,13 +158,13 @@ def _values(entry: InputEntry, kind: ValueType | None,
             problems: Problems) -> tuple[tuple[str, int | str], ...] | None:
     """Return the names of an input's values with the values, or None if one is wrong."""
     if kind is None and not entry.values:
-        refuse(f"the input '{entry.name}' is text, and monitors read numbers",
+        refuse(f"the input '{entry.name}' is text, but a monitor reads numbers",
                (entry.type or entry.name).span, 'a string needs names for its values',
                'values: {IDLE: "idle", LANDING: "landing"}')
     if kind is ValueType.BOOL and entry.values:
         refuse(f"'{entry.values[0].name}' cannot be a value of type bool",
-               entry.values[0].value.span, 'true and false have their names',
-               'leave out values, and write the input alone or with ! before it')
+               entry.values[0].value.span, 'a bool is already true or false',
+               'remove values, and write the input by itself or with ! before it')
     found: list[tuple[str, int | str]] = []
     for item in entry.values:
         try:
@@ -230,7 +230,7 @@ def _stored(literal: ExactNumber, kind: ValueType, text: Text) -> int | float:
 def _initial_text(text: str, values: tuple[tuple[str, int | str], ...], place: Text) -> int:
     strings = [value for _, value in values]
     if text not in strings:
-        refuse(f"'{text}' is none of the input's values", place.span, '',
+        refuse(f"'{text}' is not one of the input's values", place.span, '',
                did_you_mean(text, [name for name, _ in values])
                or f'the values are {Vocabulary(values)}')
     return strings.index(text)

@@ -146,7 +146,7 @@ def expect_bool(term: TypedTerm, operator: str) -> Formula:
     """Return a term's formula; refuse it unless it is BOOL, as `operator` requires."""
     value = term.value
     if not term.is_boolean or isinstance(value, (ExactNumber, Undeclared, Broken)):
-        refuse(f'{operator} takes what is true or false', term.span,
+        refuse(f'{operator} takes only true or false', term.span,
                f'this is {describe(term)}', _truth_help(term))
     return value
 
@@ -250,7 +250,7 @@ def alike(terms: Sequence[TypedTerm], operator: str) -> list[Formula]:
 
 def _same_truth(term: TypedTerm, operator: str) -> Formula:
     if not term.is_boolean:
-        refuse(f'{operator} takes two numbers, or two that are true or false', term.span,
+        refuse(f'{operator} takes two numbers, or two truth values', term.span,
                f'this is {describe(term)}, the other is true or false', _truth_help(term))
     return expect_bool(term, operator)
 
@@ -260,7 +260,7 @@ def same_text(terms: Sequence[TypedTerm], operator: str) -> list[Formula]:
     vocabulary = next(term.vocabulary for term in terms if term.is_text)
     for term in terms:
         if term.vocabulary != vocabulary:
-            refuse(f'{operator} cannot take text and something else', term.span,
+            refuse(f'{operator} cannot take text together with something else', term.span,
                    f'this is {describe(term)}',
                    f'text can be compared by = and != with its names: {vocabulary}')
     values = [term.value for term in terms]

@@ -77,7 +77,7 @@ class Syntax:
     `refused` are words and characters with what to write instead; `foreign` are words of other
     languages, with the same, that are names here and are spoken of only where they do not fit.
     `write` says how this language spells the logical operators. `explain` may say more about a
-    lexeme that does not fit.
+    unexpected lexeme.
     """
 
     grammar: str
@@ -113,7 +113,7 @@ def _lexeme(syntax: Syntax, text: Text, kind: str, start: int, end: int) -> Lexe
             return Lexeme(kind, word, start, end, span)
         case 'NAME':
             if word in syntax.refused:
-                refuse(f"'{word}' is no operator here", span, 'not in this language',
+                refuse(f"'{word}' is not an operator here", span, 'not in this language',
                        syntax.refused[word])
             kind, word = syntax.words.get(word, ('NAME', word))
             return Lexeme(kind, word, start, end, span)
@@ -142,7 +142,7 @@ def _refuse_text(syntax: Syntax, word: str, span: Span) -> NoReturn:
     if word == '""':
         refuse('a name is missing between the quotes', span, 'empty')
     if word == '"':
-        refuse('the quoted name does not end', span, "no '\"' follows on this line")
+        refuse('the quoted name does not end', span, "no closing '\"' on this line")
     if word in ('/*', '(*'):
         refuse('the comment does not end', span, 'opened here')
     if word in _LOOKALIKES:
@@ -151,9 +151,9 @@ def _refuse_text(syntax: Syntax, word: str, span: Span) -> NoReturn:
                f'write {syntax.write.get(meant, meant)}')
     if word.isspace():
         refuse(f'a special space (U+{ord(word):04X}) cannot be used here', span,
-               'looks like a space, and is none', 'delete it and type a space')
+               'looks like a space, but is not one', 'delete it and type a space')
     shown = f"'{word}'" if word.isprintable() else f'the character U+{ord(word):04X}'
-    refuse(f'{shown} cannot be used in a formula', span, 'not expected',
+    refuse(f'{shown} cannot be used in a formula', span, 'not allowed here',
            syntax.refused.get(word, ''))
 
 
@@ -161,7 +161,7 @@ def _refuse_apostrophe(text: Text, start: int) -> NoReturn:
     match = re.compile(r"'([^'\n]*)'").match(text.value, start)
     raise CompileError([QuotedText(
         'an apostrophe cannot be used in a formula',
-        text.at(start, match.end() if match else start + 1), 'not expected',
+        text.at(start, match.end() if match else start + 1), 'not allowed here',
         'a name of a value is written without quotes: mode = LANDED',
         text=match[1] if match else '')])
 
@@ -210,7 +210,7 @@ def parse(syntax: Syntax, text: Text, lexemes: Sequence[Lexeme], start: str,
     """
     Return what the language's builder makes of the lexemes; raises `CompileError`.
 
-    `tell` says in the language's own words what is wrong at a lexeme that does not fit.
+    `tell` says in the language's own words what is wrong at an unexpected lexeme.
     """
     parser = _tables(syntax).parse_interactive('', start)
     from lark.exceptions import UnexpectedToken
@@ -277,7 +277,7 @@ def _is_signed(lexemes: Sequence[Lexeme]) -> bool:
 
 
 def _end(text: Text, lexemes: Sequence[Lexeme]) -> Lexeme:
-    """Return the end, just behind the last lexeme."""
+    """Return the end, just after the last lexeme."""
     end = lexemes[-1].end if lexemes else 0
     place = lexemes[-1].span.end if lexemes else text.span.start
     return Lexeme(END, '', end, end, Span(text.source, place, place))
@@ -285,7 +285,7 @@ def _end(text: Text, lexemes: Sequence[Lexeme]) -> Lexeme:
 
 def _refuse_lexeme(syntax: Syntax, text: Text, lexemes: Sequence[Lexeme], index: int,
                    expected: frozenset[str]) -> NoReturn:
-    """Say why the lexeme at `index` does not fit, where `expected` would."""
+    """Refuse the lexeme at `index`, where one of `expected` is allowed."""
     found = lexemes[index]
     if len(lexemes) == 1:
         refuse('the formula is empty', text.span, 'nothing to read here')
@@ -301,7 +301,7 @@ def _refuse_lexeme(syntax: Syntax, text: Text, lexemes: Sequence[Lexeme], index:
     if found.type in OPERAND_STARTS and lexemes[index - 1].type in OPERAND_ENDS:
         _refuse_missing_operator(syntax, text, lexemes[index - 1], found)
     title = 'the formula ends too early' if found.type == END else (
-        f"'{as_written(text, found)}' does not fit here")
+        f"unexpected '{as_written(text, found)}'")
     refuse(title, found.span, _expectation(expected, lexemes[:index], opened))
 
 
@@ -319,10 +319,10 @@ def open_brackets(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
 def _check_closing(text: Text, found: Lexeme, opened: Sequence[Lexeme]) -> None:
     written = as_written(text, found)
     if not opened:
-        refuse(f"'{written}' closes nothing", found.span, 'no bracket is open here')
+        refuse(f"'{written}' is unmatched", found.span, 'no bracket is open here')
     if opened[-1].type != _CLOSES[found.type]:
         refuse(f"'{as_written(text, opened[-1])}' is not closed", opened[-1].span,
-               f"'{written}' follows, which does not close it")
+               f"'{written}' comes first and does not close it")
 
 
 def _refuse_missing_operand(text: Text, lexemes: Sequence[Lexeme], index: int) -> NoReturn:
@@ -338,7 +338,7 @@ def _refuse_missing_operator(syntax: Syntax, text: Text, before: Lexeme,
                              found: Lexeme) -> NoReturn:
     for lexeme in (before, found):
         if lexeme.type == 'NAME' and lexeme.text in syntax.foreign:
-            refuse(f"'{lexeme.text}' is no operator here", lexeme.span, 'not in this language',
+            refuse(f"'{lexeme.text}' is not an operator here", lexeme.span, 'not in this language',
                    syntax.foreign[lexeme.text])
     refuse('an operator is missing', found.span,
            f"expected an operator before '{as_written(text, found)}'")
@@ -372,7 +372,7 @@ def _expectation(expected: frozenset[str], before: Sequence[Lexeme],
     shown = ['an operator'] * after_operand
     shown += [word for kind, word in _SHOWN.items() if kind in expected - out_of_place]
     if not shown:
-        return 'expected the end' if END in expected else 'not expected'
+        return 'expected the end' if END in expected else 'not allowed here'
     return 'expected ' + ' or '.join([', '.join(shown[:-1]), shown[-1]] if shown[1:] else shown)
 
 

@@ -16,7 +16,7 @@
 The ends of bounds as they are written: a number, a sum of numbers, or one with constants in it.
 
 FRET writes `10-1` there. A parser asks `bound_end` what an end says; where that has names, what
-they stand for is not known yet, and whoever knows works it out with `work_out`.
+they stand for is not known yet; `work_out` computes the bound once it is.
 """
 
 from collections.abc import Callable
@@ -40,7 +40,7 @@ class TimedBound(Diagnostic):
 
 def timed_bound(number: str, unit: Unit, place: Span) -> TimedBound:
     """Return the error for `H[0,2s] p`, as long as the length of a step is not known."""
-    help_ = f'write {number}' if unit is Unit.TICK else 'write how many'
+    help_ = f'write {number}' if unit is Unit.TICK else 'write the number of steps'
     return TimedBound('a bound counts steps', place, 'this has a unit', help_, number=number,
                       unit=unit)
 
@@ -62,7 +62,7 @@ def bound_end(node: Expression) -> str | Expression:
     names = [name for name in postorder(node) if isinstance(name, Name)]
     for name in names:
         if name.text.lower() in _ENDLESS:
-            refuse('a bound is a whole number', name.span, 'a name',
+            refuse('a bound must be a whole number', name.span, 'a name',
                    'for no upper bound write [>=n]')
     number = work_out(node, lambda name: 0)
     return node if names else str(number)
@@ -100,4 +100,4 @@ def _calculate(operator: str, left: int, right: int) -> int:
 
 
 def _refuse(node: Expression) -> NoReturn:
-    refuse('a bound is a whole number', node.span, 'not a number')
+    refuse('a bound must be a whole number', node.span, 'not a number')

@@ -230,13 +230,13 @@ def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
             return Diagnostic('Lustre has no such operator', found.span, 'not in this language',
                               'write p = q')
         case 'NAME', 'LBRACK' if before.text in ('H', 'O'):
-            return Diagnostic('a bound is written as two arguments', found.span, 'not expected',
-                              f'write {_TAKES[before.text + "T"]}')
+            return Diagnostic('a bound is written as two arguments', found.span,
+                              'not allowed here', f'write {_TAKES[before.text + "T"]}')
         case 'SEMI', 'NAME' | 'PAST' | 'DELAY' | 'NOT' | 'PRE' | 'LPAR' | 'IF':
-            return Diagnostic('one formula is expected', found.span, 'a second one',
+            return Diagnostic('expected a single formula', found.span, 'a second formula',
                               'join them with and, or name each: a = p; b = a and q;')
         case _, 'COMMA' if before.type in _lalr.OPERAND_ENDS:
-            return Diagnostic("',' does not fit here", found.span, 'not among the arguments of a '
+            return Diagnostic("unexpected ','", found.span, 'not among the arguments of a '
                               'function', f'write {_TAKES["OT"]}, or H(p) without a bound')
         case 'TEL' | 'DOT', _ if found.type in ('NODE', 'FUNCTION'):
             return Diagnostic('one node is expected', found.span, 'a second one',

@@ -99,7 +99,7 @@ _QUALIFIERS = frozenset({'QUALIFIER', 'WHEN', 'IF', 'UNLESS'})
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """The lexeme at `index` does not fit; `fitting` would, and `earlier` would have before it."""
+    """The kinds allowed at the unexpected lexeme `index` (`fitting`), one before (`earlier`)."""
 
     text: Text
     lexemes: Sequence[Lexeme]
@@ -109,7 +109,7 @@ class Misfit:
 
     @property
     def found(self) -> Lexeme:
-        """The lexeme that does not fit."""
+        """The unexpected lexeme."""
         return self.lexemes[self.index]
 
     @property
@@ -123,11 +123,11 @@ class Misfit:
 
 
 def check_sentence(text: Text, lexemes: Sequence[Lexeme]) -> None:
-    """Refuse what is no sentence at all: nothing, or free text in quotes."""
+    """Refuse what is not a sentence at all: nothing, or free text in quotes."""
     if not lexemes:
         refuse('the sentence is empty', text.span, 'nothing to read here', _EXAMPLE)
     if len(lexemes) == 1 and text.value[lexemes[0].start] == '"':
-        refuse('free text has no meaning that could be monitored', text.span, 'in quotes',
+        refuse('free text cannot be monitored', text.span, 'this is text in quotes',
                _EXAMPLE)
 
 
@@ -135,8 +135,8 @@ def check_expression(lexemes: Sequence[Lexeme]) -> None:
     """Refuse a sentence where an expression is wanted."""
     for lexeme in lexemes:
         if lexeme.type in ('SHALL', 'SATISFY'):
-            refuse('a definition is an expression, and no sentence', lexeme.span, 'not expected',
-                   'write what is true or false, as in x > 3 & p')
+            refuse('a definition is an expression, not a sentence', lexeme.span,
+                   'not allowed here', 'write a condition, as in x > 3 & p')
 
 
 def refuse_future(phrase: Span) -> NoReturn:
@@ -154,17 +154,17 @@ def refuse_probability(phrase: Span) -> NoReturn:
 
 def refuse_negative(phrase: Span) -> NoReturn:
     """Refuse `within -3 ticks`."""
-    refuse('a duration cannot be negative', phrase, 'less than nothing')
+    refuse('a duration cannot be negative', phrase, 'less than 0')
 
 
 def refuse_bare(number: str, phrase: Span) -> NoReturn:
     """Refuse `within 10 satisfy`."""
-    refuse('a duration needs a unit', phrase, 'a number without one',
+    refuse('a duration needs a unit', phrase, 'this number has none',
            f'write {short(number)} ticks for steps, or one of {_UNITS}')
 
 
 def refuse_lexeme(misfit: Misfit) -> NoReturn:
-    """Say why a lexeme does not fit, and what was probably meant."""
+    """Refuse an unexpected lexeme, and say what was probably meant."""
     _check_english(misfit)
     _check_order(misfit)
     _check_known_slips(misfit)
@@ -174,7 +174,7 @@ def refuse_lexeme(misfit: Misfit) -> NoReturn:
         lexeme, word = meant
         if lexeme is misfit.found and misfit.before and misfit.before.type == 'NUMBER':
             word = f'{misfit.written(misfit.before)} {word}'
-        refuse(f"'{misfit.written(lexeme)}' is no word of FRETish that fits here", lexeme.span,
+        refuse(f"'{misfit.written(lexeme)}' is not a word that FRETish allows here", lexeme.span,
                _expectation(misfit.fitting if lexeme is misfit.found else misfit.earlier),
                f"did you mean '{word}'?")
     found = misfit.found
@@ -188,8 +188,8 @@ def _title(misfit: Misfit) -> str:
     found = misfit.found
     shown = misfit.written(found)
     if _is_word(found) and _wants_operand(misfit):
-        return f"'{shown}' is a word of FRETish, and no name"
-    return f"'{shown}' does not fit here"
+        return f"'{shown}' is a keyword of FRETish, not a name"
+    return f"unexpected '{shown}'"
 
 
 def _wants_operand(misfit: Misfit) -> bool:
@@ -200,7 +200,7 @@ def _is_word(lexeme: Lexeme) -> bool:
     return lexeme.text in WORDS and lexeme.type == WORDS[lexeme.text]
 
 
-# English that is no FRETish: `v is less than 1`
+# English that is not FRETish: `v is less than 1`
 
 _RELATIONS = {
     '<': ('is less than', 'is smaller than', 'is lower than', 'is below', 'is under'),
@@ -219,7 +219,7 @@ _LONGEST_PHRASE = len(_PHRASES[0][0])
 
 
 def _check_english(misfit: Misfit) -> None:
-    """Report a comparison in words where one of its words does not fit."""
+    """Report a comparison in words where one of its words is unexpected."""
     lexemes = misfit.lexemes
     for start in range(max(1, misfit.index - _LONGEST_PHRASE), misfit.index + 1):
         words = tuple(misfit.written(lexeme).lower()
@@ -242,18 +242,18 @@ def _refuse_english(misfit: Misfit, start: int, phrase: tuple[str, ...], sign: s
         help_ = f"write {'' if (right.type == 'TRUE') == (sign == '=') else '!'}{shown[0]}"
     elif left.type in ('NAME', 'NUMBER') and right.type in ('NAME', 'NUMBER'):
         help_ = f'write {shown[0]} {sign} {shown[1]}'
-    refuse(f"'{' '.join(phrase)}' is not written in FRETish",
+    refuse(f"'{' '.join(phrase)}' is not FRETish",
            Span(first.source, first.start, lexemes[end - 1].span.end), 'not an operator', help_)
 
 
-# What stands in the wrong place: `shall satisfy p within 2 seconds`
+# Parts in the wrong order: `shall satisfy p within 2 seconds`
 
 _LONGEST = 400
 _TIMINGS = frozenset({'SPAN', 'UNTIL', 'BEFORE', 'AFTER', 'AT', 'PLAIN'})
 
 
 def _check_order(misfit: Misfit) -> None:
-    """Report a timing or a condition behind the response, with the sentence to write."""
+    """Report a timing or a condition after the response, with the sentence to write."""
     found = misfit.found
     kinds = [lexeme.type for lexeme in misfit.lexemes[:misfit.index]]
     if 'SHALL' not in kinds or 'SATISFY' not in kinds or 'INFIX' not in misfit.fitting:
@@ -263,7 +263,7 @@ def _check_order(misfit: Misfit) -> None:
     if found.type in ('WHEN', 'IF', 'UNLESS', 'QUALIFIER') and not _QUALIFIERS & set(kinds):
         whole = misfit.text.value
         sentence = f'{whole[found.start:].strip()} {whole[:found.start].strip()}'
-        refuse('the condition comes before the component', found.span, 'behind the response',
+        refuse('the condition must come before the component', found.span, 'after the response',
                _to_write(misfit, sentence))
 
 
@@ -273,13 +273,13 @@ def _refuse_late_timing(misfit: Misfit, kinds: Sequence[str]) -> NoReturn:
     earlier = next((lexeme for lexeme in misfit.lexemes[shall:satisfy]
                     if lexeme.type in _TIMINGS), None)
     if earlier is not None:
-        refuse('a sentence has one timing', found.span,
-               f"there is '{misfit.written(earlier)}' already",
-               'make a requirement of its own of the second one')
+        refuse('a sentence can have only one timing', found.span,
+               f"'{misfit.written(earlier)}' is already given",
+               'write a separate requirement for the second one')
     before = misfit.lexemes[satisfy].start
     sentence = (f'{whole[:before]}{whole[found.start:].strip()} '
                 f'{whole[before:found.start].strip()}')
-    refuse("the timing comes before 'satisfy'", found.span, 'behind the response',
+    refuse("the timing must come before 'satisfy'", found.span, 'after the response',
            _to_write(misfit, sentence))
 
 
@@ -296,17 +296,18 @@ def _to_write(misfit: Misfit, sentence: str) -> str:
 def _check_known_slips(misfit: Misfit) -> None:
     found = misfit.found
     if found.type == 'FOREIGN':
-        title = 'does not fit here' if found.text in '.;' else 'is not written in FRETish'
-        refuse(f"'{found.text}' {title}", found.span, _expectation(misfit.fitting),
+        title = (f"unexpected '{found.text}'" if found.text in '.;' else
+                 f"'{found.text}' is not FRETish")
+        refuse(title, found.span, _expectation(misfit.fitting),
                _FOREIGN.get(found.text, ''))
     if found.type in _SYMBOLS and _in_expression(misfit):
-        refuse(f"'{misfit.written(found)}' joins no expressions in FRETish", found.span,
+        refuse(f"'{misfit.written(found)}' cannot join expressions in FRETish", found.span,
                _expectation(misfit.fitting), f'write {_SYMBOLS[found.type]}')
     if found.type == 'THEN':
-        refuse("'then' does not fit here", found.span, _expectation(misfit.fitting),
+        refuse("unexpected 'then'", found.span, _expectation(misfit.fitting),
                'leave it out: if p the COMPONENT shall ... satisfy q')
     if found.type == 'NEGATION':
-        refuse("'not' does not fit here", found.span, _expectation(misfit.fitting),
+        refuse("unexpected 'not'", found.span, _expectation(misfit.fitting),
                'write when not in m mode, or except in m mode')
     _check_operators(misfit)
 
@@ -318,25 +319,25 @@ def _in_expression(misfit: Misfit) -> bool:
 def _check_operators(misfit: Misfit) -> None:
     found, before = misfit.found, misfit.before
     if found.type == 'RELATION' and before is not None and before.type == 'RELATION':
-        refuse('two comparisons without an operand between', found.span,
+        refuse('an operand is missing between two comparisons', found.span,
                f"after '{before.text}'", 'the comparisons are < <= = != >= >')
     for lexeme in (found, before):
         if lexeme is None or lexeme.type != 'NAME' or 'INFIX' not in misfit.fitting:
             continue
         if lexeme.text.lower() in _NAMED_SYMBOLS:
-            refuse(f"'{misfit.written(lexeme)}' is not written in FRETish", lexeme.span,
+            refuse(f"'{misfit.written(lexeme)}' is not FRETish", lexeme.span,
                    'not an operator', f'write {_NAMED_SYMBOLS[lexeme.text.lower()]}')
         if lexeme.text in _TEMPORAL:
-            refuse(f"'{lexeme.text}' is no operator of FRETish", lexeme.span,
+            refuse(f"'{lexeme.text}' is not an operator of FRETish", lexeme.span,
                    'not in this language',
-                   'say it by a timing (always, eventually, within ...) or by persisted and '
-                   'occurred, or use the key ptltl:')
+                   'use a timing (always, eventually, within ...), persisted or occurred, '
+                   'or the key ptltl:')
 
 
 def _check_brackets(misfit: Misfit) -> None:
     found, opened = misfit.found, open_brackets(misfit.lexemes[:misfit.index])
     if found.type == 'RPAR' and not opened:
-        refuse("')' closes nothing", found.span, 'no bracket is open here')
+        refuse("')' is unmatched", found.span, 'no bracket is open here')
     if opened and 'RPAR' in misfit.fitting and (found.type == END or _is_word(found)):
         refuse("'(' is not closed", opened[-1].span, 'opened here',
                f"a ')' is missing before '{misfit.written(found)}'"
@@ -379,13 +380,13 @@ def _help(misfit: Misfit) -> str:
                                      misfit.lexemes[:misfit.index]):
         return 'the scope comes first: in m mode when p the COMPONENT shall ...'
     if _is_word(found) and _wants_operand(misfit):
-        return f'write "{misfit.written(found)}", in quotes, where it is a name'
+        return f'write "{misfit.written(found)}", in quotes, if it is a name'
     if 'SHALL' in misfit.fitting or {'THE', 'NAME'} <= misfit.fitting:
         return _EXAMPLE
     if misfit.fitting <= {'SATISFY', 'COMMA'} and found.type in OPERAND_STARTS:
         return f'write satisfy before {misfit.written(found)}'
     if 'NUMBER' in misfit.fitting and 'LPAR' not in misfit.fitting:
-        return 'write the number in digits, as FRET wants it: 3 ticks'
+        return 'write the number in digits, as FRET requires: 3 ticks'
     return ''
 
 
@@ -397,12 +398,12 @@ def _point(misfit: Misfit) -> str:
 def _expectation(fitting: frozenset[str]) -> str:
     shown = list(_phrases(fitting))
     if not shown:
-        return 'not expected'
+        return 'not allowed here'
     return 'expected ' + ' or '.join([', '.join(shown[:-1]), shown[-1]] if shown[1:] else shown)
 
 
 def _phrases(fitting: frozenset[str]) -> Iterator[str]:
-    # What follows an operand may begin with a name or a bracket, and is no expression yet.
+    # What follows an operand may begin with a name or a bracket without being an expression.
     left = fitting - {'LPAR'} if 'INFIX' in fitting else fitting
     for kinds, phrase in _EXPECTATIONS:
         if kinds <= left:

@@ -34,8 +34,8 @@ def remarks(sentence: Sentence, lexemes: Sequence[Lexeme]) -> tuple[Diagnostic, 
     if not conditionals:
         return ()
     return tuple(
-        Diagnostic("'if ... then' does not hold together what stands around it", span,
-                   'FRET reads it as if it were not there, and then as =>',
+        Diagnostic("'if ... then' does not group its operands", span,
+                   "FRET drops 'if' and reads 'then' as =>",
                    'put parentheses: (if p then (q))', Level.WARNING)
         for root in sentence.expressions for span in _torn(root, conditionals))
 

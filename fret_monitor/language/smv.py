@@ -137,8 +137,9 @@ class _SmvBuilder(_lalr.ExpressionBuilder):
         end = self._end(parts[1])
         number = end if isinstance(end, str) else 'n'
         refuse('a bound has two numbers, or a relation', join(parts[0].span, parts[2].span),
-               'one number', f'write [0,{number}] for the last {number} steps, '
-                             f'[={number}] for exactly {number} steps ago')
+               'this is one number',
+               f'write [0,{number}] for the last {number} steps, '
+               f'[={number}] for exactly {number} steps ago')
 
     def _end(self, part: Any) -> str | Expression:
         return bound_end(self.finish(part))
@@ -148,7 +149,7 @@ class _SmvBuilder(_lalr.ExpressionBuilder):
             refuse(f"'{parts[0].text}' is an operator of CoCoSpec", parts[0].span,
                    'not in this language', 'use the key cocospec: instead of ptltl:')
         if parts[0].text in _FOREIGN:
-            refuse(f"'{parts[0].text}' is no operator here", parts[0].span,
+            refuse(f"'{parts[0].text}' is not an operator here", parts[0].span,
                    'not in this language', _FOREIGN[parts[0].text])
         return super().call(parts)
 
@@ -161,14 +162,14 @@ def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
                           'an operand is missing before it', f'write p {found.text} q; '
                           f"CoCoSpec's {found.text}(p, q) is q {found.text} p here")
     if found.type == 'RELATION' and before.type == 'RELATION':
-        return Diagnostic('two comparisons without an operand between', found.span,
+        return Diagnostic('an operand is missing between two comparisons', found.span,
                           f"after '{before.text}'", 'the comparisons are < <= = != >= >')
     return (_explain_time(text, lexemes, index) or _explain_open_bound(text, lexemes, index)
             or _explain_bracket(before, found))
 
 
 def _explain_time(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
-    """Report a time in a bound, one lexeme (2s) or two (2 s); elsewhere, that it is no number."""
+    """Report a time in a bound, one lexeme (2s) or two (2 s); elsewhere it is no number."""
     found = lexemes[index]
     if found.type == 'TIME':
         number, unit = _TIME.findall(found.text)[0]
@@ -204,13 +205,13 @@ def _explain_bracket(before: Lexeme, found: Lexeme) -> Diagnostic | None:
                           'it looks exactly one step back',
                           f'write {instead}[=n] p for n steps back')
     if found.type == 'LBRACK' and before.text in _FOREIGN:
-        return Diagnostic(f"'{before.text}' is no operator here", before.span,
+        return Diagnostic(f"'{before.text}' is not an operator here", before.span,
                           'not in this language', _FOREIGN[before.text])
     if found.type == 'LBRACK' and before.type == 'NAME':
-        return Diagnostic('a name takes no index', found.span, 'not expected',
+        return Diagnostic('a name cannot have an index', found.span, 'not allowed here',
                           'an element of an array is an input of its own: field: NAME[INDEX]')
     if found.type == 'COMMA' and before.type in _lalr.OPERAND_ENDS:
-        return Diagnostic("',' does not fit here", found.span, 'not among the arguments of a '
+        return Diagnostic("unexpected ','", found.span, 'not among the arguments of a '
                           'function', 'H O Y Z take one operand; S T SI stand between two')
     return None
 

@@ -29,6 +29,6 @@ def constant_verdicts(specification: Specification,
             item = specification.properties[index]
             if verdict.is_constant and item.place is not None:
                 yield Diagnostic(
-                    f'{item.id} is {"true" if verdict == TRUE else "false"} whatever comes',
+                    f'{item.id} is {"true" if verdict == TRUE else "false"} at every step',
                     item.place, 'no message changes it',
-                    'a requirement says what of the inputs has to hold', Level.WARNING)
+                    'a requirement must depend on the inputs', Level.WARNING)

@@ -55,7 +55,7 @@ def _advise(sentence: Sentence, report: Report,
         yield _warning(
             'this is announced at every step until it is fulfilled', _demand(sentence),
             'false means "not yet" here',
-            'write report: onset to hear of it once, or say by when: within 10 ticks')
+            'write report: onset to announce it once, or give a deadline, as in within 10 ticks')
 
 
 def advise_alone(sentence: Sentence) -> Iterator[Diagnostic]:
@@ -76,7 +76,7 @@ def _about_time(sentence: Sentence, duration: Duration,
     count = next(_counts(sentence), None)
     policy, period = specification.policy, specification.period
     if policy in _COUNTED:
-        beside = ', and plain counts stand beside it' if count else ''
+        beside = ', and other counts have no unit' if count else ''
         yield _warning(
             f"'{written}' counts {duration.number} {_COUNTED[policy]}", duration.span,
             f'the policy is {policy.value}{beside}', f'write {duration.number} ticks; or, for '
@@ -84,8 +84,8 @@ def _about_time(sentence: Sentence, duration: Duration,
     elif count is not None:
         length = f' of {approximate(period)} s' if period else ''
         yield _warning(
-            f"a plain count stands beside '{written}'", count, f'counts steps{length}',
-            'say both in ticks, or look at the bounds that check prints')
+            f"a count without a unit is used with '{written}'", count, f'counts steps{length}',
+            'write both in ticks, or read the bounds that check prints')
 
 
 def _warning(title: str, span: Span, label: str, help_: str) -> Diagnostic:

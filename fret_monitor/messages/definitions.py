@@ -104,7 +104,7 @@ def _sections(source: Source, name: str, parts: Sequence[str],
             places += [start - len(line), start]
     places.append(len(source.text))
     if len(places) != 2 * len(parts):
-        refuse(f'{name} is to have {len(parts)} parts', Span(source, 0, 0),
+        refuse(f'{name} must have {len(parts)} parts', Span(source, 0, 0),
                f"with '{_SEPARATOR}' between them")
     return {part: _parse(source, name + part, prefixes, section)
             for part, section in zip(parts, zip(places[::2], places[1::2]))}
@@ -159,7 +159,7 @@ def _line(line: str, place: Span, package: str) -> MessageField | MessageConstan
         name, _, value = rest.strip().partition(' ')
     name = name.strip()
     if kind is None or _FIELD_NAME.fullmatch(name) is None:
-        refuse('this line is no field of a message', place, 'cannot be read')
+        refuse('this line is not a field of a message', place, 'cannot be read')
     if '=' in rest:
         return MessageConstant(name, kind, value)
     return MessageField(name, kind, value.strip() or None)

@@ -94,7 +94,7 @@ def resolve_field(layout: MessageLayout, path_text: Text | None,
     Raises
     ------
     CompileError
-        if there is no such field, or it is no value; it says what there is.
+        if there is no such field, or it is not a value; the error lists the fields.
     """
     if path_text is None:
         return _only_field(layout, type_text)
@@ -136,10 +136,10 @@ def _reduced(layout: MessageLayout, text: Text, call: re.Match[str]) -> Resolved
     path_text = Text(text.value[start:stop], text.source, text.offsets[start:stop + 1])
     function, place = call['function'], text.at(*call.span('function'))
     if function not in REDUCTIONS:
-        refuse(f'{shown(function)} is no function of a field', place, 'unknown function',
-               did_you_mean(function, REDUCTIONS) or 'there are ' + ', '.join(REDUCTIONS))
+        refuse(f'{shown(function)} is not a function of a field', place, 'unknown function',
+               did_you_mean(function, REDUCTIONS) or 'one of ' + ', '.join(REDUCTIONS))
     if not path_text.value:
-        refuse(f"'{function}' is a function of a field", text.span, 'of which field?',
+        refuse(f"'{function}' needs a field", text.span, 'no field is given',
                _help([f'{function}({path})' for path in _paths_for(layout, function)]))
     end = _follow(layout, path_text)
     if function not in _functions(end):
@@ -194,9 +194,8 @@ def _refuse_function(layout: MessageLayout, end: _End, path_text: Text, function
     use = [f'{name}({written})' for name in there]
     if not end.is_array and (end.is_time or not end.type.is_message):
         use.insert(0, written)
-    what = _kind(end.type) if end.is_array else _element(end.type)
-    refuse(f"{shown(written)} is {what}, of which there is no '{function}'", place,
-           'cannot be taken of it',
+    refuse(f"'{function}' does not apply to {_named(end, written)}", place,
+           'not a function of this type',
            _help(use or [f'{function}({path})' for path in _paths_for(layout, function)]
                  or [f'{written}.{path}' for path in
                      _leaf_paths(nested_layout(end.inside, end.type))]))
@@ -220,7 +219,7 @@ def _only_field(layout: MessageLayout, type_text: Text) -> ResolvedField:
     paths = _leaf_paths(layout)
     if len(layout.fields) != 1:
         refuse(f'{layout.name} has {len(layout.fields) or "no"} fields', type_text.span,
-               'which one?' if layout.fields else 'there is nothing to read', _help(paths))
+               'name one of them' if layout.fields else 'there is nothing to read', _help(paths))
     only = layout.fields[0]
     end = _End((only.name,), (only.type,), layout)
     if end.is_array or only.type.is_message and not end.is_time:
@@ -239,7 +238,7 @@ def _steps(path_text: Text, layout: MessageLayout) -> Iterator[re.Match[str]]:
         if match is None or path_text.value[end:end + 1] not in ('', '.'):
             rest = path_text.at(min(end, max(len(path_text.value) - 1, 0)), len(path_text.value))
             refuse(f'{shown(path_text.value)} is not a field path', rest,
-                   'names with dots between them, and indices from 0',
+                   'expected names with dots between them, and indices from 0',
                    _help(_leaf_paths(layout)))
         yield match
         if end == len(path_text.value):
@@ -250,7 +249,8 @@ def _steps(path_text: Text, layout: MessageLayout) -> Iterator[re.Match[str]]:
 def _inside(layout: MessageLayout, kind: FieldType, path_text: Text,
             match: re.Match[str]) -> MessageLayout:
     if not kind.is_message:
-        refuse(f'{shown(path_text.value[:match.start() - 1])} is {_kind(kind)}, and has no fields',
+        refuse(f'{shown(path_text.value[:match.start() - 1])} is {_kind(kind)}, '
+               'which has no fields',
                path_text.at(match.start() - 1, len(path_text.value)), 'remove this')
     return nested_layout(layout, kind, path_text.at(0, match.start() - 1))
 
@@ -279,7 +279,7 @@ def _check_index(kind: FieldType, match: re.Match[str], path_text: Text) -> None
     digits = match['index'].lstrip('0') or '0'
     if len(digits) > 10 or int(digits) > limit:
         refuse(f"'{match['name']}' is {_kind(kind)}: it has no element {shown(digits)[1:-1]}",
-               place, f'the last is {limit}')
+               place, f'the last element is {limit}')
 
 
 def _refuse_field(layout: MessageLayout, match: re.Match[str], path_text: Text,
@@ -289,11 +289,11 @@ def _refuse_field(layout: MessageLayout, match: re.Match[str], path_text: Text,
     before, wanted = path_text.value[:match.start()], path_text.value[match.start():]
     deeper = [path for path in _leaf_paths(layout) if path.endswith(f'.{wanted}')]
     if deeper:
-        refuse(f"{layout.name} has no field '{name}'", place, 'it stands deeper',
+        refuse(f"{layout.name} has no field '{name}'", place, 'it is inside another field',
                f'field: {before}{deeper[0]}')
     constant = any(item.name == name for item in layout.constants)
     refuse(f"{layout.name} has no field '{name}'", place,
-           'a constant is not sent' if constant else 'no such field',
+           'a constant is not part of the message' if constant else 'no such field',
            did_you_mean(name, names) or (listed(names) if names else 'it has no fields'))
 
 
@@ -312,6 +312,15 @@ def _refuse_message(end: _End, path_text: Text) -> NoReturn:
     refuse(f'{shown(path_text.value)} is {_element(end.type)}', path_text.span,
            'which part of it?',
            _help([*(f'{path_text.value}.{path}' for path in inner), *functions]))
+
+
+def _named(end: _End, path: str) -> str:
+    """Name what a path leads to, with its type."""
+    if end.is_array:
+        return f'the array {shown(path)} ({end.type})'
+    element = FieldType(end.type.base, text_limit=end.type.text_limit)
+    kind = 'message' if end.type.is_message else 'value'
+    return f'the {kind} {shown(path)} ({element})'
 
 
 def _element(kind: FieldType) -> str:

@@ -89,7 +89,7 @@ def find_message(type_name: str, search: Sequence[Path] | None = None,
 def _part(found: Mapping[str, MessageLayout], name: str, part: str,
           place: Span | None) -> MessageLayout:
     if part not in found:
-        refuse(f"'{name}{part}' is no message of '{name}'", place, '',
+        refuse(f"'{name}{part}' is not a message of '{name}'", place, '',
                did_you_mean(name + part, [name + other for other in found])
                or listed([name + other for other in found]))
     return found[part]
@@ -129,8 +129,8 @@ def _refuse_missing(package: str, folder: str, name: str, prefixes: tuple[Path, 
     packages = {path.parent.parent.name for prefix in prefixes
                 for path in _list(prefix / 'share', f'*/{folder}/*.{folder}')}
     near = '' if package in _COMMON else did_you_mean(package, packages)
-    refuse(f"there are no {_KINDS[folder]}s of a package '{package}'", place, 'not installed here',
-           '\n'.join(filter(None, (near, _no_package(package, packages)))))
+    refuse(f"no {_KINDS[folder]}s of a package '{package}' were found", place,
+           'not installed here', '\n'.join(filter(None, (near, _no_package(package, packages)))))
 
 
 def _list(folder: Path, pattern: str) -> list[Path]:
@@ -142,7 +142,7 @@ def _list(folder: Path, pattern: str) -> list[Path]:
 
 def _no_package(package: str, packages: set[str]) -> str:
     if not packages:
-        return 'no messages at all are installed: source ROS, such as /opt/ros/jazzy/setup.bash'
+        return 'no messages are installed: source ROS, such as /opt/ros/jazzy/setup.bash'
     return f'install it ({_command(package)}), or source the workspace that has it'
 
 
@@ -158,7 +158,7 @@ def _command(package: str) -> str:
 def listed(names: Sequence[str]) -> str:
     """Return the first of the names that there are, for the help of an error."""
     more = f' and {len(names) - _MAX_LISTED} more' if len(names) > _MAX_LISTED else ''
-    return 'there are ' + ', '.join(names[:_MAX_LISTED]) + more
+    return 'one of ' + ', '.join(names[:_MAX_LISTED]) + more
 
 
 def nested_layout(layout: MessageLayout, kind: FieldType,

@@ -179,7 +179,7 @@ class _Value:
     def refuse(self, wanted: str) -> NoReturn:
         shown = ascii(self.found) if isinstance(self.found, str | int | float | None) \
             else type(self.found).__name__
-        raise ManifestError(f"not a manifest of fret_monitor ({self.key or 'the whole'} is to be "
+        raise ManifestError(f"not a manifest of fret_monitor ({self.key or 'the whole'} must be "
                             f'{wanted}, not {shown[:40]})')
 
     def __getitem__(self, name: str) -> '_Value':

@@ -101,7 +101,8 @@ def quoted_name_fault(name: str) -> Fault | None:
     if name.isprintable() and name == name.strip() and name and not set(name) & {'"', '\\'}:
         return None
     return Fault(f'{shown(name)} cannot be a name in quotes',
-                 'one line, without quotes and backslashes, and no blanks at its ends')
+                 'it must be one line, without quotes or backslashes, '
+                 'and without spaces at its ends')
 
 
 def _identifier(name: str) -> str:
@@ -121,12 +122,12 @@ def topic_fault(topic: str) -> Fault | None:
         return Fault('the topic has no name')
     plain = _SUBSTITUTION.sub('x', topic[1:] if topic.startswith('~') else topic)
     if topic.startswith('~') and topic != '~' and not topic.startswith('~/'):
-        return Fault("'~' is followed by '/'", f'topic: ~/{topic[1:]}')
+        return Fault("the '~' must be followed by '/'", f'topic: ~/{topic[1:]}')
     if topic.endswith('/'):
         right = topic.rstrip('/')
-        return Fault("a topic does not end with '/'", f'topic: {right}' if right else '')
+        return Fault("a topic cannot end with '/'", f'topic: {right}' if right else '')
     if '//' in topic:
-        return Fault("a topic has no '//'", f'topic: {re.sub("/+", "/", topic)}')
+        return Fault("a topic cannot contain '//'", f'topic: {re.sub("/+", "/", topic)}')
     for token in plain.removeprefix('/').split('/'):
         if token and _TOPIC_TOKEN.fullmatch(token) is None:
             return _token_fault(token)
@@ -135,8 +136,8 @@ def topic_fault(topic: str) -> Fault | None:
 
 def _token_fault(token: str) -> Fault:
     if token[0].isdigit():
-        return Fault(f'a part of a topic does not begin with a digit: {shown(token)}')
-    return Fault(f"a topic has letters, digits, '_' and '/' only: {shown(token)}")
+        return Fault(f'a part of a topic cannot begin with a digit: {shown(token)}')
+    return Fault(f"a topic can contain letters, digits, '_' and '/' only: {shown(token)}")
 
 
 def _length_fault(topic: str, what: str) -> Fault | None:
@@ -167,7 +168,7 @@ def type_fault(name: str) -> Fault | None:
         return Fault(f'{shown(name)} is not the name of a message type',
                      f'type: {parts[0]}/msg/{parts[-1]}')
     right = f'{parts[0]}/msg/{parts[-1]}'
-    return None if name == right else Fault(f'{shown(name)} is not written as a type of ROS 2',
+    return None if name == right else Fault(f'{shown(name)} is not in the form of a ROS 2 type',
                                             f'type: {right}')
 
 
@@ -181,10 +182,10 @@ def _derived_fault(name: str, parts: list[str]) -> Fault | None:
         return Fault(f'{shown(name)} is not the name of a message type',
                      f'a message of {kind} is written pkg/{folder}/Name{suffixes[0]}')
     if mark + part not in suffixes:
-        return Fault(f'{shown(name)} is not a message that is sent on a topic',
+        return Fault(f'{shown(name)} is not a message type for a topic',
                      f'type: {right}{suffixes[0]}')
     return None if name == right + mark + part else Fault(
-        f'{shown(name)} is not written as a type of ROS 2', f'type: {right}{mark}{part}')
+        f'{shown(name)} is not in the form of a ROS 2 type', f'type: {right}{mark}{part}')
 
 
 def _plain_type_fault(name: str) -> Fault:
@@ -207,7 +208,7 @@ def number_fault(text: str) -> Fault | None:
     mended = re.sub(r'^([+-]?)0+(?=[0-9])', r'\1', text.replace('_', '').replace(',', '.'))
     mended = re.sub(r'\.(?=[eE]|$)', '.0', mended)
     if text.lower().lstrip('+-.') in ('nan', 'inf', 'infinity'):
-        return Fault(reason, 'a number has a value: not-a-number and infinity cannot be written')
+        return Fault(reason, 'NaN and infinity cannot be written as a number')
     if re.fullmatch(r'[+-]?0[xX][0-9A-Fa-f]{1,16}', text):
         return Fault(reason, f'write it in decimal: {int(text, 16)}')
     if len(mended) <= _MAX_SHOWN and _NUMBER.fullmatch(mended):

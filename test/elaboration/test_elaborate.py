@@ -307,7 +307,7 @@ class TestLiterals:
         assert math.copysign(1, formula.left.right.value) == -1
 
     def test_a_whole_quotient_that_is_rounded_is_warned_of(self) -> None:
-        assert warnings('f32 > 1 / 2') == ['1 / 2 of whole numbers is 0']
+        assert warnings('f32 > 1 / 2') == ['1 / 2 in whole numbers is 0']
         assert warnings('f32 > 4 / 2') == []
         assert warnings('f32 > 1 / 2.0') == []
 
@@ -403,39 +403,40 @@ class TestMistakes:
         ('f32 + yes > 1', [("'+' takes numbers", 'yes', 'this is TRUE')]),
         ('f32 + p > 1', [("'+' takes numbers", 'p', 'this is true or false')]),
         ('-p > 1', [("'-' takes numbers", 'p', 'this is true or false')]),
-        ('!5', [("'!' takes what is true or false", '5', 'this is the number 5')]),
-        ('!f32', [("'!' takes what is true or false", 'f32', 'this is a number (float32)')]),
-        ('H 3', [("'H' takes what is true or false", '3', 'this is the number 3')]),
-        ('p & 1', [("'&' takes what is true or false", '1', 'this is the number 1')]),
-        ('p S (i8 + 1)', [("'S' takes what is true or false", '(i8 + 1)',
+        ('!5', [("'!' takes only true or false", '5', 'this is the number 5')]),
+        ('!f32', [("'!' takes only true or false", 'f32', 'this is a number (float32)')]),
+        ('H 3', [("'H' takes only true or false", '3', 'this is the number 3')]),
+        ('p & 1', [("'&' takes only true or false", '1', 'this is the number 1')]),
+        ('p S (i8 + 1)', [("'S' takes only true or false", '(i8 + 1)',
                            'this is a number (int64)')]),
-        ('i8 & u8', [("'&' takes what is true or false", 'i8', 'this is a number (int8)'),
-                     ("'&' takes what is true or false", 'u8', 'this is a number (uint8)')]),
+        ('i8 & u8', [("'&' takes only true or false", 'i8', 'this is a number (int8)'),
+                     ("'&' takes only true or false", 'u8', 'this is a number (uint8)')]),
         ('p < q', [("'<' takes numbers", 'p', 'this is true or false')]),
         ('1 < q', [("'<' takes numbers", 'q', 'this is true or false')]),
-        ('p = 1', [("'=' takes two numbers, or two that are true or false", '1',
+        ('p = 1', [("'=' takes two numbers, or two truth values", '1',
                     'this is the number 1, the other is true or false')]),
-        ('f32 != p', [("'!=' takes two numbers, or two that are true or false", 'f32',
+        ('f32 != p', [("'!=' takes two numbers, or two truth values", 'f32',
                        'this is a number (float32), the other is true or false')]),
         ('p + 1 > 2 & !7', [("'+' takes numbers", 'p', 'this is true or false'),
-                            ("'!' takes what is true or false", '7', 'this is the number 7')]),
-        ('ite(1, p, q)', [("'ite' takes what is true or false", '1', 'this is the number 1')]),
-        ('ite(p, 1, q)', [("'ite' takes two numbers, or two that are true or false", '1',
+                            ("'!' takes only true or false", '7', 'this is the number 7')]),
+        ('ite(1, p, q)', [("'ite' takes only true or false", '1', 'this is the number 1')]),
+        ('ite(p, 1, q)', [("'ite' takes two numbers, or two truth values", '1',
                            'this is the number 1, the other is true or false')]),
         ('persisted(-1, p)', [("'persisted' takes a number of steps, from 0 to 2147483647, "
                                'as digits or as a constant', '-1', 'this is the number -1')]),
         ('occurred(i8, p)', [("'occurred' takes a number of steps, from 0 to 2147483647, "
                               'as digits or as a constant', 'i8', 'this is a number (int8)')]),
-        ('persisted(3, 5)', [("'persisted' takes what is true or false", '5',
+        ('persisted(3, 5)', [("'persisted' takes only true or false", '5',
                               'this is the number 5')]),
         ('occurred(4, 2, p)', [("'occurred' takes the smaller number of steps first", '4',
                                 '4 is more than 2')]),
         ('preInt(0, f32) > 1', [("'preInt' takes whole numbers", 'f32',
                                  'this is a number (float32)')]),
-        ('preBool(0, p)', [("'preBool' takes what is true or false", '0',
+        ('preBool(0, p)', [("'preBool' takes only true or false", '0',
                             'this is the number 0')]),
         ('absReal(p) > 1', [("'absReal' takes numbers", 'p', 'this is true or false')]),
-        ('abs(i8, u8) > 1', [("'abs' takes other arguments", 'abs(i8, u8)', 'these are 2')]),
+        ('abs(i8, u8) > 1', [("'abs' has the wrong number of arguments", 'abs(i8, u8)',
+                              '2 given')]),
         ('f32(3) > 1', [('arrays are not supported', 'f32(3)', "'f32' is an input")]),
         ('f32(i8, 1) > 1', [("there is no function 'f32'", 'f32', "'f32' is an input")]),
         ('absolut(f32) > 3', [("there is no function 'absolut'", 'absolut', '')]),
@@ -500,18 +501,19 @@ class TestValues:
             '!=', Previous(number(0, INT64), wide(MODE, INT64)), wide(MODE, INT64))
 
     @pytest.mark.parametrize(('text', 'told'), [
-        ('state = LANDIG', [("'LANDIG' is neither declared nor a value of what it is compared "
-                             'with', 'LANDIG', 'unknown name')]),
-        ('state = ON', [("'ON' is neither declared nor a value of what it is compared with",
+        ('state = LANDIG', [("'LANDIG' is neither declared nor a value of the other "
+                             'operand', 'LANDIG', 'unknown name')]),
+        ('state = ON', [("'ON' is neither declared nor a value of the other operand",
                          'ON', 'unknown name')]),
         ('LANDING = IDLE', [("'LANDING' is not declared", 'LANDING', 'unknown name'),
                             ("'IDLE' is not declared", 'IDLE', 'unknown name')]),
-        ('mode = 1', [("'=' cannot take text and something else", '1', 'this is the number 1')]),
+        ('mode = 1', [("'=' cannot take text together with something else", '1',
+                       'this is the number 1')]),
         ('mode < HAND', [("'<' takes numbers", 'mode', 'this is text')]),
         ('mode + 1 > 1', [("'+' takes numbers", 'mode', 'this is text')]),
-        ('mode = i32', [("'=' cannot take text and something else", 'i32',
+        ('mode = i32', [("'=' cannot take text together with something else", 'i32',
                          'this is a number (int32)')]),
-        ('p = mode', [("'=' takes two numbers, or two that are true or false", 'mode',
+        ('p = mode', [("'=' takes two numbers, or two truth values", 'mode',
                        'this is text, the other is true or false')]),
     ])
     def test_a_name_that_is_no_value_of_the_input_is_reported(
@@ -656,7 +658,7 @@ class TestLustre:
          [("Lustre's type 'boolean' is not known", 'ok', '')]),
         ('x = nobody -> pre x;', [("'nobody' is not declared", 'nobody', 'unknown name')]),
         ('x = 0 -> pre x and p;',
-         [("'&' takes what is true or false", 'pre x', 'this is a number (int64)')]),
+         [("'&' takes only true or false", 'pre x', 'this is a number (int64)')]),
     ])
     def test_a_mistake_in_equations_is_reported(
             self, text: str, told: list[tuple[str, str, str]]) -> None:

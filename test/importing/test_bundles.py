@@ -417,7 +417,7 @@ def test_a_requirement_without_component_is_a_comment_in_the_only_one(tmp_path: 
     [chosen] = import_bundles([tmp_path / 'moon.json'], tmp_path / 'b.yaml', 'Moon/rover')
     assert chosen.draft == found.draft
     assert [item.title for item in chosen.warnings] == [
-        "'must' is no word of FRETish that fits here"]
+        "'must' is not a word that FRETish allows here"]
 
 
 def test_a_requirement_without_component_joins_that_of_its_project_alone(tmp_path: Path) -> None:
@@ -482,7 +482,7 @@ def test_requirements_without_any_component_are_a_bundle(tmp_path: Path) -> None
     assert found.draft.component == ''
     assert [item.id for item in found.draft.requirements] == ['A']
     assert [item.title for item in found.warnings] == [
-        "'must' is no word of FRETish that fits here"]
+        "'must' is not a word that FRETish allows here"]
     meaning(found)
 
 
@@ -632,7 +632,7 @@ def test_free_text_in_quotes_is_not_taken_for_a_formula(tmp_path: Path) -> None:
         requirement('A', 'rover shall always satisfy speed < 3'),
         requirement('B', '"the rover is nice"')])
     [(_, reason)] = found.draft.left_out
-    assert reason == 'free text has no meaning that could be monitored'
+    assert reason == 'free text cannot be monitored'
 
 
 def test_a_definition_of_its_own_past_shows_types_of_names(tmp_path: Path) -> None:

@@ -50,8 +50,8 @@ def test_a_list_has_two_columns_or_more() -> None:
 
 
 @pytest.mark.parametrize('line, reported, rest', [
-    ('speed /a//b', "a topic has no '//'", Connection('speed')),
-    ('speed 7up', 'does not begin with a digit', Connection('speed')),
+    ('speed /a//b', "a topic cannot contain '//'", Connection('speed')),
+    ('speed 7up', 'cannot begin with a digit', Connection('speed')),
     ('speed /a std_msgs/srv/Empty', 'is not a message', Connection('speed', '/a'))])
 def test_what_ros_would_refuse_is_reported_with_its_line(line: str, reported: str,
                                                          rest: Connection) -> None:

@@ -160,7 +160,7 @@ def _as_rosidl_says(kind: object) -> FieldType:
     'lower/lower a', 'float32[0] a', 'float32[<=0] a',
 ])
 def test_a_line_that_is_no_field_is_refused_with_its_place(line: str) -> None:
-    with pytest.raises(CompileError, match='pkg_a/msg/Message:2:1: error: this line is no field'):
+    with pytest.raises(CompileError, match='pkg_a/msg/Message:2:1: error: this line is not a'):
         parse_message(f'# first\n{line}\n', 'pkg_a')
 
 
@@ -214,7 +214,7 @@ def test_the_types_on_the_way_are_given(prefix: Path) -> None:
     ('wheels[4].speed', "'wheels' is an array (pkg_a/msg/Wheel[4]): it has no element 4", 7, ''),
     ('limits[5]', "'limits' is an array (float64[<=5]): it has no element 5", 7, ''),
     ('count[0]', "'count' is a uint64, not an array", 6, ''),
-    ('count.x', "'count' is a uint64, and has no fields", 6, ''),
+    ('count.x', "'count' is a uint64, which has no fields", 6, ''),
     ('battery', "'battery' is a message (pkg_b/msg/Battery)", 1,
      'field: battery.charge   # or battery.cells[0].voltage'),
     ('wheels[0]', "'wheels[0]' is a message (pkg_a/msg/Wheel)", 1,
@@ -250,14 +250,14 @@ def test_the_field_may_be_left_out_where_there_is_one(prefix: Path) -> None:
 
 def test_a_constant_is_not_a_field(prefix: Path) -> None:
     assert _refused(find_message('pkg_a/msg/State', [prefix]),
-                    'LANDING').label == 'a constant is not sent'
+                    'LANDING').label == 'a constant is not part of the message'
 
 
 def test_a_message_is_looked_up_when_it_is_asked_for(prefix: Path) -> None:
     layout = find_message('pkg_a/msg/Lost', [prefix])
     assert _leads_to(layout, 'x') == (('x',), 'int8')
     error = _refused(layout, 'nothing.y')
-    assert error.title == "there are no messages of a package 'pkg_c'"
+    assert error.title == "no messages of a package 'pkg_c' were found"
     assert error.span is not None
     assert (error.span.start, error.span.end) == (0, 7)
 
@@ -270,15 +270,16 @@ def test_a_message_within_itself_ends(prefix: Path) -> None:
 
 @pytest.mark.parametrize(('name', 'title', 'help'), [
     ('pkg_a/msg/Stat', "the package 'pkg_a' has no message 'Stat'", "did you mean 'State'?"),
-    ('pkg_b/msg/Zzz', "the package 'pkg_b' has no message 'Zzz'", 'there are Battery, Cell'),
-    ('pkgg_a/msg/State', "there are no messages of a package 'pkgg_a'", "did you mean 'pkg_a'"),
-    ('no_such/msg/X', "there are no messages of a package 'no_such'", 'ros-jazzy-no-such'),
+    ('pkg_b/msg/Zzz', "the package 'pkg_b' has no message 'Zzz'", 'one of Battery, Cell'),
+    ('pkgg_a/msg/State', "no messages of a package 'pkgg_a' were found", "did you mean 'pkg_a'"),
+    ('no_such/msg/X', "no messages of a package 'no_such' were found", 'ros-jazzy-no-such'),
     ('../pkg_a/msg/State', 'is not the name of a message type', 'std_msgs/msg/Float32'),
     ('pkg_a/srv/State', 'is not the name of a message type', 'std_msgs/msg/Float32'),
     ('pkg_a/msg/State_Event', 'is not the name of a message type', 'std_msgs/msg/Float32'),
     ('pkg_b/srv/Swich_Event', "the package 'pkg_b' has no service 'Swich'", "mean 'Switch'?"),
-    ('pkg_b/srv/Switch_Evnt', "'Switch_Evnt' is no message of 'Switch'", "mean 'Switch_Event' or"),
-    ('pkg_a/action/Go_Goal', "there are no actions of a package 'pkg_a'", 'ros-jazzy-pkg-a'),
+    ('pkg_b/srv/Switch_Evnt', "'Switch_Evnt' is not a message of 'Switch'",
+     "mean 'Switch_Event' or"),
+    ('pkg_a/action/Go_Goal', "no actions of a package 'pkg_a' were found", 'ros-jazzy-pkg-a'),
     ('pkg_a', 'is not the name of a message type', 'std_msgs/msg/Float32'),
 ])
 def test_a_type_that_is_not_installed_is_refused_with_what_is(
@@ -322,7 +323,7 @@ def test_services_and_actions_have_the_messages_that_rosidl_gives_them(
 
 @pytest.mark.parametrize('name', ['pkg_b/srv/Half_Event', 'pkg_b/action/Half_FeedbackMessage'])
 def test_a_service_or_action_that_lacks_a_part_is_refused(prefix: Path, name: str) -> None:
-    with pytest.raises(CompileError, match=r'Half\.(srv|action):1:1: error: .* is to have'):
+    with pytest.raises(CompileError, match=r'Half\.(srv|action):1:1: error: .* must have'):
         find_message(name, [prefix])
 
 
@@ -384,7 +385,7 @@ def test_without_any_messages_the_error_says_to_source_ros(tmp_path: Path) -> No
 
 
 def test_a_broken_definition_is_reported_with_its_place(prefix: Path) -> None:
-    with pytest.raises(CompileError, match=r'Broken\.msg:2:1: error: this line is no field'):
+    with pytest.raises(CompileError, match=r'Broken\.msg:2:1: error: this line is not a field'):
         find_message('pkg_a/msg/Broken', [prefix])
 
 

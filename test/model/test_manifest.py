@@ -134,23 +134,23 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
 
 
 @pytest.mark.parametrize(('key', 'value', 'expected'), [
-    ('source_hash', None, '(source_hash is to be a text, not None)'),
-    ('format', True, '(format is to be a whole number from 0, not True)'),
+    ('source_hash', None, '(source_hash must be a text, not None)'),
+    ('format', True, '(format must be a whole number from 0, not True)'),
     ('format', 1, 'manifest has format 1, this version reads 2: compile the bundle again'),
-    ('period', 0, '(period is to be a number of seconds above 0, not 0)'),
-    ('period', float('inf'), '(period is to be a number of seconds above 0, not inf)'),
-    ('symbol', '../x', "(symbol is to be a name in C, not '../x')"),
-    ('symbol', 'x\x00', '(symbol is to be a name in C'),
-    ('readers', '../x', "(readers is to be a name in C, not '../x')"),
-    ('inputs[2].reduction', 'median', '(inputs[2].reduction is to be one of seconds, len, min, '),
-    ('policy', 'never', '(policy is to be one of every_message, '),
-    ('inputs[1].initial', 2 ** 31, '(inputs[1].initial is to be a number of int32'),
-    ('topics[0].inputs[0]', 3, '(topics[0].inputs[0] is to be an index below 3'),
-    ('groups[0].inputs[0]', 3, '(groups[0].inputs[0] is to be an index below 3'),
-    ('groups[0].requirements[0]', 1, '(groups[0].requirements[0] is to be an index below 1'),
-    ('requirements[0].group', 1, '(requirements[0].group is to be an index below 1'),
-    ('requirements[0].inputs[1]', 3, '(requirements[0].inputs[1] is to be an index below 3'),
-    ('topics[1].qos[0]', ['depth'], '(topics[1].qos[0] is to be a list of two'),
+    ('period', 0, '(period must be a number of seconds above 0, not 0)'),
+    ('period', float('inf'), '(period must be a number of seconds above 0, not inf)'),
+    ('symbol', '../x', "(symbol must be a name in C, not '../x')"),
+    ('symbol', 'x\x00', '(symbol must be a name in C'),
+    ('readers', '../x', "(readers must be a name in C, not '../x')"),
+    ('inputs[2].reduction', 'median', '(inputs[2].reduction must be one of seconds, len, min, '),
+    ('policy', 'never', '(policy must be one of every_message, '),
+    ('inputs[1].initial', 2 ** 31, '(inputs[1].initial must be a number of int32'),
+    ('topics[0].inputs[0]', 3, '(topics[0].inputs[0] must be an index below 3'),
+    ('groups[0].inputs[0]', 3, '(groups[0].inputs[0] must be an index below 3'),
+    ('groups[0].requirements[0]', 1, '(groups[0].requirements[0] must be an index below 1'),
+    ('requirements[0].group', 1, '(requirements[0].group must be an index below 1'),
+    ('requirements[0].inputs[1]', 3, '(requirements[0].inputs[1] must be an index below 3'),
+    ('topics[1].qos[0]', ['depth'], '(topics[1].qos[0] must be a list of two'),
 ])
 def test_the_error_says_what_is_wrong(key: str, value: object, expected: str) -> None:
     with pytest.raises(ManifestError) as caught:
@@ -179,5 +179,5 @@ def test_what_is_no_manifest_at_all_is_refused(text: str) -> None:
 
 def test_a_folder_with_a_damaged_manifest_says_so(tmp_path: Path) -> None:
     (tmp_path / MANIFEST_FILE).write_text(damaged(['source_hash'], -1), encoding='utf-8')
-    with pytest.raises(LibraryError, match=r'cannot read .*\(source_hash is to be a text'):
+    with pytest.raises(LibraryError, match=r'cannot read .*\(source_hash must be a text'):
         open_folder(tmp_path)
