@@ -23,6 +23,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "engine_locked.h"
+#include "receiver_reading.h"
+
 #define BATCH 64u
 #define WAIT_MS 200u  // closing the engine wakes it at once
 
@@ -57,10 +60,12 @@ static void * run(void * argument)
   bool is_closed = false;
   do {
     is_closed = fm_engine_is_closed(announcer->engine);  // nothing is queued after this is true
-    n = fm_engine_take(announcer->engine, batch, BATCH, WAIT_MS);
+    fm_engine_wait(announcer->engine, WAIT_MS);
+    n = fm_engine_take(announcer->engine, batch, BATCH, 0);
     for (uint32_t k = 0; k < n; ++k) {
       publish(announcer, &batch[k]);
     }
+    fm_receiver_catch_up(announcer->engine);
   } while (n > 0 || !is_closed);
   return NULL;
 }
