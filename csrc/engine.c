@@ -37,14 +37,11 @@ struct fm_engine
   pthread_mutex_t mutex;
   pthread_cond_t violation_queued;
   pthread_cond_t detail_queued;
-  pthread_cond_t drained;
   struct fm_engine_options options;
   struct fm_field * fields;     // of the message being read
   struct fm_violation * found;  // violations of the steps of one message
   struct topic * topics;
   struct fm_outbox outbox;
-  struct fm_straggler * first_straggler;
-  struct fm_straggler * last_straggler;
   int (* now)(void * clock, int64_t * nanoseconds);
   void * clock;
   bool is_closed;
@@ -92,19 +89,17 @@ static bool make_condition(pthread_cond_t * condition)
 
 static bool make_locks(struct fm_engine * engine)
 {
-  pthread_cond_t * conditions[] = {
-    &engine->violation_queued, &engine->detail_queued, &engine->drained};
   if (pthread_mutex_init(&engine->mutex, NULL) != 0) {
     return false;
   }
-  for (size_t made = 0; made < sizeof(conditions) / sizeof(conditions[0]); ++made) {
-    if (!make_condition(conditions[made])) {
-      while (made > 0) {
-        pthread_cond_destroy(conditions[--made]);
-      }
-      pthread_mutex_destroy(&engine->mutex);
-      return false;
-    }
+  if (!make_condition(&engine->violation_queued)) {
+    pthread_mutex_destroy(&engine->mutex);
+    return false;
+  }
+  if (!make_condition(&engine->detail_queued)) {
+    pthread_cond_destroy(&engine->violation_queued);
+    pthread_mutex_destroy(&engine->mutex);
+    return false;
   }
   return true;
 }
@@ -151,7 +146,6 @@ void fm_engine_destroy(struct fm_engine * engine)
 {
   pthread_cond_destroy(&engine->violation_queued);
   pthread_cond_destroy(&engine->detail_queued);
-  pthread_cond_destroy(&engine->drained);
   pthread_mutex_destroy(&engine->mutex);
   free_memory(engine);
 }
@@ -259,76 +253,6 @@ void fm_engine_count_unpublished(struct fm_engine * engine, uint64_t more)
 {
   fm_engine_lock(engine);
   engine->outbox.unpublished += more;
-  fm_engine_unlock(engine);
-}
-
-// ---- stragglers --------------------------------------------------------------------------------
-
-void fm_engine_add_straggler_locked(struct fm_engine * engine, struct fm_straggler * straggler)
-{
-  if (straggler->is_queued) {
-    return;
-  }
-  straggler->is_queued = true;
-  straggler->next = NULL;
-  if (engine->first_straggler == NULL) {
-    engine->first_straggler = straggler;
-  } else {
-    engine->last_straggler->next = straggler;
-  }
-  engine->last_straggler = straggler;
-  pthread_cond_signal(&engine->violation_queued);
-}
-
-struct fm_straggler * fm_engine_next_straggler_locked(struct fm_engine * engine)
-{
-  struct fm_straggler * first = engine->first_straggler;
-  if (first != NULL) {
-    engine->first_straggler = first->next;
-    first->is_queued = false;
-  }
-  return first;
-}
-
-void fm_engine_remove_straggler_locked(struct fm_engine * engine, struct fm_straggler * straggler)
-{
-  if (!straggler->is_queued) {
-    return;
-  }
-  straggler->is_queued = false;
-  if (engine->first_straggler == straggler) {
-    engine->first_straggler = straggler->next;
-    return;
-  }
-  struct fm_straggler * before = engine->first_straggler;
-  while (before->next != straggler) {
-    before = before->next;
-  }
-  before->next = straggler->next;
-  if (engine->last_straggler == straggler) {
-    engine->last_straggler = before;
-  }
-}
-
-void fm_engine_wait_for_drain_locked(struct fm_engine * engine)
-{
-  pthread_cond_wait(&engine->drained, &engine->mutex);
-}
-
-void fm_engine_drained_locked(struct fm_engine * engine)
-{
-  pthread_cond_broadcast(&engine->drained);
-}
-
-void fm_engine_wait(struct fm_engine * engine, uint32_t milliseconds)
-{
-  const struct timespec end = in_milliseconds(milliseconds);
-  fm_engine_lock(engine);
-  while (engine->outbox.n_violations == 0 && engine->first_straggler == NULL &&
-    !engine->is_closed &&
-    pthread_cond_timedwait(&engine->violation_queued, &engine->mutex, &end) == 0)
-  {
-  }
   fm_engine_unlock(engine);
 }
 

@@ -45,27 +45,4 @@ uint32_t fm_engine_deliver_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin);
 
-/// A receiver that left messages in its queue, in the engine's list of those. Zeroed at first;
-/// owned by its receiver, which leaves the list before it is freed.
-struct fm_straggler
-{
-  struct fm_straggler * next;
-  bool is_queued;
-};
-
-/// Append to the list, unless it is in it, and wake fm_engine_wait; leave the list; take the first
-/// one off the list (NULL: none). Call them with the lock held. Leaving is O(stragglers).
-void fm_engine_add_straggler_locked(struct fm_engine * engine, struct fm_straggler * straggler);
-void fm_engine_remove_straggler_locked(struct fm_engine * engine, struct fm_straggler * straggler);
-struct fm_straggler * fm_engine_next_straggler_locked(struct fm_engine * engine);
-
-/// Wait until a drain of some receiver has ended; say that one has ended. Call them with the lock
-/// held; the first releases it while it waits.
-void fm_engine_wait_for_drain_locked(struct fm_engine * engine);
-void fm_engine_drained_locked(struct fm_engine * engine);
-
-/// Wait until a violation is queued, there is a straggler, the engine is closed, or the time is
-/// over. Without the lock; one thread at a time, the one that calls fm_engine_take.
-void fm_engine_wait(struct fm_engine * engine, uint32_t milliseconds);
-
 #endif  // ENGINE_LOCKED_H_

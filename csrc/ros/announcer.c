@@ -23,9 +23,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "engine_locked.h"
-#include "receiver_reading.h"
-
 #define BATCH 64u
 #define WAIT_MS 200u  // closing the engine wakes it at once
 
@@ -60,12 +57,10 @@ static void * run(void * argument)
   bool is_closed = false;
   do {
     is_closed = fm_engine_is_closed(announcer->engine);  // nothing is queued after this is true
-    fm_engine_wait(announcer->engine, WAIT_MS);
-    n = fm_engine_take(announcer->engine, batch, BATCH, 0);
+    n = fm_engine_take(announcer->engine, batch, BATCH, WAIT_MS);
     for (uint32_t k = 0; k < n; ++k) {
       publish(announcer, &batch[k]);
     }
-    fm_receiver_catch_up(announcer->engine);
   } while (n > 0 || !is_closed);
   return NULL;
 }

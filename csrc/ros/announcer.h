@@ -13,8 +13,7 @@
 // limitations under the License.
 
 /// announcer.h: a thread that publishes the violations of an engine. Publishing inside the
-/// middleware's callback hung when a process ended. The thread also takes the messages that
-/// receivers of the engine left in their queues (receiver.h).
+/// middleware's callback hung when a process ended.
 
 #ifndef ANNOUNCER_H_
 #define ANNOUNCER_H_

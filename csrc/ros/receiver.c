@@ -18,8 +18,7 @@
 /// subscription, and `on_message` then locks the engine's mutex. To take a message needs the same
 /// locks of the middleware. A thread outside a callback must therefore not take while it holds the
 /// engine's mutex: it could deadlock with a callback. `fm_receiver_drain` sets `is_draining` under
-/// the mutex, which keeps callbacks and other drains from taking, and then takes without the
-/// mutex. The thread of the announcer drains those that are behind, in the same way.
+/// the mutex, which keeps callbacks from taking, and then takes without the mutex.
 
 #define _POSIX_C_SOURCE 200809L
 
@@ -32,13 +31,11 @@
 #include "receiver_reading.h"
 
 #define MOST_IN_CALLBACK 64u  // messages; other topics wait for the mutex meanwhile
-#define MOST_CAUGHT_UP 64u    // messages; violations wait for the announcer's thread meanwhile
 #define MOST_DRAINED 1000u    // messages
 #define QUIET_POLLS 16u       // one in 16 polls without a callback drains
 
 struct fm_receiver
 {
-  struct fm_straggler straggler;  // comes first; guarded by the engine's mutex
   struct fm_engine * engine;
   const struct fm_middleware * middleware;
   void * subscription;
@@ -50,7 +47,6 @@ struct fm_receiver
   bool is_in_place;
   // Guarded by the engine's mutex.
   bool is_retired;
-  bool is_ending;     // it must not become a straggler any more
   bool is_stopped;
   bool is_draining;
   bool is_awaited;    // a callback came during the drain
@@ -178,14 +174,6 @@ static void deliver_locked(struct fm_receiver * receiver, const struct fm_messag
   (void)fm_engine_deliver_locked(receiver->engine, receiver->topic, &receiver->reading, &origin);
 }
 
-static void set_behind_locked(struct fm_receiver * receiver, bool is_behind)
-{
-  receiver->is_behind = is_behind;
-  if (is_behind && !receiver->is_ending) {
-    fm_engine_add_straggler_locked(receiver->engine, &receiver->straggler);
-  }
-}
-
 // Take the `count` messages of a notification, or up to the limit when catching up or probing.
 // Asking for one more each time would cost a tenth of a message; a later one has its own callback.
 static void take_locked(struct fm_receiver * receiver, size_t count)
@@ -200,7 +188,7 @@ static void take_locked(struct fm_receiver * receiver, size_t count)
       deliver_locked(receiver, &padded.info);
     }
   }
-  set_behind_locked(receiver, result != EMPTY && (takes_all || count > most));
+  receiver->is_behind = result != EMPTY && (takes_all || count > most);
   receiver->probes = false;
 }
 
@@ -222,24 +210,22 @@ static void on_message(const void * user_data, size_t count)
 }
 
 // End the drain, unless a callback came meanwhile and left its messages to it. With `is_enough` it
-// always ends, and the announcer, the next callback or poll takes the rest. Returns whether it ended.
+// always ends, and the next callback or poll takes the rest. Returns whether it ended.
 static bool end_draining(struct fm_receiver * receiver, bool is_enough)
 {
   fm_engine_lock(receiver->engine);
   const bool is_over = is_enough || !receiver->is_awaited;
-  set_behind_locked(receiver, is_enough);
+  receiver->is_behind = is_enough;
   receiver->is_awaited = false;
   receiver->is_draining = !is_over;
-  fm_engine_drained_locked(receiver->engine);
   fm_engine_unlock(receiver->engine);
   return is_over;
 }
 
-// With `is_draining` set by the caller.
-static void drain(struct fm_receiver * receiver, uint32_t most)
+static void drain(struct fm_receiver * receiver)
 {
   struct fm_padded_info padded;
-  uint32_t left = most;
+  uint32_t left = MOST_DRAINED;
   receiver->middleware->forget_error();  // left by earlier calls in this thread
   do {
     enum result result = EMPTY;
@@ -252,28 +238,6 @@ static void drain(struct fm_receiver * receiver, uint32_t most)
       }
     }
   } while (!end_draining(receiver, left == 0));
-}
-
-static void wait_until_drained_locked(struct fm_receiver * receiver)
-{
-  while (receiver->is_draining) {
-    fm_engine_wait_for_drain_locked(receiver->engine);
-  }
-}
-
-void fm_receiver_catch_up(struct fm_engine * engine)
-{
-  fm_engine_lock(engine);
-  struct fm_receiver * receiver = (struct fm_receiver *)fm_engine_next_straggler_locked(engine);
-  // One that is drained already becomes a straggler again if that drain stops at its limit.
-  const bool is_due = receiver != NULL && receiver->is_behind && !receiver->is_draining;
-  if (is_due) {
-    receiver->is_draining = true;
-  }
-  fm_engine_unlock(engine);
-  if (is_due) {
-    drain(receiver, MOST_CAUGHT_UP);
-  }
 }
 
 // ---- life --------------------------------------------------------------------------------------
@@ -308,17 +272,16 @@ struct fm_receiver * fm_receiver_start(
     free_receiver(receiver);
     return NULL;
   }
-  drain(receiver, MOST_DRAINED);
+  drain(receiver);
   return receiver;
 }
 
 void fm_receiver_drain(struct fm_receiver * receiver)
 {
   fm_engine_lock(receiver->engine);
-  wait_until_drained_locked(receiver);
   receiver->is_draining = true;
   fm_engine_unlock(receiver->engine);
-  drain(receiver, MOST_DRAINED);
+  drain(receiver);
 }
 
 // While a topic is drained, its callbacks leave their messages to the drain, and later messages of
@@ -326,7 +289,6 @@ void fm_receiver_drain(struct fm_receiver * receiver)
 static bool begin_poll(struct fm_receiver * receiver)
 {
   fm_engine_lock(receiver->engine);
-  wait_until_drained_locked(receiver);
   const bool is_quiet = !receiver->was_notified;
   const bool is_due = receiver->is_behind || (is_quiet && receiver->quiet % QUIET_POLLS == 0);
   receiver->quiet = is_quiet ? receiver->quiet + 1u : 0;
@@ -340,7 +302,7 @@ static bool begin_poll(struct fm_receiver * receiver)
 void fm_receiver_poll(struct fm_receiver * receiver)
 {
   if (begin_poll(receiver)) {
-    drain(receiver, MOST_DRAINED);
+    drain(receiver);
   }
 }
 
@@ -353,11 +315,6 @@ void fm_receiver_retire(struct fm_receiver * receiver)
 
 bool fm_receiver_stop(struct fm_receiver * receiver)
 {
-  fm_engine_lock(receiver->engine);
-  receiver->is_ending = true;
-  fm_engine_remove_straggler_locked(receiver->engine, &receiver->straggler);
-  wait_until_drained_locked(receiver);
-  fm_engine_unlock(receiver->engine);
   if (receiver->middleware->listen(receiver->subscription, NULL, NULL) != 0) {
     receiver->middleware->forget_error();
     fm_engine_lock(receiver->engine);

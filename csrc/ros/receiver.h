@@ -14,9 +14,7 @@
 
 /// receiver.h: delivers the messages of a subscription to an engine, without Python.
 ///
-/// A receiver takes the messages inside the middleware's new-message callback, at most 64 in one.
-/// What a callback or a drain leaves in the queue, the thread of the engine's announcer takes at
-/// once, if there is one (announcer.h); otherwise the next callback or poll does.
+/// A receiver takes the messages inside the middleware's new-message callback.
 
 #ifndef RECEIVER_H_
 #define RECEIVER_H_

@@ -12,16 +12,14 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// receiver_reading.h: the functions of a receiver for in_place.c and announcer.c. Those for
-/// in_place.c run in the thread that takes, called back by the middleware's take_message. They
-/// cannot fail.
+/// receiver_reading.h: the functions of a receiver for in_place.c. The middleware's take_message
+/// calls it back, so that these functions run in the thread that takes. They cannot fail.
 
 #ifndef RECEIVER_READING_H_
 #define RECEIVER_READING_H_
 
 #include "middleware.h"
 
-struct fm_engine;
 struct fm_receiver;
 
 /// The offsets of Fast CDR's private members. Owned by the middleware's struct. O(1).
@@ -30,10 +28,5 @@ const struct fm_in_place * fm_receiver_in_place(const struct fm_receiver * recei
 /// Read the fields of a message that is valid only during this call. The message is copied if it
 /// cannot be decoded or some field cannot be used. O(fields), O(size) with a copy.
 void fm_receiver_read(struct fm_receiver * receiver, const uint8_t * message, size_t size);
-
-/// Take and deliver up to 64 messages of one receiver of the engine that left some in its queue;
-/// return at once if there is none. What is still left waits for the next call. For the
-/// announcer's thread, without the lock.
-void fm_receiver_catch_up(struct fm_engine * engine);
 
 #endif  // RECEIVER_READING_H_

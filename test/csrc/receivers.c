@@ -13,18 +13,13 @@
 // limitations under the License.
 
 
-/// receivers.c: receivers with long queues, and a middleware that does not remove its callback.
+/// receivers.c: a receiver with a long queue, and a middleware that does not remove its callback.
 
-#define _POSIX_C_SOURCE 200809L
-
-#include "announcer.h"
 #include "receiver.h"
 
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 static int failures = 0;
 
@@ -39,9 +34,6 @@ static void check(bool condition, const char * text, int line)
 }
 
 // ---- a middleware with one subscription --------------------------------------------------------
-
-// Held while it takes, and, as some middlewares do, while it calls back; recursive.
-static pthread_mutex_t mutex;
 
 struct subscription
 {
@@ -71,11 +63,9 @@ static int take(
   (void)message;
   (void)allocation;
   memset(info, 0, sizeof(struct fm_padded_info));  // as a middleware of a later version may
-  pthread_mutex_lock(&mutex);
   *taken = self->taken < self->sent;
   self->taken += *taken ? 1u : 0u;
   info->publication_sequence_number = self->taken;
-  pthread_mutex_unlock(&mutex);
   return 0;
 }
 
@@ -95,10 +85,8 @@ static const struct fm_middleware middleware = {
 
 static void send(struct subscription * subscription, uint64_t count)
 {
-  pthread_mutex_lock(&mutex);
   subscription->sent += count;
   subscription->callback(subscription->user_data, (size_t)count);
-  pthread_mutex_unlock(&mutex);
 }
 
 // ---- an engine that counts ---------------------------------------------------------------------
@@ -184,75 +172,8 @@ static void a_callback_that_is_not_forgotten_does_no_harm(void)
   free(memory);
 }
 
-static void await(struct fm_engine * engine, uint64_t messages)
-{
-  const struct timespec millisecond = {0, 1000000};
-  for (int k = 0; k < 10000 && received(engine) < messages; ++k) {
-    nanosleep(&millisecond, NULL);
-  }
-}
-
-static void an_announcer_takes_what_a_callback_left(void)
-{
-  struct subscription subscriptions[3] = {{0}};
-  struct fm_receiver * receivers[3];
-  struct fm_engine * engine = make_engine();
-  void * no_publishers[] = {NULL};
-  struct fm_announcer * announcer = fm_announcer_start(engine, &middleware, no_publishers, 0);
-  for (int k = 0; k < 3; ++k) {
-    receivers[k] = fm_receiver_start(engine, &middleware, &subscriptions[k], 0, false);
-  }
-  for (uint64_t round = 1; round <= 20; ++round) {
-    for (int k = 0; k < 3; ++k) {
-      send(&subscriptions[k], 200);
-    }
-    await(engine, 600 * round);
-    CHECK(received(engine) == 600 * round);
-  }
-  send(&subscriptions[1], 10000);
-  fm_receiver_drain(receivers[1]);  // at the same time as the announcer
-  fm_receiver_poll(receivers[1]);
-  await(engine, 22000);
-  CHECK(received(engine) == 22000);
-  for (int k = 0; k < 3; ++k) {
-    CHECK(fm_receiver_stop(receivers[k]));
-  }
-  fm_engine_close(engine);
-  fm_announcer_join(announcer);
-  fm_engine_destroy(engine);
-  free(memory);
-}
-
-static void receivers_stop_while_the_announcer_takes_their_messages(void)
-{
-  struct fm_engine * engine = make_engine();
-  void * no_publishers[] = {NULL};
-  struct fm_announcer * announcer = fm_announcer_start(engine, &middleware, no_publishers, 0);
-  for (int round = 0; round < 100; ++round) {
-    struct subscription subscriptions[3] = {{0}};
-    struct fm_receiver * receivers[3];
-    for (int k = 0; k < 3; ++k) {
-      receivers[k] = fm_receiver_start(engine, &middleware, &subscriptions[k], 0, false);
-      send(&subscriptions[k], 1000);
-    }
-    for (int k = 0; k < 3; ++k) {  // from each place of the list of those that are behind
-      CHECK(fm_receiver_stop(receivers[(k + round) % 3]));
-    }
-  }
-  fm_engine_close(engine);
-  fm_announcer_join(announcer);
-  fm_engine_destroy(engine);
-  free(memory);
-}
-
 int main(void)
 {
-  pthread_mutexattr_t recursive;
-  pthread_mutexattr_init(&recursive);
-  pthread_mutexattr_settype(&recursive, PTHREAD_MUTEX_RECURSIVE);
-  pthread_mutex_init(&mutex, &recursive);
-  an_announcer_takes_what_a_callback_left();
-  receivers_stop_while_the_announcer_takes_their_messages();
   a_callback_takes_a_bounded_number_and_nothing_is_left();
   a_poll_goes_on_where_a_drain_stopped();
   a_callback_that_is_not_forgotten_does_no_harm();
