@@ -30,8 +30,7 @@
 #include "engine_locked.h"
 #include "receiver_reading.h"
 
-#define MOST_IN_CALLBACK 64u  // messages; other topics wait for the mutex meanwhile
-#define MOST_DRAINED 1000u    // messages
+#define MOST_AT_ONCE 1000u  // messages; other topics wait for the mutex meanwhile
 #define QUIET_POLLS 16u       // one in 16 polls without a callback drains
 
 struct fm_receiver
@@ -180,7 +179,7 @@ static void take_locked(struct fm_receiver * receiver, size_t count)
 {
   struct fm_padded_info padded;
   const bool takes_all = receiver->is_behind || receiver->probes;
-  const size_t most = takes_all || count > MOST_IN_CALLBACK ? MOST_IN_CALLBACK : count;
+  const size_t most = takes_all || count > MOST_AT_ONCE ? MOST_AT_ONCE : count;
   enum result result = TAKEN;
   for (size_t k = 0; k < most && result != EMPTY; ++k) {
     result = take(receiver, &padded.info);
@@ -225,7 +224,7 @@ static bool end_draining(struct fm_receiver * receiver, bool is_enough)
 static void drain(struct fm_receiver * receiver)
 {
   struct fm_padded_info padded;
-  uint32_t left = MOST_DRAINED;
+  uint32_t left = MOST_AT_ONCE;
   receiver->middleware->forget_error();  // left by earlier calls in this thread
   do {
     enum result result = EMPTY;

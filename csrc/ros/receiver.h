@@ -14,7 +14,8 @@
 
 /// receiver.h: delivers the messages of a subscription to an engine, without Python.
 ///
-/// A receiver takes the messages inside the middleware's new-message callback.
+/// A receiver takes the messages inside the middleware's new-message callback, at most 1000 in one.
+/// The next callback takes the rest of a longer burst, or fm_receiver_poll if none follows.
 
 #ifndef RECEIVER_H_
 #define RECEIVER_H_
