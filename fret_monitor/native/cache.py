@@ -134,7 +134,7 @@ def private_copy(library: Path) -> Path:
     try:
         try:
             copy = entry.kept() or entry.make()
-        except _ForeignError:
+        except ForeignCacheError:
             copy = entry.make_for_now('others can write there')
     except CacheError as error:
         _warn_shared(library.parent, str(error))
@@ -417,18 +417,18 @@ def _seal(library: Path) -> dict[str, str]:
     return {'library': library.name, 'sha256': sha256(library.read_bytes()).hexdigest()}
 
 
-class _ForeignError(CacheError):
+class ForeignCacheError(CacheError):
     """Other users can write to the cache."""
 
 
 def _refuse_foreign(folder: Path) -> None:
     status = folder.stat()
     if status.st_uid != os.geteuid():
-        raise _ForeignError(
+        raise ForeignCacheError(
             f'{folder} belongs to another user, who could put a library there for you to run: '
             'set ROS_HOME to a folder of your own')
     if stat.S_IMODE(status.st_mode) & 0o022:
-        raise _ForeignError(
+        raise ForeignCacheError(
             f'{folder} can be written by others, who could put a library there for you to run:\n'
             f'  chmod 700 {folder}')
 

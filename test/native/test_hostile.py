@@ -106,7 +106,7 @@ def test_a_limit_on_the_size_of_files_is_reported(start: list[str]) -> None:
     done = subprocess.run(start, env=environment(), text=True, capture_output=True, check=False,
                           preexec_fn=limit, timeout=120)
     assert (done.returncode, done.stdout) == (1, '')
-    assert 'error: there is no place to build a library' in done.stderr
+    assert 'error: there is no place to put a library' in done.stderr
     assert 'File too large' in done.stderr and 'Traceback' not in done.stderr
     assert not list(cache_directory().glob('*'))
 
