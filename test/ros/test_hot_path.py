@@ -14,11 +14,12 @@
 
 """Receiving in C: messages are read where the middleware has stored them."""
 
+from collections.abc import Iterator
 from contextlib import contextmanager
 import gc
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Iterator
+from typing import Any
 import weakref
 
 from fret_monitor.native.binding import ffi
