@@ -14,7 +14,14 @@
 
 /// evaluator.h: when a step is due, what is ready, what is reported, what is counted.
 ///
-/// No other code decides this; the node and `simulate` only pass values to it.
+/// No other code decides this; the node and `simulate` only pass values and the time to it.
+///
+/// Time is an int64_t in nanoseconds, of a clock that the caller chooses; the evaluator reads
+/// none. It begins with the first fm_evaluator_advance. A message at a time is given in this
+/// order: what is due before it (fm_evaluator_advance with now - 1, while there is a deadline up
+/// to then), its fields (fm_evaluator_store), then fm_evaluator_message. A message at the very
+/// instant of a deadline thus comes before what is due at that instant.
+///
 /// The caller owns all memory: it passes a block of fm_evaluator_bytes bytes, aligned to 16.
 /// Not thread-safe: callers that share an evaluator hold a mutex around each call.
 /// No function allocates, blocks, or fails except by the stated return value. Without a stated
@@ -35,8 +42,14 @@ enum fm_policy
   FM_EVERY_MESSAGE = 0,     // every message: all ready groups
   FM_RELEVANT_MESSAGE = 1,  // every message: the ready groups that read an input of its topic
   FM_ALL_INPUTS = 2,        // a group once all its inputs were received anew since its last step
-  FM_PERIODIC = 3           // all ready groups, at fm_evaluator_tick only
+  FM_PERIODIC = 3           // every period: all ready groups
 };
+
+/// A time that does not come.
+#define FM_NEVER INT64_MAX
+
+/// Periods that fm_evaluator_advance takes after the fact. Those before them are missed.
+#define FM_MOST_PERIODS_BEHIND 65536
 
 /// The inputs that the messages of a topic set, as indices. Constant, owned by the caller,
 /// outlives the evaluator. A topic may set no input; an input is listed at most once, by one
@@ -47,8 +60,7 @@ struct fm_topic
   uint32_t n_inputs;
 };
 
-/// How to run a monitor. `monitor`, `topics` and `report_onset` (n_requirements flags) outlive
-/// the evaluator and stay the caller's.
+/// How to run a monitor. All that it points to outlives the evaluator and stays the caller's.
 struct fm_evaluator_options
 {
   const struct fm_monitor * monitor;
@@ -56,13 +68,17 @@ struct fm_evaluator_options
   uint32_t n_topics;
   uint32_t policy;             // enum fm_policy
   const bool * report_onset;   // a requirement: announce only when the verdict turns false
+  const int64_t * timeouts;    // an input: ns without a value until it is silent; 0: never
+  const bool * violates;       // an input: while it is silent, what reads it is violated
+  int64_t period;              // ns, with FM_PERIODIC; 0: steps come from fm_evaluator_step alone
+  int64_t patience;            // ns, 0: none; see fm_evaluator_advance
 };
 
 /// One announced violation.
 struct fm_violation
 {
   uint64_t step;         // of its group, from 0 since start or reset
-  int64_t stamp;         // as the caller gave it with the message, row or tick
+  int64_t stamp;         // the time of the message, row, period or timeout
   uint32_t requirement;  // index
 };
 
@@ -70,7 +86,7 @@ struct fm_violation
 struct fm_requirement_counts
 {
   uint64_t steps;
-  uint64_t violations;   // steps whose verdict was false, and timeouts (fm_evaluator_stale)
+  uint64_t violations;   // steps whose verdict was false, and timeouts that violated
   uint64_t announced;    // those that were reported (all, or onsets)
   bool verdict;          // of the last step or timeout; true before the first
 };
@@ -90,6 +106,23 @@ struct fm_topic_counts
   uint64_t undecodable;  // counted with fm_evaluator_undecodable
 };
 
+/// The silences of an input: times without a usable value, from its timeout on.
+struct fm_silence
+{
+  uint64_t count;        // so far
+  int64_t lasted;        // ns from the value before it until now, or the value that ended it
+  bool is_silent;        // now
+};
+
+/// Counters of the time.
+struct fm_time_counts
+{
+  uint64_t periods;      // taken
+  uint64_t late;         // taken more than half a period after their instant
+  uint64_t missed;       // not taken: more than FM_MOST_PERIODS_BEHIND came in between
+  uint64_t restarts;     // how often the time went back
+};
+
 struct fm_evaluator;
 
 /// Bytes of memory that an evaluator with these options needs; 0 if the monitor's ABI is not
@@ -99,23 +132,25 @@ FM_EXPORT uint64_t fm_evaluator_bytes(const struct fm_evaluator_options * option
 /// Make an evaluator in `memory` (aligned to 16, fm_evaluator_bytes long): no input has a value,
 /// and every group is at its start. Returns it, or NULL if an index in the options or the monitor
 /// is out of range or out of order, an input has two topics, a requirement is not listed once, by
-/// the group it names, or the ABI is not FM_ABI. `report_onset` NULL: every violation is
-/// announced. O(bytes).
+/// the group it names, a time is negative, or the ABI is not FM_ABI. `report_onset` NULL: every
+/// violation is announced; `timeouts` NULL: none; `violates` NULL: none does. O(bytes).
 FM_EXPORT struct fm_evaluator * fm_evaluator_init(
   void * memory, const struct fm_evaluator_options * options);
 
-/// Store a value of an input. No step happens: the call of fm_evaluator_message with the input's
+/// Store a value of an input, received at `now`: a silence of the input ends, and its timeout runs
+/// from then. No step happens: the call of fm_evaluator_message with the input's
 /// topic follows, once all fields of the message are stored. Integers wrap to the input's type,
-/// a bool is i != 0. O(1), and O(groups that read it) for the first value and with FM_ALL_INPUTS.
-/// An index out of range is ignored.
+/// a bool is i != 0. O(1), and O(groups that read it) for the first value, after a silence, and
+/// with FM_ALL_INPUTS. An index out of range is ignored.
 FM_EXPORT void fm_evaluator_store(
-  struct fm_evaluator * evaluator, uint32_t input, union fm_value value);
+  struct fm_evaluator * evaluator, uint32_t input, union fm_value value, int64_t now);
 
 /// As fm_evaluator_store, from an object of the input's type (bool: a byte) at any alignment.
 FM_EXPORT void fm_evaluator_store_from(
-  struct fm_evaluator * evaluator, uint32_t input, const void * value);
+  struct fm_evaluator * evaluator, uint32_t input, const void * value, int64_t now);
 
-/// Give an input its initial value: as store, but it does not count as received.
+/// Give an input its initial value: as store, but it does not count as received, and neither ends
+/// a silence nor begins its timeout anew.
 FM_EXPORT void fm_evaluator_initial(
   struct fm_evaluator * evaluator, uint32_t input, union fm_value value);
 FM_EXPORT void fm_evaluator_initial_from(
@@ -127,23 +162,6 @@ FM_EXPORT void fm_evaluator_unusable(struct fm_evaluator * evaluator, uint32_t i
 /// Count a message that cannot be decoded. No group steps.
 FM_EXPORT void fm_evaluator_undecodable(struct fm_evaluator * evaluator, uint32_t topic);
 
-/// An input has timed out: until its next store it is stale, and so is each group that reads it. A
-/// stale group still steps, on the old values, which keeps its temporal state up to date; but all
-/// its verdicts are false, whatever its formulas evaluate to.
-/// A group that becomes stale by this call violates its requirements once, without a step, ready
-/// or not. They are counted and, unless report_onset finds the last verdict false already,
-/// announced, with the number of the group's next step. `out` and the return value are as those of
-/// fm_evaluator_message.
-/// `received` is what fm_evaluator_input_counts returned when the timeout was found: if a value
-/// has been stored since, nothing happens. A second call for a stale input does nothing, except
-/// after a reset: the groups that have not stepped since are violated anew.
-/// When the last stale input of a group is stored, a group that is not ready counts as satisfied
-/// again; one that is ready keeps its verdict until its next step.
-/// O(groups that read the input, and their requirements).
-FM_EXPORT uint32_t fm_evaluator_stale(
-  struct fm_evaluator * evaluator, uint32_t input, uint64_t received, int64_t stamp,
-  struct fm_violation * out);
-
 /// A message of a topic has been stored: take the steps that the policy requires.
 /// Writes the violations to announce to `out`, by group, then requirement; `out` has room for
 /// n_requirements, or is NULL: they are only counted. Returns their number.
@@ -151,16 +169,61 @@ FM_EXPORT uint32_t fm_evaluator_stale(
 /// FM_ALL_INPUTS a field that cannot be used does not count as received.
 /// O(operations of the groups that step), and a comparison for each group that might have.
 FM_EXPORT uint32_t fm_evaluator_message(
-  struct fm_evaluator * evaluator, uint32_t topic, int64_t stamp, struct fm_violation * out);
+  struct fm_evaluator * evaluator, uint32_t topic, int64_t now, struct fm_violation * out);
 
-/// One period has passed (FM_PERIODIC), or a row of a trace is stored (any policy): all ready
-/// groups take a step, and wait for all their inputs anew with FM_ALL_INPUTS. As
-/// fm_evaluator_message otherwise.
-FM_EXPORT uint32_t fm_evaluator_tick(
-  struct fm_evaluator * evaluator, int64_t stamp, struct fm_violation * out);
+/// A row of a trace is stored (any policy): all ready groups take a step, and wait for all their
+/// inputs anew with FM_ALL_INPUTS. As fm_evaluator_message otherwise.
+FM_EXPORT uint32_t fm_evaluator_step(
+  struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out);
+
+/// The next instant at which something happens though no message comes: a period, or the timeout
+/// of an input. FM_NEVER if there is none; INT64_MIN before the time has begun. O(1), and
+/// O(inputs) when a value has put off what was next.
+FM_EXPORT int64_t fm_evaluator_deadline(struct fm_evaluator * evaluator);
+
+/// A time not after the deadline, without looking for it: it may be too early by what values have
+/// put off. O(1).
+FM_EXPORT int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator);
+
+/// Move the time to `now`, and take the first thing that is due by then, stamped with its own
+/// instant, however late this is called. To be called until the deadline is after `now`. The
+/// violations are as those of fm_evaluator_message. Of one instant, the timeouts come first, by
+/// input, then the period.
+///
+/// The first call begins the time: the timeouts run from it, and the first period ends one period
+/// later. Time that goes back is counted: what was to come in a second still comes in a second;
+/// values and past are kept.
+///
+/// A period: all ready groups take a step. Of more than FM_MOST_PERIODS_BEHIND due ones the first
+/// are missed.
+///
+/// The timeout of an input: the input is silent until its next store. If it `violates`, it is
+/// stale, and so is each group that reads it. A stale group still steps, on the old values, which
+/// keeps its temporal state up to date; but all its verdicts are false, whatever its formulas
+/// evaluate to. A group that becomes stale violates its requirements once, without a step, ready
+/// or not. They are counted and, unless report_onset finds the last verdict false already,
+/// announced, with the number of the group's next step. When the last stale input of a group is
+/// stored, a group that is not ready counts as satisfied again; one that is ready keeps its
+/// verdict until its next step.
+///
+/// With `patience`, a timeout found more than that after its instant is put off, once a silence,
+/// until as long again has passed, at most its own length: the process did not run, and messages
+/// may be waiting to be received.
+///
+/// O(operations) for a period, O(inputs + groups that read the input, and their requirements) for
+/// a timeout, O(1) if nothing is due.
+FM_EXPORT uint32_t fm_evaluator_advance(
+  struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out);
+
+/// The clock was changed: all times are `by` nanoseconds later on the new one. Nothing if the time
+/// has not begun. O(inputs).
+FM_EXPORT void fm_evaluator_shift(struct fm_evaluator * evaluator, int64_t by);
+
+/// The time: the largest `now` of fm_evaluator_advance since it began or went back; 0 before.
+FM_EXPORT int64_t fm_evaluator_now(const struct fm_evaluator * evaluator);
 
 /// Take many rows of a trace at once: for each, store a value of every input that has a column,
-/// then fm_evaluator_tick. `columns` holds n_inputs pointers, each to n_rows values of the input's
+/// then fm_evaluator_step. `columns` holds n_inputs pointers, each to n_rows values of the input's
 /// type (bool: bytes), or NULL: the input keeps its value. `verdicts` has room for n_requirements
 /// flags for each row, row after row, or is NULL. Returns how many violations were announced.
 /// O(n_rows x operations).
@@ -170,9 +233,18 @@ FM_EXPORT uint64_t fm_evaluator_rows(
 
 /// Put all groups at their start: temporal state, first time point, step numbers, last verdicts
 /// (for report_onset), and which inputs were received since the last step. The inputs keep their
-/// values, the counters go on, and a stale input is stale until its next store. O(state bytes).
-/// The verdicts are true until the next step, or fm_evaluator_stale.
+/// values, and the counters and periods go on. The verdicts are true until the next step. A
+/// stale input is stale until its next store, and is due at once: its groups are violated anew by
+/// the next fm_evaluator_advance. O(inputs + state bytes).
 FM_EXPORT void fm_evaluator_reset(struct fm_evaluator * evaluator);
+
+/// Copy the instance: the values, state, readiness, verdicts and times, in one block that holds no
+/// address. It may be restored, any number of times, to any evaluator of the same monitor and
+/// options in this process. The counters are not part of it and go on. `out` and `from`: a block
+/// of fm_evaluator_instance_bytes bytes, at any alignment. O(bytes).
+FM_EXPORT uint64_t fm_evaluator_instance_bytes(const struct fm_evaluator * evaluator);
+FM_EXPORT void fm_evaluator_save(const struct fm_evaluator * evaluator, void * out);
+FM_EXPORT void fm_evaluator_restore(struct fm_evaluator * evaluator, const void * from);
 
 /// Whether every input that the group reads has a value.
 FM_EXPORT bool fm_evaluator_ready(const struct fm_evaluator * evaluator, uint32_t group);
@@ -205,6 +277,9 @@ FM_EXPORT struct fm_input_counts fm_evaluator_input_counts(
   const struct fm_evaluator * evaluator, uint32_t input);
 FM_EXPORT struct fm_topic_counts fm_evaluator_topic_counts(
   const struct fm_evaluator * evaluator, uint32_t topic);
+FM_EXPORT struct fm_silence fm_evaluator_silence(
+  const struct fm_evaluator * evaluator, uint32_t input);
+FM_EXPORT struct fm_time_counts fm_evaluator_time_counts(const struct fm_evaluator * evaluator);
 
 #ifdef __cplusplus
 }
