@@ -120,7 +120,8 @@ static struct layout lay_out(const struct fm_evaluator_options * options)
   layout.block.fits = instance_bytes > 0;
   (void)fm_block_append(&layout.block, 1, sizeof(struct fm_evaluator));
   layout.inputs = fm_block_append(&layout.block, monitor->n_inputs, sizeof(struct input_cell));
-  layout.requirements = fm_block_append(&layout.block, monitor->n_requirements, sizeof(struct requirement_cell));
+  layout.requirements =
+    fm_block_append(&layout.block, monitor->n_requirements, sizeof(struct requirement_cell));
   layout.topics = fm_block_append(&layout.block, options->n_topics, sizeof(struct topic_cell));
   layout.steps_before = fm_block_append(&layout.block, monitor->n_groups, sizeof(uint64_t));
   layout.readers = fm_block_append(&layout.block, readings, sizeof(uint32_t));

@@ -51,8 +51,10 @@ static struct layout lay_out(const struct fm_monitor * monitor)
   struct layout layout = {0};
   layout.block.fits = true;
   layout.time = fm_block_append(&layout.block, 1, sizeof(struct fm_instance_time));
-  layout.inputs = fm_block_append(&layout.block, monitor->n_inputs, sizeof(struct fm_instance_input));
-  layout.groups = fm_block_append(&layout.block, monitor->n_groups, sizeof(struct fm_instance_group));
+  layout.inputs =
+    fm_block_append(&layout.block, monitor->n_inputs, sizeof(struct fm_instance_input));
+  layout.groups =
+    fm_block_append(&layout.block, monitor->n_groups, sizeof(struct fm_instance_group));
   layout.verdicts = fm_block_append(&layout.block, monitor->n_requirements, sizeof(bool));
   layout.previous = fm_block_append(&layout.block, monitor->n_requirements, sizeof(bool));
   layout.values = fm_block_append(&layout.block, monitor->inputs_bytes, 1);

@@ -104,7 +104,7 @@ void fm_instance_write(
 void fm_instance_write_from(
   const struct fm_instance * instance, uint32_t input, const void * value);
 
-/// Move all times by `by` nanoseconds; those that would leave the range stay at its end. O(inputs).
+/// Move all times by `by` nanoseconds; one that would leave the range stays at its end. O(inputs).
 void fm_instance_shift(const struct fm_instance * instance, int64_t by);
 
 /// The sum, or the nearest time in range. O(1).
