@@ -854,9 +854,12 @@ uint32_t fm_evaluator_advance(
     evaluator->counts.restarts += 1;
     fm_evaluator_shift(evaluator, -since(now, time->now));
   }
+  time->now = now;
+  if (evaluator->wake > now) {
+    return 0;
+  }
   const int64_t deadline = fm_evaluator_deadline(evaluator);
   struct report report = {out, deadline, 0};
-  time->now = now;
   if (deadline <= now && deadline != FM_NEVER) {
     const uint32_t input = find_due(evaluator, deadline);
     if (input < evaluator->monitor->n_inputs) {
