@@ -59,6 +59,9 @@ PATIENCE = 60.0
 
 TOPICS = ('motor/current', 'windspeed')  # of config/quadrotor.yaml
 UNREAD = 'never taken'
+IN_CALLBACK = "rcl in C, taking inside the middleware's callback"
+TIMEOUT = 0.05  # s
+SILENCES = 10.0  # a second
 HANDLER = 'copilot/handlerpropEACH'
 PACKAGES = ('std_msgs', 'sensor_msgs', 'diagnostic_msgs')
 
@@ -351,6 +354,10 @@ class Bench:
         """Return the subscriber in C."""
         return Subject(name, (str(self.floor), *work.arguments, *arguments))
 
+    def callback(self, work: Work, *arguments: str) -> Subject:
+        """Return the subscriber in C that takes messages inside the middleware's callback."""
+        return self.bare(work, '--take', 'callback', *arguments, name=IN_CALLBACK)
+
     def rclpy(self, work: Work, *arguments: str) -> Subject:
         """Return the subscriber in Python."""
         return Subject('rclpy', (
@@ -459,7 +466,8 @@ def quiet(bench: Bench) -> Iterator[Row]:
     work = bench.work(TOPICS, bench.rate)
     example = HERE.parent / 'config' / 'quadrotor.yaml'
     found = rounds_of(bench, work, [
-        bench.bare(work), bench.unread(work), *bench.monitors(example), bench.rclpy(work)])
+        bench.bare(work), bench.unread(work), bench.callback(work), *bench.monitors(example),
+        bench.rclpy(work)])
     yield from processor_rows('no violation', found, '1.0')
     for figure, name in (('resident memory (VmRSS)', 'resident'),
                          ('its highest (VmHWM)', 'highest')):
@@ -474,12 +482,28 @@ def violations(bench: Bench) -> Iterator[Row]:
         '  - {id: EACH, ptltl: "current < 0.0 & wind < 0.0"}\n')
     publish = ('--publish', HANDLER)
     found = rounds_of(bench, work, [
-        bench.bare(work, *publish), bench.unread(work, *publish), *bench.monitors(bundle),
-        bench.rclpy(work, *publish)])
+        bench.bare(work, *publish), bench.unread(work, *publish),
+        bench.callback(work, *publish), *bench.monitors(bundle), bench.rclpy(work, *publish)])
     yield from processor_rows('a violation each', found, '1.1')
     del found[UNREAD]
     for name in ('p50', 'p99'):
         yield from rows(f'latency to the Empty, {name}', 'us', found, attrgetter(name), '1.1')
+
+
+def deadlines(bench: Bench) -> Iterator[Row]:
+    """Measure the time from the end of a timeout to its Empty, and an idle monitor's work."""
+    work = Work(TOPICS[:1], int(bench.seconds * SILENCES), SILENCES, echo=HANDLER)
+    more = f', timeout: {TIMEOUT}, stale: violate'
+    bundle = bench.bundle(
+        'silent', float_input('current', TOPICS[0], more),
+        '  - {id: EACH, report: onset, ptltl: "current > 0.0"}\n')
+    found = rounds_of(bench, work, [
+        bench.callback(work, '--publish', HANDLER, '--after', str(TIMEOUT)),
+        *bench.monitors(bundle)])
+    for name in ('p50', 'p99'):
+        yield from rows(
+            f'from the end of a timeout to its Empty, {name}', 'us', found,
+            lambda item, name=name: getattr(item, name) - 1e6 * TIMEOUT, '1.1')
 
 
 def cloud(bench: Bench) -> Iterator[Row]:
@@ -559,7 +583,7 @@ def started(load_program: Path, work: Work, subject: Subject) -> Start:
 
 
 FIGURES: dict[str, Callable[[Bench], Iterator[Row]]] = {
-    'quiet': quiet, 'violations': violations, 'cloud': cloud, 'flood': flood, 'start': start,
+    'quiet': quiet, 'violations': violations, 'deadlines': deadlines, 'cloud': cloud, 'flood': flood, 'start': start,
 }
 
 

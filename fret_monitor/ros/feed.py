@@ -29,7 +29,7 @@ from dataclasses import dataclass
 from heapq import merge
 from threading import Event, Thread
 from time import monotonic, time_ns
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from fret_monitor.ros import native_lifetimes, qos
 from fret_monitor.ros.parameters import Refusal
@@ -41,8 +41,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-@dataclass(frozen=True)
-class Record:
+class Record(NamedTuple):
     """
     A serialized message that was taken, and is to be delivered.
 
@@ -269,7 +268,8 @@ class Feed:
         for topic in self._topics:
             for receiver in topic.receivers():
                 batches.append(self._take_all(topic, receiver, now))
-        for topic, record in merge(*batches, key=_received):
+        filled = [batch for batch in batches if batch]
+        for topic, record in filled[0] if len(filled) == 1 else merge(*filled, key=_received):
             if self._closing.is_set():
                 return
             topic.topic.deliver(record)
