@@ -56,8 +56,9 @@ class NodeTime:
         self._clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
         self._has_deadlines = has_deadlines
         self._held = ExitStack()
-        self._held.enter_context(self._clock.handle)
-        self._pointer = ffi.cast('void *', self._clock.handle.pointer)
+        handle: Any = self._clock.handle
+        self._held.enter_context(handle)
+        self._pointer = ffi.cast('void *', handle.pointer)
         moved = Duration(nanoseconds=1) if has_deadlines else None
         jumps = self._clock.create_jump_callback(
             JumpThreshold(min_forward=moved, min_backward=moved and Duration(nanoseconds=-1)),
