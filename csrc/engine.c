@@ -25,6 +25,22 @@
 #include <string.h>
 #include <time.h>
 
+#include "instance.h"
+
+#define SECOND_NS 1000000000
+
+// Tests sleep between two steps of the handling of time.
+#ifndef FM_PAUSE
+#define FM_PAUSE()
+#endif
+
+enum source
+{
+  TOLD,    // by fm_engine_advance, and with each message
+  STEADY,  // CLOCK_MONOTONIC
+  CLOCK    // `now`
+};
+
 struct topic
 {
   struct fm_arrivals arrivals;
@@ -44,6 +60,10 @@ struct fm_engine
   struct fm_outbox outbox;
   int (* now)(void * clock, int64_t * nanoseconds);
   void * clock;
+  enum source source;
+  int64_t wakes_at;      // a thread in fm_engine_take waits until then; INT64_MIN: none does
+  bool has_begun;        // the time
+  bool is_new_source;    // its time was not read yet
   bool is_closed;
 };
 
@@ -135,6 +155,7 @@ struct fm_engine * fm_engine_create(const struct fm_engine_options * options)
     return NULL;
   }
   engine->options = *options;
+  engine->wakes_at = INT64_MIN;
   if (!make_memory(engine) || !make_locks(engine)) {
     free_memory(engine);
     return NULL;
@@ -172,9 +193,11 @@ bool fm_engine_is_closed(struct fm_engine * engine)
 
 // ---- queues ------------------------------------------------------------------------------------
 
-static void announce_locked(struct fm_engine * engine, uint32_t n)
+// Queue the violations of engine->found, whose stamps are `later` than found.
+static void announce_locked(struct fm_engine * engine, uint32_t n, int64_t later)
 {
   for (uint32_t k = 0; k < n; ++k) {
+    engine->found[k].stamp = fm_later(engine->found[k].stamp, later);
     fm_outbox_add(&engine->outbox, &engine->found[k], engine->options.evaluator);
   }
   if (n > 0) {
@@ -185,31 +208,158 @@ static void announce_locked(struct fm_engine * engine, uint32_t n)
   }
 }
 
-static struct timespec in_milliseconds(uint32_t milliseconds)
+// ---- time --------------------------------------------------------------------------------------
+
+static int64_t read_clock(clockid_t clock)
 {
-  struct timespec end;
-  clock_gettime(CLOCK_MONOTONIC, &end);
-  end.tv_sec += (time_t)(milliseconds / 1000u);
-  end.tv_nsec += (long)(milliseconds % 1000u) * 1000000L;
-  if (end.tv_nsec >= 1000000000L) {
-    end.tv_nsec -= 1000000000L;
-    end.tv_sec += 1;
-  }
-  return end;
+  struct timespec now;
+  clock_gettime(clock, &now);
+  return (int64_t)now.tv_sec * SECOND_NS + (int64_t)now.tv_nsec;
 }
 
-// Wait until the queue is not empty, the engine is closed, or the time is over.
-static void wait_locked(
-  struct fm_engine * engine, pthread_cond_t * is_queued, const uint32_t * queued,
-  uint32_t milliseconds)
+// Read the time of the source; returns false if it has none. `told`: the time if it is told.
+static bool read_time_locked(struct fm_engine * engine, int64_t told, int64_t * now)
 {
-  if (*queued > 0 || milliseconds == 0) {
-    return;
+  struct fm_evaluator * evaluator = engine->options.evaluator;
+  *now = told;
+  if (!engine->has_begun) {
+    return false;
   }
-  const struct timespec end = in_milliseconds(milliseconds);
-  while (*queued == 0 && !engine->is_closed &&
-    pthread_cond_timedwait(is_queued, &engine->mutex, &end) == 0)
+  if (engine->source == STEADY) {
+    *now = read_clock(CLOCK_MONOTONIC);
+  } else if (engine->source == CLOCK && (engine->now(engine->clock, now) != 0 || *now <= 0)) {
+    return false;
+  }
+  if (engine->is_new_source) {
+    fm_evaluator_shift(evaluator, *now - fm_evaluator_now(evaluator));
+    engine->is_new_source = false;
+  }
+  FM_PAUSE();
+  return true;
+}
+
+static void take_due_locked(struct fm_engine * engine, int64_t now)
+{
+  struct fm_evaluator * evaluator = engine->options.evaluator;
+  do {
+    const uint32_t n = fm_evaluator_advance(evaluator, now, engine->found);
+    const int64_t later = n > 0 && engine->source == STEADY ?
+      read_clock(CLOCK_REALTIME) - read_clock(CLOCK_MONOTONIC) : 0;
+    announce_locked(engine, n, later);
+  } while (fm_evaluator_wake(evaluator) <= now);
+}
+
+// A message at the instant of a deadline comes before what is due then.
+static void take_due_before_locked(struct fm_engine * engine, int64_t now)
+{
+  const bool is_here = now == fm_evaluator_now(engine->options.evaluator);
+  take_due_locked(engine, is_here ? now : fm_later(now, -1));
+}
+
+// Take what is due by a clock that is followed.
+static void take_due_now_locked(struct fm_engine * engine)
+{
+  int64_t now;
+  if (engine->source != TOLD && !engine->is_closed && read_time_locked(engine, 0, &now)) {
+    take_due_locked(engine, now);
+  }
+}
+
+// A deadline may now come before the end of a wait in fm_engine_take.
+static void end_wait_if_earlier_locked(struct fm_engine * engine)
+{
+  if (engine->source == STEADY &&
+    fm_evaluator_wake(engine->options.evaluator) < engine->wakes_at)
   {
+    pthread_cond_signal(&engine->violation_queued);
+  }
+}
+
+void fm_engine_advance(struct fm_engine * engine, int64_t now)
+{
+  fm_engine_lock(engine);
+  if (engine->source == TOLD && !engine->is_closed) {
+    engine->has_begun = true;
+    take_due_locked(engine, now);
+  }
+  fm_engine_unlock(engine);
+}
+
+static void follow(
+  struct fm_engine * engine, enum source source,
+  int (* now)(void * clock, int64_t * nanoseconds), void * clock)
+{
+  fm_engine_lock(engine);
+  take_due_now_locked(engine);  // brings the time up to date, for the shift
+  engine->source = source;
+  engine->now = now;
+  engine->clock = clock;
+  engine->is_new_source = engine->has_begun;
+  engine->has_begun = true;
+  take_due_now_locked(engine);
+  pthread_cond_signal(&engine->violation_queued);
+  fm_engine_unlock(engine);
+}
+
+void fm_engine_follow_steady(struct fm_engine * engine)
+{
+  follow(engine, STEADY, NULL, NULL);
+}
+
+void fm_engine_follow_clock(
+  struct fm_engine * engine, int (* now)(void * clock, int64_t * nanoseconds), void * clock)
+{
+  follow(engine, CLOCK, now, clock);
+}
+
+void fm_engine_wake(struct fm_engine * engine)
+{
+  fm_engine_lock(engine);
+  pthread_cond_signal(&engine->violation_queued);
+  fm_engine_unlock(engine);
+}
+
+int64_t fm_engine_deadline(struct fm_engine * engine)
+{
+  fm_engine_lock(engine);
+  const int64_t deadline =
+    engine->has_begun ? fm_evaluator_deadline(engine->options.evaluator) : FM_NEVER;
+  fm_engine_unlock(engine);
+  return deadline;
+}
+
+// ---- taking ------------------------------------------------------------------------------------
+
+// Wait for a signal, or until a time of CLOCK_MONOTONIC.
+static void wait_until_locked(
+  struct fm_engine * engine, pthread_cond_t * condition, int64_t until)
+{
+  struct timespec end;
+  end.tv_sec = (time_t)(until / SECOND_NS);
+  end.tv_nsec = (long)(until % SECOND_NS);
+  pthread_cond_timedwait(condition, &engine->mutex, &end);
+}
+
+static int64_t in_milliseconds(uint32_t milliseconds)
+{
+  return read_clock(CLOCK_MONOTONIC) + (int64_t)milliseconds * (SECOND_NS / 1000);
+}
+
+// Wait until a violation is queued, the engine is closed, or the time is over. Takes what is due.
+static void wait_for_violation_locked(struct fm_engine * engine, uint32_t milliseconds)
+{
+  struct fm_evaluator * evaluator = engine->options.evaluator;
+  const int64_t end = in_milliseconds(milliseconds);
+  take_due_now_locked(engine);
+  while (engine->outbox.n_violations == 0 && !engine->is_closed && milliseconds > 0 &&
+    read_clock(CLOCK_MONOTONIC) < end)
+  {
+    const int64_t deadline = engine->source == STEADY ? fm_evaluator_deadline(evaluator) : end;
+    engine->wakes_at = deadline < end ? deadline : end;
+    FM_PAUSE();
+    wait_until_locked(engine, &engine->violation_queued, engine->wakes_at);
+    engine->wakes_at = INT64_MIN;
+    take_due_now_locked(engine);
   }
 }
 
@@ -217,8 +367,7 @@ uint32_t fm_engine_take(
   struct fm_engine * engine, struct fm_violation * out, uint32_t room, uint32_t milliseconds)
 {
   fm_engine_lock(engine);
-  wait_locked(
-    engine, &engine->violation_queued, &engine->outbox.n_violations, milliseconds);
+  wait_for_violation_locked(engine, milliseconds);
   const uint32_t n = fm_outbox_take(&engine->outbox, out, room);
   fm_engine_unlock(engine);
   return n;
@@ -234,8 +383,13 @@ void fm_engine_want_details(struct fm_engine * engine, bool are_wanted, uint32_t
 bool fm_engine_take_detail(
   struct fm_engine * engine, struct fm_detail * out, uint32_t milliseconds)
 {
+  const int64_t end = in_milliseconds(milliseconds);
   fm_engine_lock(engine);
-  wait_locked(engine, &engine->detail_queued, &engine->outbox.n_details, milliseconds);
+  while (engine->outbox.n_details == 0 && !engine->is_closed &&
+    read_clock(CLOCK_MONOTONIC) < end)
+  {
+    wait_until_locked(engine, &engine->detail_queued, end);
+  }
   const bool has_one = fm_outbox_take_detail(&engine->outbox, out);
   fm_engine_unlock(engine);
   return has_one;
@@ -319,26 +473,20 @@ size_t fm_engine_evidence(
 }
 
 // Store the fields that were read, and count the others. Returns whether all could be used.
-static bool store_locked(struct fm_engine * engine, uint32_t topic, const struct fm_field * fields)
+static bool store_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t now)
 {
   const struct fm_topic * fed = &engine->options.topics[topic];
   bool is_usable = true;
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     if (fields[k].outcome == FM_FIELD_READ) {
-      fm_evaluator_store(engine->options.evaluator, fed->inputs[k], fields[k].value);
+      fm_evaluator_store(engine->options.evaluator, fed->inputs[k], fields[k].value, now);
     } else {
       fm_evaluator_unusable(engine->options.evaluator, fed->inputs[k]);
       is_usable = false;
     }
   }
   return is_usable;
-}
-
-static int64_t stamp_of(const struct fm_engine * engine, const struct fm_origin * origin)
-{
-  int64_t stamp = origin->received;
-  return engine->now != NULL && engine->now(engine->clock, &stamp) != 0 ?
-         origin->received : stamp;
 }
 
 const struct fm_reader * fm_engine_reader(const struct fm_engine * engine, uint32_t topic)
@@ -352,6 +500,7 @@ uint32_t fm_engine_deliver_locked(
 {
   struct topic * cell = &engine->topics[topic];
   struct fm_evaluator * evaluator = engine->options.evaluator;
+  int64_t now;
   if (engine->is_closed) {
     return FM_RECEIVED;
   }
@@ -363,11 +512,18 @@ uint32_t fm_engine_deliver_locked(
     fm_evaluator_undecodable(evaluator, topic);
     return FM_UNDECODABLE;
   }
-  if (!store_locked(engine, topic, reading->fields)) {
+  const bool has_time = read_time_locked(engine, origin->received, &now);
+  if (has_time) {
+    take_due_before_locked(engine, now);
+  } else {
+    now = fm_evaluator_now(evaluator);
+  }
+  if (!store_locked(engine, topic, reading->fields, now)) {
     keep_evidence(cell, reading->message, reading->size);
   }
-  announce_locked(
-    engine, fm_evaluator_message(evaluator, topic, stamp_of(engine, origin), engine->found));
+  const int64_t stamp = has_time && engine->source == CLOCK ? now : origin->received;
+  announce_locked(engine, fm_evaluator_message(evaluator, topic, stamp, engine->found), 0);
+  end_wait_if_earlier_locked(engine);
   return FM_RECEIVED;
 }
 
@@ -386,48 +542,11 @@ uint32_t fm_engine_message(
   return receipt;
 }
 
-void fm_engine_tick(struct fm_engine * engine, int64_t stamp)
-{
-  fm_engine_lock(engine);
-  if (!engine->is_closed) {
-    announce_locked(engine, fm_evaluator_tick(engine->options.evaluator, stamp, engine->found));
-  }
-  fm_engine_unlock(engine);
-}
-
-void fm_engine_stale(
-  struct fm_engine * engine, uint32_t input, uint64_t received, int64_t stamp)
-{
-  fm_engine_lock(engine);
-  if (!engine->is_closed) {
-    announce_locked(
-      engine, fm_evaluator_stale(
-        engine->options.evaluator, input, received, stamp, engine->found));
-  }
-  fm_engine_unlock(engine);
-}
-
-bool fm_engine_is_stale(struct fm_engine * engine, uint32_t input)
-{
-  fm_engine_lock(engine);
-  const bool is_stale = fm_evaluator_is_stale(engine->options.evaluator, input);
-  fm_engine_unlock(engine);
-  return is_stale;
-}
-
 void fm_engine_reset(struct fm_engine * engine)
 {
   fm_engine_lock(engine);
   fm_evaluator_reset(engine->options.evaluator);
-  fm_engine_unlock(engine);
-}
-
-void fm_engine_use_clock(
-  struct fm_engine * engine, int (* now)(void * clock, int64_t * nanoseconds), void * clock)
-{
-  fm_engine_lock(engine);
-  engine->now = now;
-  engine->clock = clock;
+  end_wait_if_earlier_locked(engine);
   fm_engine_unlock(engine);
 }
 
@@ -459,6 +578,23 @@ struct fm_topic_counts fm_engine_topic_counts(struct fm_engine * engine, uint32_
     fm_evaluator_topic_counts(engine->options.evaluator, topic);
   fm_engine_unlock(engine);
   return counts;
+}
+
+struct fm_time_counts fm_engine_time_counts(struct fm_engine * engine)
+{
+  fm_engine_lock(engine);
+  const struct fm_time_counts counts = fm_evaluator_time_counts(engine->options.evaluator);
+  fm_engine_unlock(engine);
+  return counts;
+}
+
+struct fm_silence fm_engine_silence(struct fm_engine * engine, uint32_t input)
+{
+  fm_engine_lock(engine);
+  take_due_now_locked(engine);  // brings the time up to date
+  const struct fm_silence silence = fm_evaluator_silence(engine->options.evaluator, input);
+  fm_engine_unlock(engine);
+  return silence;
 }
 
 bool fm_engine_value(struct fm_engine * engine, uint32_t input, void * out)

@@ -12,18 +12,26 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// engine.h: an evaluator that several threads share, and that reads serialized messages.
+/// engine.h: an evaluator that several threads share, that reads serialized messages, and that
+/// knows the time.
 ///
 /// The thread that takes a message from the middleware passes its bytes to fm_engine_message,
 /// which reads the fields, stores the inputs and steps, under one mutex. Violations and their
 /// details are queued for other threads, so that a thread that delivers messages never publishes
-/// and never waits for Python.
+/// and never waits for Python. The thread that takes the violations also waits for the deadlines:
+/// it is the only timed wait.
+///
+/// The time comes from one of three sources. At first it is told, by fm_engine_advance and the
+/// times of reception (a recording). A node follows a steady clock, or the clock of a simulation.
+/// It begins with the first call of fm_engine_advance, _follow_steady or _follow_clock; before,
+/// nothing is due.
 ///
 /// All functions may be called from any thread at any time, except fm_engine_create and
 /// fm_engine_destroy. They wait for nothing except the mutex, unless they have a parameter
 /// `milliseconds`, and release the mutex before they return or wait. The only foreign function
 /// that they call with the mutex held is the clock, which must not block. Without a stated
-/// complexity a function is O(1). An index out of range is ignored, or gives zeros.
+/// complexity a function is O(1). An index out of range is ignored, or gives zeros. An engine that
+/// is closed takes no message and nothing that is due.
 
 #ifndef ENGINE_H_
 #define ENGINE_H_
@@ -77,18 +85,33 @@ FM_EXPORT uint32_t fm_engine_message(
   struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin);
 
-/// As fm_evaluator_tick, fm_evaluator_stale and fm_evaluator_reset; the violations are queued.
-FM_EXPORT void fm_engine_tick(struct fm_engine * engine, int64_t stamp);
-FM_EXPORT void fm_engine_stale(
-  struct fm_engine * engine, uint32_t input, uint64_t received, int64_t stamp);
-FM_EXPORT bool fm_engine_is_stale(struct fm_engine * engine, uint32_t input);
+/// As fm_evaluator_reset.
 FM_EXPORT void fm_engine_reset(struct fm_engine * engine);
 
-/// Stamp the violations of messages with the time of a clock; with `now` NULL, with the time of
-/// reception. `now` writes nanoseconds and returns 0; if it fails, the time of reception is used.
-/// The clock must live until the engine is destroyed or this is called again.
-FM_EXPORT void fm_engine_use_clock(
+/// While the time is told: move it to `now`, and take what is due by then, each stamped with its
+/// instant. Nothing while a clock is followed. O(what is due).
+FM_EXPORT void fm_engine_advance(struct fm_engine * engine, int64_t now);
+
+/// Follow a clock that nobody sets (CLOCK_MONOTONIC). Stamps are in system time: a message's time
+/// of reception, or the instant of what is due as the system clock counts it now. A wait of
+/// fm_engine_take ends when a deadline has come.
+FM_EXPORT void fm_engine_follow_steady(struct fm_engine * engine);
+
+/// Follow a clock that may stand still or jump; stamps are its times. `now` writes nanoseconds and
+/// returns 0. If it fails or writes 0 there is no time: nothing is due, and a message is stamped
+/// with its time of reception. Call fm_engine_wake whenever the clock has moved. The clock must
+/// live until another is followed, or the engine is destroyed.
+///
+/// When one of these functions changes the source of the time, what was to come in a second still
+/// comes in a second.
+FM_EXPORT void fm_engine_follow_clock(
   struct fm_engine * engine, int (* now)(void * clock, int64_t * nanoseconds), void * clock);
+
+/// Let fm_engine_take look at the clock.
+FM_EXPORT void fm_engine_wake(struct fm_engine * engine);
+
+/// As fm_evaluator_deadline: in the time of the source.
+FM_EXPORT int64_t fm_engine_deadline(struct fm_engine * engine);
 
 /// As fm_arrivals_begin_handover and fm_arrivals_end_handover, of a topic.
 FM_EXPORT void fm_engine_begin_handover(
@@ -96,7 +119,8 @@ FM_EXPORT void fm_engine_begin_handover(
 FM_EXPORT void fm_engine_end_handover(struct fm_engine * engine, uint32_t topic);
 
 /// Take up to `room` violations from the queue, oldest first. If the queue is empty, waits for up
-/// to `milliseconds` (0: does not wait). Returns their number; 0 if the time is over, or the
+/// to `milliseconds` (0: does not wait). While a clock is followed, takes what is due first, and
+/// when its time comes during the wait. Returns their number; 0 if the time is over, or the
 /// engine is closed and the queue empty. One thread at a time, which keeps the violations in
 /// order. O(room).
 FM_EXPORT uint32_t fm_engine_take(
@@ -132,6 +156,9 @@ FM_EXPORT struct fm_input_counts fm_engine_input_counts(
   struct fm_engine * engine, uint32_t input);
 FM_EXPORT struct fm_topic_counts fm_engine_topic_counts(
   struct fm_engine * engine, uint32_t topic);
+FM_EXPORT struct fm_time_counts fm_engine_time_counts(struct fm_engine * engine);
+/// Takes what is due first, while a clock is followed.
+FM_EXPORT struct fm_silence fm_engine_silence(struct fm_engine * engine, uint32_t input);
 FM_EXPORT bool fm_engine_value(struct fm_engine * engine, uint32_t input, void * out);
 
 #ifdef __cplusplus

@@ -14,44 +14,36 @@
 
 /// evaluator.c: see evaluator.h for the contract.
 ///
-/// One block of memory holds everything: a cell for each input, group, requirement and topic, two
-/// pools of indices, the verdicts, and the module's inputs and state. Only `lay_out` computes
-/// their offsets.
+/// One block of memory holds everything: the tables that the monitor and the options determine,
+/// the counters, and the instance (instance.h), which is all that steps depend on. Only `lay_out`
+/// computes the offsets.
 ///
 /// Each group counts the inputs it waits for, so that no call searches for them: `unset` counts
 /// its inputs without a value, `awaited` those that were not received since its last step. A store
 /// increments a clock; an input is new for a group if its `received_at` is later than the group's
 /// `stepped_at`. This needs no flag for each pair of input and group.
+///
+/// `wake` is never after the deadline. A message puts off timeouts without looking for the
+/// earliest one; that is done when `wake` has come.
 
 #include "evaluator.h"
 
 #include <string.h>
 
-#define ALIGNMENT 16u
+#include "instance.h"
+
 #define NO_TOPIC UINT32_MAX
 
 struct input_cell
 {
-  void * place;          // in the module's struct of inputs
   uint32_t * readers;    // the groups that read it, ascending
-  uint64_t received_at;  // the clock at its last store; 0 before the first
   struct fm_input_counts counts;
+  uint64_t silences;
+  int64_t last_silence;  // how long the last one lasted, ns
+  int64_t timeout;       // ns; 0: none
   uint32_t n_readers;
   uint32_t topic;
-  enum fm_type type;
-  bool has_value;
-  bool stale;
-};
-
-struct group_cell
-{
-  uint64_t steps;         // since start or reset
-  uint64_t steps_before;  // steps before the last reset
-  uint64_t stepped_at;    // the clock at its last step or reset
-  uint32_t unset;         // inputs without a value
-  uint32_t awaited;       // inputs not received since stepped_at
-  uint32_t stale;         // stale inputs
-  bool knows_stale;       // its verdicts were set to false for them
+  bool violates;
 };
 
 struct requirement_cell
@@ -59,7 +51,6 @@ struct requirement_cell
   uint64_t violations;
   uint64_t announced;
   bool onset;
-  bool previous;  // the verdict of the step before; true before step 0
 };
 
 struct topic_cell
@@ -72,16 +63,17 @@ struct topic_cell
 struct fm_evaluator
 {
   const struct fm_monitor * monitor;
+  struct fm_instance instance;
   struct input_cell * inputs;
-  struct group_cell * groups;
   struct requirement_cell * requirements;
   struct topic_cell * topics;
-  bool * verdicts;
-  void * input_values;
-  void * state;
-  uint64_t clock;  // stores so far
+  uint64_t * steps_before;  // a group: steps that its instance no longer counts
+  struct fm_time_counts counts;
+  int64_t period;           // ns; 0: none
+  int64_t patience;         // ns; 0: none
+  int64_t wake;             // not after the deadline
+  bool is_exact;            // wake is the deadline
   uint32_t n_topics;
-  uint32_t n_waiting;  // groups that read an input without a value
   enum fm_policy policy;
 };
 
@@ -91,31 +83,14 @@ struct fm_evaluator
 struct layout
 {
   uint64_t inputs;
-  uint64_t groups;
   uint64_t requirements;
   uint64_t topics;
+  uint64_t steps_before;
   uint64_t readers;
   uint64_t topic_groups;
-  uint64_t verdicts;
-  uint64_t input_values;
-  uint64_t state;
-  uint64_t end;
-  bool fits;  // in the address space; if not, the offsets are invalid
+  uint64_t instance;
+  struct fm_block block;
 };
-
-// Append `count` elements of `size` bytes to the layout. Returns their offset.
-static uint64_t take(struct layout * layout, uint64_t count, uint64_t size)
-{
-  const uint64_t begin = layout->end;
-  const uint64_t room = (uint64_t)PTRDIFF_MAX - ALIGNMENT - begin;
-  if (!layout->fits || count > room / size) {
-    layout->fits = false;
-    return 0;
-  }
-  layout->end = (begin + count * size + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
-  layout->fits = layout->end <= (uint64_t)PTRDIFF_MAX - ALIGNMENT;
-  return begin;
-}
 
 static uint64_t count_readings(const struct fm_monitor * monitor)
 {
@@ -140,21 +115,21 @@ static struct layout lay_out(const struct fm_evaluator_options * options)
   const struct fm_monitor * monitor = options->monitor;
   const uint64_t readings = count_readings(monitor);
   const uint64_t without_inputs = count_groups_without_inputs(monitor);
+  const uint64_t instance_bytes = fm_instance_bytes(monitor);
   struct layout layout = {0};
-  layout.fits = true;
-  (void)take(&layout, 1, sizeof(struct fm_evaluator));
-  layout.inputs = take(&layout, monitor->n_inputs, sizeof(struct input_cell));
-  layout.groups = take(&layout, monitor->n_groups, sizeof(struct group_cell));
-  layout.requirements = take(&layout, monitor->n_requirements, sizeof(struct requirement_cell));
-  layout.topics = take(&layout, options->n_topics, sizeof(struct topic_cell));
-  layout.verdicts = take(&layout, monitor->n_requirements, sizeof(bool));
-  layout.input_values = take(&layout, monitor->inputs_bytes, 1);
-  layout.state = take(&layout, monitor->state_bytes, 1);
-  layout.readers = take(&layout, readings, sizeof(uint32_t));
+  layout.block.fits = instance_bytes > 0;
+  (void)fm_block_append(&layout.block, 1, sizeof(struct fm_evaluator));
+  layout.inputs = fm_block_append(&layout.block, monitor->n_inputs, sizeof(struct input_cell));
+  layout.requirements =
+    fm_block_append(&layout.block, monitor->n_requirements, sizeof(struct requirement_cell));
+  layout.topics = fm_block_append(&layout.block, options->n_topics, sizeof(struct topic_cell));
+  layout.steps_before = fm_block_append(&layout.block, monitor->n_groups, sizeof(uint64_t));
+  layout.readers = fm_block_append(&layout.block, readings, sizeof(uint32_t));
   // An input has at most one topic, so each input that a group reads puts the group on at most one
   // topic's list. A group that reads no input is on the lists of all topics.
-  layout.topic_groups = take(&layout, readings, sizeof(uint32_t));
-  (void)take(&layout, without_inputs * options->n_topics, sizeof(uint32_t));
+  layout.topic_groups = fm_block_append(&layout.block, readings, sizeof(uint32_t));
+  (void)fm_block_append(&layout.block, without_inputs * options->n_topics, sizeof(uint32_t));
+  layout.instance = fm_block_append(&layout.block, instance_bytes, 1);
   return layout;
 }
 
@@ -164,40 +139,16 @@ uint64_t fm_evaluator_bytes(const struct fm_evaluator_options * options)
     return 0;
   }
   const struct layout layout = lay_out(options);
-  return layout.fits ? layout.end : 0;
+  return layout.block.fits ? layout.block.bytes : 0;
 }
 
 // ---- checks ------------------------------------------------------------------------------------
-
-// Size of a stored value in bytes; 0 for an unknown type.
-static uint32_t size_of(enum fm_type type)
-{
-  switch (type) {
-    case FM_BOOL:
-      return (uint32_t)sizeof(bool);
-    case FM_INT8:
-    case FM_UINT8:
-      return 1;
-    case FM_INT16:
-    case FM_UINT16:
-      return 2;
-    case FM_INT32:
-    case FM_UINT32:
-    case FM_FLOAT32:
-      return 4;
-    case FM_INT64:
-    case FM_UINT64:
-    case FM_FLOAT64:
-      return 8;
-  }
-  return 0;
-}
 
 static bool inputs_are_sound(const struct fm_monitor * monitor)
 {
   for (uint32_t i = 0; i < monitor->n_inputs; ++i) {
     const struct fm_input * input = &monitor->inputs[i];
-    const uint32_t size = size_of((enum fm_type)input->type);
+    const uint32_t size = fm_instance_value_bytes((enum fm_type)input->type);
     if (size == 0 || (uint64_t)input->offset + size > monitor->inputs_bytes) {
       return false;
     }
@@ -244,11 +195,22 @@ static bool groups_are_sound(const struct fm_monitor * monitor)
   return placed == monitor->n_requirements;
 }
 
+static bool times_are_sound(const struct fm_evaluator_options * options)
+{
+  for (uint32_t i = 0; options->timeouts != NULL && i < options->monitor->n_inputs; ++i) {
+    if (options->timeouts[i] < 0) {
+      return false;
+    }
+  }
+  return options->period >= 0 && options->patience >= 0;
+}
+
 static bool options_are_sound(const struct fm_evaluator_options * options)
 {
   const struct fm_monitor * monitor = options->monitor;
   return monitor != NULL && monitor->abi == FM_ABI && options->policy <= FM_PERIODIC &&
-         inputs_are_sound(monitor) && groups_are_sound(monitor) && lay_out(options).fits;
+         inputs_are_sound(monitor) && groups_are_sound(monitor) && times_are_sound(options) &&
+         lay_out(options).block.fits;
 }
 
 // ---- making one --------------------------------------------------------------------------------
@@ -257,22 +219,20 @@ static void place_parts(
   struct fm_evaluator * evaluator, char * memory, const struct layout * layout)
 {
   evaluator->inputs = (struct input_cell *)(void *)(memory + layout->inputs);
-  evaluator->groups = (struct group_cell *)(void *)(memory + layout->groups);
   evaluator->requirements = (struct requirement_cell *)(void *)(memory + layout->requirements);
   evaluator->topics = (struct topic_cell *)(void *)(memory + layout->topics);
-  evaluator->verdicts = (bool *)(void *)(memory + layout->verdicts);
-  evaluator->input_values = memory + layout->input_values;
-  evaluator->state = memory + layout->state;
+  evaluator->steps_before = (uint64_t *)(void *)(memory + layout->steps_before);
+  evaluator->instance = fm_instance_make(evaluator->monitor, memory + layout->instance);
 }
 
-static void make_inputs(struct fm_evaluator * evaluator)
+static void make_inputs(
+  struct fm_evaluator * evaluator, const struct fm_evaluator_options * options)
 {
-  const struct fm_monitor * monitor = evaluator->monitor;
-  for (uint32_t i = 0; i < monitor->n_inputs; ++i) {
+  for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     struct input_cell * input = &evaluator->inputs[i];
-    input->place = (char *)evaluator->input_values + monitor->inputs[i].offset;
-    input->type = (enum fm_type)monitor->inputs[i].type;
     input->topic = NO_TOPIC;
+    input->timeout = options->timeouts == NULL ? 0 : options->timeouts[i];
+    input->violates = options->violates != NULL && options->violates[i];
   }
 }
 
@@ -283,24 +243,16 @@ static void make_requirements(struct fm_evaluator * evaluator, const bool * repo
   }
 }
 
-static void count_readers(struct fm_evaluator * evaluator)
-{
-  const struct fm_monitor * monitor = evaluator->monitor;
-  for (uint32_t g = 0; g < monitor->n_groups; ++g) {
-    evaluator->groups[g].unset = monitor->groups[g].n_inputs;
-    evaluator->n_waiting += monitor->groups[g].n_inputs > 0 ? 1u : 0u;
-    for (uint32_t k = 0; k < monitor->groups[g].n_inputs; ++k) {
-      evaluator->inputs[monitor->groups[g].inputs[k]].n_readers += 1;
-    }
-  }
-}
-
 // Build each input's list of the groups that read it. Groups are visited in order, so that each
 // list is ascending.
 static void list_readers(struct fm_evaluator * evaluator, uint32_t * pool)
 {
   const struct fm_monitor * monitor = evaluator->monitor;
-  count_readers(evaluator);
+  for (uint32_t g = 0; g < monitor->n_groups; ++g) {
+    for (uint32_t k = 0; k < monitor->groups[g].n_inputs; ++k) {
+      evaluator->inputs[monitor->groups[g].inputs[k]].n_readers += 1;
+    }
+  }
   for (uint32_t i = 0; i < monitor->n_inputs; ++i) {
     evaluator->inputs[i].readers = pool;
     pool += evaluator->inputs[i].n_readers;
@@ -378,166 +330,197 @@ struct fm_evaluator * fm_evaluator_init(
   char * block = memory;
   uint32_t * readers = (uint32_t *)(void *)(block + layout.readers);
   uint32_t * topic_groups = (uint32_t *)(void *)(block + layout.topic_groups);
-  memset(memory, 0, (size_t)layout.end);
+  memset(memory, 0, (size_t)layout.block.bytes);
   evaluator->monitor = options->monitor;
   evaluator->n_topics = options->n_topics;
   evaluator->policy = (enum fm_policy)options->policy;
+  evaluator->period = evaluator->policy == FM_PERIODIC ? options->period : 0;
+  evaluator->patience = options->patience;
+  evaluator->wake = INT64_MIN;
   place_parts(evaluator, block, &layout);
-  make_inputs(evaluator);
+  make_inputs(evaluator, options);
   make_requirements(evaluator, options->report_onset);
   list_readers(evaluator, readers);
   if (!make_topics(evaluator, options->topics, topic_groups)) {
     return NULL;
   }
   list_groups_of_topics(evaluator);
-  fm_evaluator_reset(evaluator);
   return evaluator;
+}
+
+// ---- the instance ------------------------------------------------------------------------------
+
+void fm_evaluator_reset(struct fm_evaluator * evaluator)
+{
+  const struct fm_instance * instance = &evaluator->instance;
+  for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
+    evaluator->steps_before[g] += instance->groups[g].steps;
+  }
+  fm_instance_reset(instance);
+  for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
+    if (instance->inputs[i].is_stale) {
+      instance->inputs[i].due = instance->time->now;
+      evaluator->wake = INT64_MIN;
+      evaluator->is_exact = false;
+    }
+  }
+}
+
+static const void * block_of(const struct fm_evaluator * evaluator)
+{
+  return evaluator->instance.time;
+}
+
+uint64_t fm_evaluator_instance_bytes(const struct fm_evaluator * evaluator)
+{
+  return fm_instance_bytes(evaluator->monitor);
+}
+
+void fm_evaluator_save(const struct fm_evaluator * evaluator, void * out)
+{
+  memcpy(out, block_of(evaluator), (size_t)fm_evaluator_instance_bytes(evaluator));
+}
+
+void fm_evaluator_restore(struct fm_evaluator * evaluator, const void * from)
+{
+  const struct fm_instance_group * groups = evaluator->instance.groups;
+  for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
+    evaluator->steps_before[g] += groups[g].steps;
+  }
+  memcpy(evaluator->instance.time, from, (size_t)fm_evaluator_instance_bytes(evaluator));
+  for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
+    evaluator->steps_before[g] -= groups[g].steps;  // wraps, and so does the sum
+  }
+  evaluator->wake = INT64_MIN;
+  evaluator->is_exact = false;
 }
 
 // ---- values ------------------------------------------------------------------------------------
 
-// Signed integers are stored as unsigned ones of the same size: conversion to unsigned wraps by
-// definition, and intN_t is two's complement. memcpy, because the type of the module's struct is
-// not known here.
-static void write_value(void * place, enum fm_type type, union fm_value value)
-{
-  const bool truth = value.i != 0;
-  const uint8_t low8 = (uint8_t)value.u;
-  const uint16_t low16 = (uint16_t)value.u;
-  const uint32_t low32 = (uint32_t)value.u;
-  switch (type) {
-    case FM_BOOL:
-      memcpy(place, &truth, sizeof truth);
-      break;
-    case FM_INT8:
-    case FM_UINT8:
-      memcpy(place, &low8, sizeof low8);
-      break;
-    case FM_INT16:
-    case FM_UINT16:
-      memcpy(place, &low16, sizeof low16);
-      break;
-    case FM_INT32:
-    case FM_UINT32:
-      memcpy(place, &low32, sizeof low32);
-      break;
-    case FM_FLOAT32: {
-        const float single = (float)value.f;
-        memcpy(place, &single, sizeof single);
-        break;
-      }
-    case FM_INT64:
-    case FM_UINT64:
-    case FM_FLOAT64:
-      memcpy(place, &value, sizeof value);
-      break;
-  }
-}
-
-// As write_value, from an object of the input's type. A bool is read as a byte and normalised: to
-// read a bool whose byte is neither 0 nor 1 is undefined behaviour.
-static void copy_value(void * place, enum fm_type type, const void * from)
-{
-  if (type == FM_BOOL) {
-    const bool truth = *(const unsigned char *)from != 0;
-    memcpy(place, &truth, sizeof truth);
-  } else {
-    memcpy(place, from, size_of(type));
-  }
-}
-
 // Note that an input has a value. With its first one, its readers wait for one input less.
-static void note_value(struct fm_evaluator * evaluator, struct input_cell * input)
+static void note_value(struct fm_evaluator * evaluator, uint32_t i)
 {
-  if (!input->has_value) {
-    input->has_value = true;
+  const struct fm_instance * instance = &evaluator->instance;
+  const struct input_cell * input = &evaluator->inputs[i];
+  if (!instance->inputs[i].has_value) {
+    instance->inputs[i].has_value = true;
     for (uint32_t k = 0; k < input->n_readers; ++k) {
-      struct group_cell * group = &evaluator->groups[input->readers[k]];
+      struct fm_instance_group * group = &instance->groups[input->readers[k]];
       group->unset -= 1;
-      evaluator->n_waiting -= group->unset == 0 ? 1u : 0u;
+      instance->time->n_waiting -= group->unset == 0 ? 1u : 0u;
     }
   }
 }
 
 // Mark the input as received for each reader. Counts the value before as overwritten if some
 // reader took no step on it.
-static void renew(struct fm_evaluator * evaluator, struct input_cell * input)
+static void renew(struct fm_evaluator * evaluator, uint32_t i)
 {
+  const struct fm_instance * instance = &evaluator->instance;
+  struct input_cell * input = &evaluator->inputs[i];
   bool missed = false;
   for (uint32_t k = 0; k < input->n_readers; ++k) {
-    struct group_cell * group = &evaluator->groups[input->readers[k]];
-    if (input->received_at > group->stepped_at) {
+    struct fm_instance_group * group = &instance->groups[input->readers[k]];
+    if (instance->inputs[i].received_at > group->stepped_at) {
       missed = true;
     } else {
       group->awaited -= 1;
     }
   }
   input->counts.overwritten += missed ? 1u : 0u;
-  evaluator->clock += 1;
-  input->received_at = evaluator->clock;
+  instance->time->stores += 1;
+  instance->inputs[i].received_at = instance->time->stores;
 }
 
 // Called when the last stale input of a group was stored. A group that is not ready cannot step,
 // so that its verdicts are set to true here.
-static void end_timeout(struct fm_evaluator * evaluator, uint32_t g)
+static void end_violation(struct fm_evaluator * evaluator, uint32_t g)
 {
   const struct fm_group * group = &evaluator->monitor->groups[g];
-  evaluator->groups[g].knows_stale = false;
-  for (uint32_t k = 0; evaluator->groups[g].unset > 0 && k < group->n_requirements; ++k) {
-    evaluator->requirements[group->requirements[k]].previous = true;
-    evaluator->verdicts[group->requirements[k]] = true;
+  const struct fm_instance * instance = &evaluator->instance;
+  instance->groups[g].knows_stale = false;
+  for (uint32_t k = 0; instance->groups[g].unset > 0 && k < group->n_requirements; ++k) {
+    instance->previous[group->requirements[k]] = true;
+    instance->verdicts[group->requirements[k]] = true;
   }
 }
 
-static void end_staleness(struct fm_evaluator * evaluator, struct input_cell * input)
+// The nanoseconds from one time to a later one, at most INT64_MAX.
+static int64_t since(int64_t from, int64_t to)
 {
-  input->stale = false;
-  for (uint32_t k = 0; k < input->n_readers; ++k) {
-    struct group_cell * group = &evaluator->groups[input->readers[k]];
+  const uint64_t lasted = to > from ? (uint64_t)to - (uint64_t)from : 0;
+  return lasted > (uint64_t)INT64_MAX ? INT64_MAX : (int64_t)lasted;
+}
+
+static void end_silence(struct fm_evaluator * evaluator, uint32_t i, int64_t now)
+{
+  struct input_cell * input = &evaluator->inputs[i];
+  struct fm_instance_input * cell = &evaluator->instance.inputs[i];
+  const bool was_stale = cell->is_stale;
+  input->last_silence = since(cell->heard_at, now);
+  cell->is_silent = false;
+  cell->is_stale = false;
+  for (uint32_t k = 0; was_stale && k < input->n_readers; ++k) {
+    struct fm_instance_group * group = &evaluator->instance.groups[input->readers[k]];
     group->stale -= 1;
     if (group->stale == 0) {
-      end_timeout(evaluator, input->readers[k]);
+      end_violation(evaluator, input->readers[k]);
     }
   }
 }
 
-static void note_receipt(struct fm_evaluator * evaluator, struct input_cell * input)
+static void set_due(struct fm_evaluator * evaluator, uint32_t i, int64_t due)
 {
-  note_value(evaluator, input);
-  if (input->stale) {
-    end_staleness(evaluator, input);
-  }
-  input->counts.received += 1;
-  if (evaluator->policy == FM_ALL_INPUTS) {
-    renew(evaluator, input);
+  struct fm_instance_input * cell = &evaluator->instance.inputs[i];
+  evaluator->is_exact = evaluator->is_exact && cell->due > evaluator->wake;
+  cell->due = due;
+  if (due < evaluator->wake) {
+    evaluator->wake = due;
   }
 }
 
-void fm_evaluator_store(struct fm_evaluator * evaluator, uint32_t input, union fm_value value)
+static void note_receipt(struct fm_evaluator * evaluator, uint32_t i, int64_t now)
+{
+  struct input_cell * input = &evaluator->inputs[i];
+  struct fm_instance_input * cell = &evaluator->instance.inputs[i];
+  note_value(evaluator, i);
+  input->counts.received += 1;
+  if (input->timeout > 0 && evaluator->instance.time->has_begun) {
+    if (cell->is_silent) {
+      end_silence(evaluator, i, now);
+    }
+    cell->is_put_off = false;
+    cell->heard_at = now;
+    set_due(evaluator, i, fm_later(now, input->timeout));
+  }
+  if (evaluator->policy == FM_ALL_INPUTS) {
+    renew(evaluator, i);
+  }
+}
+
+void fm_evaluator_store(
+  struct fm_evaluator * evaluator, uint32_t input, union fm_value value, int64_t now)
 {
   if (input < evaluator->monitor->n_inputs) {
-    struct input_cell * cell = &evaluator->inputs[input];
-    write_value(cell->place, cell->type, value);
-    note_receipt(evaluator, cell);
+    fm_instance_write(&evaluator->instance, input, value);
+    note_receipt(evaluator, input, now);
   }
 }
 
 void fm_evaluator_store_from(
-  struct fm_evaluator * evaluator, uint32_t input, const void * value)
+  struct fm_evaluator * evaluator, uint32_t input, const void * value, int64_t now)
 {
   if (input < evaluator->monitor->n_inputs) {
-    struct input_cell * cell = &evaluator->inputs[input];
-    copy_value(cell->place, cell->type, value);
-    note_receipt(evaluator, cell);
+    fm_instance_write_from(&evaluator->instance, input, value);
+    note_receipt(evaluator, input, now);
   }
 }
 
 void fm_evaluator_initial(struct fm_evaluator * evaluator, uint32_t input, union fm_value value)
 {
   if (input < evaluator->monitor->n_inputs) {
-    struct input_cell * cell = &evaluator->inputs[input];
-    write_value(cell->place, cell->type, value);
-    note_value(evaluator, cell);
+    fm_instance_write(&evaluator->instance, input, value);
+    note_value(evaluator, input);
   }
 }
 
@@ -545,9 +528,8 @@ void fm_evaluator_initial_from(
   struct fm_evaluator * evaluator, uint32_t input, const void * value)
 {
   if (input < evaluator->monitor->n_inputs) {
-    struct input_cell * cell = &evaluator->inputs[input];
-    copy_value(cell->place, cell->type, value);
-    note_value(evaluator, cell);
+    fm_instance_write_from(&evaluator->instance, input, value);
+    note_value(evaluator, input);
   }
 }
 
@@ -589,22 +571,23 @@ static void judge(
   struct fm_evaluator * evaluator, uint32_t requirement, uint64_t step, struct report * report)
 {
   struct requirement_cell * cell = &evaluator->requirements[requirement];
-  const bool verdict = evaluator->verdicts[requirement];
+  bool * previous = &evaluator->instance.previous[requirement];
+  const bool verdict = evaluator->instance.verdicts[requirement];
   if (!verdict) {
     cell->violations += 1;
-    if (cell->previous || !cell->onset) {
+    if (*previous || !cell->onset) {
       cell->announced += 1;
       announce(report, requirement, step);
     }
   }
-  cell->previous = verdict;
+  *previous = verdict;
 }
 
 static void judge_group(struct fm_evaluator * evaluator, uint32_t g, struct report * report)
 {
   const struct fm_group * group = &evaluator->monitor->groups[g];
   for (uint32_t k = 0; k < group->n_requirements; ++k) {
-    judge(evaluator, group->requirements[k], evaluator->groups[g].steps, report);
+    judge(evaluator, group->requirements[k], evaluator->instance.groups[g].steps, report);
   }
 }
 
@@ -613,35 +596,35 @@ static void overrule(struct fm_evaluator * evaluator, uint32_t g)
 {
   const struct fm_group * group = &evaluator->monitor->groups[g];
   for (uint32_t k = 0; k < group->n_requirements; ++k) {
-    evaluator->verdicts[group->requirements[k]] = false;
+    evaluator->instance.verdicts[group->requirements[k]] = false;
   }
-  evaluator->groups[g].knows_stale = true;
+  evaluator->instance.groups[g].knows_stale = true;
 }
 
 // Judge the verdicts of a group's step, and count the step.
 static void account(struct fm_evaluator * evaluator, uint32_t g, struct report * report)
 {
-  const struct fm_group * group = &evaluator->monitor->groups[g];
-  struct group_cell * cell = &evaluator->groups[g];
+  struct fm_instance_group * cell = &evaluator->instance.groups[g];
   if (cell->stale > 0) {
     overrule(evaluator, g);
   }
   judge_group(evaluator, g, report);
   cell->steps += 1;
-  cell->stepped_at = evaluator->clock;
-  cell->awaited = group->n_inputs;
+  cell->stepped_at = evaluator->instance.time->stores;
+  cell->awaited = evaluator->monitor->groups[g].n_inputs;
 }
 
 static void step_group(struct fm_evaluator * evaluator, uint32_t g, struct report * report)
 {
-  evaluator->monitor->groups[g].step(
-    evaluator->state, evaluator->input_values, evaluator->verdicts);
+  const struct fm_instance * instance = &evaluator->instance;
+  evaluator->monitor->groups[g].step(instance->state, instance->values, instance->verdicts);
   account(evaluator, g, report);
 }
 
 static void step_all_groups(struct fm_evaluator * evaluator, struct report * report)
 {
-  evaluator->monitor->step(evaluator->state, evaluator->input_values, evaluator->verdicts);
+  const struct fm_instance * instance = &evaluator->instance;
+  evaluator->monitor->step(instance->state, instance->values, instance->verdicts);
   for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
     account(evaluator, g, report);
   }
@@ -649,12 +632,12 @@ static void step_all_groups(struct fm_evaluator * evaluator, struct report * rep
 
 static void step_ready_groups(struct fm_evaluator * evaluator, struct report * report)
 {
-  if (evaluator->n_waiting == 0 && evaluator->monitor->step != NULL) {
+  if (evaluator->instance.time->n_waiting == 0 && evaluator->monitor->step != NULL) {
     step_all_groups(evaluator, report);
     return;
   }
   for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
-    if (evaluator->groups[g].unset == 0) {
+    if (evaluator->instance.groups[g].unset == 0) {
       step_group(evaluator, g, report);
     }
   }
@@ -664,7 +647,7 @@ static void step_ready_groups_of(
   struct fm_evaluator * evaluator, const struct topic_cell * topic, struct report * report)
 {
   for (uint32_t k = 0; k < topic->n_groups; ++k) {
-    if (evaluator->groups[topic->groups[k]].unset == 0) {
+    if (evaluator->instance.groups[topic->groups[k]].unset == 0) {
       step_group(evaluator, topic->groups[k], report);
     }
   }
@@ -674,16 +657,16 @@ static void step_complete_groups_of(
   struct fm_evaluator * evaluator, const struct topic_cell * topic, struct report * report)
 {
   for (uint32_t k = 0; k < topic->n_groups; ++k) {
-    if (evaluator->groups[topic->groups[k]].awaited == 0) {
+    if (evaluator->instance.groups[topic->groups[k]].awaited == 0) {
       step_group(evaluator, topic->groups[k], report);
     }
   }
 }
 
 uint32_t fm_evaluator_message(
-  struct fm_evaluator * evaluator, uint32_t topic, int64_t stamp, struct fm_violation * out)
+  struct fm_evaluator * evaluator, uint32_t topic, int64_t now, struct fm_violation * out)
 {
-  struct report report = {out, stamp, 0};
+  struct report report = {out, now, 0};
   if (topic >= evaluator->n_topics) {
     return 0;
   }
@@ -705,41 +688,10 @@ uint32_t fm_evaluator_message(
   return report.n;
 }
 
-static void mark_stale(struct fm_evaluator * evaluator, struct input_cell * input)
+uint32_t fm_evaluator_step(
+  struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out)
 {
-  if (!input->stale) {
-    input->stale = true;
-    for (uint32_t k = 0; k < input->n_readers; ++k) {
-      evaluator->groups[input->readers[k]].stale += 1;
-    }
-  }
-}
-
-uint32_t fm_evaluator_stale(
-  struct fm_evaluator * evaluator, uint32_t input, uint64_t received, int64_t stamp,
-  struct fm_violation * out)
-{
-  struct report report = {out, stamp, 0};
-  if (input >= evaluator->monitor->n_inputs ||
-    evaluator->inputs[input].counts.received != received)
-  {
-    return 0;
-  }
-  struct input_cell * cell = &evaluator->inputs[input];
-  mark_stale(evaluator, cell);
-  for (uint32_t k = 0; k < cell->n_readers; ++k) {
-    if (!evaluator->groups[cell->readers[k]].knows_stale) {
-      overrule(evaluator, cell->readers[k]);
-      judge_group(evaluator, cell->readers[k], &report);
-    }
-  }
-  return report.n;
-}
-
-uint32_t fm_evaluator_tick(
-  struct fm_evaluator * evaluator, int64_t stamp, struct fm_violation * out)
-{
-  struct report report = {out, stamp, 0};
+  struct report report = {out, now, 0};
   step_ready_groups(evaluator, &report);
   return report.n;
 }
@@ -749,9 +701,10 @@ static void store_row(
 {
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     if (columns[i] != NULL) {
+      const enum fm_type type = (enum fm_type)evaluator->monitor->inputs[i].type;
       const char * column = columns[i];
       fm_evaluator_store_from(
-        evaluator, i, column + (size_t)row * size_of(evaluator->inputs[i].type));
+        evaluator, i, column + (size_t)row * fm_instance_value_bytes(type), 0);
     }
   }
 }
@@ -764,75 +717,201 @@ uint64_t fm_evaluator_rows(
   uint64_t announced = 0;
   for (uint64_t row = 0; row < n_rows; ++row) {
     store_row(evaluator, columns, row);
-    announced += fm_evaluator_tick(evaluator, 0, NULL);
+    announced += fm_evaluator_step(evaluator, 0, NULL);
     if (verdicts != NULL && n_requirements > 0) {
-      memcpy(verdicts, evaluator->verdicts, n_requirements * sizeof(bool));
+      memcpy(verdicts, evaluator->instance.verdicts, n_requirements * sizeof(bool));
       verdicts += n_requirements;
     }
   }
   return announced;
 }
 
-static void reset_group(struct fm_evaluator * evaluator, uint32_t g)
+// ---- time --------------------------------------------------------------------------------------
+
+static void begin_time(struct fm_evaluator * evaluator, int64_t now)
 {
-  struct group_cell * cell = &evaluator->groups[g];
-  evaluator->monitor->groups[g].reset(evaluator->state);
-  cell->steps_before += cell->steps;
-  cell->steps = 0;
-  cell->stepped_at = evaluator->clock;
-  cell->awaited = evaluator->monitor->groups[g].n_inputs;
-  cell->knows_stale = false;
+  const struct fm_instance * instance = &evaluator->instance;
+  instance->time->has_begun = true;
+  instance->time->now = now;
+  for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
+    const int64_t timeout = evaluator->inputs[i].timeout;
+    instance->inputs[i].heard_at = now;
+    instance->inputs[i].due = timeout > 0 ? fm_later(now, timeout) : FM_NEVER;
+  }
+  if (evaluator->period > 0) {
+    instance->time->next_period = fm_later(now, evaluator->period);
+  }
+  evaluator->is_exact = false;
 }
 
-void fm_evaluator_reset(struct fm_evaluator * evaluator)
+int64_t fm_evaluator_deadline(struct fm_evaluator * evaluator)
 {
-  for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
-    reset_group(evaluator, g);
+  const struct fm_instance * instance = &evaluator->instance;
+  if (!evaluator->is_exact && instance->time->has_begun) {
+    evaluator->wake = instance->time->next_period;
+    for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
+      if (instance->inputs[i].due < evaluator->wake) {
+        evaluator->wake = instance->inputs[i].due;
+      }
+    }
+    evaluator->is_exact = true;
   }
-  for (uint32_t r = 0; r < evaluator->monitor->n_requirements; ++r) {
-    evaluator->requirements[r].previous = true;
-    evaluator->verdicts[r] = true;
+  return instance->time->has_begun ? evaluator->wake : INT64_MIN;
+}
+
+int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator)
+{
+  return evaluator->wake;
+}
+
+int64_t fm_evaluator_now(const struct fm_evaluator * evaluator)
+{
+  return evaluator->instance.time->now;
+}
+
+void fm_evaluator_shift(struct fm_evaluator * evaluator, int64_t by)
+{
+  if (evaluator->instance.time->has_begun) {
+    fm_instance_shift(&evaluator->instance, by);
+    evaluator->wake = INT64_MIN;
+    evaluator->is_exact = false;
   }
+}
+
+static void violate_readers(
+  struct fm_evaluator * evaluator, uint32_t i, struct report * report)
+{
+  const struct input_cell * input = &evaluator->inputs[i];
+  const struct fm_instance * instance = &evaluator->instance;
+  const bool is_news = !instance->inputs[i].is_stale;
+  instance->inputs[i].is_stale = true;
+  for (uint32_t k = 0; k < input->n_readers; ++k) {
+    struct fm_instance_group * group = &instance->groups[input->readers[k]];
+    group->stale += is_news ? 1u : 0u;
+    if (!group->knows_stale) {
+      overrule(evaluator, input->readers[k]);
+      judge_group(evaluator, input->readers[k], report);
+    }
+  }
+}
+
+static void take_timeout(
+  struct fm_evaluator * evaluator, uint32_t i, int64_t now, struct report * report)
+{
+  struct input_cell * input = &evaluator->inputs[i];
+  struct fm_instance_input * cell = &evaluator->instance.inputs[i];
+  const int64_t late = since(cell->due, now);
+  if (!cell->is_silent && !cell->is_put_off && evaluator->patience > 0 &&
+    late > evaluator->patience)
+  {
+    cell->is_put_off = true;
+    set_due(evaluator, i, fm_later(now, late < input->timeout ? late : input->timeout));
+    return;
+  }
+  input->silences += cell->is_silent ? 0u : 1u;
+  cell->is_silent = true;
+  set_due(evaluator, i, FM_NEVER);
+  if (input->violates) {
+    violate_readers(evaluator, i, report);
+  }
+}
+
+static void take_period(struct fm_evaluator * evaluator, int64_t now, struct report * report)
+{
+  struct fm_instance_time * time = evaluator->instance.time;
+  const uint64_t period = (uint64_t)evaluator->period;
+  const uint64_t late = (uint64_t)now - (uint64_t)time->next_period;
+  const uint64_t due = late / period + 1;
+  const uint64_t missed = due > FM_MOST_PERIODS_BEHIND ? due - FM_MOST_PERIODS_BEHIND : 0;
+  report->stamp = (int64_t)((uint64_t)time->next_period + missed * period);
+  evaluator->counts.missed += missed;
+  evaluator->counts.periods += 1;
+  evaluator->counts.late += late - missed * period > period / 2 ? 1u : 0u;
+  time->next_period = fm_later(report->stamp, evaluator->period);
+  evaluator->is_exact = false;
+  step_ready_groups(evaluator, report);
+}
+
+// The input that is due at an instant, n_inputs if none is.
+static uint32_t find_due(const struct fm_evaluator * evaluator, int64_t instant)
+{
+  uint32_t i = 0;
+  while (i < evaluator->monitor->n_inputs && evaluator->instance.inputs[i].due != instant) {
+    i += 1;
+  }
+  return i;
+}
+
+uint32_t fm_evaluator_advance(
+  struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out)
+{
+  struct fm_instance_time * time = evaluator->instance.time;
+  if (!time->has_begun) {
+    begin_time(evaluator, now);
+    return 0;
+  }
+  if (now < time->now) {
+    evaluator->counts.restarts += 1;
+    fm_evaluator_shift(evaluator, -since(now, time->now));
+  }
+  time->now = now;
+  if (evaluator->wake > now) {
+    return 0;
+  }
+  const int64_t deadline = fm_evaluator_deadline(evaluator);
+  struct report report = {out, deadline, 0};
+  if (deadline <= now && deadline != FM_NEVER) {
+    const uint32_t input = find_due(evaluator, deadline);
+    if (input < evaluator->monitor->n_inputs) {
+      take_timeout(evaluator, input, now, &report);
+    } else {
+      take_period(evaluator, now, &report);
+    }
+  }
+  return report.n;
 }
 
 // ---- answers -----------------------------------------------------------------------------------
 
 bool fm_evaluator_ready(const struct fm_evaluator * evaluator, uint32_t group)
 {
-  return group < evaluator->monitor->n_groups && evaluator->groups[group].unset == 0;
+  return group < evaluator->monitor->n_groups && evaluator->instance.groups[group].unset == 0;
 }
 
 uint64_t fm_evaluator_steps(const struct fm_evaluator * evaluator, uint32_t group)
 {
-  return group < evaluator->monitor->n_groups ? evaluator->groups[group].steps : 0;
+  return group < evaluator->monitor->n_groups ? evaluator->instance.groups[group].steps : 0;
 }
 
 const bool * fm_evaluator_verdicts(const struct fm_evaluator * evaluator)
 {
-  return evaluator->verdicts;
+  return evaluator->instance.verdicts;
 }
 
 const void * fm_evaluator_inputs(const struct fm_evaluator * evaluator)
 {
-  return evaluator->input_values;
+  return evaluator->instance.values;
 }
 
 bool fm_evaluator_has_value(const struct fm_evaluator * evaluator, uint32_t input)
 {
-  return input < evaluator->monitor->n_inputs && evaluator->inputs[input].has_value;
+  return input < evaluator->monitor->n_inputs && evaluator->instance.inputs[input].has_value;
 }
 
 bool fm_evaluator_value(const struct fm_evaluator * evaluator, uint32_t input, void * out)
 {
   if (input < evaluator->monitor->n_inputs) {
-    memcpy(out, evaluator->inputs[input].place, size_of(evaluator->inputs[input].type));
+    const struct fm_input * from = &evaluator->monitor->inputs[input];
+    memcpy(
+      out, (const char *)evaluator->instance.values + from->offset,
+      fm_instance_value_bytes((enum fm_type)from->type));
   }
   return fm_evaluator_has_value(evaluator, input);
 }
 
 bool fm_evaluator_is_stale(const struct fm_evaluator * evaluator, uint32_t input)
 {
-  return input < evaluator->monitor->n_inputs && evaluator->inputs[input].stale;
+  return input < evaluator->monitor->n_inputs && evaluator->instance.inputs[input].is_stale;
 }
 
 struct fm_requirement_counts fm_evaluator_requirement_counts(
@@ -841,12 +920,11 @@ struct fm_requirement_counts fm_evaluator_requirement_counts(
   struct fm_requirement_counts counts = {0, 0, 0, true};
   if (requirement < evaluator->monitor->n_requirements) {
     const struct requirement_cell * cell = &evaluator->requirements[requirement];
-    const struct group_cell * group =
-      &evaluator->groups[evaluator->monitor->requirements[requirement].group];
-    counts.steps = group->steps_before + group->steps;
+    const uint32_t group = evaluator->monitor->requirements[requirement].group;
+    counts.steps = evaluator->steps_before[group] + evaluator->instance.groups[group].steps;
     counts.violations = cell->violations;
     counts.announced = cell->announced;
-    counts.verdict = evaluator->verdicts[requirement];
+    counts.verdict = evaluator->instance.verdicts[requirement];
   }
   return counts;
 }
@@ -863,4 +941,22 @@ struct fm_topic_counts fm_evaluator_topic_counts(
 {
   const struct fm_topic_counts none = {0, 0};
   return topic < evaluator->n_topics ? evaluator->topics[topic].counts : none;
+}
+
+struct fm_silence fm_evaluator_silence(const struct fm_evaluator * evaluator, uint32_t input)
+{
+  struct fm_silence silence = {0, 0, false};
+  if (input < evaluator->monitor->n_inputs) {
+    const struct fm_instance_input * cell = &evaluator->instance.inputs[input];
+    silence.count = evaluator->inputs[input].silences;
+    silence.is_silent = cell->is_silent;
+    silence.lasted = cell->is_silent ?
+      since(cell->heard_at, evaluator->instance.time->now) : evaluator->inputs[input].last_silence;
+  }
+  return silence;
+}
+
+struct fm_time_counts fm_evaluator_time_counts(const struct fm_evaluator * evaluator)
+{
+  return evaluator->counts;
 }

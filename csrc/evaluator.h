@@ -18,9 +18,10 @@
 ///
 /// Time is an int64_t in nanoseconds, of a clock that the caller chooses; the evaluator reads
 /// none. It begins with the first fm_evaluator_advance. A message at a time is given in this
-/// order: what is due before it (fm_evaluator_advance with now - 1, while there is a deadline up
-/// to then), its fields (fm_evaluator_store), then fm_evaluator_message. A message at the very
-/// instant of a deadline thus comes before what is due at that instant.
+/// order: what is due before it (fm_evaluator_advance with now - 1 until fm_evaluator_wake is not
+/// before `now`; not if the evaluator's time is `now` already), its fields (fm_evaluator_store),
+/// then fm_evaluator_message. A message at the very instant of a deadline thus comes before what
+/// is due at that instant.
 ///
 /// The caller owns all memory: it passes a block of fm_evaluator_bytes bytes, aligned to 16.
 /// Not thread-safe: callers that share an evaluator hold a mutex around each call.
@@ -186,7 +187,7 @@ FM_EXPORT int64_t fm_evaluator_deadline(struct fm_evaluator * evaluator);
 FM_EXPORT int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator);
 
 /// Move the time to `now`, and take the first thing that is due by then, stamped with its own
-/// instant, however late this is called. To be called until the deadline is after `now`. The
+/// instant, however late this is called. To be called until fm_evaluator_wake is after `now`. The
 /// violations are as those of fm_evaluator_message. Of one instant, the timeouts come first, by
 /// input, then the period.
 ///

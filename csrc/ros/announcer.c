@@ -24,7 +24,7 @@
 #include <string.h>
 
 #define BATCH 64u
-#define WAIT_MS 200u  // closing the engine wakes it at once
+#define WAIT_MS 1000u  // closing the engine wakes it at once
 
 struct fm_announcer
 {

@@ -1,0 +1,113 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// instance.h: all of a monitor that changes with its messages, in one block of memory.
+///
+/// The values of the inputs, the state of the generated code, what is ready and awaited, the
+/// verdicts, and the times at which something is due. The block holds no address, so that a copy
+/// of its bytes is a copy of the instance. Counters are not part of it.
+///
+/// evaluator.c decides what all this means. Not thread-safe. No function allocates or blocks;
+/// none fails, except by the stated return value.
+
+#ifndef INSTANCE_H_
+#define INSTANCE_H_
+
+#include "fret_monitor.h"
+
+/// The alignment of the block, and of the values and the state in it, in bytes.
+#define FM_ALIGNMENT 16u
+
+/// A block of memory that is being laid out. Begins as {0, true}.
+struct fm_block
+{
+  uint64_t bytes;  // so far
+  bool fits;       // in the address space; if not, `bytes` and the offsets are invalid
+};
+
+/// Append `count` elements of `size` bytes, aligned to FM_ALIGNMENT. Returns their offset. O(1).
+uint64_t fm_block_append(struct fm_block * block, uint64_t count, uint64_t size);
+
+struct fm_instance_input
+{
+  uint64_t received_at;  // the clock of stores at its last one; 0 before the first
+  int64_t heard_at;      // the time of its last store, or the time at which time began
+  int64_t due;           // when it times out
+  bool has_value;
+  bool is_silent;
+  bool is_stale;         // silent, and what reads it is violated
+  bool is_put_off;       // its timeout was put off in this silence
+};
+
+struct fm_instance_group
+{
+  uint64_t steps;        // since start or reset
+  uint64_t stepped_at;   // the clock of stores at its last step or reset
+  uint32_t unset;        // inputs without a value
+  uint32_t awaited;      // inputs not received since stepped_at
+  uint32_t stale;        // stale inputs
+  bool knows_stale;      // its verdicts were set to false for them
+};
+
+struct fm_instance_time
+{
+  int64_t now;
+  int64_t next_period;
+  uint64_t stores;       // values stored so far
+  uint32_t n_waiting;    // groups that read an input without a value
+  bool has_begun;
+};
+
+/// Where the parts of an instance lie: pointers into its block.
+struct fm_instance
+{
+  const struct fm_monitor * monitor;
+  struct fm_instance_time * time;
+  struct fm_instance_input * inputs;
+  struct fm_instance_group * groups;
+  bool * verdicts;       // a requirement: of the last step; true before
+  bool * previous;       // a requirement: the verdict of the step before; true before step 0
+  void * values;         // the struct of inputs
+  void * state;
+};
+
+/// The bytes of the block; 0 if it does not fit in the address space. O(1).
+uint64_t fm_instance_bytes(const struct fm_monitor * monitor);
+
+/// Make an instance in a block of fm_instance_bytes bytes, aligned to FM_ALIGNMENT. No input has a
+/// value, every group is at its start, and time has not begun. The monitor's indices are in range.
+/// O(bytes).
+struct fm_instance fm_instance_make(const struct fm_monitor * monitor, void * block);
+
+/// Put all groups at their start, with all verdicts true; values and times stay.
+/// O(groups + requirements + state bytes).
+void fm_instance_reset(const struct fm_instance * instance);
+
+/// Bytes of a stored value; 0 for an unknown type. O(1).
+uint32_t fm_instance_value_bytes(enum fm_type type);
+
+/// Write the value of an input. Integers wrap to the input's type; a bool is i != 0. The second
+/// function takes an object of the input's type (bool: a byte) at any alignment. O(1).
+void fm_instance_write(
+  const struct fm_instance * instance, uint32_t input, union fm_value value);
+void fm_instance_write_from(
+  const struct fm_instance * instance, uint32_t input, const void * value);
+
+/// Move all times by `by` nanoseconds; one that would leave the range stays at its end. O(inputs).
+void fm_instance_shift(const struct fm_instance * instance, int64_t by);
+
+/// The sum, or the nearest time in range. O(1).
+int64_t fm_later(int64_t time, int64_t by);
+
+#endif  // INSTANCE_H_
