@@ -176,7 +176,7 @@ from fret_monitor.runtime.evaluator import Evaluator
 evaluator = Evaluator(build(Path(sys.argv[1])).monitor)
 for index, _ in enumerate(evaluator.monitor.manifest.inputs):
     evaluator.store(index, 1)
-evaluator.tick(0)
+evaluator.step(0)
 """
 
 

@@ -49,8 +49,9 @@ enum fm_policy
 /// A time that does not come.
 #define FM_NEVER INT64_MAX
 
-/// Periods that fm_evaluator_advance takes after the fact. Those before them are missed.
-#define FM_MOST_PERIODS_BEHIND 65536
+/// Periods that are taken after the fact, after the process was stopped or the clock has jumped.
+/// Those before them are missed. No more than what the queue of a violation's topic holds.
+#define FM_MOST_PERIODS_BEHIND 1000
 
 /// The inputs that the messages of a topic set, as indices. Constant, owned by the caller,
 /// outlives the evaluator. A topic may set no input; an input is listed at most once, by one

@@ -75,7 +75,7 @@ def verdicts(folder: Path, values: list[tuple[bool, float]]) -> list[bool]:
     for p, x in values:
         evaluator.store(0, p)
         evaluator.store(1, x)
-        evaluator.tick(0)
+        evaluator.step(0)
         found.append(evaluator.verdicts[0])
     return found
 

@@ -104,9 +104,9 @@ def limit_of(compiled: CompiledMonitor) -> float:
     evaluator = Evaluator(compiled.monitor)
     for limit in (1.0, 2.0, 3.0):
         evaluator.store(0, limit)
-        evaluator.tick(0)
+        evaluator.step(0)
         evaluator.store(0, limit + 0.5)
-        evaluator.tick(0)
+        evaluator.step(0)
         if not evaluator.verdicts[0]:
             return limit
     raise AssertionError('no limit')

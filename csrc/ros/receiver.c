@@ -42,8 +42,9 @@ struct fm_receiver
   struct fm_serialized message;  // as taken; read in place: a copy, if a field cannot be used
   struct fm_field * fields;
   struct fm_reading reading;
+  struct fm_padded_info info;
   uint32_t topic;
-  bool is_in_place;
+  enum fm_taking taking;
   // Guarded by the engine's mutex.
   bool is_retired;
   bool is_stopped;
@@ -142,12 +143,13 @@ enum result
   DROPPED   // the middleware dropped a message without a CDR header
 };
 
-static enum result take(struct fm_receiver * receiver, struct fm_message_info * info)
+static enum result take(struct fm_receiver * receiver)
 {
+  struct fm_message_info * info = &receiver->info.info;
   const struct fm_middleware * middleware = receiver->middleware;
   bool taken = false;
   receiver->reading.is_decoded = false;
-  const int result = receiver->is_in_place ?
+  const int result = receiver->taking == FM_LISTEN_IN_PLACE ?
     middleware->take_message(receiver->subscription, receiver, &taken, info, NULL) :
     middleware->take(receiver->subscription, &receiver->message, &taken, info, NULL);
   const bool has_error = middleware->has_error();
@@ -157,7 +159,7 @@ static enum result take(struct fm_receiver * receiver, struct fm_message_info * 
   if (result != 0 || !taken) {
     return result == 0 && has_error ? DROPPED : EMPTY;
   }
-  if (!receiver->is_in_place) {
+  if (receiver->taking == FM_LISTEN) {
     read_fields(receiver, receiver->message.buffer, receiver->message.length);
   }
   receiver->reading.message = receiver->message.buffer;
@@ -165,11 +167,18 @@ static enum result take(struct fm_receiver * receiver, struct fm_message_info * 
   return TAKEN;
 }
 
-static void deliver_locked(struct fm_receiver * receiver, const struct fm_message_info * info)
+static struct fm_origin origin_of(const struct fm_receiver * receiver)
 {
+  const struct fm_message_info * info = &receiver->info.info;
   const struct fm_origin origin = {
     info->received_timestamp, info->source_timestamp, info->publication_sequence_number,
     info->gid, receiver->is_retired};
+  return origin;
+}
+
+static void deliver_locked(struct fm_receiver * receiver)
+{
+  const struct fm_origin origin = origin_of(receiver);
   (void)fm_engine_deliver_locked(receiver->engine, receiver->topic, &receiver->reading, &origin);
 }
 
@@ -177,14 +186,13 @@ static void deliver_locked(struct fm_receiver * receiver, const struct fm_messag
 // Asking for one more each time would cost a tenth of a message; a later one has its own callback.
 static void take_locked(struct fm_receiver * receiver, size_t count)
 {
-  struct fm_padded_info padded;
   const bool takes_all = receiver->is_behind || receiver->probes;
   const size_t most = takes_all || count > MOST_AT_ONCE ? MOST_AT_ONCE : count;
   enum result result = TAKEN;
   for (size_t k = 0; k < most && result != EMPTY; ++k) {
-    result = take(receiver, &padded.info);
+    result = take(receiver);
     if (result == TAKEN) {
-      deliver_locked(receiver, &padded.info);
+      deliver_locked(receiver);
     }
   }
   receiver->is_behind = result != EMPTY && (takes_all || count > most);
@@ -221,18 +229,30 @@ static bool end_draining(struct fm_receiver * receiver, bool is_enough)
   return is_over;
 }
 
+bool fm_receiver_take(struct fm_receiver * receiver, struct fm_record * out)
+{
+  enum result result = DROPPED;
+  receiver->middleware->forget_error();  // left by earlier calls in this thread
+  while (result == DROPPED) {
+    result = take(receiver);
+  }
+  out->message = receiver->message.buffer;
+  out->size = receiver->message.length;
+  out->origin = origin_of(receiver);
+  return result == TAKEN;
+}
+
 static void drain(struct fm_receiver * receiver)
 {
-  struct fm_padded_info padded;
   uint32_t left = MOST_AT_ONCE;
   receiver->middleware->forget_error();  // left by earlier calls in this thread
   do {
     enum result result = EMPTY;
-    while (left > 0 && (result = take(receiver, &padded.info)) != EMPTY) {
+    while (left > 0 && (result = take(receiver)) != EMPTY) {
       left -= 1;
       if (result == TAKEN) {
         fm_engine_lock(receiver->engine);
-        deliver_locked(receiver, &padded.info);
+        deliver_locked(receiver);
         fm_engine_unlock(receiver->engine);
       }
     }
@@ -250,7 +270,7 @@ static void free_receiver(struct fm_receiver * receiver)
 
 struct fm_receiver * fm_receiver_start(
   struct fm_engine * engine, const struct fm_middleware * middleware, void * subscription,
-  uint32_t topic, bool is_in_place)
+  uint32_t topic, uint32_t taking)
 {
   struct fm_receiver * receiver = calloc(1, sizeof(*receiver));
   if (receiver == NULL) {
@@ -260,18 +280,23 @@ struct fm_receiver * fm_receiver_start(
   receiver->middleware = middleware;
   receiver->subscription = subscription;
   receiver->topic = topic;
-  receiver->is_in_place = is_in_place;
+  receiver->taking = (enum fm_taking)taking;
   receiver->message.allocator =
     (struct fm_allocator) {allocate, deallocate, reallocate, zero_allocate, NULL};
   receiver->fields = calloc(reader_of(receiver)->n_inputs + 1u, sizeof(*receiver->fields));
   receiver->reading.fields = receiver->fields;
+  const bool listens = taking != FM_WHEN_ASKED;
   receiver->is_draining = true;  // the middleware may call back at once, from within `listen`
-  if (receiver->fields == NULL || middleware->listen(subscription, on_message, receiver) != 0) {
+  if (receiver->fields == NULL ||
+    (listens && middleware->listen(subscription, on_message, receiver) != 0))
+  {
     middleware->forget_error();
     free_receiver(receiver);
     return NULL;
   }
-  drain(receiver);
+  if (listens) {
+    drain(receiver);
+  }
   return receiver;
 }
 
@@ -314,7 +339,9 @@ void fm_receiver_retire(struct fm_receiver * receiver)
 
 bool fm_receiver_stop(struct fm_receiver * receiver)
 {
-  if (receiver->middleware->listen(receiver->subscription, NULL, NULL) != 0) {
+  if (receiver->taking != FM_WHEN_ASKED &&
+    receiver->middleware->listen(receiver->subscription, NULL, NULL) != 0)
+  {
     receiver->middleware->forget_error();
     fm_engine_lock(receiver->engine);
     receiver->is_stopped = true;

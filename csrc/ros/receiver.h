@@ -12,10 +12,12 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// receiver.h: delivers the messages of a subscription to an engine, without Python.
+/// receiver.h: takes the messages of a subscription for an engine, without Python.
 ///
-/// A receiver takes the messages inside the middleware's new-message callback, at most 1000 in one.
-/// The next callback takes the rest of a longer burst, or fm_receiver_poll if none follows.
+/// A receiver that listens takes and delivers the messages inside the middleware's new-message
+/// callback, at most 1000 in one. The next callback takes the rest of a longer burst, or
+/// fm_receiver_poll if none follows. From one that does not listen, the caller takes each message
+/// with fm_receiver_take, and delivers it with fm_engine_message.
 
 #ifndef RECEIVER_H_
 #define RECEIVER_H_
@@ -29,24 +31,45 @@ extern "C" {
 
 struct fm_receiver;
 
-/// Start to deliver the messages of a subscription (an rmw_subscription_t from which no other code
-/// takes) as those of a topic. Messages that are already queued are delivered first, at most 1000
-/// before this returns. The engine, the middleware and the subscription outlive the receiver.
-/// `is_in_place`: the subscription was made with a type support of fm_in_place_make. NULL if the
-/// middleware has no new-message callback, or memory is short.
+/// How a receiver takes messages.
+enum fm_taking
+{
+  FM_LISTEN = 0,           // in the new-message callback
+  FM_LISTEN_IN_PLACE = 1,  // so, and the subscription has a type support of fm_in_place_make
+  FM_WHEN_ASKED = 2        // with fm_receiver_take
+};
+
+/// A message that was taken and not delivered. `message` and `origin.gid` are valid until the next
+/// call for this receiver.
+struct fm_record
+{
+  const uint8_t * message;
+  size_t size;
+  struct fm_origin origin;
+};
+
+/// Start to take the messages of a subscription (an rmw_subscription_t from which no other code
+/// takes) as those of a topic. If the receiver listens, messages that are already queued are
+/// delivered first, at most 1000 before this returns. The engine, the middleware and the
+/// subscription outlive the receiver. `taking`: enum fm_taking. NULL if the middleware has no
+/// new-message callback, or memory is short.
 ///
 /// The functions of this header may be called from any thread, but not from within the
 /// middleware's callback. For one receiver, only fm_receiver_retire may run at the same time as
-/// another of them. Each message costs what fm_engine_message does.
+/// another of them. Each message that is delivered costs what fm_engine_message does.
 FM_EXPORT struct fm_receiver * fm_receiver_start(
   struct fm_engine * engine, const struct fm_middleware * middleware, void * subscription,
-  uint32_t topic, bool is_in_place);
+  uint32_t topic, uint32_t taking);
 
-/// Take and deliver the queued messages, at most 1000. Callbacks that come meanwhile take nothing,
+/// Take the next message of a receiver that does not listen. Returns false if none is queued, or
+/// the middleware failed.
+FM_EXPORT bool fm_receiver_take(struct fm_receiver * receiver, struct fm_record * out);
+
+/// Take and deliver the queued messages of a receiver that listens, at most 1000. Callbacks that come meanwhile take nothing,
 /// which keeps the messages in order.
 FM_EXPORT void fm_receiver_drain(struct fm_receiver * receiver);
 
-/// Poll; to be called a few times a second. Drains if the last callback or drain stopped at its
+/// Poll a receiver that listens; to be called a few times a second. Drains if the last callback or drain stopped at its
 /// limit. Recovers messages whose notification was lost: the next callback takes more messages
 /// than its notification counts, and every 16th poll without a callback drains.
 FM_EXPORT void fm_receiver_poll(struct fm_receiver * receiver);

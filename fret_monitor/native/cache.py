@@ -54,7 +54,7 @@ from fret_monitor.native.monitor import is_cut_short, Library
 
 #: The sources of the library with the evaluator, the engine and the receivers.
 EVALUATOR_SOURCES = (
-    'evaluator.c', 'handover.c', 'outbox.c', 'engine.c',
+    'instance.c', 'evaluator.c', 'handover.c', 'outbox.c', 'engine.c',
     'ros/receiver.c', 'ros/in_place.c', 'ros/announcer.c',
 )
 

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-One bundle on a node: from its subscriptions through the evaluator to published violations.
+One bundle on a node: from its subscriptions through the engine to published violations.
 
-C decodes the messages and steps the evaluator. C also takes the messages where the middleware
-allows it (`hot_path`); otherwise the feed's thread does. Violations are queued, and published from
-the queue (`publisher_threads`). Closing a session removes from the node all that it created there.
+The engine in C decodes the messages, steps, and waits for what is due without a message; C publishes
+the violations. C also takes the messages where the middleware allows it (`hot_path`); otherwise the
+feed's thread does. Closing a session removes from the node all that it created there.
 """
 
 from collections.abc import Sequence
@@ -26,22 +26,21 @@ from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestInput
 from fret_monitor.model.policies import Policy
-from fret_monitor.native.binding import ffi
 from fret_monitor.ros.compiled import Opened
 from fret_monitor.ros.details import Details, DETAILS_TOPIC
-from fret_monitor.ros.feed import Deliver, Feed, PublisherStatus, TopicReceiver
+from fret_monitor.ros.detail_publisher import DetailPublisher
+from fret_monitor.ros.feed import Feed, PublisherStatus
 from fret_monitor.ros.fields import message_class, MessageTypeError, why_unusable
 from fret_monitor.ros.handlers import handler_topic, Handlers
 from fret_monitor.ros.health import describe_missing, Health, PERIOD
-from fret_monitor.ros.hot_path import Announcer, find_middleware, HotTopic, Middleware
+from fret_monitor.ros.hot_path import Announcer, EngineTopic, Middleware, why_not_listening
 from fret_monitor.ros.loaded import Unavailable
+from fret_monitor.ros.node_time import NodeTime, PATIENCE_S, TimeLog
 from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import Refusal
-from fret_monitor.ros.periods import Periods
-from fret_monitor.ros.publisher_threads import DetailPublisher, HandlerPublisher
 from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH
-from fret_monitor.ros.timeouts import TimeoutTimer
-from fret_monitor.runtime import Evaluator, SharedEvaluator
+from fret_monitor.ros.silences import SilenceLog
+from fret_monitor.runtime import Engine, Evaluator
 from fret_monitor.runtime.fields import Outcome, read_fields
 
 from rclpy.clock import Clock, ClockType
@@ -57,7 +56,7 @@ class BundleSession:
     """
     Monitors one bundle on a given node, from each `start` to the next `stop`.
 
-    While it is stopped it keeps an evaluator and the publishers, but steps and publishes nothing.
+    While it is stopped it keeps an engine and the publishers, but steps and publishes nothing.
     `close` releases everything. The node's executor runs the timers; messages need no executor.
     """
 
@@ -78,17 +77,15 @@ class BundleSession:
         self._node = node
         self._hot_path = hot_path
         self._name = name
-        self._clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
         self._advertised = ExitStack()
         self._running = ExitStack()
         self._feed: Feed | None = None
-        self._handler_publisher: HandlerPublisher | None = None
         self._health: Health | None = None
         self._missing_timer: Timer | None = None
-        self._told: set[int | str] = set()  # keys of log lines that appear only once
+        self._logged: set[int | str] = set()  # keys of log lines that appear only once
         refuse_inputs_off_ros(self.manifest)
         self._classes = _message_classes(self.manifest)
-        self._watch = self._new_watch()
+        self._engine = self._new_engine()
         with ExitStack() as undo:
             undo.callback(self.close)
             try:
@@ -104,9 +101,10 @@ class BundleSession:
         """The manifest of the bundle."""
         return self.opened.monitor.manifest
 
-    def _new_watch(self) -> SharedEvaluator:
-        return SharedEvaluator(Evaluator(
-            self.opened.monitor, policy=self.opened.policy, library=self.opened.evaluator))
+    def _new_engine(self) -> Engine:
+        return Engine(Evaluator(
+            self.opened.monitor, policy=self.opened.policy, period=self.opened.period,
+            patience=PATIENCE_S, library=self.opened.evaluator))
 
     def _advertise(self, depth: int) -> None:
         self._handlers = Handlers(self._node, self.manifest, depth)
@@ -116,7 +114,7 @@ class BundleSession:
 
     def start(self) -> None:
         """
-        Start monitoring: from now on messages and periods step the evaluator.
+        Start monitoring: from now on messages and periods step the monitor.
 
         Raises
         ------
@@ -134,17 +132,10 @@ class BundleSession:
 
     def _start_timers(self) -> None:
         self._running.callback(self._forget_timers)
-        timeouts = TimeoutTimer(
-            self._node, self.manifest, lambda index: self._watch.input_counts(index).received,
-            self._stale)
-        self._running.callback(timeouts.close)
-        periods = None
-        if self.opened.policy is Policy.PERIODIC:
-            assert self.opened.period is not None
-            periods = Periods(self._node, float(self.opened.period), self._tick)
-            self._running.callback(periods.close)
-        self._health = Health(self._node, self._watch, timeouts.tracker,
-                              None if periods is None else periods.schedule, self._name)
+        period = self.opened.period if self.opened.policy is Policy.PERIODIC else None
+        self._silence_log = SilenceLog(self._node, self.manifest, self._engine)
+        self._time_log = TimeLog(self._node, self._engine, period)
+        self._health = Health(self._node, self._engine, self._silence_log, period, self._name)
         self._running.callback(self._health.close)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._keep(self._node.create_timer(PERIOD, self._report_health, clock=steady))
@@ -153,33 +144,19 @@ class BundleSession:
         self._keep(self._missing_timer)
 
     def _forget_timers(self) -> None:
-        """Break reference cycles through callbacks, so that a release frees the bundle."""
         self._health = self._missing_timer = None
-
-    def _stale(self, index: int, received: int) -> None:
-        self._watch.stale(index, received, self._now())
-        self._publish_due()
-
-    def _tick(self) -> None:
-        self._watch.tick(self._now())
-        self._publish_due()
-
-    def _publish_due(self) -> None:
-        """Publish queued violations; where C takes the messages, the announcer publishes them."""
-        if self._handler_publisher is not None:
-            self._handler_publisher.publish_due()
 
     def _keep(self, timer: Timer) -> None:
         self._running.callback(self._node.destroy_timer, timer)
 
     def stop(self) -> None:
         """
-        Stop monitoring; the next start has a new evaluator, without past and without values.
+        Stop monitoring; the next start has a new engine, without past and without values.
 
         The old values may be outdated by then, and the messages sent in between are missing.
         """
         self._running.close()
-        self._watch = self._new_watch()
+        self._engine = self._new_engine()
 
     def close(self) -> None:
         """Stop monitoring, and remove everything from the node; a second call does nothing."""
@@ -188,49 +165,63 @@ class BundleSession:
 
     def reset(self) -> int:
         """Reset all step groups between two steps; return how many there are."""
-        self._watch.reset()
+        self._engine.reset()
         return len(self.manifest.groups)
 
     # Publishers and subscriptions are closed in reverse order of creation, so the threads that
-    # publish outlive the subscriptions. Ending such a thread closes the evaluator before it waits
+    # publish outlive the subscriptions. Ending such a thread closes the engine before it waits
     # for the thread, so that an interrupted `stop` leaves no thread waiting.
 
     def _connect(self) -> None:
-        middleware = self._middleware()
-        if middleware is not None:
+        reason = why_not_listening(self._hot_path)
+        if reason is None:
             try:
-                self._connect_through(middleware)
+                self._connect_through(self._listening())
                 return
-            except Unavailable as reason:
+            except Unavailable as found:
                 self._running.close()
-                self._watch = self._new_watch()
-                self._fall_back(reason)
-        self._connect_through(None)
+                self._engine = self._new_engine()
+                reason = str(found)
+        if self._hot_path == 'on':
+            raise Refusal(f'hot_path is on, and C cannot take the messages: {reason}')
+        self._way = f'in Python: {reason}'
+        try:
+            self._connect_through(Middleware(listens=False))
+        except Unavailable as found:
+            raise Refusal(f'cannot use the middleware: {found}') from None
 
-    def _connect_through(self, middleware: Middleware | None) -> None:
-        watch = self._watch
-        self._follow_clock(middleware)
-        self._handler_publisher = None
-        if middleware is None:
-            self._handler_publisher = HandlerPublisher(watch, self._handlers)
-            self._running.callback(self._handler_publisher.close)
-        else:
-            announcer = Announcer(watch, middleware, self._handlers.publishers)
-            self._running.callback(announcer.join)
-        self._running.callback(DetailPublisher(watch, self._details).end)
+    def _listening(self) -> Middleware:
+        """Return the middleware for the hot path, reading in place if possible."""
+        self._way = f'in C, inside {get_rmw_implementation_identifier()}'
+        middleware = Middleware()
+        try:
+            middleware.read_in_place(self._engine.library)
+        except Unavailable as reason:
+            self._way += f', and copied before they are read: {reason}'
+        return middleware
+
+    def _connect_through(self, middleware: Middleware) -> None:
+        engine = self._engine
+        announcer = Announcer(engine, middleware, self._handlers.publishers)
+        self._running.callback(announcer.join)
+        self._running.callback(DetailPublisher(engine, self._details).end)
         feed = Feed(self._node)
         self._running.callback(feed.close)
         for index, topic in enumerate(self.manifest.topics):
-            taker: Deliver | TopicReceiver = self._delivery(index) if middleware is None \
-                else HotTopic(watch, middleware, index)
             kind = self._classes[topic.message_type]
-            if middleware is not None and middleware.reads_in_place:
+            if middleware.reads_in_place:
                 kind = self._class_in_place(middleware, topic.name, kind)
             feed.subscribe(topic.name, topic.message_type, kind,
-                           taker, self._overrides.apply(
+                           EngineTopic(engine, middleware, index), self._overrides.apply(
                                self._node.resolve_topic_name(topic.name), dict(topic.qos)))
         feed.start()
         self._feed = feed
+        # Begun after the subscriptions, so that no timeout runs while they are made.
+        time = NodeTime(
+            self._node, engine, middleware.clock_now,
+            has_deadlines=self.opened.policy is Policy.PERIODIC
+            or any(item.timeout is not None for item in self.manifest.inputs))
+        self._running.callback(time.close)
         # Logged after the start, since rclpy needs 0.1 s for its first log line.
         self._node.get_logger().info(f'messages are taken {self._way}', once=True)
 
@@ -244,61 +235,7 @@ class BundleSession:
                 f'read: {reason}')
             return message_class
 
-    def _middleware(self) -> Middleware | None:
-        """Return the functions for the hot path; None if the feed has to take the messages."""
-        self._way = f'in C, inside {get_rmw_implementation_identifier()}'
-        if self._hot_path == 'off':
-            self._fall_back('hot_path is off')
-            return None
-        try:
-            found = find_middleware(even_unproven=self._hot_path == 'on')
-        except Unavailable as reason:
-            self._fall_back(reason)
-            return None
-        try:
-            found.read_in_place(self._watch.library)
-        except Unavailable as reason:
-            self._way += f', and copied before they are read: {reason}'
-        return found
-
-    def _fall_back(self, reason: object) -> None:
-        if self._hot_path == 'on':
-            raise Refusal(f'hot_path is on, and C cannot take the messages: {reason}')
-        self._way = f'in Python: {reason}'
-
-    def _follow_clock(self, middleware: Middleware | None) -> None:
-        """Stamp violations with the node's clock while its time is simulated."""
-        if middleware is None:
-            return
-        handle = self._clock.handle
-        self._running.enter_context(handle)
-        pointer = ffi.cast('void *', handle.pointer)
-
-        def follow() -> None:
-            if self._clock.ros_time_is_active:
-                self._watch.use_clock(middleware.clock_now, pointer)
-            else:
-                self._watch.use_clock(ffi.NULL, ffi.NULL)
-
-        follow()
-        self._keep(self._node.create_timer(
-            PERIOD, follow, clock=Clock(clock_type=ClockType.STEADY_TIME)))
-
-    def _delivery(self, topic: int) -> Deliver:
-        """Return the callback for a topic where Python takes the messages."""
-        watch = self._watch
-
-        def deliver(data: bytes, received: int, _: int) -> None:
-            stamp = self._now() if self._clock.ros_time_is_active else received
-            watch.message(topic, data, stamp)
-            self._publish_due()
-
-        return deliver
-
     # Reports.
-
-    def _now(self) -> int:
-        return int(self._clock.now().nanoseconds)
 
     def _statuses(self) -> Sequence[PublisherStatus]:
         return self._feed.statuses() if self._feed is not None else ()
@@ -308,19 +245,21 @@ class BundleSession:
         if self._feed is not None and self._feed.failure is not None:
             raise self._feed.failure
         if self._health is not None:  # None: stopped meanwhile
+            self._time_log.review()
+            self._silence_log.review()
             self._health.publish(self._statuses())
         self._log_unpublished()
         for topic in range(len(self.manifest.topics)):
-            if self._watch.topic_counts(topic).undecodable:
+            if self._engine.topic_counts(topic).undecodable:
                 self._log_undecodable(topic)
-            message = self._watch.evidence(topic)
+            message = self._engine.evidence(topic)
             if message is not None:
                 self._log_unusable_fields(topic, message)
 
     def _log_unpublished(self) -> None:
-        if self._watch.unpublished and self._is_news('violations'):
+        if self._engine.unpublished and self._is_news('violations'):
             self._node.get_logger().error(
-                f'violations could not be published: {self._watch.unpublished} so far; '
+                f'violations could not be published: {self._engine.unpublished} so far; '
                 '/diagnostics counts them')
 
     def _log_unusable_fields(self, topic: int, message: bytes) -> None:
@@ -333,7 +272,7 @@ class BundleSession:
     def _log_missing(self) -> None:
         if self._missing_timer is not None:  # None: stopped meanwhile
             self._missing_timer.cancel()
-        told = describe_missing(self._watch, self._statuses(), self._node.resolve_topic_name)
+        told = describe_missing(self._engine, self._statuses(), self._node.resolve_topic_name)
         if told is not None:
             self._node.get_logger().warning(told)
 
@@ -349,14 +288,14 @@ class BundleSession:
             return
         item, mapped = self.manifest.inputs[index], self.manifest.topics[topic]
         reason = why_unusable(item, message, self._classes[mapped.message_type])
-        outcome = 'has no value yet' if self._watch.value(index) is None else 'keeps its value'
+        outcome = 'has no value yet' if self._engine.value(index) is None else 'keeps its value'
         self._node.get_logger().warning(
             f"{self._node.resolve_topic_name(mapped.name)}: {reason}; input '{item.name}' "
             f'{outcome}')
 
     def _is_news(self, what: int | str) -> bool:
-        is_news = what not in self._told
-        self._told.add(what)
+        is_news = what not in self._logged
+        self._logged.add(what)
         return is_news
 
     def _read_overrides(self) -> None:

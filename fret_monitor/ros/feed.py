@@ -13,54 +13,62 @@
 # limitations under the License.
 
 """
-Take the messages of several topics in the order of their reception.
+The subscriptions of a bundle: made, replaced where they do not match a publisher, and closed.
 
-rclpy's executor needs 70 us for a message and takes the messages of one topic after another, which
-loses the order across topics. Here one thread waits on all subscriptions, takes the serialized
-messages, and delivers them in the order of the middleware's reception times. The same thread
-checks the publishers periodically, and replaces a subscription that does not match one of them.
-
-Where C takes the messages (`Receiver`), the thread only checks the publishers.
+One thread checks the publishers periodically. Where C listens, it does nothing else. Otherwise it
+waits on all subscriptions, and delivers the messages in the order of the middleware's reception
+times: rclpy's executor needs 70 us for a message and takes the messages of one topic after another,
+which loses the order across topics.
 
 The subscriptions are used by the feed's thread only, and not by an executor.
 """
 
-from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from heapq import merge
-from operator import itemgetter
 from threading import Event, Thread
 from time import monotonic, time_ns
 from typing import Any, Protocol
 
 from fret_monitor.ros import native_lifetimes, qos
-from fret_monitor.ros.losses import Gaps, ReportedLosses
 from fret_monitor.ros.parameters import Refusal
-from fret_monitor.ros.periods import Throttle
 from fret_monitor.ros.rcl_subscription import RclSubscription
+from fret_monitor.ros.throttle import Throttle
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-Deliver = Callable[[bytes, int, int], None]
-"""
-Takes a serialized message, its reception time and its sender's time (ns); called in the feed's
-thread.
-"""
+@dataclass(frozen=True)
+class Record:
+    """
+    A serialized message that was taken, and is to be delivered.
+
+    `received` is the middleware's time of reception, `sent` the time of its publisher (ns);
+    `sequence` its number, counted by the publisher that `gid` identifies; empty: not known.
+    """
+
+    data: bytes
+    received: int
+    sent: int
+    sequence: int
+    gid: bytes = b''
+    is_retired: bool = False
 
 
 class Receiver(Protocol):
-    """Takes the messages of one subscription without the feed's thread."""
+    """Takes the messages of one subscription."""
+
+    def take(self) -> Record | None:
+        """Take the next message, unless C listens; None if there is none."""
 
     def drain(self) -> None:
-        """Take the messages in the queue."""
+        """Deliver the messages in the queue, where C listens."""
 
     def poll(self) -> None:
-        """Take messages whose notification was lost; called periodically."""
+        """Deliver messages whose notification was lost, where C listens; called periodically."""
 
     def retire(self) -> None:
         """Mark the subscription as one that is being replaced."""
@@ -69,11 +77,21 @@ class Receiver(Protocol):
         """Stop taking; nothing is delivered afterwards."""
 
 
-class TopicReceiver(Protocol):
-    """Takes the messages of a topic without the feed's thread."""
+class Topic(Protocol):
+    """What becomes of the messages of a topic."""
+
+    @property
+    def listens(self) -> bool:
+        """Whether C delivers the messages; otherwise the feed's thread calls `deliver`."""
 
     def open(self, subscription: RclSubscription) -> Receiver:
         """Start taking the messages of a subscription."""
+
+    def deliver(self, record: Record) -> None:
+        """Deliver a message."""
+
+    def note_publishers(self, gids: Set[bytes]) -> None:
+        """Note which publishers there are; called periodically."""
 
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
@@ -95,11 +113,10 @@ _ASSURED = 0.5  # s until it is closed if the new one has matched all publishers
 _GRACE = 1.0  # s after it was closed, during which duplicates are still recognised
 _NAMED = 2.0  # s until a publisher is logged without the name of its node
 _UNNAMED = '_NODE_NAME_UNKNOWN_'
-_REMEMBERED = 4096  # messages of a topic in which duplicates are found
+_LOSSES_S = 10.0  # between two log lines about lost messages of a topic
 
-# reception time, (source time, sequence number) as the message's identity, data, topic,
-# whether it was received by the old subscription of a handover
-_Taken = tuple[int, tuple[int, int], bytes, '_Topic', bool]
+
+_Taken = tuple['_Subscribed', Record]
 
 
 @dataclass(frozen=True)
@@ -124,23 +141,23 @@ class Feed:
     def __init__(self, node: Node) -> None:
         """Prepare a feed for a node; nothing is delivered before `start`."""
         self._node = node
-        self._topics: list[_Topic] = []
+        self._topics: list[_Subscribed] = []
         self._next_reviewed = 0
         self._closing = Event()
         self._thread = Thread(target=self._run, name='feed', daemon=True)
         self._guard = _rclpy.GuardCondition(node.context.handle)
         self._held: list[_Taken] = []
-        self._sources: list[tuple[Any, _Topic, bool]] = []
+        self._waited: list[Any] = []  # the handles of all subscriptions
         self._wait_set: Any = None
         self._kept = ErrorKeeper()
 
-    def subscribe(self, name: str, message_type: str, message_class: Any,
-                  deliver: Deliver | TopicReceiver, fixed: Mapping[str, str | int]) -> None:
+    def subscribe(self, name: str, message_type: str, message_class: Any, topic: Topic,
+                  fixed: Mapping[str, str | int]) -> None:
         """
         Subscribe to a topic, before `start`.
 
-        `deliver` is a `TopicReceiver` for all topics of a feed, or for none. `fixed` is the part
-        of the quality of service that does not follow the publishers (`qos.wanted_profile`).
+        C listens for all topics of a feed, or for none. `fixed` is the part of the quality of
+        service that does not follow the publishers (`qos.wanted_profile`).
 
         Raises
         ------
@@ -148,10 +165,10 @@ class Feed:
             if the middleware refuses: for example a second type of a topic in one process.
         """
         try:
-            topic = _Topic(self._node, name, message_type, message_class, deliver, fixed)
+            self._topics.append(
+                _Subscribed(self._node, name, message_type, message_class, topic, fixed))
         except _rclpy.RCLError as error:
             raise Refusal(self._why_refused(name, message_type, error)) from None
-        self._topics.append(topic)
 
     def _why_refused(self, name: str, message_type: str, error: Exception) -> str:
         full_name = self._node.resolve_topic_name(name)
@@ -212,14 +229,11 @@ class Feed:
             if monotonic() >= next_review:
                 self._review()
                 next_review = monotonic() + _REVIEW_PERIOD
-            if self._topics and self._topics[0].receiver is not None:
+            if self._topics and not self._topics[0].topic.listens:
+                self._wait(0 if self._held else _WAIT_NS)
+                self._deliver()
+            else:
                 self._closing.wait(_REVIEW_PERIOD)
-                continue
-            self._wait(0 if self._held else _WAIT_NS)
-            for taken in self._take():
-                taken[3].deliver(taken)
-                if self._closing.is_set():
-                    return
 
     def _review(self) -> None:
         begin = self._next_reviewed
@@ -228,22 +242,21 @@ class Feed:
         self._next_reviewed = begin + _REVIEWED_AT_ONCE
         if self._next_reviewed >= len(self._topics):
             self._next_reviewed = 0
-        self._sources = [(handle, topic, is_retired) for topic in self._topics
-                         for handle, is_retired in topic.handles()]
+        self._waited = [item.handle for topic in self._topics for item in topic.subscriptions()]
         self._wait_set = _rclpy.WaitSet(
-            len(self._sources), 1, 0, 0, 0, 0, self._node.context.handle)
+            len(self._waited), 1, 0, 0, 0, 0, self._node.context.handle)
 
     def _wait(self, nanoseconds: int) -> None:
         # rcl removes from the set what is not ready, so everything is added again.
         self._wait_set.clear_entities()
-        for handle, _, _ in self._sources:
+        for handle in self._waited:
             self._wait_set.add_subscription(handle)
         self._wait_set.add_guard_condition(self._guard)
         self._wait_set.wait(nanoseconds)
 
-    def _take(self) -> Iterable[_Taken]:
+    def _deliver(self) -> None:
         """
-        Take the received messages, oldest first.
+        Deliver the received messages, oldest first.
 
         A message received after this call began is held until the next call: a topic that was
         emptied before it may have an older one by then. It is held only once, since the clock may
@@ -251,26 +264,28 @@ class Feed:
         """
         now = time_ns()
         # At most one message per subscription is held, so sorting keeps the order of a topic.
-        rounds = [sorted(self._held, key=itemgetter(0))]
+        batches = [sorted(self._held, key=_received)]
         self._held = []
-        for handle, topic, is_retired in self._sources:
-            rounds.append(self._take_all(handle, topic, is_retired, now))
-        filled = [batch for batch in rounds if batch]
-        return filled[0] if len(filled) == 1 else merge(*filled, key=itemgetter(0))
+        for topic in self._topics:
+            for receiver in topic.receivers():
+                batches.append(self._take_all(topic, receiver, now))
+        for topic, record in merge(*batches, key=_received):
+            if self._closing.is_set():
+                return
+            topic.topic.deliver(record)
 
-    def _take_all(self, handle: Any, topic: '_Topic', is_retired: bool,
-                  now: int) -> list[_Taken]:
+    def _take_all(self, topic: '_Subscribed', receiver: Receiver, now: int) -> list[_Taken]:
         batch: list[_Taken] = []
-        while (taken := handle.take_message(topic.message_class, True)) is not None:
-            data, info = taken
-            stamp = info['received_timestamp'] or now
-            key = (info['source_timestamp'], info['publication_sequence_number'])
-            item = (stamp, key, data, topic, is_retired)
-            if stamp > now:
-                self._held.append(item)
+        while (record := receiver.take()) is not None:
+            if record.received > now:
+                self._held.append((topic, record))
                 break
-            batch.append(item)
+            batch.append((topic, record))
         return batch
+
+
+def _received(taken: _Taken) -> int:
+    return taken[1].received
 
 
 class ErrorKeeper(AbstractContextManager[None]):
@@ -284,73 +299,45 @@ class ErrorKeeper(AbstractContextManager[None]):
         return True
 
 
-class _Topic:
+class _Subscribed:
     """A topic, its publishers, and its subscription (two of them during a handover)."""
 
     def __init__(self, node: Node, name: str, message_type: str, message_class: Any,
-                 deliver: Deliver | TopicReceiver, fixed: Mapping[str, str | int]) -> None:
-        self.message_class = message_class
+                 topic: Topic, fixed: Mapping[str, str | int]) -> None:
+        self.topic = topic
+        self._message_class = message_class
         self._node = node
         self._name = name
         self._message_type = message_type
-        self.receiver: TopicReceiver | None = None
-        self._deliver: Deliver = _unused_delivery
-        if callable(deliver):
-            self._deliver = deliver
-        else:
-            self.receiver = deliver
         self._fixed = fixed
         self.status = PublisherStatus()
-        self._told: set[object] = set()
+        self._logged: set[object] = set()
         self._known: set[bytes] = set()
         self._unnamed: dict[bytes, float] = {}  # publishers without a known node, and since when
-        self._recent: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED)
-        self._seen: set[tuple[int, int]] | None = None
-        self._has_history = False
-        self._newest = 0  # source time
         self._retired: list[tuple[RclSubscription, Receiver | None, float]] = []
         self._overlaps_until: float | None = None
         self._current = self._subscribe(qos.wanted_profile((), fixed))
-        self._current_receiver: Receiver | None = None
-        self._gaps = Gaps()
-        self._told_losses = ReportedLosses(self._current)
-        self._told_before = 0  # lost by former subscriptions
-        self._lost_told = 0
-        self._throttle = Throttle()
+        self._receiver: Receiver | None = None
+        self._logged_losses = 0
+        self._throttle = Throttle(_LOSSES_S)
 
     def open(self) -> None:
-        """Start the receiver, if there is one."""
-        if self.receiver is not None:
-            self._current_receiver = self.receiver.open(self._current)
+        """Start taking messages."""
+        self._receiver = self.topic.open(self._current)
 
-    def handles(self) -> list[tuple[Any, bool]]:
-        """Return the subscriptions' handles, and whether each is retired; retired ones first."""
-        return [*((item.handle, True) for item, _, _ in self._retired),
-                (self._current.handle, False)]
+    def subscriptions(self) -> list[RclSubscription]:
+        """Return the subscriptions; those that are being replaced come first."""
+        return [*(item for item, _, _ in self._retired), self._current]
 
-    def deliver(self, taken: _Taken) -> None:
-        """Deliver a message, unless it is a duplicate or history."""
-        stamp, key, data, _, is_retired = taken
-        if not is_retired:  # a gap in the old one may still be filled by the new one
-            self._gaps.note(key[1])
-        if self._seen is not None:
-            # Drop history older than the newest message; only safe with one publisher: rclpy does
-            # not give its publisher, and it may be the only message of another one.
-            is_history = self._has_history and not is_retired and len(self._known) == 1 \
-                and key[0] < self._newest
-            if key in self._seen or is_history:
-                return
-            self._seen.add(key)
-            self._newest = max(self._newest, key[0])
-        self._recent.append(key)
-        self._deliver(data, stamp, key[0])
+    def receivers(self) -> list[Receiver]:
+        """Return the receivers of `subscriptions`, as far as they are open."""
+        found = [*(item for _, item, _ in self._retired), self._receiver]
+        return [item for item in found if item is not None]
 
     def close(self) -> None:
         """Destroy all subscriptions."""
         with ExitStack() as last:
-            last.callback(self._told_losses.close)
-            for item, receiver, _ in [
-                    *self._retired, (self._current, self._current_receiver, 0.0)]:
+            for item, receiver, _ in [*self._retired, (self._current, self._receiver, 0.0)]:
                 last.callback(self._destroy, item, receiver)
 
     def _destroy(self, subscription: RclSubscription, receiver: Receiver | None) -> None:
@@ -358,13 +345,20 @@ class _Topic:
             last.callback(subscription.close)
             if receiver is not None:
                 last.callback(receiver.stop)
-                receiver.drain()
+                self._drain(receiver)
+
+    def _drain(self, receiver: Receiver) -> None:
+        if self.topic.listens:
+            receiver.drain()
+        else:
+            while (record := receiver.take()) is not None:
+                self.topic.deliver(record)
 
     def review(self) -> None:
         """Check the publishers, log mismatches, and replace the subscription if due."""
         self._let_go()
-        if self._current_receiver is not None:
-            self._current_receiver.poll()
+        if self._receiver is not None and self.topic.listens:
+            self._receiver.poll()
         publishers = self._node.get_publishers_info_by_topic(self._name)
         same_type = [item for item in publishers if item.topic_type == self._message_type]
         others = [item for item in publishers if item.topic_type != self._message_type]
@@ -376,10 +370,10 @@ class _Topic:
             self._renew(wanted, same_type)
         unheard = [item for item in same_type
                    if not qos.hears(self._current.qos_profile, item.qos_profile)]
-        self._gaps.confirm(gids)
+        self.topic.note_publishers(gids)
         self.status = PublisherStatus(
             len(same_type), tuple(sorted({_who(item) for item in unheard})),
-            tuple(sorted({item.topic_type for item in others})), self._lost())
+            tuple(sorted({item.topic_type for item in others})), self.topic.lost)
         self._log_lost()
         named = self._named(publishers)
         for item in others:
@@ -408,19 +402,12 @@ class _Topic:
                    if not qos.hears(before.qos_profile, item.qos_profile)]
         # The new subscription may receive duplicates of what the old one received, and history,
         # which must not be delivered after newer messages.
-        self._seen = set(self._recent)
-        self._newest = max((source for source, _ in self._recent), default=0)
-        self._has_history = wanted.durability is DurabilityPolicy.TRANSIENT_LOCAL
-        if self.receiver is not None and self._current_receiver is not None:
-            self.receiver.begin_handover(has_history=self._has_history)
-            self._current_receiver.retire()
-        self._gaps.restart()
-        if before.qos_profile.durability is not DurabilityPolicy.TRANSIENT_LOCAL:
-            self._told_before += self._told_losses.total()
-        self._told_losses.close()
-        self._retired.append((before, self._current_receiver, monotonic() + _OVERLAP))
+        self.topic.begin_handover(
+            has_history=wanted.durability is DurabilityPolicy.TRANSIENT_LOCAL)
+        if self._receiver is not None:
+            self._receiver.retire()
+        self._retired.append((before, self._receiver, monotonic() + _OVERLAP))
         self._current = self._subscribe(wanted)
-        self._told_losses = ReportedLosses(self._current)
         self.open()
         reason = f'to hear {_who(unheard[0])}' if unheard else 'as its publishers offer it'
         self._node.get_logger().info(
@@ -441,31 +428,15 @@ class _Topic:
         # Wait a moment longer: the queue of the new subscription may still hold duplicates.
         if now >= self._overlaps_until:
             self._overlaps_until = None
-            self._seen = None
-            if self.receiver is not None:
-                self.receiver.end_handover()
+            self.topic.end_handover()
 
     def _subscribe(self, profile: QoSProfile) -> RclSubscription:
-        return RclSubscription(self._node, self.message_class, self._name, profile)
-
-    def _lost(self) -> int:
-        """
-        Return how many messages were lost.
-
-        Where C takes the messages, C counts. Otherwise this is the larger of two counts that may
-        include the same messages: sequence gaps, and the middleware's count. For transient local
-        the latter is not used, since it includes messages older than the history received.
-        """
-        if self.receiver is not None:
-            return self.receiver.lost
-        if self._current.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
-            return max(self._gaps.lost, self._told_before)
-        return max(self._gaps.lost, self._told_before + self._told_losses.total())
+        return RclSubscription(self._node, self._message_class, self._name, profile)
 
     def _log_lost(self) -> None:
-        lost = self.status.lost - self._lost_told
+        lost = self.status.lost - self._logged_losses
         if lost > 0 and self._throttle.passes():
-            self._lost_told = self.status.lost
+            self._logged_losses = self.status.lost
             messages = 'message was' if lost == 1 else 'messages were'
             self._node.get_logger().warning(
                 f'{lost} {messages} lost on {self._current.topic_name} since the last such '
@@ -493,8 +464,8 @@ class _Topic:
         return f': leave {" and ".join(names)} out there' if names else ''
 
     def _is_news(self, key: object) -> bool:
-        is_news = key not in self._told
-        self._told.add(key)
+        is_news = key not in self._logged
+        self._logged.add(key)
         return is_news
 
 
@@ -502,7 +473,3 @@ def _who(publisher: TopicEndpointInfo) -> str:
     if publisher.node_name == _UNNAMED:
         return 'a publisher of no known node'
     return f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
-
-
-def _unused_delivery(data: bytes, received: int, sent: int) -> None:
-    """Do nothing; never called, since the topic has a receiver."""

@@ -16,10 +16,8 @@
 
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH, violation_profile
-from fret_monitor.runtime import Violation
 
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
 from std_msgs.msg import Empty
 
 
@@ -29,20 +27,15 @@ def handler_topic(requirement: ManifestRequirement) -> str:
 
 
 class Handlers:
-    """Publishes violations; `publishers` has one publisher for each requirement, in order."""
+    """Advertises the topics; `publishers` has one publisher for each requirement, in order."""
 
     def __init__(self, node: Node, manifest: Manifest, depth: int = DEFAULT_HANDLER_DEPTH) -> None:
         """Advertise the topics of all requirements, each with a queue of `depth` messages."""
         profile = violation_profile(depth)
         self._node = node
-        self._message = serialize_message(Empty())
         self.publishers = [
             node.create_publisher(Empty, handler_topic(requirement), profile)
             for requirement in manifest.requirements]
-
-    def announce(self, violation: Violation) -> None:
-        """Publish a message for a violation; never suppressed."""
-        self.publishers[violation.requirement].publish(self._message)
 
     def close(self) -> None:
         """Withdraw the topics."""

@@ -21,7 +21,7 @@ diagnostic aggregators expect. `describe_missing` makes the log line about requi
 not evaluated yet.
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from time import monotonic
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -29,9 +29,9 @@ from fret_monitor.model.manifest import ManifestRequirement, ManifestTopic
 from fret_monitor.model.policies import Stale
 from fret_monitor.ros.details import LEVELS
 from fret_monitor.ros.feed import PublisherStatus
-from fret_monitor.ros.periods import Schedule
-from fret_monitor.ros.timeouts import Silence, some, TimeoutTracker
-from fret_monitor.runtime import SharedEvaluator
+from fret_monitor.ros.node_time import are_worth_reading
+from fret_monitor.ros.silences import SilenceLog, some
+from fret_monitor.runtime import Engine, Silence
 
 from rclpy.node import Node
 
@@ -41,26 +41,27 @@ PERIOD = 1.0  # s between two reports
 class Health:
     """Publishes diagnostics while `/diagnostics` has a subscriber."""
 
-    def __init__(self, node: Node, evaluator: SharedEvaluator,
-                 timeouts: TimeoutTracker | None = None, schedule: Schedule | None = None,
+    def __init__(self, node: Node, engine: Engine,
+                 silences: SilenceLog | None = None, period: float | None = None,
                  bundle: str = '') -> None:
         """
         Advertise the topic; the caller then calls `publish` once per `PERIOD`.
 
-        `bundle` is the name of the bundle, empty if the node has only one.
+        `period` is in seconds, None unless the policy is periodic; `bundle` is the name of the
+        bundle, empty if the node has only one.
         """
         self._node = node
-        self._evaluator = evaluator
-        self._manifest = evaluator.monitor.manifest
+        self._engine = engine
+        self._manifest = engine.monitor.manifest
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._prefix = node.get_fully_qualified_name().lstrip('/')
         self._received = [0] * len(self._manifest.topics)
         self._unusable = [0] * len(self._manifest.inputs)
         self._lost = [0] * len(self._manifest.topics)
         self._unpublished = 0
-        self._timeouts = timeouts
-        self._schedule = schedule
-        self._periods = (0, 0)  # late, missed
+        self._silences = silences
+        self._period = period
+        self._time_counts = engine.time_counts()
         self._bundle = bundle
         self._time = monotonic()
 
@@ -73,11 +74,12 @@ class Health:
             return
         array = DiagnosticArray()
         array.header.stamp = self._node.get_clock().now().to_msg()
-        silent = {item.index: item for item in self._timeouts.silent()} if self._timeouts else {}
+        silences = self._silences.present() if self._silences else {}
+        silent = {index: item for index, item in silences.items() if item.is_silent}
         array.status = [
             *(self._of_requirement(index, item, silent)
               for index, item in enumerate(self._manifest.requirements)),
-            *(self._of_topic(index, status, rates[index], [
+            *(self._of_topic(index, status, rates[index], silences, [
                 *self._of_silence(index, silent),
                 *self._of_messages(index, unusable, lost[index])])
               for index, status in enumerate(statuses)),
@@ -92,14 +94,14 @@ class Health:
         """Yield for each topic its messages per second of real time since the last report."""
         since, self._time = self._time, monotonic()
         for index in range(len(self._manifest.topics)):
-            received = self._evaluator.topic_counts(index).messages
+            received = self._engine.topic_counts(index).messages
             yield (received - self._received[index]) / max(self._time - since, 1e-3)
             self._received[index] = received
 
     def _newly_unusable(self) -> set[int]:
         """Return the inputs that had an unusable field since the last report."""
         before = self._unusable
-        self._unusable = [self._evaluator.input_counts(index).unusable
+        self._unusable = [self._engine.input_counts(index).unusable
                           for index in range(len(before))]
         return {index for index, count in enumerate(self._unusable) if count > before[index]}
 
@@ -110,22 +112,22 @@ class Health:
             self._lost[index] = status.lost
 
     def _of_periods(self) -> Iterator[DiagnosticStatus]:
-        if self._schedule is None:
+        before, self._time_counts = self._time_counts, self._engine.time_counts()
+        if self._period is None:
             return
-        schedule = self._schedule
-        late, missed = schedule.late - self._periods[0], schedule.missed - self._periods[1]
-        self._periods = (schedule.late, schedule.missed)
+        counts = self._time_counts
         level, message = DiagnosticStatus.OK, 'in time'
-        if late or missed:
+        if are_worth_reading(before, counts):
             level = DiagnosticStatus.WARN
-            message = f'{missed} missed, {late} late since the last report'
+            message = (f'{counts.missed - before.missed} missed, '
+                       f'{counts.late - before.late} late since the last report')
         yield self._status(f'periods of {self._bundle or self._manifest.name}', level, message, {
-            'period': f'{schedule.period:g}', 'ticks': schedule.ticks, 'late': schedule.late,
-            'missed': schedule.missed, 'restarts': schedule.restarts})
+            'period': f'{self._period:g}', 'taken': counts.periods, 'late': counts.late,
+            'missed': counts.missed, 'restarts': counts.restarts})
 
     def _of_unpublished(self) -> Iterator[DiagnosticStatus]:
         """Yield a status if violations could not be published; none if all were published."""
-        before, self._unpublished = self._unpublished, self._evaluator.unpublished
+        before, self._unpublished = self._unpublished, self._engine.unpublished
         if not self._unpublished:
             return
         more = self._unpublished - before
@@ -139,8 +141,8 @@ class Health:
 
     def _of_requirement(self, index: int, item: ManifestRequirement,
                         silent: Collection[int]) -> DiagnosticStatus:
-        counts = self._evaluator.requirement_counts(index)
-        missing = [place for place in item.inputs if self._evaluator.value(place) is None]
+        counts = self._engine.requirement_counts(index)
+        missing = [place for place in item.inputs if self._engine.value(place) is None]
         old = [place for place in item.inputs if place in silent]
         violating = [place for place in old
                      if self._manifest.inputs[place].stale is Stale.VIOLATE]
@@ -179,15 +181,13 @@ class Health:
             yield DiagnosticStatus.WARN, f'{lost} lost since the last report'
 
     def _of_topic(self, index: int, status: PublisherStatus, rate: float,
-                  troubles: Sequence[tuple[bytes, str]]) -> DiagnosticStatus:
+                  silences: Mapping[int, Silence], troubles: Sequence[tuple[bytes, str]]) -> DiagnosticStatus:
         item = self._manifest.topics[index]
-        counts = self._evaluator.topic_counts(index)
+        counts = self._engine.topic_counts(index)
         found = [*_troubles(item, status), *troubles]
         if not status.publishers and not status.other_types:
             found.append((DiagnosticStatus.WARN, 'no publisher'))
         names = {self._manifest.inputs[place].name: place for place in item.inputs}
-        silences = {f'silences {name}': self._timeouts.count(place)
-                    for name, place in names.items()} if self._timeouts else {}
         return self._status(
             f'topic {self._node.resolve_topic_name(item.name)}'
             f'{" for " if self._bundle else ""}{self._bundle}',
@@ -198,7 +198,8 @@ class Health:
                 'publishers': status.publishers,
                 **{f'unusable {name}': self._unusable[place] for name, place in names.items()
                    if self._unusable[place]},
-                **{key: count for key, count in silences.items() if count is not None}})
+                **{f'silences {name}': silences[place].count for name, place in names.items()
+                   if place in silences}})
 
     def _status(self, name: str, level: bytes, message: str,
                 values: dict[str, object]) -> DiagnosticStatus:
@@ -217,47 +218,47 @@ def _troubles(topic: ManifestTopic, status: PublisherStatus) -> Iterator[tuple[b
         yield DiagnosticStatus.ERROR, f'not heard: {", ".join(status.unheard)}'
 
 
-def describe_missing(evaluator: SharedEvaluator, statuses: Sequence[PublisherStatus],
+def describe_missing(engine: Engine, statuses: Sequence[PublisherStatus],
                      full_name: Callable[[str], str]) -> str | None:
     """
     Return which requirements wait for which topics; None if no requirement waits.
 
     `full_name` resolves the name of a topic in the bundle.
     """
-    manifest = evaluator.monitor.manifest
-    waits = [_awaited(evaluator, index) for index in range(len(manifest.requirements))]
+    manifest = engine.monitor.manifest
+    waits = [_awaited(engine, index) for index in range(len(manifest.requirements))]
     waiting = [item for item, places in zip(manifest.requirements, waits) if places]
     if not waiting:
         return None
     awaited = set().union(*waits)
     reasons = []
     for index, topic in enumerate(manifest.topics):
-        names = [_awaited_name(evaluator, place) for place in topic.inputs if place in awaited]
+        names = [_awaited_name(engine, place) for place in topic.inputs if place in awaited]
         if names:
-            usable = 'usable ' if evaluator.topic_counts(index).messages else ''
+            usable = 'usable ' if engine.topic_counts(index).messages else ''
             reasons.append(f'nothing {usable}received on {full_name(topic.name)} '
                            f'({_publishers(topic, statuses[index])}) for {some(names)}')
     return (f'{some([item.id for item in waiting])} {"is" if len(waiting) == 1 else "are"} '
             f'not evaluated yet: {some(reasons, "; ")}')
 
 
-def _awaited(evaluator: SharedEvaluator, index: int) -> set[int]:
+def _awaited(engine: Engine, index: int) -> set[int]:
     """
     Return the inputs for which a requirement waits before its first evaluation.
 
     These are the inputs without a value. If all have an initial value and there was no step yet,
     they are the inputs of which no message was received.
     """
-    inputs = evaluator.monitor.manifest.requirements[index].inputs
-    missing = {place for place in inputs if evaluator.value(place) is None}
-    if missing or evaluator.requirement_counts(index).steps:
+    inputs = engine.monitor.manifest.requirements[index].inputs
+    missing = {place for place in inputs if engine.value(place) is None}
+    if missing or engine.requirement_counts(index).steps:
         return missing
-    return {place for place in inputs if not evaluator.input_counts(place).received}
+    return {place for place in inputs if not engine.input_counts(place).received}
 
 
-def _awaited_name(evaluator: SharedEvaluator, place: int) -> str:
-    name = f"'{evaluator.monitor.manifest.inputs[place].name}'"
-    return name if evaluator.value(place) is None else f'{name} (it has its initial value)'
+def _awaited_name(engine: Engine, place: int) -> str:
+    name = f"'{engine.monitor.manifest.inputs[place].name}'"
+    return name if engine.value(place) is None else f'{name} (it has its initial value)'
 
 
 def _publishers(topic: ManifestTopic, status: PublisherStatus) -> str:

@@ -13,27 +13,32 @@
 # limitations under the License.
 
 """
-The hot path: messages are taken and evaluated without Python.
+What C does with the middleware: it takes messages, and publishes violations.
 
-rclpy creates the subscriptions and publishers. The C in `csrc/ros` takes the messages from their
-handles in the middleware's threads, and publishes violations in a thread of its own. This module
-looks up the functions of the middleware that C calls, in the libraries that rclpy has loaded.
+rclpy creates the subscriptions and publishers; the C in `csrc/ros` uses their handles. On the hot
+path it takes and evaluates messages inside the middleware's callbacks, without Python. Otherwise a
+thread of Python asks it for each message (`feed`). This module looks up the functions of the
+middleware that C calls, in the libraries that rclpy has loaded.
 """
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from contextlib import ExitStack
 from threading import Lock
+from time import time_ns
 from typing import Any
 
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros import native_lifetimes
+from fret_monitor.ros.feed import Record
 from fret_monitor.ros.in_place import InPlaceTypes
 from fret_monitor.ros.loaded import find_symbol, loaded_library, Unavailable
 from fret_monitor.ros.rcl_subscription import RclSubscription
-from fret_monitor.runtime.shared_evaluator import SharedEvaluator
+from fret_monitor.runtime.engine import Engine
 
 from rclpy.publisher import Publisher
 from rclpy.utilities import get_rmw_implementation_identifier
+
+_GID_BYTES: int = ffi.integer_const('FM_GID_BYTES')
 
 PROVEN = ('rmw_fastrtps_cpp',)
 """The middlewares that are known to allow taking inside their new-message callback."""
@@ -42,8 +47,16 @@ PROVEN = ('rmw_fastrtps_cpp',)
 class Middleware:
     """The functions of the middleware, as C calls them."""
 
-    def __init__(self) -> None:
-        """Look up the functions; raises `Unavailable` if one is missing."""
+    def __init__(self, *, listens: bool = True) -> None:
+        """
+        Look up the functions; with `listens`, C takes messages inside the middleware's callbacks.
+
+        Raises
+        ------
+        Unavailable
+            if a function is missing.
+        """
+        self.listens = listens
         rmw = loaded_library(
             'librmw_implementation.so', f'lib{get_rmw_implementation_identifier()}.so')
         rcl, rcutils = loaded_library('librcl.so'), loaded_library('librcutils.so')
@@ -86,9 +99,12 @@ class Middleware:
             raise Unavailable('nothing is read in place')
         return self._in_place.subscription_class(message_class)
 
-    def is_in_place(self, subscription: RclSubscription) -> bool:
-        """Whether the messages of a subscription are read in place."""
-        return self._in_place is not None and self._in_place.is_in_place(subscription.msg_type)
+    def taking(self, subscription: RclSubscription) -> int:
+        """Return how the messages of a subscription are taken (`enum fm_taking`)."""
+        is_in_place = self._in_place is not None and \
+            self._in_place.is_in_place(subscription.msg_type)
+        names = ('FM_WHEN_ASKED', 'FM_LISTEN', 'FM_LISTEN_IN_PLACE')
+        return int(ffi.integer_const(names[self.listens * (1 + is_in_place)]))
 
     def subscription(self, item: RclSubscription) -> Any:
         """Return the rmw handle of a subscription; the caller holds its rclpy handle."""
@@ -99,54 +115,62 @@ class Middleware:
         return _not_null(self._of_publisher(ffi.cast('void *', item.handle.pointer)))
 
 
-def find_middleware(*, even_unproven: bool = False) -> Middleware:
-    """
-    Return the functions that the hot path calls.
-
-    Raises
-    ------
-    Unavailable
-        if the middleware is not in `PROVEN` (unless `even_unproven`), or lacks a function.
-    """
+def why_not_listening(hot_path: str) -> str | None:
+    """Return why C does not take messages inside the middleware's callbacks; None if it does."""
+    if hot_path == 'off':
+        return 'hot_path is off'
     name = get_rmw_implementation_identifier()
-    if name not in PROVEN and not even_unproven:
-        raise Unavailable(f'it is known to work with {", ".join(PROVEN)}, not with {name}')
-    return Middleware()
+    if name not in PROVEN and hot_path != 'on':
+        return f'it is known to work with {", ".join(PROVEN)}, not with {name}'
+    return None
 
 
-class HotReceiver:
-    """Delivers the messages of one subscription to an evaluator, in C."""
+class Receiver:
+    """Takes the messages of one subscription for an engine, in C."""
 
-    def __init__(self, evaluator: SharedEvaluator, middleware: Middleware,
+    def __init__(self, engine: Engine, middleware: Middleware,
                  subscription: RclSubscription, topic: int) -> None:
         """
-        Start delivering; messages that are in the queue already are delivered first.
+        Start taking. Where C listens, messages in the queue are delivered before this returns.
 
         Raises
         ------
         Unavailable
             if the middleware has no callback for new messages.
         """
-        self._library = evaluator.library
-        self._evaluator = evaluator
+        self._library = engine.library
+        self._engine = engine
         self._middleware = middleware
         self._lock = Lock()  # the feed's thread drains, another thread may stop
         self._pointer: Any = ffi.NULL
+        self._record: Any = ffi.new('struct fm_record *')
         self._is_leaked = False
         self._held = ExitStack()
         with ExitStack() as undo:
             undo.enter_context(subscription.handle)
             native_lifetimes.keep(self)
             self._pointer = self._library.fm_receiver_start(
-                evaluator.pointer, middleware.functions, middleware.subscription(subscription),
-                topic, middleware.is_in_place(subscription))
+                engine.pointer, middleware.functions, middleware.subscription(subscription),
+                topic, middleware.taking(subscription))
             if self._pointer == ffi.NULL:
                 native_lifetimes.release(self)
                 raise Unavailable('the middleware has no callback for new messages')
             self._held = undo.pop_all()
 
+    def take(self) -> Record | None:
+        """Take the next message, where C does not listen; None if there is none."""
+        with self._lock:
+            if self._pointer == ffi.NULL or \
+                    not self._library.fm_receiver_take(self._pointer, self._record):
+                return None
+            origin = self._record.origin
+            return Record(
+                ffi.buffer(self._record.message, self._record.size)[:], origin.received,
+                origin.sent, origin.sequence, ffi.buffer(origin.gid, _GID_BYTES)[:],
+                bool(origin.is_retired))
+
     def drain(self) -> None:
-        """Take the messages in the queue."""
+        """Deliver the messages in the queue, where C listens."""
         with self._lock:
             if self._pointer != ffi.NULL:
                 self._library.fm_receiver_drain(self._pointer)
@@ -182,37 +206,52 @@ class HotReceiver:
             self._held.close()
 
 
-class HotTopic:
-    """Delivers the messages of a topic to an evaluator in C, across handovers."""
+class EngineTopic:
+    """A topic of an engine: delivers its messages, across handovers, and counts losses."""
 
-    def __init__(self, evaluator: SharedEvaluator, middleware: Middleware, topic: int) -> None:
-        """Deliver to an evaluator; `topic` is the index in its manifest."""
-        self._evaluator = evaluator
+    def __init__(self, engine: Engine, middleware: Middleware, topic: int) -> None:
+        """Deliver to an engine; `topic` is the index in its manifest."""
+        self._engine = engine
         self._middleware = middleware
         self._topic = topic
 
-    def open(self, subscription: RclSubscription) -> HotReceiver:
+    @property
+    def listens(self) -> bool:
+        """Whether C delivers the messages; otherwise `deliver` has to be called."""
+        return self._middleware.listens
+
+    def open(self, subscription: RclSubscription) -> Receiver:
         """Start taking the messages of a subscription; raises `Unavailable`."""
-        return HotReceiver(self._evaluator, self._middleware, subscription, self._topic)
+        return Receiver(self._engine, self._middleware, subscription, self._topic)
+
+    def deliver(self, record: Record) -> None:
+        """Deliver a message that was taken, where C does not listen; one thread at a time."""
+        self._engine.message(
+            self._topic, record.data, record.received or time_ns(), sent=record.sent,
+            sequence=record.sequence, gid=ffi.from_buffer('uint8_t[]', record.gid),
+            is_retired=record.is_retired)
+
+    def note_publishers(self, gids: Set[bytes]) -> None:
+        """Do nothing: each message names its publisher."""
 
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
-        self._evaluator.begin_handover(self._topic, has_history=has_history)
+        self._engine.begin_handover(self._topic, has_history=has_history)
 
     def end_handover(self) -> None:
         """Expect no duplicates any more: the old subscription is closed."""
-        self._evaluator.end_handover(self._topic)
+        self._engine.end_handover(self._topic)
 
     @property
     def lost(self) -> int:
         """Messages lost: sent, and not received by any subscription of the topic."""
-        return self._evaluator.lost(self._topic)
+        return self._engine.lost(self._topic)
 
 
 class Announcer:
-    """Publishes the violations of an evaluator, in a thread of C."""
+    """Publishes the violations of an engine, and waits for its deadlines, in a thread of C."""
 
-    def __init__(self, evaluator: SharedEvaluator, middleware: Middleware,
+    def __init__(self, engine: Engine, middleware: Middleware,
                  publishers: Sequence[Publisher]) -> None:
         """
         Start the thread; `publishers` of std_msgs/msg/Empty, one for each requirement.
@@ -222,8 +261,8 @@ class Announcer:
         Unavailable
             if no thread can be started.
         """
-        self._library = evaluator.library
-        self._evaluator = evaluator
+        self._library = engine.library
+        self._engine = engine
         self._middleware = middleware
         self._pointer: Any = ffi.NULL
         with ExitStack() as undo:
@@ -232,7 +271,7 @@ class Announcer:
             found = [middleware.publisher(item) for item in publishers]
             native_lifetimes.keep(self)
             self._pointer = self._library.fm_announcer_start(
-                evaluator.pointer, middleware.functions, ffi.new('void *[]', [*found, ffi.NULL]),
+                engine.pointer, middleware.functions, ffi.new('void *[]', [*found, ffi.NULL]),
                 len(found))
             if self._pointer == ffi.NULL:
                 native_lifetimes.release(self)
@@ -240,8 +279,8 @@ class Announcer:
             self._held = undo.pop_all()
 
     def end(self) -> None:
-        """Close the evaluator, and wait until the thread has emptied its queue; idempotent."""
-        self._evaluator.close()
+        """Close the engine, and wait until the thread has emptied its queue; idempotent."""
+        self._engine.close()
         pointer, self._pointer = self._pointer, ffi.NULL
         if pointer != ffi.NULL:
             self._library.fm_announcer_join(pointer)

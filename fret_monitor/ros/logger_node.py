@@ -32,13 +32,14 @@ from fret_monitor.model.policies import Severity
 from fret_monitor.ros import native_lifetimes
 from fret_monitor.ros.compiled import open_manifests
 from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
-from fret_monitor.ros.feed import Deliver, ErrorKeeper, Feed
+from fret_monitor.ros.feed import ErrorKeeper, Feed
 from fret_monitor.ros.fields import UNDECODABLE
 from fret_monitor.ros.handlers import handler_topic
 from fret_monitor.ros.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.pairing import Pairing, ReceivedViolation
 from fret_monitor.ros.parameters import LOGGER_PARAMETERS, Parameters, read_settings
 from fret_monitor.ros.qos import violation_request
+from fret_monitor.ros.raw_topic import Deliver, RawTopic
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -109,11 +110,11 @@ class LoggerNode(Node):
             return overrides.apply(self.resolve_topic_name(name), fixed)
 
         self._feed.subscribe(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
-                             self._keep_details, request(DETAILS_TOPIC))
+                             RawTopic(self._keep_details), request(DETAILS_TOPIC))
         for requirement in requirements:
             name = handler_topic(requirement)
-            self._feed.subscribe(name, 'std_msgs/msg/Empty', Empty, self._receive(requirement),
-                                 request(name))
+            self._feed.subscribe(name, 'std_msgs/msg/Empty', Empty,
+                                 RawTopic(self._receive(requirement)), request(name))
         self._feed.start()
         native_lifetimes.keep(self)
         self._thread.start()

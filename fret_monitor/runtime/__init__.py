@@ -12,20 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The evaluator of `csrc`, wrapped for Python: values in, violations out; independent of ROS."""
+"""The evaluator and the engine of `csrc`, wrapped for Python; independent of ROS."""
 
+from fret_monitor.runtime.engine import Engine, Receipt, ViolationDetail
 from fret_monitor.runtime.evaluator import (
-    Evaluator, InputCounts, RequirementCounts, TopicCounts, Violation,
+    Evaluator, InputCounts, NEVER, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
 )
-from fret_monitor.runtime.shared_evaluator import Receipt, SharedEvaluator, ViolationDetail
 
 __all__ = [
+    'Engine',
     'Evaluator',
     'InputCounts',
+    'NEVER',
     'Receipt',
     'RequirementCounts',
+    'Silence',
+    'TimeCounts',
     'TopicCounts',
     'Violation',
     'ViolationDetail',
-    'SharedEvaluator',
 ]

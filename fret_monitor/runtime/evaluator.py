@@ -15,8 +15,9 @@
 """
 A thin typed wrapper of the evaluator in C, which decides everything.
 
-The caller stores values, and calls a method when a message or a period is complete; that method
-returns the violations to announce. `csrc/evaluator.h` describes each call.
+The caller stores values, and calls a method when a message or a row is complete, or time has
+passed; that method returns the violations to announce. `csrc/evaluator.h` describes each call. Times
+are in nanoseconds, of any clock that the caller chooses.
 """
 
 from array import array
@@ -25,16 +26,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fret_monitor.model.policies import Policy, Report
+from fret_monitor.model.policies import Policy, Report, Stale
 from fret_monitor.native import evaluator_library, LibraryError, load_evaluator, Monitor
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import CData
+
+NEVER = 2**63 - 1
+"""The deadline where nothing will be due."""
 
 _ALIGNMENT = 16
 
 
 class Violation(NamedTuple):
-    """An announced violation: a requirement (index), the step of its group, the caller's stamp."""
+    """An announced violation: a requirement (index), the step of its group, its time (ns)."""
 
     requirement: int
     step: int
@@ -68,16 +72,41 @@ class TopicCounts:
     undecodable: int
 
 
+@dataclass(frozen=True)
+class Silence:
+    """
+    The silences of an input: times without a usable value, from its timeout on.
+
+    `count` so far; `lasted` is the time (ns) from the value before the present one until now, or
+    of the last one.
+    """
+
+    count: int
+    lasted: int
+    is_silent: bool
+
+
+@dataclass(frozen=True)
+class TimeCounts:
+    """Periods taken, those taken late or not at all, and how often time went back."""
+
+    periods: int
+    late: int
+    missed: int
+    restarts: int
+
+
 class Evaluator:
     """
-    Runs a monitor: takes values, steps the groups that are due, returns violations.
+    Runs a monitor: takes values and the time, steps the groups that are due, returns violations.
 
     Inputs with an initial value have it from the start. Not thread-safe: a call releases Python's
     interpreter lock, so that threads that share an evaluator need a lock around each call.
     """
 
     def __init__(
-        self, monitor: Monitor, *, policy: Policy | None = None, library: Path | None = None,
+        self, monitor: Monitor, *, policy: Policy | None = None, period: float | None = None,
+        patience: float = 0.0, library: Path | None = None,
     ) -> None:
         """
         Make an evaluator, with all groups at their start.
@@ -88,6 +117,10 @@ class Evaluator:
             the monitor to run; a reference to it is kept.
         policy
             when a step happens; the manifest's when None.
+        period
+            of the policy periodic, in seconds; the manifest's when None.
+        patience
+            in seconds: a timeout that is found later than this is put off once. 0: never.
         library
             the evaluator's library; when None it is built, or taken from the cache.
 
@@ -100,7 +133,8 @@ class Evaluator:
         self.policy = policy or monitor.manifest.policy
         self._library: Any = load_evaluator(library or evaluator_library())
         try:
-            self._options = _Options(monitor, self.policy)
+            self._options = _Options(
+                monitor, self.policy, period or monitor.manifest.period, patience)
             self._make()
             self._make_values()
         except (OverflowError, TypeError) as error:
@@ -143,9 +177,9 @@ class Evaluator:
         """The `struct fm_evaluator_options` of this evaluator."""
         return self._options.pointer
 
-    def store(self, index: int, value: bool | int | float) -> None:
+    def store(self, index: int, value: bool | int | float, now: int = 0) -> None:
         """
-        Store a value of an input; a step happens only with `message` or `tick`.
+        Store a value of an input, received `now`; a step happens only with `message` or `step`.
 
         Raises
         ------
@@ -158,7 +192,7 @@ class Evaluator:
         """
         place = self._next[index]
         place[0] = value
-        self._library.fm_evaluator_store_from(self.pointer, index, place)
+        self._library.fm_evaluator_store_from(self.pointer, index, place, now)
 
     def unusable(self, index: int) -> None:
         """Count a field of an input that cannot be used; the input keeps its value."""
@@ -168,30 +202,7 @@ class Evaluator:
         """Count a message of a topic that cannot be decoded; no group steps."""
         self._library.fm_evaluator_undecodable(self.pointer, topic)
 
-    def stale(self, index: int, received: int, stamp: int) -> list[Violation]:
-        """
-        Mark an input as stale until its next value: requirements that read it are violated.
-
-        Parameters
-        ----------
-        index
-            index of the input.
-        received
-            the input's `received` count when the timeout was found; nothing happens if the count
-            has changed since.
-        stamp
-            nanoseconds, copied to the violations.
-
-        Returns
-        -------
-        list[Violation]
-            those to announce; none if the input was stale before, unless there was a reset.
-        """
-        count = self._library.fm_evaluator_stale(
-            self.pointer, index, received, stamp, self._violations)
-        return self._found(count) if count else []
-
-    def message(self, topic: int, stamp: int) -> list[Violation]:
+    def message(self, topic: int, now: int) -> list[Violation]:
         """
         Take the steps due after a message of a topic, whose fields were stored before.
 
@@ -199,22 +210,39 @@ class Evaluator:
         ----------
         topic
             index in the manifest's topics.
-        stamp
-            nanoseconds, copied to the violations.
+        now
+            the time of the message: the stamp of its violations.
 
         Returns
         -------
         list[Violation]
             those to announce, by group, then requirement.
         """
-        count = self._library.fm_evaluator_message(
-            self.pointer, topic, stamp, self._violations)
+        count = self._library.fm_evaluator_message(self.pointer, topic, now, self._violations)
         return self._found(count) if count else []
 
-    def tick(self, stamp: int) -> list[Violation]:
-        """Step all ready groups: a period has passed, or a row is stored. As `message`."""
-        count = self._library.fm_evaluator_tick(self.pointer, stamp, self._violations)
+    def step(self, now: int = 0) -> list[Violation]:
+        """Step all ready groups: a row of a trace is stored. As `message`."""
+        count = self._library.fm_evaluator_step(self.pointer, now, self._violations)
         return self._found(count) if count else []
+
+    def advance(self, now: int) -> list[Violation]:
+        """
+        Move the time, and take what is due by then: timeouts and periods.
+
+        The first call begins the time. Each violation is stamped with its own instant.
+        """
+        found: list[Violation] = []
+        while True:
+            count = self._library.fm_evaluator_advance(self.pointer, now, self._violations)
+            found += self._found(count)
+            if self._library.fm_evaluator_wake(self.pointer) > now:
+                return found
+
+    @property
+    def deadline(self) -> int:
+        """The next instant at which something is due without a message; `NEVER` if none is."""
+        return int(self._library.fm_evaluator_deadline(self.pointer))
 
     def _found(self, count: int) -> list[Violation]:
         return [Violation(item.requirement, item.step, item.stamp)
@@ -287,6 +315,16 @@ class Evaluator:
         """Return whether an input is stale."""
         return bool(self._library.fm_evaluator_is_stale(self.pointer, index))
 
+    def silence(self, index: int) -> Silence:
+        """Return the silences of an input."""
+        found = self._library.fm_evaluator_silence(self.pointer, index)
+        return Silence(found.count, found.lasted, bool(found.is_silent))
+
+    def time_counts(self) -> TimeCounts:
+        """Return the counters of the time."""
+        found = self._library.fm_evaluator_time_counts(self.pointer)
+        return TimeCounts(found.periods, found.late, found.missed, found.restarts)
+
     def requirement_counts(self, index: int) -> RequirementCounts:
         """Return the counters of a requirement."""
         found = self._library.fm_evaluator_requirement_counts(self.pointer, index)
@@ -307,7 +345,8 @@ class Evaluator:
 class _Options:
     """The `struct fm_evaluator_options` of a monitor; keeps alive what the struct points to."""
 
-    def __init__(self, monitor: Monitor, policy: Policy) -> None:
+    def __init__(self, monitor: Monitor, policy: Policy, period: float | None,
+                 patience: float) -> None:
         manifest = monitor.manifest
         self._fed = [ffi.new('uint32_t[]', [*topic.inputs, 0]) for topic in manifest.topics]
         self._topics = ffi.new('struct fm_topic[]', max(1, len(manifest.topics)))
@@ -315,10 +354,24 @@ class _Options:
             self._topics[index] = {'inputs': self._fed[index], 'n_inputs': len(topic.inputs)}
         self._onset = ffi.new('bool[]', [
             *(item.report is Report.ONSET for item in manifest.requirements), False])
+        self._timeouts = ffi.new('int64_t[]', [
+            *(nanoseconds(item.timeout) if item.topic is not None else 0
+              for item in manifest.inputs), 0])
+        self._violates = ffi.new('bool[]', [
+            *(item.stale is Stale.VIOLATE for item in manifest.inputs), False])
         self.pointer = ffi.new('struct fm_evaluator_options *', {
             'monitor': monitor.pointer,
             'topics': self._topics,
             'n_topics': len(manifest.topics),
             'policy': ffi.integer_const(f'FM_{policy.name}'),
             'report_onset': self._onset,
+            'timeouts': self._timeouts,
+            'violates': self._violates,
+            'period': nanoseconds(period) if policy is Policy.PERIODIC else 0,
+            'patience': nanoseconds(patience),
         })
+
+
+def nanoseconds(seconds: float | None) -> int:
+    """Return a duration in nanoseconds, at least one; 0 for none."""
+    return max(1, round(seconds * 1e9)) if seconds else 0

@@ -20,7 +20,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
 from fret_monitor.ros.details import Details, DETAILS_TOPIC, read_detail
-from fret_monitor.runtime import Evaluator, SharedEvaluator
+from fret_monitor.runtime import Evaluator, Engine
 from rclpy.node import Node
 from ros.harness import Partner, wait_until
 
@@ -39,7 +39,7 @@ def test_an_input_may_have_the_name_of_a_key_of_every_detail(
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE, encoding='utf-8')
-    watch = SharedEvaluator(Evaluator(build.build(bundle).monitor))
+    watch = Engine(Evaluator(build.build(bundle).monitor))
     node = Node('fret_monitor', context=partner.context)
     details = Details(node, watch.monitor.manifest)
     heard: list[Any] = []

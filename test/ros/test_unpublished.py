@@ -21,7 +21,7 @@ from fret_monitor import build
 from fret_monitor.ros.handlers import Handlers
 from fret_monitor.ros.health import Health
 from fret_monitor.ros.publisher_threads import HandlerPublisher
-from fret_monitor.runtime import Evaluator, SharedEvaluator
+from fret_monitor.runtime import Evaluator, Engine
 import pytest
 from rclpy.context import Context
 from rclpy.node import Node
@@ -39,14 +39,14 @@ A_MESSAGE = b'\0\1\0\0\1\0\0\0'
 
 
 @pytest.fixture
-def watch(tmp_path: Path) -> SharedEvaluator:
+def watch(tmp_path: Path) -> Engine:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE, encoding='utf-8')
-    return SharedEvaluator(Evaluator(build.build(bundle).monitor))
+    return Engine(Evaluator(build.build(bundle).monitor))
 
 
 def test_violations_not_published_because_the_context_ended_are_counted(
-    watch: SharedEvaluator, domain: int,
+    watch: Engine, domain: int,
 ) -> None:
     context = Context()
     context.init(args=[], domain_id=domain)
@@ -59,7 +59,7 @@ def test_violations_not_published_because_the_context_ended_are_counted(
     assert watch.unpublished == 3
 
 
-def test_diagnostics_count_such_violations(watch: SharedEvaluator, partner: Partner) -> None:
+def test_diagnostics_count_such_violations(watch: Engine, partner: Partner) -> None:
     operator = Operator(partner)
     node = Node('fret_monitor', context=partner.context)
     health = Health(node, watch)

@@ -202,15 +202,15 @@ def test_a_tick_steps_the_ready_groups() -> None:
     evaluator = toy(policy=Policy.PERIODIC)
     evaluator.store(FLAG, False)
     assert evaluator.message(FLAG, 1) == []
-    assert evaluator.tick(-5) == [Violation(LAMP, 0, -5)]
+    assert evaluator.step(-5) == [Violation(LAMP, 0, -5)]
 
 
 def test_a_reset_restarts_the_state_and_keeps_values_and_counters() -> None:
     evaluator = toy(toys.with_initial(False, 30))
-    evaluator.tick(0)
+    evaluator.step(0)
     evaluator.reset()
     assert evaluator.verdicts == [True, True] and evaluator.steps(0) == 0
-    assert evaluator.tick(1) == [Violation(LAMP, 0, 1), Violation(COOL, 0, 1)]
+    assert evaluator.step(1) == [Violation(LAMP, 0, 1), Violation(COOL, 0, 1)]
     assert evaluator.requirement_counts(COOL) == RequirementCounts(2, 2, 2, False)
 
 
@@ -220,7 +220,7 @@ def test_requirements_on_a_stale_input_are_violated_until_its_next_message() -> 
     assert evaluator.stale(FLAG, 0, 5) == [Violation(LAMP, 0, 5), Violation(COOL, 0, 5)]
     assert evaluator.stale(FLAG, 0, 6) == [] and evaluator.is_stale(FLAG)
     assert not evaluator.is_stale(LEVEL)
-    assert evaluator.tick(7) == [Violation(LAMP, 0, 7)], 'COOL reports its onset'
+    assert evaluator.step(7) == [Violation(LAMP, 0, 7)], 'COOL reports its onset'
     assert evaluator.requirement_counts(LAMP) == RequirementCounts(1, 2, 2, False)
     evaluator.store(FLAG, True)
     assert not evaluator.is_stale(FLAG)
@@ -254,7 +254,7 @@ def test_rows_together_give_the_verdicts_of_rows_one_by_one(rows: list[tuple[boo
     for flag, level in rows:
         one_by_one.store(FLAG, flag)
         one_by_one.store(LEVEL, level)
-        one_by_one.tick(0)
+        one_by_one.step(0)
         expected += bytes(one_by_one.verdicts)
     assert found == expected
     for requirement in (LAMP, COOL):
@@ -308,8 +308,8 @@ def test_a_manifest_with_wrong_initial_values_is_refused(initial: tuple[int, int
 def test_an_evaluator_keeps_its_library_alive() -> None:
     evaluator = toy(toys.with_initial(False, 0))
     gc.collect()
-    assert evaluator.tick(0) == [Violation(LAMP, 0, 0)]
-    violations = evaluator.tick(1)
+    assert evaluator.step(0) == [Violation(LAMP, 0, 0)]
+    violations = evaluator.step(1)
     del evaluator
     gc.collect()
     assert violations == [Violation(LAMP, 1, 1)]
@@ -319,7 +319,7 @@ def test_evaluators_of_one_monitor_are_independent() -> None:
     monitor = load(toy_library(), toys.manifest())
     one, other = Evaluator(monitor), Evaluator(monitor)
     one.store(FLAG, False)
-    one.tick(0)
+    one.step(0)
     assert other.value(FLAG) is None and other.verdicts == [True, True]
 
 

@@ -21,7 +21,7 @@ from threading import Thread
 from time import monotonic
 
 from fret_monitor import build
-from fret_monitor.runtime import Evaluator, Receipt, SharedEvaluator
+from fret_monitor.runtime import Evaluator, Receipt, Engine
 import pytest
 
 BUNDLE = """
@@ -41,10 +41,10 @@ def a_float(value: float) -> bytes:
 
 
 @pytest.fixture
-def evaluator(tmp_path: Path) -> SharedEvaluator:
+def evaluator(tmp_path: Path) -> Engine:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE, encoding='utf-8')
-    return SharedEvaluator(Evaluator(build.build(bundle).monitor))
+    return Engine(Evaluator(build.build(bundle).monitor))
 
 
 def in_background(function: Callable[[], object]) -> Thread:
@@ -53,7 +53,7 @@ def in_background(function: Callable[[], object]) -> Thread:
     return thread
 
 
-def test_messages_are_steps_and_violations_are_queued_in_order(evaluator: SharedEvaluator) -> None:
+def test_messages_are_steps_and_violations_are_queued_in_order(evaluator: Engine) -> None:
     for number, value in enumerate((2.0, 0.5, 3.0)):
         assert evaluator.message(0, a_float(value), received=number) is Receipt.RECEIVED
     assert [(item.requirement, item.step, item.stamp) for item in evaluator.take(0)] == [
@@ -63,7 +63,7 @@ def test_messages_are_steps_and_violations_are_queued_in_order(evaluator: Shared
     assert evaluator.topic_counts(0).messages == 3
 
 
-def test_waiting_threads_wake_on_a_violation_and_at_the_end(evaluator: SharedEvaluator) -> None:
+def test_waiting_threads_wake_on_a_violation_and_at_the_end(evaluator: Engine) -> None:
     taken: list[int] = []
 
     begin = monotonic()
@@ -80,7 +80,7 @@ def test_waiting_threads_wake_on_a_violation_and_at_the_end(evaluator: SharedEva
     assert evaluator.topic_counts(0).messages == 1  # messages after the end are ignored
 
 
-def test_a_violation_does_not_wait_for_its_detail(evaluator: SharedEvaluator) -> None:
+def test_a_violation_does_not_wait_for_its_detail(evaluator: Engine) -> None:
     evaluator.want_details(True)
     evaluator.message(0, a_float(2.0), received=7)
     begin = monotonic()
@@ -92,7 +92,7 @@ def test_a_violation_does_not_wait_for_its_detail(evaluator: SharedEvaluator) ->
     assert (detail.violation.step, detail.values, detail.stale) == (0, (2.0, None), frozenset())
 
 
-def test_old_details_do_not_reach_a_later_listener(evaluator: SharedEvaluator) -> None:
+def test_old_details_do_not_reach_a_later_listener(evaluator: Engine) -> None:
     evaluator.want_details(True)
     evaluator.message(0, a_float(2.0), received=7)
     evaluator.want_details(False)
@@ -105,7 +105,7 @@ def test_old_details_do_not_reach_a_later_listener(evaluator: SharedEvaluator) -
     assert detail.violation.stamp == 9
 
 
-def test_details_are_limited_and_the_omitted_ones_counted(evaluator: SharedEvaluator) -> None:
+def test_details_are_limited_and_the_omitted_ones_counted(evaluator: Engine) -> None:
     evaluator.want_details(True)
     for number in range(300):
         evaluator.message(0, a_float(2.0), received=number)
@@ -120,7 +120,7 @@ def test_details_are_limited_and_the_omitted_ones_counted(evaluator: SharedEvalu
     assert found == 301
 
 
-def test_silence_is_reported_with_its_detail(evaluator: SharedEvaluator) -> None:
+def test_silence_is_reported_with_its_detail(evaluator: Engine) -> None:
     evaluator.want_details(True)
     evaluator.message(0, a_float(0.5), received=0)
     evaluator.stale(0, evaluator.input_counts(0).received, 5)
@@ -132,7 +132,7 @@ def test_silence_is_reported_with_its_detail(evaluator: SharedEvaluator) -> None
     assert not evaluator.is_stale(0)
 
 
-def test_a_message_received_by_two_subscriptions_is_one_step(evaluator: SharedEvaluator) -> None:
+def test_a_message_received_by_two_subscriptions_is_one_step(evaluator: Engine) -> None:
     def deliver(number: int, *, is_retired: bool = False) -> Receipt:
         return evaluator.message(0, a_float(2.0), received=0, sent=number, sequence=number,
                                  is_retired=is_retired)
@@ -152,7 +152,7 @@ def test_a_message_received_by_two_subscriptions_is_one_step(evaluator: SharedEv
     assert evaluator.topic_counts(0).messages == 6
 
 
-def test_a_sender_whose_clock_is_set_back_sends_no_history(evaluator: SharedEvaluator) -> None:
+def test_a_sender_whose_clock_is_set_back_sends_no_history(evaluator: Engine) -> None:
     evaluator.begin_handover(0, has_history=True)
     assert evaluator.message(0, a_float(2.0), received=0, sent=10, sequence=1) is Receipt.RECEIVED
     for number in range(2, 12):
@@ -161,7 +161,7 @@ def test_a_sender_whose_clock_is_set_back_sends_no_history(evaluator: SharedEval
     assert evaluator.message(0, a_float(2.0), received=0, sent=11, sequence=3) is Receipt.REPEATED
 
 
-def test_the_last_unusable_message_is_kept_and_returned_once(evaluator: SharedEvaluator) -> None:
+def test_the_last_unusable_message_is_kept_and_returned_once(evaluator: Engine) -> None:
     odd = b'\0\1\0\0' + struct.pack('<I', 5) + b'odd!\0'
     assert evaluator.message(1, odd, received=0) is Receipt.RECEIVED
     assert evaluator.message(1, odd, received=0) is Receipt.RECEIVED
@@ -171,7 +171,7 @@ def test_the_last_unusable_message_is_kept_and_returned_once(evaluator: SharedEv
     assert (evaluator.input_counts(1).unusable, evaluator.topic_counts(1).undecodable) == (2, 1)
 
 
-def test_many_violations_are_kept(evaluator: SharedEvaluator) -> None:
+def test_many_violations_are_kept(evaluator: Engine) -> None:
     for number in range(5000):
         evaluator.message(0, a_float(2.0), received=number)
     stamps: list[int] = []
@@ -185,7 +185,7 @@ def test_violations_beyond_the_capacity_of_a_queue_are_counted(tmp_path: Path) -
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE.partition('requirements:')[0] + 'requirements:\n' + ''.join(
         f'  - {{id: R{k}, ptltl: "x < {k}.0"}}\n' for k in range(1024)), encoding='utf-8')
-    evaluator = SharedEvaluator(Evaluator(build.build(bundle).monitor))
+    evaluator = Engine(Evaluator(build.build(bundle).monitor))
     for number in range(1026):
         evaluator.message(0, a_float(1e6), received=number)
     evaluator.count_unpublished(5)

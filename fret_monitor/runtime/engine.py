@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A wrapper of the engine of `csrc/engine.c`: an evaluator that several threads share.
+A wrapper of the engine of `csrc/engine.c`: an evaluator that threads share, and that knows time.
 
 Its mutex is in C and is held only inside a call, so that a thread never waits for Python's
 interpreter lock while it holds the mutex. Independent of ROS.
@@ -28,7 +28,7 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.native.errors import LibraryError
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import (
-    Evaluator, InputCounts, RequirementCounts, TopicCounts, Violation,
+    Evaluator, InputCounts, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
 )
 
 MOST_DETAILS_PER_S = 100
@@ -60,9 +60,9 @@ class ViolationDetail:
     stale: frozenset[int] = frozenset()
 
 
-class SharedEvaluator:
+class Engine:
     """
-    Evaluates messages, and queues violations and their details.
+    Evaluates messages, takes what is due, and queues violations and their details.
 
     All methods may be called from any thread at any time, except where stated.
     """
@@ -114,7 +114,7 @@ class SharedEvaluator:
         self._library.fm_engine_close(self.pointer)
 
     def message(self, topic: int, message: bytes, received: int, *, sent: int = 0,
-                sequence: int = 0, is_retired: bool = False) -> Receipt:
+                sequence: int = 0, gid: Any = ffi.NULL, is_retired: bool = False) -> Receipt:
         """
         Deliver a serialized message of a topic; one thread at a time may call this.
 
@@ -128,38 +128,46 @@ class SharedEvaluator:
             nanoseconds, by the receiver's and the sender's clock.
         sequence
             the sender's number of the message.
+        gid
+            16 bytes that identify the publisher (`uint8_t *`), or `ffi.NULL`: not known.
         is_retired
             whether it was received by a subscription that is being replaced.
         """
         origin = self._origin
         origin.received, origin.sent, origin.sequence = received, sent, sequence
-        origin.is_retired = is_retired
+        origin.gid, origin.is_retired = gid, is_retired
         return Receipt(self._library.fm_engine_message(
             self.pointer, topic, ffi.from_buffer('uint8_t[]', message), len(message), origin))
-
-    def tick(self, stamp: int) -> None:
-        """Step all ready groups: a period has passed."""
-        self._library.fm_engine_tick(self.pointer, stamp)
-
-    def stale(self, index: int, received: int, stamp: int) -> None:
-        """Mark an input as stale, unless its `received` count has changed (`evaluator.h`)."""
-        self._library.fm_engine_stale(self.pointer, index, received, stamp)
-
-    def is_stale(self, index: int) -> bool:
-        """Return whether an input is stale."""
-        return bool(self._library.fm_engine_is_stale(self.pointer, index))
 
     def reset(self) -> None:
         """Put all groups at their start; the inputs keep their values, and the counters go on."""
         self._library.fm_engine_reset(self.pointer)
 
-    def use_clock(self, now: Any, clock: Any) -> None:
-        """
-        Stamp violations by a clock in C, or by times of reception if both are `ffi.NULL`.
+    def advance(self, now: int) -> None:
+        """Move the time while it is told, and take what is due; the first call begins it."""
+        self._library.fm_engine_advance(self.pointer, now)
 
-        The clock must live as long as this object, or until the next call.
+    def follow_steady(self) -> None:
+        """Follow a clock that nobody sets; stamps are in system time."""
+        self._library.fm_engine_follow_steady(self.pointer)
+
+    def follow_clock(self, now: Any, clock: Any) -> None:
         """
-        self._library.fm_engine_use_clock(self.pointer, now, clock)
+        Follow a clock in C that may stand still or jump; stamps are its times.
+
+        The clock must live as long as this object, or until another is followed. Call `wake`
+        whenever it has moved.
+        """
+        self._library.fm_engine_follow_clock(self.pointer, now, clock)
+
+    def wake(self) -> None:
+        """Let the thread in `take` look at the clock."""
+        self._library.fm_engine_wake(self.pointer)
+
+    @property
+    def deadline(self) -> int:
+        """The next instant at which something is due without a message; `NEVER` if none is."""
+        return int(self._library.fm_engine_deadline(self.pointer))
 
     def begin_handover(self, topic: int, *, has_history: bool) -> None:
         """Drop messages that both an old and a new subscription receive (`handover.h`)."""
@@ -170,7 +178,11 @@ class SharedEvaluator:
         self._library.fm_engine_end_handover(self.pointer, topic)
 
     def take(self, milliseconds: int) -> list[Violation]:
-        """Return violations, oldest first; wait if there are none. One thread at a time."""
+        """
+        Return violations, oldest first; wait if there are none. One thread at a time.
+
+        While a clock is followed, this takes what is due, also during the wait.
+        """
         batch: Any = ffi.new('struct fm_violation[]', _BATCH)
         count = self._library.fm_engine_take(self.pointer, batch, _BATCH, milliseconds)
         return [Violation(item.requirement, item.step, item.stamp) for item in batch[0:count]]
@@ -221,6 +233,16 @@ class SharedEvaluator:
     def count_unpublished(self, more: int) -> None:
         """Count violations that were taken from the queue and could not be published."""
         self._library.fm_engine_count_unpublished(self.pointer, more)
+
+    def silence(self, index: int) -> Silence:
+        """Return the silences of an input until now."""
+        found = self._library.fm_engine_silence(self.pointer, index)
+        return Silence(found.count, found.lasted, bool(found.is_silent))
+
+    def time_counts(self) -> TimeCounts:
+        """Return the counters of the time."""
+        found = self._library.fm_engine_time_counts(self.pointer)
+        return TimeCounts(found.periods, found.late, found.missed, found.restarts)
 
     def value(self, index: int) -> bool | int | float | None:
         """Return the current value of an input, None before its first."""

@@ -1,0 +1,70 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The thread that publishes the details of violations; `hot_path.Announcer` publishes the rest."""
+
+from threading import Event, Thread
+
+from fret_monitor.ros import native_lifetimes
+from fret_monitor.ros.details import Details
+from fret_monitor.runtime import Engine, ViolationDetail
+
+_WAIT_MS = 200  # longest wait for a detail; closing the engine ends it at once
+_POLL_S = 0.1  # between two checks for a subscriber, where the middleware has no matched event
+
+
+class DetailPublisher:
+    """Publishes the details of violations while their topic has a subscriber."""
+
+    def __init__(self, engine: Engine, details: Details) -> None:
+        """Start the thread."""
+        self._engine = engine
+        self._details = details
+        self._is_over = Event()
+        self._thread = Thread(target=self._run, name='details', daemon=True)
+        native_lifetimes.keep(self)
+        self._thread.start()
+
+    def end(self) -> None:
+        """Close the engine, and wait until the thread has emptied its queue; idempotent."""
+        self._engine.close()
+        self._is_over.set()
+        self._details.listening.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        native_lifetimes.release(self)
+
+    def _run(self) -> None:
+        while not self._is_over.is_set():
+            are_wanted = self._are_wanted()
+            self._engine.want_details(are_wanted)
+            if not are_wanted:
+                self._details.listening.wait(_POLL_S)
+                self._details.listening.clear()
+            elif (detail := self._engine.take_detail(_WAIT_MS)) is not None:
+                self._publish(detail)
+        while (detail := self._engine.take_detail(0)) is not None:
+            self._publish(detail)
+
+    def _are_wanted(self) -> bool:
+        try:
+            return self._details.listeners() > 0
+        except RuntimeError:  # the context was shut down
+            return False
+
+    def _publish(self, detail: ViolationDetail) -> None:
+        try:
+            self._details.publish(detail)
+        except RuntimeError:  # the context was shut down
+            pass

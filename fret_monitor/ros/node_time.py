@@ -1,0 +1,135 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The time of a node, as an engine follows it (docs/ros.md, Time).
+
+It is `/clock` where `use_sim_time` is set, and a steady clock otherwise: a correction of the system
+time neither delays a period or timeout nor adds one. The engine waits and counts in C; Python only
+passes on that the clock has moved, or was changed for the other one.
+"""
+
+from contextlib import ExitStack
+from time import monotonic
+from typing import Any
+
+from fret_monitor.native.binding import ffi
+from fret_monitor.ros.throttle import Throttle
+from fret_monitor.runtime import Engine, TimeCounts
+
+from rclpy.clock import ClockChange, JumpThreshold, TimeJump
+from rclpy.duration import Duration
+from rclpy.node import Node
+
+PATIENCE_S = 0.01
+"""A timeout that is found later than this is put off once: the process did not run."""
+
+_NO_TIME_S = 5.0  # until a missing `/clock` is logged
+_PERIODS_S = 60.0  # between two log lines about late periods
+_MOST_LATE = 0.01  # of all periods, and
+_FEWEST_LATE = 3  # late periods are worth reading
+
+
+class NodeTime:
+    """Lets an engine follow a node's time, from its creation until `close`."""
+
+    def __init__(self, node: Node, engine: Engine, clock_now: Any, *, has_deadlines: bool) -> None:
+        """
+        Begin the time of the engine.
+
+        `clock_now` is the address of `rcl_clock_get_now`. Without deadlines, the engine is not told
+        when `/clock` has moved.
+        """
+        self._engine = engine
+        self._clock_now = clock_now
+        self._clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
+        self._has_deadlines = has_deadlines
+        self._held = ExitStack()
+        self._held.enter_context(self._clock.handle)
+        self._pointer = ffi.cast('void *', self._clock.handle.pointer)
+        moved = Duration(nanoseconds=1) if has_deadlines else None
+        jumps = self._clock.create_jump_callback(
+            JumpThreshold(min_forward=moved, min_backward=moved and Duration(nanoseconds=-1)),
+            post_callback=self._on_jump)
+        self._held.callback(jumps.unregister)
+        self._follow()
+
+    def _follow(self) -> None:
+        if self._clock.ros_time_is_active:
+            self._engine.follow_clock(self._clock_now, self._pointer)
+        else:
+            self._engine.follow_steady()
+
+    def _on_jump(self, jump: TimeJump) -> None:
+        if jump.clock_change in (ClockChange.ROS_TIME_ACTIVATED, ClockChange.ROS_TIME_DEACTIVATED):
+            self._follow()
+        else:
+            self._engine.wake()
+
+    def close(self) -> None:
+        """Stop following; the engine must not be used with this clock any more."""
+        self._held.close()
+
+
+class TimeLog:
+    """Logs that `/clock` is missing or went back, and that periods are late."""
+
+    def __init__(self, node: Node, engine: Engine, period: float | None) -> None:
+        """Log for a node; `period` is in seconds, None unless the policy is periodic."""
+        self._node = node
+        self._engine = engine
+        self._period = period
+        self._clock: Any = node.get_clock()
+        self._began = monotonic()
+        self._is_missing_logged = False
+        self._restarts = 0
+        self._logged = engine.time_counts()
+        self._throttle = Throttle(_PERIODS_S)
+
+    def review(self) -> None:
+        """Log what is new."""
+        counts = self._engine.time_counts()
+        self._review_clock()
+        if counts.restarts > self._restarts:
+            self._restarts = counts.restarts
+            self._node.get_logger().warning(
+                f'time went back, to {self._now() / 1e9:.3f} s: periods and timeouts continue from '
+                'there; values and past of the requirements are kept')
+        if self._period is not None and are_worth_reading(self._logged, counts) \
+                and self._throttle.passes():
+            missed, late = counts.missed - self._logged.missed, counts.late - self._logged.late
+            self._logged = counts
+            self._node.get_logger().warning(
+                f'periods of {self._period:g} s since the last such message: {missed} missed (no '
+                f'step), {late} late by more than half a period')
+
+    def _now(self) -> int:
+        return int(self._clock.now().nanoseconds)
+
+    def _review_clock(self) -> None:
+        has_time = not self._clock.ros_time_is_active or self._now() > 0
+        if has_time:
+            self._began = monotonic()
+        elif monotonic() > self._began + _NO_TIME_S and not self._is_missing_logged:
+            self._is_missing_logged = True
+            self._node.get_logger().warning(
+                'use_sim_time is set and nothing was received on /clock: no period passes, and no '
+                'timeout')
+
+
+def are_worth_reading(before: TimeCounts, now: TimeCounts) -> bool:
+    """Return whether periods were missed, or enough of them late, between two counts."""
+    late = now.late - before.late
+    return now.missed > before.missed or (
+        late >= _FEWEST_LATE and late > _MOST_LATE * (now.periods - before.periods))
