@@ -726,7 +726,7 @@ static int64_t random_time(void)
     last_time = deadline + random_below(100);
   } else if (what == 9 && random_below(4) == 0) {
     last_time -= random_below(random_below(2) == 0 ? 5 : 300);
-  } else if (what == 10 && model.has_begun && has_periods() && random_below(1500) == 0) {
+  } else if (what == 10 && model.has_begun && has_periods() && random_below(100) == 0) {
     last_time = far_late();
   } else if (what > 11) {
     last_time += random_below(what > 17 ? 60 : 6);
