@@ -246,7 +246,7 @@ static void take_due_locked(struct fm_engine * engine, int64_t now)
     const int64_t later = n > 0 && engine->source == STEADY ?
       read_clock(CLOCK_REALTIME) - read_clock(CLOCK_MONOTONIC) : 0;
     announce_locked(engine, n, later);
-  } while (fm_evaluator_wake(evaluator) <= now);
+  } while (fm_evaluator_wake(evaluator) <= now && fm_evaluator_wake(evaluator) != FM_NEVER);
 }
 
 // A message at the instant of a deadline comes before what is due then.

@@ -236,7 +236,7 @@ class Evaluator:
         while True:
             count = self._library.fm_evaluator_advance(self.pointer, now, self._violations)
             found += self._found(count)
-            if self._library.fm_evaluator_wake(self.pointer) > now:
+            if not now >= self._library.fm_evaluator_wake(self.pointer) < NEVER:
                 return found
 
     @property
