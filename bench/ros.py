@@ -62,6 +62,7 @@ UNREAD = 'never taken'
 IN_CALLBACK = "rcl in C, taking inside the middleware's callback"
 TIMEOUT = 0.05  # s
 SILENCES = 10.0  # a second
+SETTLE = 8.0  # s for an idle monitor to start, and to log what it waits for
 HANDLER = 'copilot/handlerpropEACH'
 PACKAGES = ('std_msgs', 'sensor_msgs', 'diagnostic_msgs')
 
@@ -507,6 +508,29 @@ def deadlines(bench: Bench) -> Iterator[Row]:
             f'from the end of a timeout to its Empty, {name}', 'us', late, attrgetter(name), '1.1')
 
 
+def idle(bench: Bench) -> Iterator[Row]:
+    """Measure the work of a monitor to which nothing comes, with a hundred timeouts."""
+    bundle = bench.bundle(
+        'idle', ''.join(float_input(f'x{i}', f'x{i}', f', timeout: {TIMEOUT * 10}')
+                        for i in range(REQUIREMENTS)),
+        ''.join(f'  - {{id: R{i}, ptltl: "x{i} < 1.0"}}\n' for i in range(REQUIREMENTS)))
+    for subject in bench.monitors(bundle):
+        found = []
+        for _ in range(bench.rounds):
+            running = Running(subject)
+            try:
+                time.sleep(SETTLE)
+                begin, cpu = time.monotonic_ns(), running.nanoseconds()
+                time.sleep(bench.seconds)
+                spent = running.nanoseconds() - cpu
+                found.append(1e3 * spent / (time.monotonic_ns() - begin))
+                running.close()
+            finally:
+                running.kill()
+        yield Row('idle, 100 inputs with a timeout: processor time', subject.name, 'ms/s',
+                  median(found), min(found), max(found))
+
+
 def cloud(bench: Bench) -> Iterator[Row]:
     """Measure reading a field of a large message, above the cost of the middleware alone."""
     work = bench.work(('points',), CLOUDS, content='cloud', depth=10)
@@ -584,7 +608,7 @@ def started(load_program: Path, work: Work, subject: Subject) -> Start:
 
 
 FIGURES: dict[str, Callable[[Bench], Iterator[Row]]] = {
-    'quiet': quiet, 'violations': violations, 'deadlines': deadlines, 'cloud': cloud, 'flood': flood, 'start': start,
+    'quiet': quiet, 'violations': violations, 'deadlines': deadlines, 'idle': idle, 'cloud': cloud, 'flood': flood, 'start': start,
 }
 
 

@@ -189,8 +189,8 @@ FM_EXPORT int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator);
 
 /// Move the time to `now`, and take the first thing that is due by then, stamped with its own
 /// instant, however late this is called. To be called until fm_evaluator_wake is after `now`, or
-/// FM_NEVER: nothing is due then. The violations are as those of fm_evaluator_message. Of one instant, the timeouts come first, by
-/// input, then the period.
+/// FM_NEVER: nothing is due then. The violations are as those of fm_evaluator_message. Of one
+/// instant, the timeouts come first, by input, then the period.
 ///
 /// The first call begins the time: all timeouts run from it, whatever was stored before, and the
 /// first period ends one period later. Time that goes back is counted: what was to come in a second still comes in a second;
