@@ -67,6 +67,8 @@ struct fm_engine
   bool is_closed;
 };
 
+uint32_t fm_engine_abi(void) {return FM_ABI;}
+
 // ---- making ------------------------------------------------------------------------------------
 
 static uint32_t most_inputs(const struct fm_engine_options * options)

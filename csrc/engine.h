@@ -66,6 +66,9 @@ enum fm_receipt
   FM_REPEATED = 2      // received before, by another subscription; not counted, no step
 };
 
+/// FM_ABI of this library. A program that was made with another one calls no other function.
+FM_EXPORT uint32_t fm_engine_abi(void);
+
 /// Make an engine; NULL if the readers do not fit the topics, or memory is short.
 /// O(requirements + topics); allocates.
 FM_EXPORT struct fm_engine * fm_engine_create(const struct fm_engine_options * options);

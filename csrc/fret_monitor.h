@@ -48,8 +48,9 @@
 #endif
 #endif
 
-/// Version of the layout of the structs below. A module with another one is refused.
-#define FM_ABI 1u
+/// Version of the structs and functions of this and the other headers. A module or an engine with
+/// another one is refused.
+#define FM_ABI 2u
 
 /// How an input is stored in the struct of inputs.
 enum fm_type
