@@ -37,7 +37,7 @@ static void close_at(struct fm_engine * engine, const char * place)
 {
   if (strcmp(chosen, place) == 0) {
     chosen = "";
-    fm_engine_tick(engine, 0);
+    fm_engine_advance(engine, 2);  // the first period; the time began with 1
     fm_engine_close(engine);
   }
 }
@@ -94,11 +94,13 @@ static const struct fm_monitor monitor = {
 int main(int argc, char ** argv)
 {
   chosen = argc > 1 ? argv[1] : "";
-  const struct fm_evaluator_options evaluator = {&monitor, NULL, 0, FM_PERIODIC, NULL};
+  const struct fm_evaluator_options evaluator = {
+    &monitor, NULL, 0, FM_PERIODIC, NULL, NULL, NULL, 1, 0};
   void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   const struct fm_engine_options options = {
     fm_evaluator_init(memory, &evaluator), &monitor, NULL, NULL, 0};
   struct fm_engine * engine = fm_engine_create(&options);
+  fm_engine_advance(engine, 1);
   int publisher = 0;
   void * publishers[] = {&publisher};
   struct fm_announcer * announcer = fm_announcer_start(engine, &middleware, publishers, 1);

@@ -310,7 +310,7 @@ static struct fm_receiver * renew(
   fm_engine_begin_handover(engine, t, false);
   fm_receiver_retire(before);
   put(topic, place, fresh);
-  struct fm_receiver * receiver = fm_receiver_start(engine, &middleware, fresh, t, false);
+  struct fm_receiver * receiver = fm_receiver_start(engine, &middleware, fresh, t, FM_LISTEN);
   CHECK(receiver != NULL);
   for (int k = 0; k < 20; ++k) {
     pause_a_little();
@@ -342,7 +342,7 @@ static void disturb(struct fm_engine * engine, struct fm_receiver ** receivers)
 static struct fm_evaluator * make_evaluator(void ** memory)
 {
   const struct fm_evaluator_options options = {
-    &monitor, fed, N_TOPICS, FM_RELEVANT_MESSAGE, NULL};
+    &monitor, fed, N_TOPICS, FM_RELEVANT_MESSAGE, NULL, NULL, NULL, 0, 0};
   *memory = NULL;
   CHECK(posix_memalign(memory, 16, fm_evaluator_bytes(&options)) == 0);
   return fm_evaluator_init(*memory, &options);
@@ -387,7 +387,8 @@ int main(void)
   for (uint32_t t = 0; t < N_TOPICS; ++t) {
     pthread_mutex_init(&topics[t].mutex, NULL);
     topics[t].subscriptions[0] = make_subscription();
-    receivers[t] = fm_receiver_start(engine, &middleware, topics[t].subscriptions[0], t, false);
+    receivers[t] =
+      fm_receiver_start(engine, &middleware, topics[t].subscriptions[0], t, FM_LISTEN);
   }
   pthread_t senders[N_SENDERS];
   pthread_t details;

@@ -110,7 +110,7 @@ static void * memory;
 
 static struct fm_engine * make_engine(void)
 {
-  const struct fm_evaluator_options evaluator = {&monitor, topics, 1, FM_EVERY_MESSAGE, NULL};
+  const struct fm_evaluator_options evaluator = {&monitor, topics, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0};
   memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   const struct fm_engine_options options = {
     fm_evaluator_init(memory, &evaluator), &monitor, &readers, topics, 1};
@@ -126,7 +126,8 @@ static void a_callback_takes_a_bounded_number_and_nothing_is_left(void)
 {
   struct subscription subscription = {0, 0, NULL, NULL, false};
   struct fm_engine * engine = make_engine();
-  struct fm_receiver * receiver = fm_receiver_start(engine, &middleware, &subscription, 0, false);
+  struct fm_receiver * receiver =
+    fm_receiver_start(engine, &middleware, &subscription, 0, FM_LISTEN);
   send(&subscription, 2500);
   const uint64_t most = received(engine);
   CHECK(most == 1000);
@@ -146,7 +147,8 @@ static void a_poll_goes_on_where_a_drain_stopped(void)
 {
   struct subscription subscription = {2500, 0, NULL, NULL, false};
   struct fm_engine * engine = make_engine();
-  struct fm_receiver * receiver = fm_receiver_start(engine, &middleware, &subscription, 0, false);
+  struct fm_receiver * receiver =
+    fm_receiver_start(engine, &middleware, &subscription, 0, FM_LISTEN);
   CHECK(received(engine) == 1000);
   fm_receiver_poll(receiver);
   CHECK(received(engine) == 2000);
@@ -161,7 +163,8 @@ static void a_callback_that_is_not_forgotten_does_no_harm(void)
 {
   struct subscription subscription = {0, 0, NULL, NULL, true};
   struct fm_engine * engine = make_engine();
-  struct fm_receiver * receiver = fm_receiver_start(engine, &middleware, &subscription, 0, false);
+  struct fm_receiver * receiver =
+    fm_receiver_start(engine, &middleware, &subscription, 0, FM_LISTEN);
   send(&subscription, 1);
   CHECK(!fm_receiver_stop(receiver));
   send(&subscription, 1);
@@ -172,10 +175,37 @@ static void a_callback_that_is_not_forgotten_does_no_harm(void)
   free(memory);
 }
 
+static void a_receiver_that_does_not_listen_takes_when_asked(void)
+{
+  struct subscription subscription = {2, 0, NULL, NULL, false};
+  struct fm_engine * engine = make_engine();
+  struct fm_receiver * receiver =
+    fm_receiver_start(engine, &middleware, &subscription, 0, FM_WHEN_ASKED);
+  struct fm_record record;
+  CHECK(subscription.callback == NULL && subscription.taken == 0);
+  for (uint64_t k = 1; k <= 2; ++k) {
+    CHECK(fm_receiver_take(receiver, &record));
+    CHECK(record.origin.sequence == k && record.origin.gid != NULL);
+    CHECK(!record.origin.is_retired);
+    CHECK(received(engine) == k - 1);
+    (void)fm_engine_message(engine, 0, record.message, record.size, &record.origin);
+    CHECK(received(engine) == k);
+  }
+  CHECK(!fm_receiver_take(receiver, &record));
+  fm_receiver_retire(receiver);
+  subscription.sent += 1;
+  CHECK(fm_receiver_take(receiver, &record) && record.origin.is_retired);
+  CHECK(received(engine) == 2);
+  CHECK(fm_receiver_stop(receiver));
+  fm_engine_destroy(engine);
+  free(memory);
+}
+
 int main(void)
 {
   a_callback_takes_a_bounded_number_and_nothing_is_left();
   a_poll_goes_on_where_a_drain_stopped();
   a_callback_that_is_not_forgotten_does_no_harm();
+  a_receiver_that_does_not_listen_takes_when_asked();
   return failures == 0 ? 0 : 1;
 }

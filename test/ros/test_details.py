@@ -20,7 +20,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
 from fret_monitor.ros.details import Details, DETAILS_TOPIC, read_detail
-from fret_monitor.runtime import Evaluator, Engine
+from fret_monitor.runtime import Engine, Evaluator
 from rclpy.node import Node
 from ros.harness import Partner, wait_until
 
@@ -39,15 +39,15 @@ def test_an_input_may_have_the_name_of_a_key_of_every_detail(
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE, encoding='utf-8')
-    watch = Engine(Evaluator(build.build(bundle).monitor))
+    engine = Engine(Evaluator(build.build(bundle).monitor))
     node = Node('fret_monitor', context=partner.context)
-    details = Details(node, watch.monitor.manifest)
+    details = Details(node, engine.monitor.manifest)
     heard: list[Any] = []
     partner.node.create_subscription(DiagnosticArray, DETAILS_TOPIC, heard.append, 10)
     wait_until(lambda: details.listeners() == 1, 'who listens')
-    watch.want_details(True)
-    watch.message(0, b'\0\1\0\0\x2a\0\0\0', received=3)
-    detail = watch.take_detail(1000)
+    engine.want_details(True)
+    engine.message(0, b'\0\1\0\0\x2a\0\0\0', received=3)
+    detail = engine.take_detail(1000)
     assert detail is not None
     details.publish(detail)
     wait_until(lambda: bool(heard), 'the details')

@@ -14,13 +14,21 @@
 
 """The feed over real DDS: which publishers it receives, in which order, and how often."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
 import random
+from tempfile import TemporaryDirectory
 from time import sleep
 from typing import Any
 
-from fret_monitor.ros.feed import Feed
+from fret_monitor import build
+from fret_monitor.native import Monitor
+from fret_monitor.ros.feed import Feed, Record
+from fret_monitor.ros.hot_path import EngineTopic, Middleware
+from fret_monitor.ros.raw_topic import RawTopic
+from fret_monitor.runtime import Engine, Evaluator
 import pytest
 from rclpy.context import Context
 from rclpy.node import Node
@@ -35,20 +43,45 @@ LATCHED_BEST_EFFORT = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
+@cache
+def monitor() -> Monitor:
+    bundle = '\n'.join([
+        'format: 1', 'inputs:',
+        *(f'  {name}: {{topic: {name}, type: std_msgs/msg/Int32}}' for name in 'xyz'),
+        'requirements: [{id: R, ptltl: x < 0}]'])
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / 'bundle.yaml'
+        path.write_text(bundle, encoding='utf-8')
+        return build.build(path).monitor
+
+
+class RecordingTopic(EngineTopic):
+    """Records the messages that its engine does not recognise as repeated."""
+
+    def __init__(self, engine: Engine, name: str, got: list[tuple[str, int]]) -> None:
+        self._name = name
+        self._index = 'xyz'.index(name)
+        self._got = got
+        super().__init__(engine, Middleware(listens=False), self._index)
+
+    def deliver(self, record: Record) -> None:
+        before = self._engine.topic_counts(self._index).messages
+        super().deliver(record)
+        if self._engine.topic_counts(self._index).messages > before:
+            self._got.append((self._name, deserialize_message(record.data, Int32).data))
+
+
 class Listener:
-    """A node with a feed that records all it delivers."""
+    """A node with a feed that records all that it delivers to an engine."""
 
     def __init__(self, context: Context, topics: str, fixed: dict[str, str | int]) -> None:
         self.node = Node('fret_monitor', context=context)
         self.feed = Feed(self.node)
         self.got: list[tuple[str, int]] = []
-        for topic in topics:
-            self.feed.subscribe(topic, 'std_msgs/msg/Int32', Int32, self._keep(topic), fixed)
-
-    def _keep(self, topic: str) -> Callable[[bytes, int, int], None]:
-        def keep(data: bytes, stamp: int, sent: int) -> None:
-            self.got.append((topic, deserialize_message(data, Int32).data))
-        return keep
+        engine = Engine(Evaluator(monitor()))
+        for name in topics:
+            self.feed.subscribe(
+                name, 'std_msgs/msg/Int32', Int32, RecordingTopic(engine, name, self.got), fixed)
 
     def numbers(self, publisher: int) -> list[int]:
         """Return the numbers of one publisher; each counts in a thousand of its own."""
@@ -233,7 +266,7 @@ def test_an_error_in_a_callback_stops_the_feed_and_is_kept(partner: Partner) -> 
 
     node: Any = Node('fret_monitor', context=partner.context)
     feed = Feed(node)
-    feed.subscribe('x', 'std_msgs/msg/Int32', Int32, fail, {})
+    feed.subscribe('x', 'std_msgs/msg/Int32', Int32, RawTopic(fail), {})
     publisher = partner.publisher(Int32, 'x')
     feed.start()
     partner.wait_for_listener(publisher)

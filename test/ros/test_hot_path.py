@@ -24,7 +24,7 @@ import weakref
 
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros import MonitorNode, native_lifetimes
-from fret_monitor.ros.hot_path import HotReceiver, Middleware
+from fret_monitor.ros.hot_path import Middleware, Receiver
 from fret_monitor.ros.in_place import KNOWN, loaded_versions, refuse_unknown_versions
 from fret_monitor.ros.loaded import Unavailable
 from fret_monitor.ros.rcl_subscription import RclSubscription
@@ -151,10 +151,10 @@ def test_a_receiver_that_could_not_be_stopped_keeps_its_objects(
         fm_receiver_start=lambda *_: ffi.cast('struct fm_receiver *', memory),
         fm_receiver_stop=stop)
     middleware: Any = SimpleNamespace(
-        functions=None, subscription=lambda _: None, is_in_place=lambda _: False)
+        functions=None, subscription=lambda _: None, taking=lambda _: 0)
     evaluator: Any = SimpleNamespace(library=library, pointer=None)
     subscription: Any = Subscription()
-    receiver = HotReceiver(evaluator, middleware, subscription, 0)
+    receiver = Receiver(evaluator, middleware, subscription, 0)
     for _ in range(2):
         receiver.end()
         receiver.stop()

@@ -18,10 +18,11 @@ from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fret_monitor import build
+from fret_monitor.native.binding import ffi
 from fret_monitor.ros.handlers import Handlers
 from fret_monitor.ros.health import Health
-from fret_monitor.ros.publisher_threads import HandlerPublisher
-from fret_monitor.runtime import Evaluator, Engine
+from fret_monitor.ros.hot_path import Announcer, Middleware
+from fret_monitor.runtime import Engine, Evaluator
 import pytest
 from rclpy.context import Context
 from rclpy.node import Node
@@ -39,30 +40,44 @@ A_MESSAGE = b'\0\1\0\0\1\0\0\0'
 
 
 @pytest.fixture
-def watch(tmp_path: Path) -> Engine:
+def engine(tmp_path: Path) -> Engine:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE, encoding='utf-8')
     return Engine(Evaluator(build.build(bundle).monitor))
 
 
-def test_violations_not_published_because_the_context_ended_are_counted(
-    watch: Engine, domain: int,
+def test_violations_that_a_publisher_refuses_are_counted(
+    engine: Engine, partner: Partner,
 ) -> None:
+    node = Node('fret_monitor', context=partner.context)
+    middleware = Middleware()
+    refuse = ffi.callback(ffi.typeof(middleware.functions.publish), lambda *_: 1)
+    middleware.functions.publish = refuse
+    announcer = Announcer(engine, middleware, Handlers(node, engine.monitor.manifest).publishers)
+    for _ in range(3):
+        engine.message(0, A_MESSAGE, received=0)
+    announcer.join()
+    assert engine.unpublished == 3
+    node.destroy_node()
+
+
+def test_violations_are_published_while_the_context_ends(engine: Engine, domain: int) -> None:
     context = Context()
     context.init(args=[], domain_id=domain)
     node = Node('fret_monitor', context=context)
-    publisher = HandlerPublisher(watch, Handlers(node, watch.monitor.manifest))
+    announcer = Announcer(
+        engine, Middleware(), Handlers(node, engine.monitor.manifest).publishers)
     context.shutdown()
     for _ in range(3):
-        watch.message(0, A_MESSAGE, received=0)
-    publisher.close()
-    assert watch.unpublished == 3
+        engine.message(0, A_MESSAGE, received=0)
+    announcer.join()
+    assert engine.unpublished == 0 and engine.take(0) == []
 
 
-def test_diagnostics_count_such_violations(watch: Engine, partner: Partner) -> None:
+def test_diagnostics_count_such_violations(engine: Engine, partner: Partner) -> None:
     operator = Operator(partner)
     node = Node('fret_monitor', context=partner.context)
-    health = Health(node, watch)
+    health = Health(node, engine)
     name = 'fret_monitor: violations of bundle'
 
     def told() -> list[tuple[bytes, str, str]]:
@@ -71,7 +86,7 @@ def test_diagnostics_count_such_violations(watch: Engine, partner: Partner) -> N
                 for report in operator.heard[-1:] for item in report.status if item.name == name]
 
     wait_until(lambda: not told() and bool(operator.heard), 'a report')
-    watch.count_unpublished(3)
+    engine.count_unpublished(3)
     wait_until(lambda: told() == [
         (DiagnosticStatus.ERROR, '3 not published since the last report', '3')], 'an error')
     wait_until(lambda: told() == [

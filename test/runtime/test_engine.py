@@ -12,18 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The shared evaluator: queues of violations and details, repeated messages, evidence."""
+"""The engine: the time, queues of violations and details, repeated messages, evidence."""
 
 from collections.abc import Callable
 from pathlib import Path
 import struct
 from threading import Thread
 from time import monotonic
+from typing import Any
 
 from fret_monitor import build
-from fret_monitor.runtime import Evaluator, Receipt, Engine
+from fret_monitor.native.binding import ffi
+from fret_monitor.runtime import Engine, Evaluator, NEVER, Receipt, Silence, TimeCounts
 import pytest
 
+SECOND = 10**9
 BUNDLE = """
 format: 1
 inputs:
@@ -41,7 +44,7 @@ def a_float(value: float) -> bytes:
 
 
 @pytest.fixture
-def evaluator(tmp_path: Path) -> Engine:
+def engine(tmp_path: Path) -> Engine:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE, encoding='utf-8')
     return Engine(Evaluator(build.build(bundle).monitor))
@@ -53,141 +56,180 @@ def in_background(function: Callable[[], object]) -> Thread:
     return thread
 
 
-def test_messages_are_steps_and_violations_are_queued_in_order(evaluator: Engine) -> None:
+def test_messages_are_steps_and_violations_are_queued_in_order(engine: Engine) -> None:
     for number, value in enumerate((2.0, 0.5, 3.0)):
-        assert evaluator.message(0, a_float(value), received=number) is Receipt.RECEIVED
-    assert [(item.requirement, item.step, item.stamp) for item in evaluator.take(0)] == [
+        assert engine.message(0, a_float(value), received=number) is Receipt.RECEIVED
+    assert [(item.requirement, item.step, item.stamp) for item in engine.take(0)] == [
         (0, 0, 0), (0, 2, 2)]
-    assert evaluator.take(0) == []
-    assert evaluator.value(0) == 3.0
-    assert evaluator.topic_counts(0).messages == 3
+    assert engine.take(0) == []
+    assert engine.value(0) == 3.0
+    assert engine.topic_counts(0).messages == 3
 
 
-def test_waiting_threads_wake_on_a_violation_and_at_the_end(evaluator: Engine) -> None:
+def test_waiting_threads_wake_on_a_violation_and_at_the_end(engine: Engine) -> None:
     taken: list[int] = []
 
     begin = monotonic()
-    thread = in_background(lambda: taken.extend(item.step for item in evaluator.take(60_000)))
-    evaluator.message(0, a_float(2.0), received=0)
+    thread = in_background(lambda: taken.extend(item.step for item in engine.take(60_000)))
+    engine.message(0, a_float(2.0), received=0)
     thread.join(30)
     assert taken == [0]
-    thread = in_background(lambda: taken.extend(item.step for item in evaluator.take(60_000)))
-    evaluator.close()
+    thread = in_background(lambda: taken.extend(item.step for item in engine.take(60_000)))
+    engine.close()
     thread.join(30)
     assert not thread.is_alive()
     assert monotonic() - begin < 30
-    assert evaluator.message(0, a_float(2.0), received=0) is Receipt.RECEIVED
-    assert evaluator.topic_counts(0).messages == 1  # messages after the end are ignored
+    assert engine.message(0, a_float(2.0), received=0) is Receipt.RECEIVED
+    assert engine.topic_counts(0).messages == 1  # messages after the end are ignored
 
 
-def test_a_violation_does_not_wait_for_its_detail(evaluator: Engine) -> None:
-    evaluator.want_details(True)
-    evaluator.message(0, a_float(2.0), received=7)
+def test_a_violation_does_not_wait_for_its_detail(engine: Engine) -> None:
+    engine.want_details(True)
+    engine.message(0, a_float(2.0), received=7)
     begin = monotonic()
-    assert [item.stamp for item in evaluator.take(0)] == [7]
-    assert evaluator.take(0) == []
+    assert [item.stamp for item in engine.take(0)] == [7]
+    assert engine.take(0) == []
     assert monotonic() - begin < 0.05
-    detail = evaluator.take_detail(0)
+    detail = engine.take_detail(0)
     assert detail is not None
     assert (detail.violation.step, detail.values, detail.stale) == (0, (2.0, None), frozenset())
 
 
-def test_old_details_do_not_reach_a_later_listener(evaluator: Engine) -> None:
-    evaluator.want_details(True)
-    evaluator.message(0, a_float(2.0), received=7)
-    evaluator.want_details(False)
-    evaluator.message(0, a_float(2.0), received=8)
-    evaluator.want_details(True)
-    assert evaluator.take_detail(0) is None
-    evaluator.message(0, a_float(2.0), received=9)
-    detail = evaluator.take_detail(0)
+def test_old_details_do_not_reach_a_later_listener(engine: Engine) -> None:
+    engine.want_details(True)
+    engine.message(0, a_float(2.0), received=7)
+    engine.want_details(False)
+    engine.message(0, a_float(2.0), received=8)
+    engine.want_details(True)
+    assert engine.take_detail(0) is None
+    engine.message(0, a_float(2.0), received=9)
+    detail = engine.take_detail(0)
     assert detail is not None
     assert detail.violation.stamp == 9
 
 
-def test_details_are_limited_and_the_omitted_ones_counted(evaluator: Engine) -> None:
-    evaluator.want_details(True)
+def test_details_are_limited_and_the_omitted_ones_counted(engine: Engine) -> None:
+    engine.want_details(True)
     for number in range(300):
-        evaluator.message(0, a_float(2.0), received=number)
+        engine.message(0, a_float(2.0), received=number)
     details = []
-    while (detail := evaluator.take_detail(0)) is not None:
+    while (detail := engine.take_detail(0)) is not None:
         details.append(detail)
     assert 100 <= len(details) <= 200  # the limit is per second, and a second may end meanwhile
-    evaluator.message(0, a_float(2.0), received=300)
+    engine.message(0, a_float(2.0), received=300)
     found = 0
-    while violations := evaluator.take(0):
+    while violations := engine.take(0):
         found += len(violations)
     assert found == 301
 
 
-def test_silence_is_reported_with_its_detail(evaluator: Engine) -> None:
-    evaluator.want_details(True)
-    evaluator.message(0, a_float(0.5), received=0)
-    evaluator.stale(0, evaluator.input_counts(0).received, 5)
-    assert evaluator.is_stale(0)
-    detail = evaluator.take_detail(1000)
+def test_silence_is_reported_with_its_detail(engine: Engine) -> None:
+    engine.want_details(True)
+    engine.advance(0)
+    engine.message(0, a_float(0.5), received=1)
+    assert engine.deadline == SECOND + 1
+    engine.advance(2 * SECOND)
+    assert engine.silence(0) == Silence(1, 2 * SECOND - 1, True)
+    assert [item.stamp for item in engine.take(0)] == [SECOND + 1] * 2
+    detail = engine.take_detail(1000)
     assert detail is not None
     assert (detail.values[0], detail.stale) == (0.5, frozenset({0}))
-    evaluator.message(0, a_float(0.5), received=6)
-    assert not evaluator.is_stale(0)
+    engine.message(0, a_float(0.5), received=3 * SECOND)
+    assert engine.silence(0) == Silence(1, 3 * SECOND - 1, False)
 
 
-def test_a_message_received_by_two_subscriptions_is_one_step(evaluator: Engine) -> None:
+def test_nothing_is_due_before_the_time_has_begun(engine: Engine) -> None:
+    assert engine.deadline == NEVER
+    engine.message(0, a_float(0.5), received=10 * SECOND)
+    engine.message(0, a_float(0.5), received=20 * SECOND)
+    assert engine.deadline == NEVER
+    assert engine.take(0) == [] and engine.time_counts() == TimeCounts(0, 0, 0, 0)
+
+
+def test_waiting_for_a_violation_takes_a_timeout_at_its_instant(engine: Engine) -> None:
+    engine.follow_steady()
+    begin = monotonic()
+    assert len(engine.take(30_000)) == 2
+    assert 1.0 <= monotonic() - begin + 0.01 < 10.0
+    engine.advance(0)  # ignored: the time is that of a clock
+    assert engine.silence(0).is_silent and engine.time_counts().restarts == 0
+
+
+def test_a_wait_ends_when_a_clock_has_moved(engine: Engine) -> None:
+    times = [5 * SECOND]
+
+    @ffi.callback('int(void *, int64_t *)')
+    def now(_: Any, nanoseconds: Any) -> int:
+        nanoseconds[0] = times[0]
+        return 0
+
+    engine.follow_clock(now, ffi.NULL)
+    assert engine.deadline == 6 * SECOND
+    taken: list[int] = []
+    thread = in_background(lambda: taken.extend(item.stamp for item in engine.take(60_000)))
+    times[0] = 6 * SECOND
+    engine.wake()
+    thread.join(30)
+    assert taken == [6 * SECOND] * 2
+    engine.follow_steady()  # before the callback is gone
+
+
+def test_a_message_received_by_two_subscriptions_is_one_step(engine: Engine) -> None:
     def deliver(number: int, *, is_retired: bool = False) -> Receipt:
-        return evaluator.message(0, a_float(2.0), received=0, sent=number, sequence=number,
+        return engine.message(0, a_float(2.0), received=0, sent=number, sequence=number,
                                  is_retired=is_retired)
 
     assert deliver(1) is Receipt.RECEIVED
     assert deliver(1) is Receipt.RECEIVED  # two publishers may use the same sequence number
-    evaluator.begin_handover(0, has_history=False)
+    engine.begin_handover(0, has_history=False)
     assert deliver(1) is Receipt.REPEATED
     assert deliver(3) is Receipt.RECEIVED
     assert deliver(2, is_retired=True) is Receipt.RECEIVED
     assert deliver(3, is_retired=True) is Receipt.REPEATED
-    evaluator.begin_handover(0, has_history=True)
+    engine.begin_handover(0, has_history=True)
     assert deliver(0) is Receipt.REPEATED  # history, which only the new subscription receives
     assert deliver(0, is_retired=True) is Receipt.RECEIVED
-    evaluator.end_handover(0)
+    engine.end_handover(0)
     assert deliver(3) is Receipt.RECEIVED
-    assert evaluator.topic_counts(0).messages == 6
+    assert engine.topic_counts(0).messages == 6
 
 
-def test_a_sender_whose_clock_is_set_back_sends_no_history(evaluator: Engine) -> None:
-    evaluator.begin_handover(0, has_history=True)
-    assert evaluator.message(0, a_float(2.0), received=0, sent=10, sequence=1) is Receipt.RECEIVED
+def test_a_sender_whose_clock_is_set_back_sends_no_history(engine: Engine) -> None:
+    engine.begin_handover(0, has_history=True)
+    assert engine.message(0, a_float(2.0), received=0, sent=10, sequence=1) is Receipt.RECEIVED
     for number in range(2, 12):
-        assert evaluator.message(0, a_float(2.0), received=0, sent=number - 5,
+        assert engine.message(0, a_float(2.0), received=0, sent=number - 5,
                                  sequence=number) is Receipt.RECEIVED
-    assert evaluator.message(0, a_float(2.0), received=0, sent=11, sequence=3) is Receipt.REPEATED
+    assert engine.message(0, a_float(2.0), received=0, sent=11, sequence=3) is Receipt.REPEATED
 
 
-def test_the_last_unusable_message_is_kept_and_returned_once(evaluator: Engine) -> None:
+def test_the_last_unusable_message_is_kept_and_returned_once(engine: Engine) -> None:
     odd = b'\0\1\0\0' + struct.pack('<I', 5) + b'odd!\0'
-    assert evaluator.message(1, odd, received=0) is Receipt.RECEIVED
-    assert evaluator.message(1, odd, received=0) is Receipt.RECEIVED
-    assert evaluator.evidence(1) == odd
-    assert evaluator.evidence(1) is None
-    assert evaluator.message(1, b'\0', received=0) is Receipt.UNDECODABLE
-    assert (evaluator.input_counts(1).unusable, evaluator.topic_counts(1).undecodable) == (2, 1)
+    assert engine.message(1, odd, received=0) is Receipt.RECEIVED
+    assert engine.message(1, odd, received=0) is Receipt.RECEIVED
+    assert engine.evidence(1) == odd
+    assert engine.evidence(1) is None
+    assert engine.message(1, b'\0', received=0) is Receipt.UNDECODABLE
+    assert (engine.input_counts(1).unusable, engine.topic_counts(1).undecodable) == (2, 1)
 
 
-def test_many_violations_are_kept(evaluator: Engine) -> None:
+def test_many_violations_are_kept(engine: Engine) -> None:
     for number in range(5000):
-        evaluator.message(0, a_float(2.0), received=number)
+        engine.message(0, a_float(2.0), received=number)
     stamps: list[int] = []
-    while violations := evaluator.take(0):
+    while violations := engine.take(0):
         stamps += [item.stamp for item in violations]
     assert stamps == list(range(5000))
-    assert evaluator.unpublished == 0
+    assert engine.unpublished == 0
 
 
 def test_violations_beyond_the_capacity_of_a_queue_are_counted(tmp_path: Path) -> None:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE.partition('requirements:')[0] + 'requirements:\n' + ''.join(
         f'  - {{id: R{k}, ptltl: "x < {k}.0"}}\n' for k in range(1024)), encoding='utf-8')
-    evaluator = Engine(Evaluator(build.build(bundle).monitor))
+    engine = Engine(Evaluator(build.build(bundle).monitor))
     for number in range(1026):
-        evaluator.message(0, a_float(1e6), received=number)
-    evaluator.count_unpublished(5)
-    assert evaluator.unpublished == 2 * 1024 + 5
-    assert sum(map(len, iter(lambda: evaluator.take(0), []))) == 1 << 20
+        engine.message(0, a_float(1e6), received=number)
+    engine.count_unpublished(5)
+    assert engine.unpublished == 2 * 1024 + 5
+    assert sum(map(len, iter(lambda: engine.take(0), []))) == 1 << 20

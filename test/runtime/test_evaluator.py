@@ -23,11 +23,11 @@ from pathlib import Path
 from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestTopic
-from fret_monitor.model.policies import Policy
+from fret_monitor.model.policies import Policy, Stale
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import build_library, evaluator_library, LibraryError, load
 from fret_monitor.runtime import (
-    Evaluator, InputCounts, RequirementCounts, TopicCounts, Violation,
+    Evaluator, InputCounts, NEVER, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
 )
 from hypothesis import given
 from hypothesis import strategies as st
@@ -36,6 +36,7 @@ import pytest
 
 FLAG, LEVEL = 0, 1
 LAMP, COOL = 0, 1
+SECOND = 10**9
 
 
 @cache
@@ -46,6 +47,12 @@ def toy_library() -> Path:
 def toy(manifest: Manifest | None = None, *, policy: Policy | None = None) -> Evaluator:
     monitor = load(toy_library(), manifest or toys.manifest())
     return Evaluator(monitor, policy=policy, library=evaluator_library())
+
+
+def with_timeout(manifest: Manifest) -> Manifest:
+    """Let FLAG violate its requirements after a second of silence."""
+    flag = replace(manifest.inputs[FLAG], timeout=1.0, stale=Stale.VIOLATE)
+    return replace(manifest, inputs=(flag, *manifest.inputs[1:]))
 
 
 @cache
@@ -198,7 +205,7 @@ def test_the_policy_is_that_of_the_manifest_unless_given() -> None:
         Policy.ALL_INPUTS: (2, 1), Policy.PERIODIC: (0, 0)}
 
 
-def test_a_tick_steps_the_ready_groups() -> None:
+def test_a_row_steps_the_ready_groups_with_every_policy() -> None:
     evaluator = toy(policy=Policy.PERIODIC)
     evaluator.store(FLAG, False)
     assert evaluator.message(FLAG, 1) == []
@@ -214,17 +221,47 @@ def test_a_reset_restarts_the_state_and_keeps_values_and_counters() -> None:
     assert evaluator.requirement_counts(COOL) == RequirementCounts(2, 2, 2, False)
 
 
-def test_requirements_on_a_stale_input_are_violated_until_its_next_message() -> None:
-    evaluator = toy(toys.with_initial(True, 0))
-    assert evaluator.stale(FLAG, 1, 5) == [], 'a value came meanwhile, it seems'
-    assert evaluator.stale(FLAG, 0, 5) == [Violation(LAMP, 0, 5), Violation(COOL, 0, 5)]
-    assert evaluator.stale(FLAG, 0, 6) == [] and evaluator.is_stale(FLAG)
-    assert not evaluator.is_stale(LEVEL)
+def test_requirements_on_a_silent_input_are_violated_until_its_next_message() -> None:
+    evaluator = toy(with_timeout(toys.with_initial(True, 0)))
+    assert evaluator.advance(0) == [] and evaluator.deadline == SECOND
+    evaluator.store(FLAG, True, now=5)
+    assert evaluator.advance(SECOND) == [], 'a value came meanwhile'
+    assert evaluator.deadline == SECOND + 5
+    assert evaluator.advance(10 * SECOND) == [
+        Violation(LAMP, 0, SECOND + 5), Violation(COOL, 0, SECOND + 5)]
+    assert evaluator.advance(20 * SECOND) == [] and evaluator.is_stale(FLAG)
+    assert evaluator.silence(FLAG) == Silence(1, 20 * SECOND - 5, True)
+    assert not evaluator.is_stale(LEVEL) and evaluator.deadline == NEVER
     assert evaluator.step(7) == [Violation(LAMP, 0, 7)], 'COOL reports its onset'
     assert evaluator.requirement_counts(LAMP) == RequirementCounts(1, 2, 2, False)
-    evaluator.store(FLAG, True)
-    assert not evaluator.is_stale(FLAG)
+    evaluator.store(FLAG, True, now=21 * SECOND)
+    assert evaluator.silence(FLAG) == Silence(1, 21 * SECOND - 5, False)
     assert evaluator.message(FLAG, 8) == [] and evaluator.verdicts == [True, True]
+
+
+def test_a_silence_found_later_than_the_patience_is_put_off_once() -> None:
+    monitor = load(toy_library(), with_timeout(toys.with_initial(True, 0)))
+    evaluator = Evaluator(monitor, patience=0.01, library=evaluator_library())
+    evaluator.advance(0)
+    assert evaluator.advance(5 * SECOND) == [] and evaluator.deadline == 6 * SECOND
+    assert [item.stamp for item in evaluator.advance(60 * SECOND)] == [6 * SECOND] * 2
+
+
+def test_each_period_is_stamped_with_its_own_instant_however_late_it_is_taken() -> None:
+    monitor = load(toy_library(), toys.with_initial(False, 0))
+    evaluator = Evaluator(
+        monitor, policy=Policy.PERIODIC, period=1.0, library=evaluator_library())
+    assert evaluator.deadline == -2**63, 'the time has not begun'
+    assert evaluator.advance(7) == []
+    assert evaluator.advance(SECOND + 6) == []
+    assert evaluator.advance(5 * SECOND) == [
+        Violation(LAMP, number, (number + 1) * SECOND + 7) for number in range(4)]
+    assert evaluator.time_counts() == TimeCounts(periods=4, late=4, missed=0, restarts=0)
+    evaluator.advance(2000 * SECOND)
+    assert evaluator.time_counts() == TimeCounts(periods=1004, late=1004, missed=995, restarts=0)
+    evaluator.advance(0)
+    assert evaluator.time_counts().restarts == 1
+    assert evaluator.deadline == 7, 'what was to come in 7 ns still does'
 
 
 def test_everything_is_counted() -> None:
