@@ -67,7 +67,7 @@ struct fm_engine
   bool is_closed;
 };
 
-uint32_t fm_engine_abi(void) {return FM_ABI;}
+uint32_t fm_engine_abi(void) {return FM_ENGINE_ABI;}
 
 // ---- making ------------------------------------------------------------------------------------
 

@@ -48,9 +48,8 @@
 #endif
 #endif
 
-/// Version of the structs and functions of this and the other headers. A module or an engine with
-/// another one is refused.
-#define FM_ABI 2u
+/// Version of the layout of the structs below. A module with another one is refused.
+#define FM_ABI 1u
 
 /// How an input is stored in the struct of inputs.
 enum fm_type

@@ -188,9 +188,9 @@ def load_evaluator(library: Path) -> CData:
     """
     opened = Library(library)
     found = ffi.cast('uint32_t (*)(void)', opened.find('fm_engine_abi'))()
-    if found != ffi.integer_const('FM_ABI'):
-        raise LibraryError(f"'{library}' has interface {found}, this version has "
-                           f"{ffi.integer_const('FM_ABI')}: compile the bundle again")
+    if found != (wanted := ffi.integer_const('FM_ENGINE_ABI')):
+        raise LibraryError(f"the engine in '{library}' has interface {found}, this version has "
+                           f'{wanted}: compile the bundle again')
     # Never unloaded: at exit a thread of the middleware may still run its code.
     return ffi.dlopen(os.path.abspath(library), _FLAGS | ffi.RTLD_NODELETE)
 

@@ -153,14 +153,14 @@ def test_a_monitor_is_no_evaluator() -> None:
 
 
 def test_an_engine_of_another_interface_is_refused() -> None:
-    sources = {'engine.c': '#include "fret_monitor.h"\nFM_EXPORT uint32_t fm_engine_abi(void);\n'
-               'uint32_t fm_engine_abi(void) {return FM_ABI + 1u;}\n'}
+    sources = {'engine.c': '#include "engine.h"\nuint32_t fm_engine_abi(void)\n'
+               '{\n  return FM_ENGINE_ABI + 1u;\n}\n'}
     with pytest.raises(LibraryError, match='has interface 3, this version has 2: compile'):
         load_evaluator(build_library(sources, name='other'))
 
 
 @pytest.mark.parametrize(('old', 'new', 'told'), [
-    ('FM_ABI, 2', '7, 2', 'compiled for interface 7, this version has 2'),
+    ('FM_ABI, 2', '7, 2', 'compiled for interface 7, this version has 1'),
     ('return &MONITOR', '(void)MONITOR; return NULL', 'describes no monitor'),
     ('"HASH"', '"0123456789abcdef"', 'made of other sources, 0123456789ab instead of unknown'),
     ('{"flag"', '{"lamp"', "input 0 is 'lamp' instead of 'flag'"),
