@@ -15,7 +15,7 @@
 """
 Reads a bundle with its `signals` files: YAML in, a frozen `Bundle` out.
 
-`read_bundle` raises one `CompileError` with all problems of all files. `survey_bundle` returns
+`parse_bundle` raises one `CompileError` with all problems of all files. `survey_bundle` returns
 what can be used of a bundle that has problems, so that the problems of its formulas can be
 reported in the same run.
 """
@@ -63,22 +63,6 @@ requirements:
   - id: R1
     ptltl: "H (speed <= 2.0)\""""
 _SIGNALS_EXAMPLE = 'inputs:\n  speed: {topic: speed, type: std_msgs/msg/Float32}'
-
-
-def read_bundle(path: Path) -> Bundle:
-    """
-    Read a bundle from a file, with its `signals` files.
-
-    Raises
-    ------
-    CompileError
-        with all problems of all files, if there are any.
-    """
-    problems = Problems()
-    bundle = survey_bundle(path, problems)
-    problems.raise_errors()
-    assert bundle is not None, 'a bundle that cannot be read has a problem'
-    return bundle
 
 
 def parse_bundle(source: Source, directory: Path) -> Bundle:

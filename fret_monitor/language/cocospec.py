@@ -50,15 +50,11 @@ _WORDS = {
     **dict.fromkeys(('false', 'FALSE', 'False'), ('FALSE', 'FALSE')),
 }
 _OPERATORS = {
-    '->': ('INFIX', 'arrow'), '=>': ('INFIX', '->'), '|': ('INFIX', '|'), '||': ('INFIX', '|'),
-    '&': ('INFIX', '&'), '&&': ('INFIX', '&'), '!': ('NOT', '!'), '~': ('NOT', '!'),
-    '=': ('EQUAL', '='), '==': ('EQUAL', '='), '<>': ('RELATION', '!='),
-    '!=': ('RELATION', '!='), '<=': ('RELATION', '<='), '>=': ('RELATION', '>='),
-    '<': ('RELATION', '<'), '>': ('RELATION', '>'), '+': ('INFIX', '+'), '-': ('MINUS', '-'),
-    '*': ('INFIX', '*'), '/': ('INFIX', '/'), '^': ('INFIX', '^'), '(': ('LPAR', '('),
-    ')': ('RPAR', ')'), '[': ('LBRACK', '['), ']': ('RBRACK', ']'), ',': ('COMMA', ','),
-    ';': ('SEMI', ';'), ':': ('COLON', ':'), '.': ('DOT', '.'), '<->': ('IFF', '<->'),
-    '<=>': ('IFF', '<->'),
+    **_lalr.OPERATORS,
+    '->': ('INFIX', 'arrow'), '=>': ('INFIX', '->'), '||': ('INFIX', '|'), '&&': ('INFIX', '&'),
+    '=': ('EQUAL', '='), '==': ('EQUAL', '='), '<>': ('RELATION', '!='), '[': ('LBRACK', '['),
+    ']': ('RBRACK', ']'), ';': ('SEMI', ';'), ':': ('COLON', ':'), '.': ('DOT', '.'),
+    '<->': ('IFF', '<->'), '<=>': ('IFF', '<->'),
 }
 PRECEDENCE = Precedence(
     infix={'arrow': 1, '->': 2, '|': 3, 'xor': 3, '&': 4,

@@ -48,14 +48,10 @@ _WORDS = {
     **dict.fromkeys(_any_case('false'), ('FALSE', 'FALSE')),
 }
 _OPERATORS = {
+    **_lalr.OPERATORS,
     '<->': ('INFIX', '<->'), '<=>': ('INFIX', '<->'), '->': ('INFIX', '->'),
-    '=>': ('INFIX', '->'), '|': ('INFIX', '|'), '||': ('INFIX', '|'), '&': ('INFIX', '&'),
-    '&&': ('INFIX', '&'), '!': ('NOT', '!'), '~': ('NOT', '!'), '<=': ('RELATION', '<='),
-    '>=': ('RELATION', '>='), '!=': ('RELATION', '!='), '==': ('RELATION', '='),
-    '<': ('RELATION', '<'), '>': ('RELATION', '>'), '=': ('RELATION', '='), '+': ('INFIX', '+'),
-    '-': ('MINUS', '-'), '*': ('INFIX', '*'), '/': ('INFIX', '/'), '^': ('INFIX', '^'),
-    '(': ('LPAR', '('), ')': ('RPAR', ')'), '[': ('LBRACK', '['), ']': ('RBRACK', ']'),
-    ',': ('COMMA', ','),
+    '=>': ('INFIX', '->'), '||': ('INFIX', '|'), '&&': ('INFIX', '&'), '==': ('RELATION', '='),
+    '=': ('RELATION', '='), '[': ('LBRACK', '['), ']': ('RBRACK', ']'),
 }
 PRECEDENCE = Precedence(
     infix={'<->': 1, '->': 2, 'xor': 3, '|': 4, '&': 5, 'S': 6, 'T': 6, 'SI': 6,

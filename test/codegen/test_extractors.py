@@ -32,7 +32,6 @@ from differential.compiled import c_module, clang, compile_c, CSRC, gcc, WARNING
 from fret_monitor.build import build_specification
 from fret_monitor.logic.formula import TRUE
 from fret_monitor.logic.specification import Signal, Specification
-from fret_monitor.messages.definitions import parse_message
 from fret_monitor.messages.installed import find_message, search_path
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import CompileError
@@ -41,6 +40,7 @@ from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.fields import FieldReading, Outcome, read_fields
 from hypothesis import given, HealthCheck, settings, strategies as st
 import pytest
+from stages import parse_message
 from strategies import property_of
 
 HERE = Path(__file__).resolve().parent

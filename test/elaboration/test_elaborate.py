@@ -20,7 +20,6 @@ import random
 import time
 from typing import Any
 
-from fret_monitor.elaboration.elaborate import elaborate, scope_of
 from fret_monitor.elaboration.functions import FUNCTIONS
 from fret_monitor.language.cocospec import parse_cocospec
 from fret_monitor.language.expression import Boolean, Expression, Infix, Name, Prefix
@@ -35,6 +34,7 @@ from fret_monitor.model.diagnostics import CompileError, Problems, Source, Span,
 from fret_monitor.model.floats import to_float32
 from fret_monitor.model.values import ValueType
 import pytest
+from stages import elaborate, scope_of
 
 BOOL, INT64, UINT64 = ValueType.BOOL, ValueType.INT64, ValueType.UINT64
 FLOAT32, FLOAT64 = ValueType.FLOAT32, ValueType.FLOAT64

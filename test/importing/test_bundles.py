@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 from fret_monitor.bundle.bundle import Language
-from fret_monitor.bundle.reader import read_bundle
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.importing import bundles, import_bundles, Imported, write_bundles
 from fret_monitor.importing.draft import Draft
@@ -30,6 +29,7 @@ from importing.examples import (
     written,
 )
 import pytest
+from stages import read_bundle
 
 
 def meaning(found: Imported) -> Specification:
