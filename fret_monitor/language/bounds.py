@@ -43,8 +43,8 @@ class TimedBound(Diagnostic):
 def timed_bound(number: str, unit: Unit, place: Span) -> TimedBound:
     """Return the error for `H[0,2s] p`, as long as the length of a step is not known."""
     help_ = f'write {number}' if unit is Unit.TICK else 'write the number of steps'
-    return TimedBound('a bound counts steps', place, 'this has a unit', help_, number=number,
-                      unit=unit)
+    return TimedBound('a bound must be a number of steps', place, 'this has a unit', help_,
+                      number=number, unit=unit)
 
 
 _ENDLESS = frozenset({'inf', 'infinity', 'oo'})

@@ -184,7 +184,7 @@ def _operator(call: Call) -> Expression:
 def _bound(high: Expression, low: Expression) -> Bound:
     span = join(high.span, low.span)
     if isinstance(low, Name) and low.text == 'NotEqual':
-        refuse("a bound has no 'NotEqual'", low.span, 'not a range of steps')
+        refuse("a bound cannot have 'NotEqual'", low.span, 'not a range of steps')
     if isinstance(low, Name) and low.text in _RELATIONS:
         return Bound(_RELATIONS[low.text], bound_end(high), None, span)
     return Bound('[]', bound_end(low), bound_end(high), span)

@@ -13,76 +13,97 @@
 # limitations under the License.
 
 """
-Find the bundle that the parameter `spec` names.
+Find the bundle that a user names: the argument BUNDLE of a verb, or the parameter `spec`.
 
-`spec` is a path, `package://PKG/PATH` in the share folder of an installed package, or the name of
-a file in this package's `config/`.
+It is a path, `package://PKG/PATH` in the share folder of an installed package, or the name of a
+file in this package's `config/`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 import os
 from pathlib import Path
-import sys
 
-import fret_monitor
+from fret_monitor.model.diagnostics import close_matches, did_you_mean, refuse, suggestion
+from fret_monitor.model.names import LONGEST_PATH, shown
+from fret_monitor.model.packages import installed_packages, share_folders
+
+BUNDLE_HELP = "a file, package://PKG/PATH, or the name of a file in this package's config folder"
 
 _SCHEME = 'package://'
 _OWN = 'fret_monitor'
 
 
-def find_bundle(spec: str) -> Path:
+def find_bundle(name: str) -> Path:
     """
-    Return the file that `spec` names.
-
-    A path without a file is returned unchanged.
+    Return the file of a bundle; a path without a file is returned unchanged.
 
     Raises
     ------
-    FileNotFoundError
-        if there is no such package, or the package has no such file; the message says which.
+    CompileError
+        if there is no such package, or the package has no such file.
     """
-    if spec.startswith(_SCHEME):
-        return _in_package(spec)
-    path = Path(spec).expanduser()
-    if path.exists() or not _is_name(path):
+    if name.startswith(_SCHEME):
+        return _in_package(name)
+    path = Path(os.path.expanduser(name))
+    if os.path.exists(path) or not _is_name(path):
         return path
-    return next((folder / path for folder in config_folders() if (folder / path).is_file()), path)
+    found = (folder / path for folder in config_folders())
+    return next((item for item in found if os.path.isfile(item)), path)
 
 
-def where_searched(path: Path) -> str:
-    """Return the folders that `find_bundle` searched for a relative path, for an error message."""
-    folders = [Path.cwd(), *(config_folders() if _is_name(path) else ())]
-    return ' nor in '.join(map(str, folders))
+def existing_bundle(name: str) -> Path:
+    """Return the file of a bundle; raises `CompileError` if there is none."""
+    path = find_bundle(name)
+    refuse_missing(path)
+    return path
+
+
+def refuse_missing(path: Path) -> None:
+    """Raise `CompileError` if there is no such file: where it was searched, and what is there."""
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except (OSError, ValueError):
+        return  # reading it gives the reason
+    else:
+        return
+    folders = [path.parent, *(config_folders() if _is_name(path) else ())]
+    place = '' if path.is_absolute() else ' in ' + ' nor in '.join(
+        map(str, [Path.cwd(), *folders[1:]]))
+    refuse(f'there is no file {shown(str(path), LONGEST_PATH)}{place}', help=_near(path, folders))
 
 
 def config_folders() -> list[Path]:
     """Return the folders of the bundles that come with this package."""
-    return [folder / 'config' for folder in _shares(_OWN) if (folder / 'config').is_dir()]
+    return [folder / 'config' for folder in share_folders(_OWN) if (folder / 'config').is_dir()]
 
 
 def _is_name(path: Path) -> bool:
     return len(path.parts) == 1
 
 
-def _in_package(spec: str) -> Path:
-    package, _, inside = spec.removeprefix(_SCHEME).partition('/')
-    folders = list(_shares(package))
+def _in_package(name: str) -> Path:
+    package, _, inside = name.removeprefix(_SCHEME).partition('/')
+    folders = list(share_folders(package))
     if not folders:
-        raise FileNotFoundError(f"'{spec}': the package '{package}' is not installed, or its "
-                                'workspace is not sourced')
+        refuse(f"{shown(name, LONGEST_PATH)}: the package '{package}' is not installed, or its "
+               'workspace is not sourced', help=did_you_mean(package, installed_packages()))
     for folder in folders:
-        if inside and (folder / inside).exists():
+        if inside and os.path.exists(folder / inside):
             return folder / inside
-    raise FileNotFoundError(f"'{spec}': there is no file '{inside}' in {folders[0]}")
+    refuse(f"{shown(name, LONGEST_PATH)}: there is no file '{inside}' in {folders[0]}",
+           help=_near(Path(inside), [(folder / inside).parent for folder in folders]))
 
 
-def _shares(package: str) -> Iterator[Path]:
-    """Yield the share folders of a package; for this package its source tree comes first."""
-    source = Path(fret_monitor.__file__).resolve().parents[1]
-    if package == _OWN and (source / 'package.xml').is_file():
-        yield source
-    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    for prefix in filter(None, [*prefixes, sys.prefix]):
-        share = Path(prefix) / 'share' / package
-        if package and share.is_dir():
-            yield share
+def _near(path: Path, folders: Iterable[Path]) -> str:
+    """Return a help text that names the bundles in the folders with the most similar names."""
+    stems = {item.stem: item.name for folder in folders for item in _bundles(folder)}
+    return suggestion(stems[stem] for stem in close_matches(path.stem, stems))
+
+
+def _bundles(folder: Path) -> list[Path]:
+    try:
+        return [item for item in folder.iterdir() if item.suffix in ('.yaml', '.yml')]
+    except (OSError, ValueError):
+        return []  # only a hint

@@ -32,9 +32,10 @@ from differential.compiled import c_module, clang, compile_c, CSRC, gcc, WARNING
 from fret_monitor.build import build_specification
 from fret_monitor.logic.formula import TRUE
 from fret_monitor.logic.specification import Signal, Specification
-from fret_monitor.messages.installed import find_message, search_path
+from fret_monitor.messages.installed import find_message
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.packages import search_path
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.fields import FieldReading, Outcome, read_fields
