@@ -25,7 +25,7 @@ from fractions import Fraction
 from fret_monitor.bundle.bundle import InputEntry, ValueEntry
 from fret_monitor.bundle.declared_name import DeclaredName
 from fret_monitor.bundle.yaml_shape import (
-    line_of, mapping_of, report_choice, report_fault, Shape, text_of,
+    line_of, mapping_of, report_choice, report_fault, SECONDS, Shape, text_of,
 )
 from fret_monitor.bundle.yaml_tree import Node, Unread, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import Problems, Text
@@ -58,7 +58,7 @@ def read_input(name: DeclaredName, mapping: YamlMapping, problems: Problems) -> 
         initial=shape.text('initial'),
         values=tuple(_values(shape.node('values'), faults['values'])),
         qos=tuple(_qos(shape.node('qos'), faults['qos'])),
-        timeout=shape.positive('timeout', 'seconds', _SHORTEST_TIMEOUT_S, _LONGEST_TIMEOUT_S),
+        timeout=shape.positive('timeout', SECONDS, _SHORTEST_TIMEOUT_S, _LONGEST_TIMEOUT_S),
         stale=_stale(shape, problems),
     )
     damaged = {key for key in INPUT_KEYS if shape.is_cut or not shape.lacks(key) and (

@@ -15,7 +15,7 @@
 """
 Reads a bundle with its `signals` files: YAML in, a frozen `Bundle` out.
 
-`read_bundle` raises one `CompileError` with all problems of all files. `survey_bundle` returns
+`parse_bundle` raises one `CompileError` with all problems of all files. `survey_bundle` returns
 what can be used of a bundle that has problems, so that the problems of its formulas can be
 reported in the same run.
 """
@@ -33,7 +33,8 @@ from fret_monitor.bundle.inputs import check_topics, INPUT_KEYS, read_input
 from fret_monitor.bundle.requirements import read_requirements
 from fret_monitor.bundle.source_file import read_source
 from fret_monitor.bundle.yaml_shape import (
-    is_empty, line_of, mapping_of, report_choice, report_fault, Shape, text_of,
+    HERTZ, is_empty, kind_of, line_of, mapping_of, report_choice, SECONDS, Shape,
+    text_of,
 )
 from fret_monitor.bundle.yaml_tree import (
     Node, read_tree, Unread, YamlList, YamlMapping, YamlScalar,
@@ -63,22 +64,6 @@ requirements:
   - id: R1
     ptltl: "H (speed <= 2.0)\""""
 _SIGNALS_EXAMPLE = 'inputs:\n  speed: {topic: speed, type: std_msgs/msg/Float32}'
-
-
-def read_bundle(path: Path) -> Bundle:
-    """
-    Read a bundle from a file, with its `signals` files.
-
-    Raises
-    ------
-    CompileError
-        with all problems of all files, if there are any.
-    """
-    problems = Problems()
-    bundle = survey_bundle(path, problems)
-    problems.raise_errors()
-    assert bundle is not None, 'a bundle that cannot be read has a problem'
-    return bundle
 
 
 def parse_bundle(source: Source, directory: Path) -> Bundle:
@@ -122,7 +107,7 @@ class _BundleReader:
         self._directory = directory
         self._problems = problems
         self._needs_period = needs_period
-        self._declared: dict[str, Text] = {}
+        self._declared: dict[str, DeclaredName] = {}
         self._unreadable: set[str] = set()
 
     def bundle(self, source: Source) -> Bundle | None:
@@ -208,9 +193,8 @@ class _BundleReader:
     def _period(self, part: Shape, place: Span, policy: Policy,
                 is_known: bool) -> Fraction | None:
         """Read `period` or `rate`; both are read so that both are checked."""
-        period = part.positive('period', 'seconds', _SHORTEST_PERIOD_S, _LONGEST_PERIOD_S)
-        rate = part.positive('rate', 'steps a second (Hz)', 1 / _LONGEST_PERIOD_S,
-                             1 / _SHORTEST_PERIOD_S)
+        period = part.positive('period', SECONDS, _SHORTEST_PERIOD_S, _LONGEST_PERIOD_S)
+        rate = part.positive('rate', HERTZ, 1 / _LONGEST_PERIOD_S, 1 / _SHORTEST_PERIOD_S)
         keys = [key for key in (part.key('period'), part.key('rate')) if key]
         if len(keys) == 2:
             self._problems.error("'period' and 'rate' are both given", keys[1].span,
@@ -231,9 +215,7 @@ class _BundleReader:
         for name, node in self._named(shape, 'constants', 'cc_t: 15.0'):
             problems = Problems()
             self._declare(name, problems)
-            text = text_of(node, f'the constant {shown(name.value)}', problems)
-            if text is not None and text.value.lower() not in ('true', 'false'):
-                report_fault(number_fault(text.value), text, problems)
+            text = _constant(node, f'the constant {shown(name.value)}', problems)
             if self._is_usable(name, node, problems) and text is not None:
                 yield ConstantEntry(name.text, text)
 
@@ -247,13 +229,17 @@ class _BundleReader:
     def _declare(self, name: DeclaredName, problems: Problems) -> None:
         """Take a name; two may not differ in FRET's spelling only (`a.b` and `a_DOT_b`)."""
         fault = (quoted_name_fault if name.is_quoted else name_fault)(name.value)
-        first = self._declared.setdefault(fret_name(name.value), name.text)
+        other = self._declared.setdefault(fret_name(name.value), name)
         if fault is not None:
             problems.error(fault.reason, name.span, 'not a name', fault.help)
-        elif first is not name.text:
+        elif other is not name:
+            first, second = other, name
+            if first.span.source is second.span.source and first.span.start > second.span.start:
+                first, second = second, first  # sections are read in one order, written in any
             problems.error(
-                f'{shown(name.value)} is declared twice', name.span,
-                f'first in {line_of(first, name.span)}', 'choose another name for one of them')
+                f'{shown(second.value)} is declared twice', second.span,
+                f'first in {line_of(first.text, second.span)}',
+                'choose another name for one of them')
 
     def _is_usable(self, name: DeclaredName, node: Node, problems: Problems) -> bool:
         """Pass on the problems of an entry; return whether it has none."""
@@ -340,6 +326,19 @@ class _BundleReader:
             return None
         return self._contents(
             source, Shape(mapping, 'a signals file', _SIGNALS_KEYS, self._problems))
+
+
+def _constant(node: Node, what: str, problems: Problems) -> Text | None:
+    must = f'{what} must be a number, true or false'
+    if isinstance(node, YamlMapping | YamlList):
+        problems.error(must, node.span, f'this is {kind_of(node)}')
+        return None
+    text = text_of(node, what, problems)
+    if text is not None and text.value.lower() not in ('true', 'false'):
+        fault = number_fault(text.value)
+        if fault is not None:
+            problems.error(f'{must}, and is {kind_of(node)}', text.span, help=fault.help)
+    return text
 
 
 def _resolved(path: Path) -> Path:

@@ -34,6 +34,7 @@ _VALUE_LINE = re.compile(
     r"""[ \t]*(?:-[ ]+)*(?P<key>[A-Za-z_][^:#'"\[\]{},]*|"[^"]*"|'[^']*')[ \t]*:[ \t]+(?=\S)""")
 _CLOSERS = {'(': ')', '[': ']', '{': '}'}
 _FLOW_KEY = re.compile(r'[{,][ \t]*[A-Za-z_]\w*[ \t]*:[ \t]+(?=\S)')
+_OPEN_INDEX = re.compile(r'\[[0-9]+$')
 _NEXT_KEY = re.compile(r',[ \t]*[A-Za-z_]\w*[ \t]*:(?:[ \t]|$)')
 
 _MARKS = {
@@ -59,7 +60,7 @@ def report_lacking_space(match: re.Match[str], span: Span, problems: Problems) -
 
 def report_misread(source: Source, start: int, problems: Problems) -> None:
     """Report that the value that starts at `start` needs quotes, with the line to paste."""
-    written = value_as_written(source, start)
+    written = _OPEN_INDEX.sub(r'\g<0>]', value_as_written(source, start))
     first = source.text[start]
     quotes = first in '"\''
     if quotes:
@@ -195,7 +196,7 @@ class Repair:
         start = text.rfind('\n', 0, place) + 1
         match = re.compile(r'[ ]*(?:-[ ]*)*(\t)').match(text, start)
         if match:
-            self._problems.error('YAML is not indented with tabs',
+            self._problems.error('YAML cannot be indented with tabs',
                                  Span(self._source, match.start(1), match.end(1)),
                                  'use spaces here')
         return match is not None

@@ -20,8 +20,10 @@ and numbers. A value that was refused is returned as None: its problem is report
 """
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
+import re
 from typing import TypeVar
 
 from fret_monitor.bundle.yaml_repair import (
@@ -34,6 +36,27 @@ from fret_monitor.model.diagnostics import (
 from fret_monitor.model.names import exact, Fault, number_fault, shown
 
 _Choice = TypeVar('_Choice', bound=Enum)
+_WITH_UNIT = re.compile(r'([0-9.]+)\s*([A-Za-z]+)')
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a number counts; an example; and what users write behind it, each with its size."""
+
+    unit: str
+    example: str
+    sizes: Mapping[str, Fraction]
+
+
+SECONDS = Quantity('seconds', '0.5', {
+    **dict.fromkeys(('ns', 'nanoseconds'), Fraction(1, 10 ** 9)),
+    **dict.fromkeys(('us', 'microseconds'), Fraction(1, 10 ** 6)),
+    **dict.fromkeys(('ms', 'msec', 'milliseconds'), Fraction(1, 1000)),
+    **dict.fromkeys(('s', 'sec', 'secs', 'second', 'seconds'), Fraction(1)),
+    **dict.fromkeys(('min', 'minute', 'minutes'), Fraction(60)),
+    **dict.fromkeys(('h', 'hour', 'hours'), Fraction(3600)),
+})
+HERTZ = Quantity('steps a second (Hz)', '10', {'hz': Fraction(1), 'khz': Fraction(1000)})
 
 
 class Shape:
@@ -117,7 +140,8 @@ class Shape:
         report_choice(text, key, words, self._problems)
         return default
 
-    def positive(self, key: str, unit: str, least: Fraction, most: Fraction) -> Fraction | None:
+    def positive(self, key: str, quantity: Quantity, least: Fraction,
+                 most: Fraction) -> Fraction | None:
         """Return an exact positive number, between `least` and `most`."""
         text = self.text(key)
         if text is None:
@@ -125,17 +149,26 @@ class Shape:
         fault = number_fault(text.value)
         value = exact(text.value)
         if fault is not None:
-            self._problems.error(f"'{key}' must be a number of {unit}: {fault.reason}", text.span,
-                                 help=fault.help or f'{key}: 0.1')
+            self._problems.error(
+                f"'{key}' must be a number of {quantity.unit}: {fault.reason}", text.span,
+                help=fault.help or f'{key}: {_without_unit(text.value, quantity)}')
         elif value is not None and value <= 0:
             self._problems.error(f"'{key}' must be greater than 0", text.span)
         elif value is None or not least <= value <= most:
             self._problems.error(
-                f"'{key}' is out of range", text.span, f'a number of {unit} from '
+                f"'{key}' is out of range", text.span, f'a number of {quantity.unit} from '
                 f'{float(least):g} to {float(most):g}')
         else:
             return value
         return None
+
+
+def _without_unit(text: str, quantity: Quantity) -> str:
+    """Return the number that `500 ms` means, or the example if the unit is not known."""
+    match = _WITH_UNIT.fullmatch(text)
+    number = exact(match[1]) if match else None
+    size = quantity.sizes.get(match[2].lower()) if match else None
+    return quantity.example if number is None or size is None else f'{float(number * size):.15g}'
 
 
 def _report_comma(mapping: YamlMapping, known: tuple[str, ...], problems: Problems) -> bool:

@@ -21,16 +21,14 @@ up: no recursion, linear time. Whatever cannot be read is a `CompileError` with 
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 import re
 from typing import Any, NamedTuple, NoReturn, TypeAlias
 import warnings
 
-from fret_monitor.language.expression import (
-    Boolean, Call, Conditional, Expression, Infix, Name, Number, Prefix,
-)
+from fret_monitor.language.expression import Boolean, Call, Expression, Name, Number, Prefix
 from fret_monitor.language.precedence import Chain, Operator, Pending, Precedence
 from fret_monitor.language.quoted_text import QuotedText
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, refuse, Span, Text
@@ -49,6 +47,13 @@ NUMBER = (r'(?P<NUMBER>(?:(?:0|[1-9][0-9]*)(?:\.[0-9]+)?|\.[0-9]+)(?:[eE][+-]?[0
 NAME = r'(?P<NAME>[A-Za-z_$][\w$]*(?:[.%][\w$]+)*)'
 QUOTED = r'(?P<QUOTED>"(?:[^"\\\x00-\x1f\x7f]|\\[^\x00-\x1f\x7f])*")'
 
+# Kind and one spelling of the operators that all languages have.
+OPERATORS = {
+    '|': ('INFIX', '|'), '&': ('INFIX', '&'), '!': ('NOT', '!'), '~': ('NOT', '!'),
+    **{sign: ('RELATION', sign) for sign in ('<=', '>=', '!=', '<', '>')},
+    **{sign: ('INFIX', sign) for sign in '+*/^'}, '-': ('MINUS', '-'),
+    '(': ('LPAR', '('), ')': ('RPAR', ')'), ',': ('COMMA', ','),
+}
 _LOOKALIKES = {
     '\u2227': 'and', '\u2228': 'or', '\u00ac': 'not', '\u2192': 'implies', '\u21d2': 'implies',
     '\u2194': 'iff', '\u21d4': 'iff', '\u2264': '<=', '\u2265': '>=', '\u2260': 'unequal',
@@ -455,18 +460,8 @@ def _operator(parts: list[Any]) -> Operator:
 
 def placed(node: Expression, span: Span) -> Expression:
     """Return a node of several parts with another place."""
-    match node:
-        case Infix():
-            return Infix(node.operator, node.bound, node.left, node.right, node.operator_span,
-                         span)
-        case Prefix():
-            return Prefix(node.operator, node.bound, node.argument, node.operator_span, span)
-        case Call():
-            return Call(node.function, node.arguments, node.function_span, span)
-        case Conditional():
-            return Conditional(node.condition, node.yes, node.no, span)
-        case _:
-            return node
+    is_single = isinstance(node, Name | Number | Boolean)
+    return node if is_single else replace(node, span=span)
 
 
 def join(first: Span, last: Span) -> Span:

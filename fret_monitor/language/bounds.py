@@ -21,13 +21,15 @@ they stand for is not known yet; `work_out` computes the bound once it is.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NoReturn
+import operator
 
 from fret_monitor.language.expression import Expression, Infix, Name, Number, postorder, Prefix
 from fret_monitor.language.sentence import Unit
 from fret_monitor.model.diagnostics import Diagnostic, refuse, Span
 
 _MAX_DIGITS = 30
+_OPERATIONS: dict[str, Callable[[int, int], int]] = {
+    '+': operator.add, '-': operator.sub, '*': operator.mul}
 
 
 @dataclass(frozen=True)
@@ -41,8 +43,8 @@ class TimedBound(Diagnostic):
 def timed_bound(number: str, unit: Unit, place: Span) -> TimedBound:
     """Return the error for `H[0,2s] p`, as long as the length of a step is not known."""
     help_ = f'write {number}' if unit is Unit.TICK else 'write the number of steps'
-    return TimedBound('a bound counts steps', place, 'this has a unit', help_, number=number,
-                      unit=unit)
+    return TimedBound('a bound must be a number of steps', place, 'this has a unit', help_,
+                      number=number, unit=unit)
 
 
 _ENDLESS = frozenset({'inf', 'infinity', 'oo'})
@@ -81,23 +83,9 @@ def work_out(root: Expression, constant: Callable[[Name], int]) -> int:
                 values.append(-values.pop())
             case Infix(operator='+' | '-' | '*'):
                 right, left = values.pop(), values.pop()
-                values.append(_calculate(node.operator, left, right))
+                values.append(_OPERATIONS[node.operator](left, right))
             case _:
-                _refuse(node)
+                refuse('a bound must be a whole number', node.span, 'not a number')
         if abs(values[-1]) >= 10 ** _MAX_DIGITS:
             refuse('the bound is too large', root.span, 'a bound is at most 2147483647')
     return values[0]
-
-
-def _calculate(operator: str, left: int, right: int) -> int:
-    match operator:
-        case '+':
-            return left + right
-        case '-':
-            return left - right
-        case _:
-            return left * right
-
-
-def _refuse(node: Expression) -> NoReturn:
-    refuse('a bound must be a whole number', node.span, 'not a number')

@@ -50,15 +50,11 @@ _WORDS = {
     **dict.fromkeys(('false', 'FALSE', 'False'), ('FALSE', 'FALSE')),
 }
 _OPERATORS = {
-    '->': ('INFIX', 'arrow'), '=>': ('INFIX', '->'), '|': ('INFIX', '|'), '||': ('INFIX', '|'),
-    '&': ('INFIX', '&'), '&&': ('INFIX', '&'), '!': ('NOT', '!'), '~': ('NOT', '!'),
-    '=': ('EQUAL', '='), '==': ('EQUAL', '='), '<>': ('RELATION', '!='),
-    '!=': ('RELATION', '!='), '<=': ('RELATION', '<='), '>=': ('RELATION', '>='),
-    '<': ('RELATION', '<'), '>': ('RELATION', '>'), '+': ('INFIX', '+'), '-': ('MINUS', '-'),
-    '*': ('INFIX', '*'), '/': ('INFIX', '/'), '^': ('INFIX', '^'), '(': ('LPAR', '('),
-    ')': ('RPAR', ')'), '[': ('LBRACK', '['), ']': ('RBRACK', ']'), ',': ('COMMA', ','),
-    ';': ('SEMI', ';'), ':': ('COLON', ':'), '.': ('DOT', '.'), '<->': ('IFF', '<->'),
-    '<=>': ('IFF', '<->'),
+    **_lalr.OPERATORS,
+    '->': ('INFIX', 'arrow'), '=>': ('INFIX', '->'), '||': ('INFIX', '|'), '&&': ('INFIX', '&'),
+    '=': ('EQUAL', '='), '==': ('EQUAL', '='), '<>': ('RELATION', '!='), '[': ('LBRACK', '['),
+    ']': ('RBRACK', ']'), ';': ('SEMI', ';'), ':': ('COLON', ':'), '.': ('DOT', '.'),
+    '<->': ('IFF', '<->'), '<=>': ('IFF', '<->'),
 }
 PRECEDENCE = Precedence(
     infix={'arrow': 1, '->': 2, '|': 3, 'xor': 3, '&': 4,
@@ -188,7 +184,7 @@ def _operator(call: Call) -> Expression:
 def _bound(high: Expression, low: Expression) -> Bound:
     span = join(high.span, low.span)
     if isinstance(low, Name) and low.text == 'NotEqual':
-        refuse("a bound has no 'NotEqual'", low.span, 'not a range of steps')
+        refuse("a bound cannot have 'NotEqual'", low.span, 'not a range of steps')
     if isinstance(low, Name) and low.text in _RELATIONS:
         return Bound(_RELATIONS[low.text], bound_end(high), None, span)
     return Bound('[]', bound_end(low), bound_end(high), span)

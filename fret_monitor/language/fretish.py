@@ -161,7 +161,8 @@ class _FretishBuilder(_lalr.ExpressionBuilder):
     def chain(self, parts: list[Any]) -> list[Qualifier]:
         chain: list[Qualifier] = parts[0] if isinstance(parts[0], list) else []
         link = parts[-1]
-        joint = '|' if any(_is_word(part, 'OR') for part in parts) else '&'
+        kinds = [part.type for part in parts if isinstance(part, Lexeme)]
+        joint = '|' if 'OR' in kinds else '&'
         chain.append(Qualifier(link.word, joint, link.expression, link.is_negated, link.span))
         return chain
 
@@ -232,10 +233,6 @@ _PLACES = {
 
 def _first(parts: Sequence[Any], kind: type) -> Any:
     return next((part for part in parts if isinstance(part, kind)), None)
-
-
-def _is_word(part: Any, kind: str) -> bool:
-    return isinstance(part, Lexeme) and part.type == kind
 
 
 def _start(part: Any) -> Span:

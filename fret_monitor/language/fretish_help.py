@@ -135,7 +135,7 @@ def check_expression(lexemes: Sequence[Lexeme]) -> None:
     """Refuse a sentence where an expression is wanted."""
     for lexeme in lexemes:
         if lexeme.type in ('SHALL', 'SATISFY'):
-            refuse('a definition is an expression, not a sentence', lexeme.span,
+            refuse('a definition must be an expression, not a sentence', lexeme.span,
                    'not allowed here', 'write a condition, as in x > 3 & p')
 
 
@@ -196,6 +196,13 @@ def _wants_operand(misfit: Misfit) -> bool:
     return {'NAME', 'LPAR'} <= misfit.fitting and 'INFIX' not in misfit.fitting
 
 
+def _is_article(misfit: Misfit) -> bool:
+    """Whether `the` stands before an operand, which FRETish does not read."""
+    following = misfit.lexemes[misfit.index + 1:misfit.index + 3]
+    return (misfit.found.type == 'THE' and _wants_operand(misfit) and len(following) == 2
+            and following[0].type == 'NAME' and following[1].type != 'SHALL')
+
+
 def _is_word(lexeme: Lexeme) -> bool:
     return lexeme.text in WORDS and lexeme.type == WORDS[lexeme.text]
 
@@ -219,9 +226,10 @@ _LONGEST_PHRASE = len(_PHRASES[0][0])
 
 
 def _check_english(misfit: Misfit) -> None:
-    """Report a comparison in words where one of its words is unexpected."""
+    """Report a comparison in words where one of its words, or `the` before it, is unexpected."""
     lexemes = misfit.lexemes
-    for start in range(max(1, misfit.index - _LONGEST_PHRASE), misfit.index + 1):
+    last = misfit.index + (2 if _is_article(misfit) else 0)
+    for start in range(max(1, misfit.index - _LONGEST_PHRASE), min(last + 1, len(lexemes))):
         words = tuple(misfit.written(lexeme).lower()
                       for lexeme in lexemes[start:start + _LONGEST_PHRASE])
         found = next(((phrase, sign) for phrase, sign in _PHRASES
@@ -232,8 +240,9 @@ def _check_english(misfit: Misfit) -> None:
 
 def _refuse_english(misfit: Misfit, start: int, phrase: tuple[str, ...], sign: str) -> None:
     lexemes, end = misfit.lexemes, start + len(phrase)
-    left, right = lexemes[start - 1], lexemes[min(end, len(lexemes) - 1)]
-    if not start <= misfit.index <= end or right.type not in OPERAND_STARTS | {'MINUS'}:
+    after = end + 1 if lexemes[min(end, len(lexemes) - 1)].type == 'THE' else end
+    left, right = lexemes[start - 1], lexemes[min(after, len(lexemes) - 1)]
+    if misfit.index > after or right.type not in OPERAND_STARTS | {'MINUS'}:
         return
     shown = misfit.written(left), misfit.written(right)
     first = lexemes[start].span
@@ -308,8 +317,18 @@ def _check_known_slips(misfit: Misfit) -> None:
                'leave it out: if p the COMPONENT shall ... satisfy q')
     if found.type == 'NEGATION':
         refuse("unexpected 'not'", found.span, _expectation(misfit.fitting),
-               'write when not in m mode, or except in m mode')
+               _negated_response(misfit) or 'write when not in m mode, or except in m mode')
     _check_operators(misfit)
+
+
+def _negated_response(misfit: Misfit) -> str:
+    """Return what to write for `shall always not satisfy p`, '' for a 'not' elsewhere."""
+    before = misfit.before
+    if before is None or 'SATISFY' not in misfit.fitting:
+        return ''
+    if before.text in ('shall', 'always'):
+        return 'write shall never satisfy p, or shall always satisfy !p'
+    return 'negate the response: satisfy !p'
 
 
 def _in_expression(misfit: Misfit) -> bool:
@@ -379,6 +398,10 @@ def _help(misfit: Misfit) -> str:
     if found.type in _PLACES and any(lexeme.type in _QUALIFIERS for lexeme in
                                      misfit.lexemes[:misfit.index]):
         return 'the scope comes first: in m mode when p the COMPONENT shall ...'
+    if _is_article(misfit):
+        return f'leave it out: write {misfit.written(misfit.lexemes[misfit.index + 1])}'
+    if found.type == 'THE' and _wants_operand(misfit):
+        return _EXAMPLE
     if _is_word(found) and _wants_operand(misfit):
         return f'write "{misfit.written(found)}", in quotes, if it is a name'
     if 'SHALL' in misfit.fitting or {'THE', 'NAME'} <= misfit.fitting:

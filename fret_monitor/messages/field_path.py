@@ -309,7 +309,8 @@ def _refuse_array(end: _End, path_text: Text) -> NoReturn:
 def _refuse_message(end: _End, path_text: Text) -> NoReturn:
     inner = _leaf_paths(nested_layout(end.inside, end.type, path_text.span))
     functions = [f'{name}({path_text.value})' for name in _functions(end)]
-    refuse(f'{shown(path_text.value)} is {_element(end.type)}', path_text.span,
+    element = FieldType(end.type.base, text_limit=end.type.text_limit)
+    refuse(f'{shown(path_text.value)} is {_kind(element)}', path_text.span,
            'which part of it?',
            _help([*(f'{path_text.value}.{path}' for path in inner), *functions]))
 
@@ -321,11 +322,6 @@ def _named(end: _End, path: str) -> str:
     element = FieldType(end.type.base, text_limit=end.type.text_limit)
     kind = 'message' if end.type.is_message else 'value'
     return f'the {kind} {shown(path)} ({element})'
-
-
-def _element(kind: FieldType) -> str:
-    """Say what one element of a type is."""
-    return _kind(FieldType(kind.base, text_limit=kind.text_limit))
 
 
 def _kind(kind: FieldType) -> str:

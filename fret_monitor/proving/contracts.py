@@ -230,10 +230,6 @@ def _settled(name: str, goals: Sequence[Term], given: Sequence[Term], machine: M
     return Proof(name, Answer.PROVED, spent)
 
 
-def _others(name: str) -> dict[str, Contract]:
-    return {other: contract for other, contract in ARITHMETIC.items() if other != name}
-
-
 def _any(name: str, kind: ArithmeticType) -> Value:
     sort = t.BOOL if kind.kind == 'bool' else t.word(kind.bits)
     return Value(kind, t.variable(name, sort))
@@ -263,7 +259,8 @@ def _prove_pure(name: str, item: _Pure, program: CProgram, seconds: float) -> Pr
 
 def _prove_call(program: CProgram, name: str, item: _Pure, arguments: Sequence[Value],
                 given: Sequence[Term], seconds: float) -> Proof:
-    machine = Machine(program, {}, _others(name))
+    others = {other: item for other, item in ARITHMETIC.items() if other != name}
+    machine = Machine(program, {}, others)
     found = _called(machine, name, arguments)
     wanted = item.compute(*(value.term for value in arguments))
     return _settled(name, [t.same(found, wanted)], given, machine, seconds)

@@ -125,9 +125,10 @@ class MonitorNode(LifecycleNode):
             return None
         is_refusal = isinstance(attempt.error, Refusal)
         if not self._is_starting:
+            reason = (str(attempt.error) if is_refusal
+                      else ''.join(traceback.format_exception(attempt.error)))
             self.get_logger().error(
-                str(attempt.error) if is_refusal
-                else ''.join(traceback.format_exception(attempt.error)))
+                f'{reason.rstrip()}\nnothing is monitored until the node is active again')
         return TransitionCallbackReturn.FAILURE if is_refusal else TransitionCallbackReturn.ERROR
 
     def _configure(self) -> None:

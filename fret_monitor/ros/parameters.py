@@ -26,9 +26,9 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from fret_monitor.model.diagnostics import did_you_mean
+from fret_monitor.model.bundle_files import find_bundle
+from fret_monitor.model.diagnostics import CompileError, did_you_mean
 from fret_monitor.model.policies import Policy
-from fret_monitor.ros.bundle_files import find_bundle
 from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH, LARGEST_DEPTH
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -243,8 +243,8 @@ def _specs(texts: Sequence[str], problems: list[str]) -> list[Path]:
     for text in texts:
         try:
             specs.append(find_bundle(text))
-        except FileNotFoundError as error:
-            problems.append(str(error))
+        except CompileError as error:
+            problems.append(str(error).removeprefix('error: '))
     return specs
 
 

@@ -34,12 +34,12 @@ from fret_monitor.build import build, generate_monitor, read
 from fret_monitor.elaboration.formalize import formalize
 from fret_monitor.importing import import_bundles
 from fret_monitor.language.fretish import parse_fretish
-from fret_monitor.messages.definitions import parse_message
 from fret_monitor.model.diagnostics import CompileError, Source, Text
 from fret_monitor.model.manifest import Manifest, ManifestError
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.traces.simulate import simulate
 from importing.examples import DATABASE, DOCUMENT, LUSTRE, SPECIFICATION
+from stages import parse_message
 
 HERE = Path(__file__).resolve().parent
 GOLDEN = HERE.parent / 'golden'

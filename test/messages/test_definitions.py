@@ -18,13 +18,14 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from fret_monitor.messages.definitions import parse_message
 from fret_monitor.messages.field_path import resolve_field
-from fret_monitor.messages.installed import find_message, fingerprint, search_path
+from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageLayout
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Source, Text
+from fret_monitor.model.packages import search_path
 from hypothesis import given, strategies
 import pytest
+from stages import parse_message
 
 STATE = """\
 # What the vehicle does

@@ -107,6 +107,7 @@ def test_parameters_read_by_configure_change_only_before_it_and_then_take_effect
         manager = Manager(partner)
         assert manager.ask(CONFIGURE) == [False]
         node.wait_for('nothing to monitor: name a bundle')
+        node.wait_for('nothing is monitored until the node is active again')
         assert set_to(partner, policy='sometimes')[0] == (
             False, "parameter 'policy' is 'sometimes', and has to be one of every_message, "
                    'relevant_message, all_inputs, periodic')
