@@ -608,7 +608,8 @@ def started(load_program: Path, work: Work, subject: Subject) -> Start:
 
 
 FIGURES: dict[str, Callable[[Bench], Iterator[Row]]] = {
-    'quiet': quiet, 'violations': violations, 'deadlines': deadlines, 'idle': idle, 'cloud': cloud, 'flood': flood, 'start': start,
+    'quiet': quiet, 'violations': violations, 'deadlines': deadlines, 'idle': idle,
+    'cloud': cloud, 'flood': flood, 'start': start,
 }
 
 

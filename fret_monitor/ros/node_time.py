@@ -15,8 +15,8 @@
 """
 The time of a node, as an engine follows it (docs/ros.md, Time).
 
-It is `/clock` where `use_sim_time` is set, and a steady clock otherwise: a correction of the system
-time neither delays a period or timeout nor adds one. The engine waits and counts in C; Python only
+It is `/clock` where `use_sim_time` is set, and a steady clock otherwise: a correction of the
+system time neither delays a period or timeout nor adds one. The engine waits and counts in C; Python only
 passes on that the clock has moved, or was changed for the other one.
 """
 
@@ -48,8 +48,8 @@ class NodeTime:
         """
         Begin the time of the engine.
 
-        `clock_now` is the address of `rcl_clock_get_now`. Without deadlines, the engine is not told
-        when `/clock` has moved.
+        `clock_now` is the address of `rcl_clock_get_now`. Without deadlines, the engine does not
+        have to be woken when `/clock` has moved.
         """
         self._engine = engine
         self._clock_now = clock_now
@@ -105,8 +105,8 @@ class TimeLog:
         if counts.restarts > self._restarts:
             self._restarts = counts.restarts
             self._node.get_logger().warning(
-                f'time went back, to {self._now() / 1e9:.3f} s: periods and timeouts continue from '
-                'there; values and past of the requirements are kept')
+                f'time went back, to {self._now() / 1e9:.3f} s: periods and timeouts continue '
+                'from there; values and past of the requirements are kept')
         if self._period is not None and are_worth_reading(self._logged, counts) \
                 and self._throttle.passes():
             missed, late = counts.missed - self._logged.missed, counts.late - self._logged.late
