@@ -17,7 +17,7 @@ One bundle on a node: from its subscriptions through the engine to published vio
 
 The engine in C decodes the messages, steps, and waits for what is due without a message; C
 publishes the violations. C also takes the messages where the middleware allows it (`hot_path`);
-otherwise the feed's thread does. Closing a session removes from the node all that it created there.
+otherwise the feed's thread does. Closing a session removes from the node all that it created.
 """
 
 from collections.abc import Sequence

@@ -16,8 +16,8 @@
 The time of a node, as an engine follows it (docs/ros.md, Time).
 
 It is `/clock` where `use_sim_time` is set, and a steady clock otherwise: a correction of the
-system time neither delays a period or timeout nor adds one. The engine waits and counts in C; Python only
-passes on that the clock has moved, or was changed for the other one.
+system time neither delays a period or timeout nor adds one. The engine waits and counts in C;
+Python only passes on that the clock has moved, or was changed for the other one.
 """
 
 from contextlib import ExitStack
