@@ -188,9 +188,9 @@ FM_EXPORT int64_t fm_evaluator_deadline(struct fm_evaluator * evaluator);
 FM_EXPORT int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator);
 
 /// Move the time to `now`, and take the first thing that is due by then, stamped with its own
-/// instant, however late this is called. To be called until fm_evaluator_wake is after `now`. The
-/// violations are as those of fm_evaluator_message. Of one instant, the timeouts come first, by
-/// input, then the period.
+/// instant, however late this is called. To be called until fm_evaluator_wake is after `now`, or
+/// FM_NEVER. The violations are as those of fm_evaluator_message. Of one instant, the timeouts come
+/// first, by input, then the period.
 ///
 /// The first call begins the time: the timeouts run from it, and the first period ends one period
 /// later. Time that goes back is counted: what was to come in a second still comes in a second;
