@@ -193,8 +193,8 @@ FM_EXPORT int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator);
 /// instant, the timeouts come first, by input, then the period.
 ///
 /// The first call begins the time: all timeouts run from it, whatever was stored before, and the
-/// first period ends one period later. Time that goes back is counted: what was to come in a second still comes in a second;
-/// values and past are kept.
+/// first period ends one period later. Time that goes back is counted: what was to come in a
+/// second still comes in a second; values and past are kept.
 ///
 /// A period: all ready groups take a step. Of more than FM_MOST_PERIODS_BEHIND due ones the first
 /// are missed, before anything else is taken.

@@ -20,6 +20,7 @@ system time neither delays a period or timeout nor adds one. The engine waits an
 Python only passes on that the clock has moved, or was changed for the other one.
 """
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from time import monotonic
 from typing import Any
@@ -28,7 +29,7 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.ros.throttle import Throttle
 from fret_monitor.runtime import Engine, TimeCounts
 
-from rclpy.clock import ClockChange, JumpThreshold, TimeJump
+from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from rclpy.node import Node
 
@@ -54,29 +55,33 @@ class NodeTime:
         self._engine = engine
         self._clock_now = clock_now
         self._clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
-        self._has_deadlines = has_deadlines
         self._held = ExitStack()
         handle: Any = self._clock.handle
         self._held.enter_context(handle)
         self._pointer = ffi.cast('void *', handle.pointer)
-        moved = Duration(nanoseconds=1) if has_deadlines else None
-        jumps = self._clock.create_jump_callback(
-            JumpThreshold(min_forward=moved, min_backward=moved and Duration(nanoseconds=-1)),
-            post_callback=self._on_jump)
-        self._held.callback(jumps.unregister)
+        self._listen(JumpThreshold(min_forward=None, min_backward=None), self._leave, self._follow)
+        if has_deadlines:
+            self._listen(JumpThreshold(
+                min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1),
+                on_clock_change=False), None, self._engine.wake)
+        if not self._clock.ros_time_is_active:
+            self._engine.follow_steady()
         self._follow()
+
+    def _listen(self, threshold: JumpThreshold, before: Callable[[], None] | None,
+                after: Callable[[], None]) -> None:
+        jumps = self._clock.create_jump_callback(
+            threshold, pre_callback=before, post_callback=lambda _: after())
+        self._held.callback(jumps.unregister)
+
+    def _leave(self) -> None:
+        """Leave `/clock` before it is turned off: from then on, the clock gives the system time."""
+        if self._clock.ros_time_is_active:
+            self._engine.follow_steady()
 
     def _follow(self) -> None:
         if self._clock.ros_time_is_active:
             self._engine.follow_clock(self._clock_now, self._pointer)
-        else:
-            self._engine.follow_steady()
-
-    def _on_jump(self, jump: TimeJump) -> None:
-        if jump.clock_change in (ClockChange.ROS_TIME_ACTIVATED, ClockChange.ROS_TIME_DEACTIVATED):
-            self._follow()
-        else:
-            self._engine.wake()
 
     def close(self) -> None:
         """Stop following; the engine must not be used with this clock any more."""

@@ -236,7 +236,8 @@ class Evaluator:
         while True:
             count = self._library.fm_evaluator_advance(self.pointer, now, self._violations)
             found += self._found(count)
-            if not now >= self._library.fm_evaluator_wake(self.pointer) < NEVER:
+            wake = self._library.fm_evaluator_wake(self.pointer)
+            if wake > now or wake == NEVER:
                 return found
 
     @property

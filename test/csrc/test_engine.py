@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The shared evaluator and the hot path in C: threads, sanitizers, the middleware's structs."""
+"""The engine and the hot path in C: time, threads, sanitizers, the middleware's structs."""
 
 import os
 from pathlib import Path
@@ -69,22 +69,33 @@ def run(*command: object) -> 'subprocess.CompletedProcess[str]':
         stderr=subprocess.STDOUT, check=False, timeout=300)
 
 
-@pytest.mark.parametrize('sanitizer', ['thread', 'address,undefined'])
-@pytest.mark.parametrize('name', ['engine_threads', 'receivers'])
-def test_threads(tmp_path: Path, name: str, sanitizer: str) -> None:
+def sanitized(folder: Path, name: str, sanitizer: str, *flags: object) -> Path:
+    """Build a program of this folder; skip the test if it cannot be built here."""
     gcc = shutil.which('gcc')
     if gcc is None:
         pytest.skip('no gcc')
-    program = tmp_path / name
+    program = folder / name
     built = run(gcc, '-std=c99', '-O1', '-g', *WARNINGS, f'-fsanitize={sanitizer}',
-                '-fno-sanitize-recover=undefined', *INCLUDES, *SOURCES, HERE / f'{name}.c',
-                '-o', program, '-pthread')
+                '-fno-sanitize-recover=undefined', *INCLUDES, *flags, *SOURCES,
+                HERE / f'{name}.c', '-o', program, '-pthread')
     if built.returncode != 0 and 'cannot find' in built.stdout:
         pytest.skip('this gcc has no such sanitizer')
     assert (built.returncode, built.stdout) == (0, '')
+    return program
+
+
+@pytest.mark.parametrize('sanitizer', ['thread', 'address,undefined'])
+@pytest.mark.parametrize('name', ['engine_threads', 'receivers'])
+def test_threads(tmp_path: Path, name: str, sanitizer: str) -> None:
+    program = sanitized(tmp_path, name, sanitizer)
     for _ in range(3):
         done = run(program)
         assert (done.returncode, done.stdout) == (0, '')
+
+
+def test_time_that_is_told_or_of_a_clock(tmp_path: Path) -> None:
+    done = run(sanitized(tmp_path, 'engine_time', 'address,undefined'))
+    assert (done.returncode, done.stdout) == (0, '')
 
 
 def test_a_violation_queued_just_before_closing_is_published(tmp_path: Path) -> None:

@@ -70,6 +70,10 @@ def since(before: dict[str, int], now: dict[str, int]) -> dict[str, int]:
     return {key: now[key] - before[key] for key in now}
 
 
+def counted(counts: dict[str, int]) -> tuple[int, int, int]:
+    return counts['taken'], counts['missed'], counts['restarts']
+
+
 def test_steps_follow_the_clock_through_pauses_speed_changes_and_jumps(
     partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path,
 ) -> None:
@@ -79,60 +83,40 @@ def test_steps_follow_the_clock_through_pauses_speed_changes_and_jumps(
         partner.wait_for_listener(p)
         p.publish(Bool(data=False))
         operator.wait_for('topic /p', b'\0', 'received')
-        assert operator.periods()['ticks'] == 0
+        assert operator.periods()['taken'] == 0
         simulator.jump(1000.0)
         simulator.go(1.0)
         before = operator.periods()
-        assert before['ticks'] > 0 and before['missed'] == 0, 'there was no time before'
+        assert 0 < before['taken'] <= 10 and before['missed'] == 0, 'there was no time before'
 
         simulator.go(5.0)
-        found = since(before, operator.periods())
-        assert found['ticks'] + found['missed'] == 50 and found['ticks'] > 40
+        assert counted(since(before, operator.periods())) == (50, 0, 0)
 
         before = operator.periods()
         operator.wait(2)  # simulated time stands still
         assert operator.periods() == before
 
         simulator.go(60.0, speed=20.0)
-        found = since(before, operator.periods())
-        assert found['ticks'] + found['missed'] == 600 and found['ticks'] > 300
+        assert counted(since(before, operator.periods())) == (600, 0, 0)
 
         before = operator.periods()
         simulator.jump(3600.0)
-        found = since(before, operator.periods())
-        assert found['ticks'] == 1 and found['missed'] in (35999, 36000)
+        assert counted(since(before, operator.periods())) == (1000, 35000, 0)
         node.wait_for('missed (no step)')
 
         before = operator.periods()
-        now = simulator.jump(-4000.0)
+        simulator.jump(-4000.0)
         simulator.go(2.0)
-        found = since(before, operator.periods())
-        assert found['ticks'] + found['missed'] in (19, 20)
-        assert found['restarts'] == 1
-        node.wait_for(f'time went back from {now + 4000:.1f}'[:-2])
+        assert counted(since(before, operator.periods())) == (20, 0, 1)
+        node.wait_for('time went back, to ')
         # Each step violates R, and each violation is published.
-        partner.expect({'R': operator.periods()['ticks']})
+        partner.expect({'R': operator.periods()['taken']})
 
 
 def test_without_a_clock_the_waiting_bundle_is_reported(partner: Partner, tmp_path: Path) -> None:
     with started('monitor', '-p', write(tmp_path, PERIODIC), *SIMULATED) as node:
-        node.wait_for('use_sim_time is set, and no time was received on /clock yet: the policy '
-                      'periodic waits')
-
-
-def test_periods_that_a_stopped_process_missed_are_counted(
-    partner: Partner, operator: Operator, tmp_path: Path,
-) -> None:
-    with started('monitor', '-p', write(tmp_path, PERIODIC)) as node:
-        wait_until(lambda: bool(operator.heard), 'a report')
-        before = operator.status('periods of bundle')[2]
-        node.process.send_signal(signal.SIGSTOP)
-        sleep(3.0)  # stopped by a signal: no timer runs
-        node.process.send_signal(signal.SIGCONT)
-        node.wait_for('missed (no step)')
-        values = operator.wait_for('periods of bundle', b'\0', 'in time')
-        assert int(values['missed']) - int(before['missed']) >= 25
-        assert int(values['restarts']) == 0
+        node.wait_for('use_sim_time is set and nothing was received on /clock: no period passes, '
+                      'and no timeout')
 
 
 def test_use_sim_time_may_change_while_the_monitor_runs(
@@ -150,22 +134,27 @@ def test_use_sim_time_may_change_while_the_monitor_runs(
             wait_until(answer.done, 'an answer')
             assert answer.result().results[0].successful
 
-        assert int(operator.wait_for('periods of bundle', b'\0', 'in time')['ticks']) > 0
+        assert int(operator.wait_for('periods of bundle', b'\0', 'in time')['taken']) > 0
         simulate(True)
         simulator.jump(1000.0)
         operator.periods()  # until no more steps come
         before = operator.periods()
         simulator.go(2.0)
-        found = since(before, operator.periods())
-        assert found['ticks'] + found['missed'] == 20
+        assert counted(since(before, operator.periods())) == (20, 0, 0)
         simulate(False)
-        ticks = int(operator.status('periods of bundle')[2]['ticks'])
-        wait_until(lambda: int(operator.status('periods of bundle')[2]['ticks']) > ticks + 20,
+        taken = int(operator.status('periods of bundle')[2]['taken'])
+        wait_until(lambda: int(operator.status('periods of bundle')[2]['taken']) > taken + 20,
                    'steps in real time')
+        found = operator.status('periods of bundle')[2]
+        assert (found['missed'], found['restarts']) == ('0', '0'), 'a change is no jump'
 
 
 def silence(node: NodeProcess) -> int:
     return node.output.count('no usable value on /x within the timeout of 1 s')
+
+
+def wait_for_log(operator: Operator) -> None:
+    operator.wait(2)  # the log is written with each report
 
 
 @pytest.mark.parametrize('hot_path', ['on', 'off'])
@@ -189,6 +178,7 @@ def test_an_input_that_falls_silent_violates_its_requirements_in_the_time_of_the
         simulator.go(0.5)
         # X has a value and XZ waits for z: each is reported at once, and once only.
         partner.expect({'X': 1, 'ONSET': 1, 'XZ': 1})
+        wait_for_log(operator)
         assert silence(node) == 1
         assert "for 'x': X, ONSET, XZ violated until one comes" in node.output
         assert "value on /y within the timeout of 1 s for 'y'" in node.output
@@ -201,13 +191,12 @@ def test_an_input_that_falls_silent_violates_its_requirements_in_the_time_of_the
         partner.reset()
         simulator.go(0.3)
         partner.expect({'X': 2, 'ONSET': 2, 'XZ': 2})
+        wait_for_log(operator)
         assert silence(node) == 1
         simulator.go(5.0, speed=10.0)
         partner.expect({'X': 2, 'ONSET': 2, 'XZ': 2})
 
         x.publish(Float32(data=1.0))
-        operator.wait_for('X', b'\1', 'satisfied, on old values of x')  # not checked yet
-        simulator.go(0.5)
         operator.wait_for('X', b'\0', 'satisfied')
         node.wait_for('values on /x again after')
         operator.wait_for('XZ', b'\1', 'no value yet of z')
@@ -232,5 +221,5 @@ def test_in_real_time_an_input_without_messages_is_reported_and_one_with_message
         operator.wait_for('Y', b'\0', 'satisfied')
         node.wait_for("for 'x': X, ONSET, XZ violated until one comes")
         before = node.output.count("s for 'y'")
-        operator.wait(3)
+        operator.wait(4)
         assert node.output.count("s for 'y'") == before <= 1  # perhaps once, at the start

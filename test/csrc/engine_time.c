@@ -1,0 +1,433 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// engine_time.c: an engine whose time is told, or follows a clock that the test sets.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include "engine.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { BEAT, FED, N_REQUIREMENTS, PERIOD = 100, TIMEOUT = 1000, PATIENCE = 10, MOST = 4096 };
+
+static int failures = 0;
+
+#define CHECK(condition) check((condition), #condition, __LINE__)
+
+static void check(bool condition, const char * text, int line)
+{
+  if (!condition) {
+    printf("line %d: not so: %s\n", line, text);
+    failures += 1;
+  }
+}
+
+// ---- a monitor ---------------------------------------------------------------------------------
+
+// BEAT reads no input and is violated in each step; FED reads a bool and is violated when it is
+// false, or silent.
+static void reset(void * state) {(void)state;}
+
+static void step_beat(void * state, const void * inputs, bool * verdicts)
+{
+  (void)state;
+  (void)inputs;
+  verdicts[BEAT] = false;
+}
+
+static void step_fed(void * state, const void * inputs, bool * verdicts)
+{
+  (void)state;
+  verdicts[FED] = *(const bool *)inputs;
+}
+
+static const uint32_t numbers[] = {0, 1};
+static const struct fm_input inputs[] = {{"x", 0, FM_BOOL}};
+static const struct fm_group groups[] = {
+  {NULL, 0, &numbers[BEAT], 1, reset, step_beat},
+  {&numbers[0], 1, &numbers[FED], 1, reset, step_fed}};
+static const struct fm_requirement requirements[] = {{"BEAT", 0}, {"FED", 1}};
+static const struct fm_monitor monitor = {
+  FM_ABI, 1, 2, N_REQUIREMENTS, 8, 8, inputs, groups, requirements, "m", "", NULL};
+static const struct fm_topic topics[] = {{&numbers[0], 1}};
+
+static bool read_message(const uint8_t * message, size_t size, struct fm_field * fields)
+{
+  fields[0].value.i = size > 0 ? message[0] : 0;
+  fields[0].outcome = FM_FIELD_READ;
+  return size > 0;
+}
+
+static const struct fm_reader reader[] = {{read_message, 1}};
+static const struct fm_readers readers = {FM_ABI, 1, reader};
+
+// ---- an engine ---------------------------------------------------------------------------------
+
+static void * memory;
+
+static struct fm_engine * make(uint32_t policy, int64_t timeout, int64_t patience)
+{
+  const int64_t timeouts[] = {timeout};
+  const bool violates[] = {true};
+  const struct fm_evaluator_options options = {
+    &monitor, topics, 1, policy, NULL, timeouts, violates, PERIOD, patience};
+  memory = NULL;
+  CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
+  const struct fm_engine_options made = {
+    fm_evaluator_init(memory, &options), &monitor, &readers, topics, 1};
+  struct fm_engine * engine = fm_engine_create(&made);
+  CHECK(engine != NULL);
+  return engine;
+}
+
+static void destroy(struct fm_engine * engine)
+{
+  fm_engine_destroy(engine);
+  free(memory);
+}
+
+static uint32_t deliver_to(struct fm_engine * engine, uint32_t topic, bool value, int64_t received)
+{
+  const uint8_t message[] = {value};
+  const struct fm_origin origin = {received, 0, 0, NULL, false};
+  return fm_engine_message(engine, topic, message, sizeof(message), &origin);
+}
+
+static void deliver(struct fm_engine * engine, bool value, int64_t received)
+{
+  CHECK(deliver_to(engine, 0, value, received) == FM_RECEIVED);
+}
+
+static struct fm_violation taken[MOST];
+
+static uint32_t take(struct fm_engine * engine)
+{
+  return fm_engine_take(engine, taken, MOST, 0);
+}
+
+static bool is_taken(uint32_t k, uint32_t requirement, int64_t stamp)
+{
+  return taken[k].requirement == requirement && taken[k].stamp == stamp;
+}
+
+static bool are_counted(
+  struct fm_engine * engine, uint64_t periods, uint64_t missed, uint64_t restarts)
+{
+  const struct fm_time_counts counts = fm_engine_time_counts(engine);
+  return counts.periods == periods && counts.missed == missed && counts.restarts == restarts;
+}
+
+struct clock
+{
+  int64_t now;
+  bool fails;
+};
+
+static int read_clock(void * clock, int64_t * nanoseconds)
+{
+  *nanoseconds = ((struct clock *)clock)->now;
+  return ((struct clock *)clock)->fails ? 1 : 0;
+}
+
+// ---- tests -------------------------------------------------------------------------------------
+
+static void what_is_due_is_stamped_with_its_instant(void)
+{
+  struct fm_engine * engine = make(FM_PERIODIC, 0, 0);
+  CHECK(fm_engine_deadline(engine) == FM_NEVER);
+  fm_engine_advance(engine, 7);
+  CHECK(fm_engine_deadline(engine) == 7 + PERIOD && take(engine) == 0);
+  fm_engine_advance(engine, 6 + PERIOD);
+  CHECK(take(engine) == 0);
+  fm_engine_advance(engine, 7 + PERIOD);
+  CHECK(take(engine) == 1 && is_taken(0, BEAT, 7 + PERIOD) && taken[0].step == 0);
+  fm_engine_advance(engine, 50 + 10 * PERIOD);
+  CHECK(take(engine) == 9);
+  for (uint32_t k = 0; k < 9; ++k) {
+    CHECK(is_taken(k, BEAT, 7 + (k + 2) * PERIOD) && taken[k].step == k + 1);
+  }
+  const struct fm_time_counts counts = fm_engine_time_counts(engine);
+  CHECK(counts.periods == 10 && counts.late == 8 && counts.missed == 0 && counts.restarts == 0);
+  destroy(engine);
+}
+
+static void of_very_many_periods_the_last_are_taken(void)
+{
+  struct clock clock = {PERIOD, false};
+  struct fm_engine * engine = make(FM_PERIODIC, 0, 0);
+  fm_engine_follow_clock(engine, read_clock, &clock);
+  clock.now = 3001 * PERIOD;
+  CHECK(take(engine) == FM_MOST_PERIODS_BEHIND && are_counted(engine, 1000, 2000, 0));
+  for (uint32_t k = 0; k < FM_MOST_PERIODS_BEHIND; ++k) {
+    CHECK(is_taken(k, BEAT, (2002 + (int64_t)k) * PERIOD));
+  }
+  destroy(engine);
+}
+
+static void a_clock_that_goes_back_loses_no_period_and_adds_none(void)
+{
+  struct clock clock = {1000000, false};
+  struct fm_engine * engine = make(FM_PERIODIC, TIMEOUT, 0);
+  fm_engine_follow_clock(engine, read_clock, &clock);
+  clock.now += 30;
+  CHECK(take(engine) == 0);
+  clock.now = 5;
+  CHECK(take(engine) == 0 && are_counted(engine, 0, 0, 1));
+  CHECK(fm_engine_deadline(engine) == 5 + PERIOD - 30);
+  clock.now = 5 + PERIOD - 30;
+  CHECK(take(engine) == 1 && is_taken(0, BEAT, 5 + PERIOD - 30));
+  clock.now = 5 + TIMEOUT - 31;
+  CHECK(take(engine) == 8 && !fm_engine_silence(engine, 0).is_silent);
+  clock.now = 5 + TIMEOUT - 30;
+  CHECK(take(engine) == 2 && is_taken(0, FED, clock.now) && is_taken(1, BEAT, clock.now));
+  deliver(engine, true, 3);
+  clock.now = 1;
+  deliver(engine, true, 3);
+  CHECK(are_counted(engine, 10, 0, 2));
+  destroy(engine);
+}
+
+static void a_clock_without_time_lets_nothing_be_due(void)
+{
+  struct clock clock = {0, false};
+  struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, 0);
+  fm_engine_follow_clock(engine, read_clock, &clock);
+  deliver(engine, false, 77);
+  CHECK(take(engine) == 2 && is_taken(0, BEAT, 77) && is_taken(1, FED, 77));
+  clock.now = 500;
+  clock.fails = true;
+  deliver(engine, false, 78);
+  CHECK(take(engine) == 2 && is_taken(1, FED, 78));
+  clock.fails = false;
+  CHECK(take(engine) == 0 && fm_engine_deadline(engine) == 500 + TIMEOUT);
+  deliver(engine, false, 79);
+  CHECK(take(engine) == 2 && is_taken(1, FED, 500));
+  clock.now += TIMEOUT;
+  clock.fails = true;
+  CHECK(take(engine) == 0);
+  deliver(engine, true, 80);
+  CHECK(take(engine) == 1 && is_taken(0, BEAT, 80));
+  clock.fails = false;
+  CHECK(take(engine) == 0 || fm_engine_silence(engine, 0).is_silent);
+  destroy(engine);
+}
+
+static void a_message_at_the_instant_of_a_deadline_comes_first(void)
+{
+  struct clock clock = {100, false};
+  for (int is_told = 0; is_told < 2; ++is_told) {
+    struct fm_engine * engine = make(FM_PERIODIC, TIMEOUT, 0);
+    clock.now = 100;
+    if (is_told) {
+      fm_engine_advance(engine, 100);
+    } else {
+      fm_engine_follow_clock(engine, read_clock, &clock);
+    }
+    for (int64_t now = 100 + TIMEOUT; now < 100 + 10 * TIMEOUT; now += TIMEOUT) {
+      clock.now = now;
+      deliver(engine, true, now);
+    }
+    CHECK(fm_engine_silence(engine, 0).count == 0);
+    clock.now += TIMEOUT - 1;
+    fm_engine_advance(engine, clock.now);
+    CHECK(!fm_engine_silence(engine, 0).is_silent);
+    clock.now += 1;
+    fm_engine_advance(engine, clock.now);
+    const struct fm_silence silence = fm_engine_silence(engine, 0);
+    CHECK(silence.is_silent && silence.count == 1 && silence.lasted == TIMEOUT);
+    destroy(engine);
+  }
+}
+
+static void a_timeout_that_is_found_late_is_put_off_once(void)
+{
+  struct clock clock = {100, false};
+  struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, PATIENCE);
+  fm_engine_follow_clock(engine, read_clock, &clock);
+  clock.now += 5 * TIMEOUT;  // the process was stopped, and a message is waiting
+  CHECK(take(engine) == 0 && fm_engine_silence(engine, 0).count == 0);
+  CHECK(fm_engine_deadline(engine) == clock.now + TIMEOUT);
+  deliver(engine, true, 0);
+  CHECK(fm_engine_silence(engine, 0).count == 0 && take(engine) == 1);
+  clock.now += TIMEOUT + PATIENCE + 1;
+  CHECK(take(engine) == 0 && fm_engine_deadline(engine) == clock.now + PATIENCE + 1);
+  clock.now += 5 * TIMEOUT;  // not put off twice
+  CHECK(take(engine) == 1 && is_taken(0, FED, clock.now - 5 * TIMEOUT + PATIENCE + 1));
+  deliver(engine, true, 0);
+  clock.now += TIMEOUT + PATIENCE;
+  CHECK(take(engine) == 2 && is_taken(1, FED, clock.now - PATIENCE));
+  destroy(engine);
+}
+
+static void another_source_of_the_time_puts_nothing_off(void)
+{
+  struct clock one = {1000000, false};
+  struct clock other = {5, false};
+  struct clock none = {0, false};
+  struct fm_engine * engine = make(FM_PERIODIC, TIMEOUT, 0);
+  fm_engine_advance(engine, -50);
+  fm_engine_advance(engine, -20);  // 70 are left
+  fm_engine_follow_clock(engine, read_clock, &one);
+  CHECK(fm_engine_deadline(engine) == one.now + 70);
+  fm_engine_advance(engine, INT64_MAX);  // ignored: the time is not told
+  one.now += 30;
+  fm_engine_follow_clock(engine, read_clock, &other);
+  CHECK(fm_engine_deadline(engine) == other.now + 40);
+  other.now += 40;
+  CHECK(take(engine) == 1 && is_taken(0, BEAT, 45));
+  other.now += 10;
+  fm_engine_follow_clock(engine, read_clock, &none);
+  CHECK(take(engine) == 0);
+  none.now = 7000;
+  CHECK(take(engine) == 0 && fm_engine_deadline(engine) == 7090);
+  CHECK(are_counted(engine, 1, 0, 0));
+  destroy(engine);
+}
+
+static void a_reset_finds_a_silent_input_anew(void)
+{
+  struct clock clock = {100, false};
+  struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, 0);
+  fm_engine_follow_clock(engine, read_clock, &clock);
+  clock.now += TIMEOUT;
+  CHECK(take(engine) == 1 && is_taken(0, FED, 100 + TIMEOUT));
+  fm_engine_reset(engine);
+  CHECK(take(engine) == 1 && is_taken(0, FED, clock.now) && taken[0].step == 0);
+  CHECK(fm_engine_silence(engine, 0).count == 1 && take(engine) == 0);
+  destroy(engine);
+}
+
+static void a_closed_engine_takes_nothing(void)
+{
+  struct clock clock = {100, false};
+  struct fm_engine * engine = make(FM_PERIODIC, TIMEOUT, 0);
+  fm_engine_follow_clock(engine, read_clock, &clock);
+  fm_engine_close(engine);
+  clock.now += 10 * TIMEOUT;
+  deliver(engine, true, 0);
+  CHECK(take(engine) == 0 && are_counted(engine, 0, 0, 0));
+  CHECK(fm_engine_topic_counts(engine, 0).messages == 0);
+  CHECK(!fm_engine_silence(engine, 0).is_silent);
+  destroy(engine);
+  engine = make(FM_PERIODIC, TIMEOUT, 0);
+  fm_engine_advance(engine, 0);
+  fm_engine_close(engine);
+  fm_engine_advance(engine, 10 * TIMEOUT);
+  CHECK(take(engine) == 0 && are_counted(engine, 0, 0, 0));
+  destroy(engine);
+}
+
+// ---- bad input ---------------------------------------------------------------------------------
+
+static void a_record_of_an_unknown_topic_is_ignored(void)
+{
+  struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, 0);
+  uint8_t room[8];
+  CHECK(deliver_to(engine, 1, true, 0) == FM_RECEIVED);
+  CHECK(deliver_to(engine, UINT32_MAX, true, 0) == FM_RECEIVED);
+  CHECK(take(engine) == 0 && fm_engine_topic_counts(engine, 0).messages == 0);
+  CHECK(fm_engine_topic_counts(engine, 1).messages == 0);
+  CHECK(fm_engine_input_counts(engine, 0).received == 0);
+  CHECK(fm_engine_lost(engine, 1) == 0 && fm_engine_evidence(engine, 1, room, 8) == 0);
+  CHECK(!fm_engine_silence(engine, 1).is_silent && !fm_engine_value(engine, 1, room));
+  fm_engine_begin_handover(engine, 1, true);
+  fm_engine_end_handover(engine, 1);
+  destroy(engine);
+}
+
+static void an_engine_of_another_abi_is_refused(void)
+{
+  struct fm_monitor other = monitor;
+  other.abi = FM_ABI + 1;
+  struct fm_evaluator_options options = {
+    &other, topics, 1, FM_PERIODIC, NULL, NULL, NULL, PERIOD, 0};
+  CHECK(fm_evaluator_bytes(&options) == 0);
+  options.monitor = &monitor;
+  CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
+  options.monitor = &other;
+  CHECK(fm_evaluator_init(memory, &options) == NULL);
+  options.monitor = &monitor;
+  struct fm_evaluator * evaluator = fm_evaluator_init(memory, &options);
+  const struct fm_readers misfits[] = {
+    {FM_ABI + 1, 1, reader}, {FM_ABI, 2, reader}, {FM_ABI, 0, reader},
+    {FM_ABI, 1, (const struct fm_reader[]) {{read_message, 2}}}};
+  for (size_t k = 0; k < sizeof(misfits) / sizeof(*misfits); ++k) {
+    const struct fm_engine_options made = {evaluator, &monitor, &misfits[k], topics, 1};
+    CHECK(fm_engine_create(&made) == NULL);
+  }
+  const struct fm_engine_options none = {evaluator, &monitor, NULL, topics, 1};
+  CHECK(fm_engine_create(&none) == NULL);
+  free(memory);
+}
+
+static void a_deadline_that_never_comes_is_not_waited_for(void)
+{
+  struct fm_engine * engine = make(FM_EVERY_MESSAGE, 0, 0);
+  fm_engine_advance(engine, 0);
+  CHECK(fm_engine_deadline(engine) == FM_NEVER);
+  fm_engine_advance(engine, FM_NEVER);
+  deliver(engine, true, FM_NEVER);
+  CHECK(take(engine) == 1 && fm_engine_deadline(engine) == FM_NEVER);
+  destroy(engine);
+  engine = make(FM_PERIODIC, TIMEOUT, 0);
+  fm_engine_advance(engine, FM_NEVER - PERIOD - 1);
+  deliver(engine, true, FM_NEVER - PERIOD - 1);
+  fm_engine_advance(engine, FM_NEVER);
+  CHECK(take(engine) == 1 && is_taken(0, BEAT, FM_NEVER - 1));
+  CHECK(fm_engine_deadline(engine) == FM_NEVER);
+  fm_engine_advance(engine, FM_NEVER);
+  CHECK(take(engine) == 0);
+  destroy(engine);
+}
+
+static void times_at_the_ends_of_the_range_are_times(void)
+{
+  struct clock clock = {INT64_MAX - 1, false};
+  struct fm_engine * engine = make(FM_PERIODIC, TIMEOUT, PATIENCE);
+  fm_engine_advance(engine, INT64_MIN);
+  fm_engine_advance(engine, INT64_MIN + 10);
+  fm_engine_follow_clock(engine, read_clock, &clock);
+  CHECK(take(engine) <= FM_MOST_PERIODS_BEHIND);
+  clock.now = 1;
+  CHECK(take(engine) <= FM_MOST_PERIODS_BEHIND && fm_engine_time_counts(engine).restarts == 1);
+  deliver(engine, true, 0);
+  destroy(engine);
+  engine = make(FM_PERIODIC, TIMEOUT, PATIENCE);
+  fm_engine_advance(engine, INT64_MIN);
+  fm_engine_advance(engine, INT64_MAX - 1);
+  CHECK(take(engine) == FM_MOST_PERIODS_BEHIND);
+  fm_engine_advance(engine, INT64_MIN);
+  CHECK(take(engine) == 0 && fm_engine_time_counts(engine).restarts == 1);
+  destroy(engine);
+}
+
+int main(void)
+{
+  what_is_due_is_stamped_with_its_instant();
+  of_very_many_periods_the_last_are_taken();
+  a_clock_that_goes_back_loses_no_period_and_adds_none();
+  a_clock_without_time_lets_nothing_be_due();
+  a_message_at_the_instant_of_a_deadline_comes_first();
+  a_timeout_that_is_found_late_is_put_off_once();
+  another_source_of_the_time_puts_nothing_off();
+  a_reset_finds_a_silent_input_anew();
+  a_closed_engine_takes_nothing();
+  a_record_of_an_unknown_topic_is_ignored();
+  an_engine_of_another_abi_is_refused();
+  a_deadline_that_never_comes_is_not_waited_for();
+  times_at_the_ends_of_the_range_are_times();
+  return failures == 0 ? 0 : 1;
+}
