@@ -445,11 +445,10 @@ static void end_violation(struct fm_evaluator * evaluator, uint32_t g)
   }
 }
 
-// The nanoseconds from one time to a later one, at most INT64_MAX.
+// The nanoseconds from one time to a later one; 0 if it is not later.
 static int64_t since(int64_t from, int64_t to)
 {
-  const uint64_t lasted = to > from ? (uint64_t)to - (uint64_t)from : 0;
-  return lasted > (uint64_t)INT64_MAX ? INT64_MAX : (int64_t)lasted;
+  return to > from ? fm_between(from, to) : 0;
 }
 
 static void end_silence(struct fm_evaluator * evaluator, uint32_t i, int64_t now)

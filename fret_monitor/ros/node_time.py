@@ -64,15 +64,18 @@ class NodeTime:
             self._listen(JumpThreshold(
                 min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1),
                 on_clock_change=False), None, self._engine.wake)
-        if not self._clock.ros_time_is_active:
-            self._engine.follow_steady()
-        self._follow()
+        self._begin()
 
     def _listen(self, threshold: JumpThreshold, before: Callable[[], None] | None,
                 after: Callable[[], None]) -> None:
         jumps = self._clock.create_jump_callback(
             threshold, pre_callback=before, post_callback=lambda _: after())
         self._held.callback(jumps.unregister)
+
+    def _begin(self) -> None:
+        if not self._clock.ros_time_is_active:
+            self._engine.follow_steady()
+        self._follow()
 
     def _leave(self) -> None:
         """Leave `/clock` before it is turned off: from then on, the clock gives the system time."""
