@@ -28,6 +28,8 @@
 #include "instance.h"
 
 #define SECOND_NS 1000000000
+#define CLOSE_NS 10000  // two readings of clocks without a preemption in between
+#define MOST_READINGS 10
 
 // Tests sleep between two steps of the handling of time.
 #ifndef FM_PAUSE
@@ -61,6 +63,7 @@ struct fm_engine
   int (* now)(void * clock, int64_t * nanoseconds);
   void * clock;
   enum source source;
+  int64_t system_ahead;  // of the steady clock, ns
   int64_t wakes_at;      // a thread in fm_engine_take waits until then; INT64_MIN: none does
   bool has_begun;        // the time
   bool is_new_source;    // its time was not read yet
@@ -219,6 +222,31 @@ static int64_t read_clock(clockid_t clock)
   return (int64_t)now.tv_sec * SECOND_NS + (int64_t)now.tv_nsec;
 }
 
+// How much the system time is ahead of the steady clock. Readings may be far apart if the thread is
+// preempted, so that they only give limits. What was found before holds while it is within them:
+// the stamps of periods are then exactly a period apart.
+static int64_t system_ahead_locked(struct fm_engine * engine)
+{
+  int64_t before;
+  int64_t system;
+  int64_t after;
+  int readings = 0;
+  do {
+    before = read_clock(CLOCK_MONOTONIC);
+    FM_PAUSE();
+    system = read_clock(CLOCK_REALTIME);
+    FM_PAUSE();
+    after = read_clock(CLOCK_MONOTONIC);
+    readings += 1;
+  } while (after - before > CLOSE_NS && readings < MOST_READINGS);
+  if (engine->system_ahead < system - after) {
+    engine->system_ahead = system - after;
+  } else if (engine->system_ahead > system - before) {
+    engine->system_ahead = system - before;
+  }
+  return engine->system_ahead;
+}
+
 // Read the time of the source; returns false if it has none. `told`: the time if it is told.
 static bool read_time_locked(struct fm_engine * engine, int64_t told, int64_t * now)
 {
@@ -245,9 +273,8 @@ static void take_due_locked(struct fm_engine * engine, int64_t now)
   struct fm_evaluator * evaluator = engine->options.evaluator;
   do {
     const uint32_t n = fm_evaluator_advance(evaluator, now, engine->found);
-    const int64_t later = n > 0 && engine->source == STEADY ?
-      read_clock(CLOCK_REALTIME) - read_clock(CLOCK_MONOTONIC) : 0;
-    announce_locked(engine, n, later);
+    const bool is_steady = n > 0 && engine->source == STEADY;
+    announce_locked(engine, n, is_steady ? system_ahead_locked(engine) : 0);
   } while (fm_evaluator_wake(evaluator) <= now && fm_evaluator_wake(evaluator) != FM_NEVER);
 }
 

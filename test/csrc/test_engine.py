@@ -16,11 +16,13 @@
 
 import os
 from pathlib import Path
+import re
 import shutil
 import subprocess
 import sys
 
 from differential.compiled import WARNINGS
+import fret_monitor
 from fret_monitor.native import csrc_directory
 from fret_monitor.native.cache import EVALUATOR_SOURCES
 import pytest
@@ -96,6 +98,24 @@ def test_threads(tmp_path: Path, name: str, sanitizer: str) -> None:
 def test_time_that_is_told_or_of_a_clock(tmp_path: Path) -> None:
     done = run(sanitized(tmp_path, 'engine_time', 'address,undefined'))
     assert (done.returncode, done.stdout) == (0, '')
+
+
+@pytest.mark.parametrize('sanitizer', ['thread', 'address,undefined'])
+@pytest.mark.parametrize('is_preempted', [False, True])
+def test_clocks_that_run(tmp_path: Path, sanitizer: str, is_preempted: bool) -> None:
+    flags = ['-include', HERE / 'engine_pause.h'] if is_preempted else []
+    done = run(sanitized(tmp_path, 'engine_clock', sanitizer, *flags))
+    assert (done.returncode, done.stdout) == (0, '')
+
+
+def test_only_the_announcer_takes_violations() -> None:
+    users = [path.name for path in csrc_directory().rglob('*.c')
+             if 'fm_engine_take(' in path.read_text(encoding='utf-8')]
+    assert sorted(users) == ['announcer.c', 'engine.c']
+    package = Path(fret_monitor.__file__).parent
+    assert [path.name for path in package.rglob('*.py')
+            if re.search(r'engine\.take\(|fm_engine_take\(', path.read_text(encoding='utf-8'))
+            ] == ['engine.py']
 
 
 def test_a_violation_queued_just_before_closing_is_published(tmp_path: Path) -> None:

@@ -15,11 +15,16 @@
 """The monitor as a process, under simulated and real time: periods and timeouts."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 import signal
 from time import sleep
 
+from diagnostic_msgs.msg import DiagnosticArray
+from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
 import pytest
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from ros.harness import NodeProcess, Partner, started, wait_until
 from ros.operators import Operator
 from ros.simulator import simulating, Simulator
@@ -45,6 +50,16 @@ requirements:
   - {id: ONSET, ptltl: "x < 3.0", report: onset}
   - {id: XZ, ptltl: "x < 2.0 | z < 2.0"}
   - {id: Y, ptltl: "y < 2.0"}
+"""
+STOPPED = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32, timeout: 1.0, stale: violate}
+  p: {topic: p, type: std_msgs/msg/Bool}
+evaluation: {policy: periodic, period: 0.125}
+requirements:
+  - {id: X, ptltl: "x < 2.0"}
+  - {id: R, ptltl: "p"}
 """
 SIMULATED = ('-p', 'use_sim_time:=true')
 
@@ -119,34 +134,94 @@ def test_without_a_clock_the_waiting_bundle_is_reported(partner: Partner, tmp_pa
                       'and no timeout')
 
 
+def simulate(partner: Partner, is_simulated: bool) -> None:
+    """Set `use_sim_time` of the monitor."""
+    client = partner.node.create_client(SetParameters, '/fret_monitor/set_parameters')
+    assert client.wait_for_service(30)
+    answer = client.call_async(SetParameters.Request(parameters=[Parameter(
+        name='use_sim_time', value=ParameterValue(type=1, bool_value=is_simulated))]))
+    wait_until(answer.done, 'an answer')
+    assert answer.result().results[0].successful
+
+
 def test_use_sim_time_may_change_while_the_monitor_runs(
     partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path,
 ) -> None:
-    from rcl_interfaces.msg import Parameter, ParameterValue
-    from rcl_interfaces.srv import SetParameters
     with started('monitor', '-p', write(tmp_path, PERIODIC)):
-        client = partner.node.create_client(SetParameters, '/fret_monitor/set_parameters')
-        assert client.wait_for_service(30)
-
-        def simulate(is_simulated: bool) -> None:
-            answer = client.call_async(SetParameters.Request(parameters=[Parameter(
-                name='use_sim_time', value=ParameterValue(type=1, bool_value=is_simulated))]))
-            wait_until(answer.done, 'an answer')
-            assert answer.result().results[0].successful
-
         assert int(operator.wait_for('periods of bundle', b'\0', 'in time')['taken']) > 0
-        simulate(True)
+        simulate(partner, True)
         simulator.jump(1000.0)
         operator.periods()  # until no more steps come
         before = operator.periods()
         simulator.go(2.0)
         assert counted(since(before, operator.periods())) == (20, 0, 0)
-        simulate(False)
+        simulate(partner, False)
         taken = int(operator.status('periods of bundle')[2]['taken'])
         wait_until(lambda: int(operator.status('periods of bundle')[2]['taken']) > taken + 20,
                    'steps in real time')
         found = operator.status('periods of bundle')[2]
         assert (found['missed'], found['restarts']) == ('0', '0'), 'a change is no jump'
+
+
+def test_a_stopped_process_loses_no_period_and_finds_no_silence(
+    partner: Partner, operator: Operator, tmp_path: Path,
+) -> None:
+    details: list[tuple[str, Detail]] = []
+
+    def keep(array: DiagnosticArray) -> None:
+        for status in array.status:
+            detail = read_detail(status)
+            assert detail is not None
+            details.append((status.name, detail))
+
+    with started('monitor', '-p', write(tmp_path, STOPPED)) as node:
+        partner.node.create_subscription(DiagnosticArray, DETAILS_TOPIC, keep, 1000)
+        partner.listen('R', 'X')
+        x, p = partner.publisher(Float32, 'x'), partner.publisher(Bool, 'p')
+        partner.wait_for_listener(x, p)
+        x.publish(Float32(data=1.0))
+        timer = partner.node.create_timer(0.1, lambda: x.publish(Float32(data=1.0)))
+        p.publish(Bool(data=False))
+        operator.wait_for('X', b'\0', 'satisfied')
+        wait_until(lambda: len(details) > 3, 'details')
+        before = operator.status('periods of bundle')[2]
+        silences = silence(node)
+        node.process.send_signal(signal.SIGSTOP)
+        sleep(10.0)  # messages are queued, and no thread runs
+        node.process.send_signal(signal.SIGCONT)
+        operator.wait(3)
+        after = operator.status('periods of bundle')[2]
+        assert (after['missed'], after['restarts']) == ('0', '0')
+        assert int(after['taken']) - int(before['taken']) >= 80
+        assert int(after['late']) - int(before['late']) >= 70
+        assert silence(node) == silences <= 1, 'perhaps once, at the start'
+        node.wait_for('0 missed (no step)')
+        stamps = [round(detail.stamp * 1e6) for name, detail in details if name.endswith('R')]
+        assert len(stamps) > 90
+        # 125000 us; microseconds, since a detail's time is read as a float
+        assert all(abs(later - stamp - 125000) <= 2 for stamp, later in pairwise(stamps))
+        partner.node.destroy_timer(timer)
+        operator.wait_for('X', b'\2', 'violated: nothing comes of x')
+        assert partner.heard['X'] > 0
+
+
+def test_switching_use_sim_time_on_and_off_is_no_silence_and_no_jump(
+    partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path,
+) -> None:
+    with started('monitor', '-p', write(tmp_path, STOPPED)) as node:
+        x = partner.publisher(Float32, 'x')
+        partner.node.create_timer(0.1, lambda: x.publish(Float32(data=1.0)))
+        operator.wait_for('X', b'\0', 'satisfied')
+        before = silence(node)
+        simulator.jump(5000.0)
+        for number in range(3):
+            simulate(partner, True)
+            simulator.go(2.0, stride=0.01, speed=1.0)
+            simulate(partner, False)
+            operator.wait(2)
+            assert silence(node) == before, f'after {number} switches'
+        found = operator.status('periods of bundle')[2]
+        assert (found['missed'], found['restarts']) == ('0', '0')
 
 
 def silence(node: NodeProcess) -> int:

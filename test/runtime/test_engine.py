@@ -18,7 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 import struct
 from threading import Thread
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any
 
 from fret_monitor import build
@@ -153,6 +153,24 @@ def test_waiting_for_a_violation_takes_a_timeout_at_its_instant(engine: Engine) 
     assert 1.0 <= monotonic() - begin + 0.01 < 10.0
     engine.advance(0)  # ignored: the time is that of a clock
     assert engine.silence(0).is_silent and engine.time_counts().restarts == 0
+
+
+@pytest.mark.parametrize('is_reset', [False, True])
+def test_a_wait_ends_earlier_for_a_deadline_that_came_meanwhile(
+    engine: Engine, is_reset: bool,
+) -> None:
+    engine.follow_steady()
+    assert len(engine.take(30_000)) == 2 and engine.deadline == NEVER
+    taken: list[int] = []
+    thread = in_background(
+        lambda: taken.extend(item.requirement for item in engine.take(60_000)))
+    sleep(0.2)  # until it waits
+    if is_reset:
+        engine.reset()
+    else:
+        engine.message(0, a_float(0.5), received=0)
+    thread.join(30)
+    assert taken == [0, 1]
 
 
 def test_a_wait_ends_when_a_clock_has_moved(engine: Engine) -> None:

@@ -1,0 +1,123 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Late and missed periods, and time that goes back, are logged when that is worth reading."""
+
+from types import SimpleNamespace
+from typing import Any
+
+from fret_monitor.ros import node_time
+from fret_monitor.ros.node_time import are_worth_reading, TimeLog
+from fret_monitor.ros.throttle import Throttle
+from fret_monitor.runtime import TimeCounts
+import pytest
+
+
+def test_a_throttle_lets_one_message_pass_per_interval() -> None:
+    throttle = Throttle(3600)
+    assert [throttle.passes() for _ in range(3)] == [True, False, False]
+    throttle = Throttle(0)
+    assert [throttle.passes() for _ in range(3)] == [True, True, True]
+
+
+@pytest.mark.parametrize(('now', 'is_worth_reading'), [
+    (TimeCounts(periods=1100, late=100, missed=0, restarts=0), False),
+    (TimeCounts(periods=1100, late=101, missed=0, restarts=0), False),
+    (TimeCounts(periods=1100, late=101, missed=1, restarts=0), True),
+    (TimeCounts(periods=1010, late=102, missed=0, restarts=0), False),  # two late ones
+    (TimeCounts(periods=1010, late=103, missed=0, restarts=0), True),
+    (TimeCounts(periods=2000, late=110, missed=0, restarts=0), False),  # one in a hundred
+    (TimeCounts(periods=2000, late=111, missed=0, restarts=0), True),
+])
+def test_a_few_late_periods_are_not_worth_reading(
+    now: TimeCounts, is_worth_reading: bool,
+) -> None:
+    before = TimeCounts(periods=1000, late=100, missed=0, restarts=0)
+    assert are_worth_reading(before, now) is is_worth_reading
+
+
+class Recorder:
+    """A node with a clock, and an engine."""
+
+    def __init__(self) -> None:
+        self.counts = TimeCounts(0, 0, 0, 0)
+        self.ros_time_is_active = False
+        self.time = 0
+        self.lines: list[str] = []
+
+    def time_counts(self) -> TimeCounts:
+        return self.counts
+
+    def get_clock(self) -> 'Recorder':
+        return self
+
+    def now(self) -> SimpleNamespace:
+        return SimpleNamespace(nanoseconds=self.time)
+
+    def get_logger(self) -> 'Recorder':
+        return self
+
+    def warning(self, line: str) -> None:
+        self.lines.append(line)
+
+
+def test_late_periods_are_logged_at_intervals_with_their_total(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    time = [0.0]
+    monkeypatch.setattr('fret_monitor.ros.throttle.monotonic', lambda: time[0])
+    recorder: Any = Recorder()
+    log = TimeLog(recorder, recorder, 0.1)
+    for second in range(120):
+        time[0] = float(second)
+        recorder.counts = TimeCounts(10 * second, 5 * second, 2 * second, 0)
+        log.review()
+    assert recorder.lines == [
+        'periods of 0.1 s since the last such message: 2 missed (no step), 5 late by more than '
+        'half a period',
+        'periods of 0.1 s since the last such message: 120 missed (no step), 300 late by more '
+        'than half a period']
+
+
+def test_without_periods_only_time_that_goes_back_is_logged() -> None:
+    recorder: Any = Recorder()
+    log = TimeLog(recorder, recorder, None)
+    recorder.counts = TimeCounts(0, 50, 50, 0)
+    log.review()
+    assert recorder.lines == []
+    recorder.time = 5_300_000_000
+    recorder.counts = TimeCounts(0, 50, 50, 2)
+    log.review()
+    log.review()
+    line, = recorder.lines
+    assert line.startswith('time went back, to 5.300 s: periods and timeouts continue from there')
+
+
+def test_a_missing_clock_is_logged_once_after_five_seconds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    time = [100.0]
+    monkeypatch.setattr(node_time, 'monotonic', lambda: time[0])
+    recorder: Any = Recorder()
+    recorder.ros_time_is_active = True
+    log = TimeLog(recorder, recorder, 0.1)
+    for second in (101.0, 104.9):
+        time[0] = second
+        log.review()
+    assert recorder.lines == []
+    for second in (105.1, 106.0, 200.0):
+        time[0] = second
+        log.review()
+    assert recorder.lines == ['use_sim_time is set and nothing was received on /clock: no period '
+                              'passes, and no timeout']
