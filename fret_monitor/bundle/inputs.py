@@ -193,14 +193,14 @@ def _check_topic(item: InputEntry, topic: Text, first: InputEntry,
             problems.error(
                 f"inputs on one topic must agree in '{key}'", place,
                 f'{shown(first.name.value)} in {line_of(first.name, place)} '
-                f'has {_said(first, key)}, {shown(item.name.value)} has {_said(item, key)}')
+                f'has {_written(first, key)}, {shown(item.name.value)} has {_written(item, key)}')
 
 
 def _qos_of(item: InputEntry) -> object:
     return sorted((key.value, value.value) for key, value in item.qos)
 
 
-def _said(item: InputEntry, key: str) -> str:
+def _written(item: InputEntry, key: str) -> str:
     """Return what is written under a key of an input."""
     place = dict(item.places).get(key)
     if place is None:

@@ -181,9 +181,9 @@ class Repair:
         start = next((item for item in starts if item not in self.unread), None)
         limit = min(_MAX_REPAIRS, _MAX_READ // max(len(self.text), 1))
         if start is None or len(self.unread) >= limit:
-            self._tell(error, place)
+            self._report(error, place)
             return False
-        self._tell_value(error, start, place)
+        self._report_value(error, start, place)
         self._blank(start)
         return True
 
@@ -251,7 +251,7 @@ class Repair:
     def _line(self, place: int) -> int:
         return self._source.position(place)[0]
 
-    def _tell_value(self, error: yaml.YAMLError, start: int, place: int) -> None:
+    def _report_value(self, error: yaml.YAMLError, start: int, place: int) -> None:
         text = self._source.text
         problem = getattr(error, 'problem', None) or ''
         if text[start] in '"\'' and 'end of stream' in problem:
@@ -306,7 +306,7 @@ class Repair:
         self.text = f'{self.text[:begin]}x{blanks}{self.text[end:]}'
         self.unread |= {start}
 
-    def _tell(self, error: yaml.YAMLError, place: int) -> None:
+    def _report(self, error: yaml.YAMLError, place: int) -> None:
         problem = getattr(error, 'problem', None) or 'this cannot be read'
         context = getattr(error, 'context', None) or ''
         mark = getattr(error, 'context_mark', None)

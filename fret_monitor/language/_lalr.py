@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What the readers of formulas share: text to lexemes, lexemes to a tree, and what errors say.
+What the parsers of formulas share: text to lexemes, lexemes to a tree, error messages.
 
 A `Syntax` names a grammar file (for lark's LALR tables) and its spellings. `scan` cuts a `Text`
 into `Lexeme`s, each with its place; `parse` feeds them to the tables, which build the tree bottom
@@ -211,11 +211,11 @@ def _tables(syntax: Syntax) -> Any:
 
 
 def parse(syntax: Syntax, text: Text, lexemes: Sequence[Lexeme], start: str,
-          tell: 'Tell | None' = None) -> Any:
+          refuse_at: 'RefuseAt | None' = None) -> Any:
     """
     Return what the language's builder makes of the lexemes; raises `CompileError`.
 
-    `tell` says in the language's own words what is wrong at an unexpected lexeme.
+    `refuse_at` raises the language's own error for the unexpected lexeme at an index.
     """
     parser = _tables(syntax).parse_interactive('', start)
     from lark.exceptions import UnexpectedToken
@@ -224,14 +224,14 @@ def parse(syntax: Syntax, text: Text, lexemes: Sequence[Lexeme], start: str,
         try:
             tree = parser.feed_token(lexeme)
         except UnexpectedToken as unexpected:
-            if tell is not None:
-                tell(text, ended, index)
+            if refuse_at is not None:
+                refuse_at(text, ended, index)
             expected = frozenset(unexpected.expected)
             _refuse_lexeme(syntax, text, ended, index, expected)
     return tree
 
 
-Tell: TypeAlias = Callable[[Text, Sequence[Lexeme], int], NoReturn]
+RefuseAt: TypeAlias = Callable[[Text, Sequence[Lexeme], int], NoReturn]
 
 
 def fitting(syntax: Syntax, start: str, lexemes: Sequence[Lexeme]) -> frozenset[str]:
@@ -294,8 +294,8 @@ def _refuse_lexeme(syntax: Syntax, text: Text, lexemes: Sequence[Lexeme], index:
     found = lexemes[index]
     if len(lexemes) == 1:
         refuse('the formula is empty', text.span, 'nothing to read here')
-    if told := syntax.explain(text, lexemes, index):
-        raise CompileError([told])
+    if explained := syntax.explain(text, lexemes, index):
+        raise CompileError([explained])
     opened = open_brackets(lexemes[:index])
     if found.type in _CLOSES:
         _check_closing(text, found, opened)

@@ -17,15 +17,15 @@
 Reads FRETish, FRET's structured English (the key `fretish`).
 
 A `Text` goes in, a `Sentence` comes out: its parts, with places, and no meaning. The grammar is
-in `fretish.lark`, what errors say in `fretish_help.py`. Expressions bind as in SMV, which is how
-FRET reads them: `if p then q` is `p -> q`, word for word. Beside FRET's spelling it takes `true`
-and `false` in any case and anywhere, `x-3` for `x - 3`, and the component before the condition.
+in `fretish.lark`, the error messages are in `fretish_help.py`. Precedence is that of SMV, as in
+FRET, which rewrites `if p then q` textually to `p -> q`. Beyond FRET it accepts `true` and `false`
+in any case and anywhere, `x-3` for `x - 3`, and the component before the condition.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 import re
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, NoReturn, TypeAlias
 
 from fret_monitor.language import _lalr, fretish_help
 from fret_monitor.language._lalr import join, Lexeme
@@ -288,7 +288,7 @@ def parse_fretish(text: Text) -> Sentence:
     text = _without_stop(text)
     lexemes = _scan(text)
     fretish_help.check_sentence(text, lexemes)
-    sentence: Sentence = _lalr.parse(_SYNTAX, text, lexemes, 'sentence', _tell('sentence'))
+    sentence: Sentence = _lalr.parse(_SYNTAX, text, lexemes, 'sentence', _refuse_at('sentence'))
     return replace(sentence, remarks=remarks(sentence, lexemes))
 
 
@@ -296,17 +296,17 @@ def parse_fretish_expression(text: Text) -> Expression:
     """Return the tree of an expression of FRETish; raises `CompileError` as `parse_fretish`."""
     lexemes = _scan(text)
     fretish_help.check_expression(lexemes)
-    tree: Expression = _lalr.parse(_SYNTAX, text, lexemes, 'definition', _tell('definition'))
+    tree: Expression = _lalr.parse(_SYNTAX, text, lexemes, 'definition', _refuse_at('definition'))
     return tree
 
 
-def _tell(start: str) -> _lalr.Tell:
-    def tell(text: Text, lexemes: Sequence[Lexeme], index: int) -> Any:
+def _refuse_at(start: str) -> _lalr.RefuseAt:
+    def refuse_at(text: Text, lexemes: Sequence[Lexeme], index: int) -> NoReturn:
         fitting = _lalr.fitting(_SYNTAX, start, lexemes[:index])
         earlier = _lalr.fitting(_SYNTAX, start, lexemes[:index - 1]) if index else frozenset()
         fretish_help.refuse_lexeme(fretish_help.Misfit(text, lexemes, index, fitting, earlier))
 
-    return tell
+    return refuse_at
 
 
 def _without_stop(text: Text) -> Text:

@@ -12,9 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// evaluator_edges.c: an evaluator whose counters begin just below a power of two does what one
-/// does that begins at 0, and counts on from there. It looks into the evaluator's own memory, so
-/// it includes evaluator.c. It prints where the two differ, nothing if they never do.
+/// Compares an evaluator whose counters start just below a power of two with one that starts at 0:
+/// apart from that offset they must agree. Includes evaluator.c to access its private structures.
+/// Prints the first difference, if there is one.
 
 #include "evaluator.c"  // NOLINT
 
@@ -88,7 +88,7 @@ static struct fm_evaluator * make(const uint32_t policy)
   return evaluator;
 }
 
-/// Let all that counts be so much more than it is.
+/// Add `more` to the clock and to all counters.
 static void lift(struct fm_evaluator * const evaluator, const uint64_t more)
 {
   evaluator->clock += more;
@@ -108,7 +108,7 @@ static void lift(struct fm_evaluator * const evaluator, const uint64_t more)
   }
 }
 
-/// Make one of the calls that a node makes; the seed says which. Return how many it announces.
+/// Make one of the calls that a node makes, chosen by the seed. Return how many it announces.
 static uint32_t call(
   struct fm_evaluator * const evaluator, const uint32_t seed, struct fm_violation * const out)
 {
@@ -168,7 +168,7 @@ static bool announce_alike(
   return true;
 }
 
-/// Return the call at which the two differ; N_CALLS if they never do.
+/// Return the first call at which the two differ; N_CALLS if there is none.
 static uint32_t compare(
   const uint32_t policy, const uint64_t edge, uint32_t seed, uint64_t * const announced)
 {
