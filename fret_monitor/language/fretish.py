@@ -47,7 +47,7 @@ _END_OF_NUMBER = r'(?![\w.$])'
 
 
 class _OperandRun(NamedTuple):
-    """Operands and operators side by side whose order of binding is not known yet."""
+    """A sequence of operands and operators that is not a tree yet."""
 
     start: Span
     pieces: tuple[Any, ...]
@@ -64,7 +64,7 @@ _Piece: TypeAlias = Operator | Expression | Pending
 
 def _pattern() -> re.Pattern[str]:
     operators = '|'.join(map(re.escape, sorted(OPERATORS, key=len, reverse=True)))
-    # FRET reads `3seconds` as two words; `3s` is one slip, and not no number.
+    # FRET reads `3seconds` as two words; `3s` is two as well, for a better error.
     units = '|'.join(sorted((*UNITS, *ABBREVIATIONS), key=len, reverse=True))
     number = _lalr.NUMBER.replace(_END_OF_NUMBER, rf'(?:{_END_OF_NUMBER}|(?=(?i:{units})\b))')
     return re.compile(rf'\s+|{number}|{_lalr.NAME}|{_lalr.QUOTED}'
@@ -73,8 +73,8 @@ def _pattern() -> re.Pattern[str]:
 
 class _FretishBuilder(_lalr.ExpressionBuilder):
 
-    # Expressions. `if` and `then` do not hold together what stands between them (FRET turns them
-    # into `=>` as text), so a run is kept flat until it ends.
+    # Expressions. `if` and `then` do not group their operands (FRET rewrites them to `=>`), so a
+    # sequence stays flat until it ends.
 
     def finish(self, part: Any) -> Expression:
         if not isinstance(part, _OperandRun | Pending):
@@ -266,7 +266,7 @@ def _flat(part: Any) -> Iterator[_Piece]:
 
 
 def _joined(chain: Sequence[Qualifier]) -> Expression:
-    """Return a chain as one expression: from left to right, as FRET joins it."""
+    """Return a chain as one expression, left-associative as in FRET."""
     whole: Expression | None = None
     for link in chain:
         part = link.expression
@@ -324,7 +324,7 @@ def _scan(text: Text) -> list[Lexeme]:
 
 
 def _worded(text: Text, lexeme: Lexeme) -> Lexeme:
-    """Make a word of FRETish of a name that is one, in any case; quoted, it stays a name."""
+    """Return a name as a keyword if it is one, in any case; a quoted one stays a name."""
     word = lexeme.text.lower()
     if lexeme.type != 'NAME' or word not in WORDS or text.value[lexeme.start] == '"':
         return lexeme

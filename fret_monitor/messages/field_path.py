@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Field paths: what part of a message an input takes.
+Field paths: the part of a message that an input reads.
 
-A path such as `pose.position.z` or `ranges[3]` leads to a scalar; one that leads to a time, such
-as `header.stamp`, is read in seconds. A reduction such as `max(ranges)` or `norm(velocity)` makes
-one value of an array or of a message. `resolve_field` says what is read, and of what type it is.
+A path such as `pose.position.z` or `ranges[3]` leads to a scalar; a time, such as `header.stamp`,
+is read in seconds. A reduction such as `max(ranges)` or `norm(velocity)` computes one value from
+an array or a message. `resolve_field` returns the steps of the path and the type of the value.
 """
 
 from collections.abc import Iterator, Sequence
