@@ -85,12 +85,11 @@ def parse_bundle(source: Source, directory: Path) -> Bundle:
 def survey_bundle(path: Path, problems: Problems, *,
                   needs_period: bool = True) -> Bundle | None:
     """
-    Read what can be used of a bundle, and add what is wrong with it to `problems`.
+    Read the usable parts of a bundle, and add the errors to `problems`.
 
-    The names that were declared but cannot be used are in `Bundle.unreadable`: formulas that use
-    them have no problem of their own, unless what was refused of an input does not matter to
-    them. Returns None where nothing can be used. With `needs_period=False`, a bundle with the
-    policy periodic may leave its period out.
+    Declared names that cannot be used are in `Bundle.unreadable`, so that formulas with these
+    names are not reported, too. Returns None if nothing is usable. With `needs_period=False`, a
+    bundle with the policy periodic may omit its period.
     """
     try:
         source = read_source(path)
@@ -101,7 +100,7 @@ def survey_bundle(path: Path, problems: Problems, *,
 
 
 class _BundleReader:
-    """Reads one bundle: what can be used goes into it, what is wrong into the problems."""
+    """Reads the usable parts of a bundle, and collects the problems."""
 
     def __init__(self, directory: Path, problems: Problems, needs_period: bool = True) -> None:
         self._directory = directory
@@ -111,7 +110,7 @@ class _BundleReader:
         self._unreadable: set[str] = set()
 
     def bundle(self, source: Source) -> Bundle | None:
-        """Read a bundle, None where nothing of it can be used."""
+        """Read a bundle; return None if nothing of it is usable."""
         mapping = self._root(source, 'the bundle', _EXAMPLE)
         if mapping is None or not self._has_format(mapping, is_required=True):
             return None
@@ -145,7 +144,7 @@ class _BundleReader:
         return None
 
     def _has_format(self, mapping: YamlMapping, is_required: bool) -> bool:
-        """Return whether this is a format we read; of another nothing more can be said."""
+        """Return whether the format is supported; of others nothing more is read."""
         for key, node in mapping.entries:
             if key.value == 'format':
                 text = text_of(node, "'format'", self._problems)
@@ -221,13 +220,13 @@ class _BundleReader:
 
     def _named(self, shape: Shape, key: str,
                example: str) -> Iterator[tuple[DeclaredName, Node]]:
-        """Yield what stands under `constants`, `inputs` or `definitions`."""
+        """Yield the entries under `constants`, `inputs` or `definitions`."""
         mapping = mapping_of(shape.node(key), f"'{key}'", self._problems, example)
         for name, node in mapping.entries if mapping else ():
             yield declared_name(name), node
 
     def _declare(self, name: DeclaredName, problems: Problems) -> None:
-        """Take a name; two may not differ in FRET's spelling only (`a.b` and `a_DOT_b`)."""
+        """Declare a name; names with equal FRET spellings (`a.b` and `a_DOT_b`) are duplicates."""
         fault = (quoted_name_fault if name.is_quoted else name_fault)(name.value)
         other = self._declared.setdefault(fret_name(name.value), name)
         if fault is not None:
@@ -235,7 +234,7 @@ class _BundleReader:
         elif other is not name:
             first, second = other, name
             if first.span.source is second.span.source and first.span.start > second.span.start:
-                first, second = second, first  # sections are read in one order, written in any
+                first, second = second, first  # sections may be written in any order
             problems.error(
                 f'{shown(second.value)} is declared twice', second.span,
                 f'first in {line_of(first.text, second.span)}',
@@ -272,7 +271,7 @@ class _BundleReader:
                 yield replace(entry, damaged=entry.damaged | damaged)
 
     def _report_outdented(self, name: DeclaredName) -> None:
-        """Report a key of an input that stands beside the input's name."""
+        """Report a key of an input that is indented like the input's name."""
         self._problems.error(
             f"'{name.value}' is a key of an input, not an input", name.span,
             'not indented under the name of an input',
@@ -311,7 +310,7 @@ class _BundleReader:
 
     def _signals_file(self, path: Path, text: Text) -> Bundle | None:
         if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
-            # A bundle that names a pipe would have a start wait for ever.
+            # Reading a pipe could block forever.
             self._problems.error(f'{shown(str(path), LONGEST_PATH)} is not a regular file',
                                  text.span)
             return None

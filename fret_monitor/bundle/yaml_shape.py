@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The shape of a YAML mapping: which keys it may have and what stands under them.
+The shape of a YAML mapping: its known keys and the kinds of their values.
 
 A `Shape` reports each unknown key once, and returns the values of the others as texts, choices
-and numbers. A value that was refused is returned as None: its problem is reported already.
+and numbers. A refused value is reported and returned as None.
 """
 
 from collections.abc import Iterable, Mapping
@@ -41,7 +41,7 @@ _WITH_UNIT = re.compile(r'([0-9.]+)\s*([A-Za-z]+)')
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a number counts; an example; and what users write behind it, each with its size."""
+    """A quantity: its unit, an example, and the sizes of the units that users write."""
 
     unit: str
     example: str
@@ -68,8 +68,8 @@ class Shape:
         """
         Report all keys that are not known.
 
-        `slips` are words that are often written instead, `elsewhere` says where keys belong that
-        are known in another place.
+        `slips` are common wrong words, each with the right one; `elsewhere` are keys of other
+        mappings, each with its place.
         """
         self.what = what
         self.span = mapping.span
@@ -104,16 +104,16 @@ class Shape:
                              'unknown key', help_)
 
     def lacks(self, *keys: str) -> bool:
-        """Return whether none of the keys is there, nor anything that was meant to be one."""
+        """Return whether all of the keys are missing, even in a misspelling."""
         return not self._has_swallowed and not any(
             key in self._entries or key in self._meant for key in keys)
 
     def key(self, key: str) -> YamlScalar | None:
-        """Return a key that is there, with its place."""
+        """Return a key with its place, None if it is missing."""
         return self._entries[key][0] if key in self._entries else None
 
     def node(self, key: str) -> Node | None:
-        """Return what stands under a key, None where there is none."""
+        """Return the node under a key, None if it is missing."""
         return self._entries[key][1] if key in self._entries else None
 
     def text(self, key: str) -> Text | None:
@@ -122,7 +122,7 @@ class Shape:
         return None if node is None else text_of(node, f"'{key}'", self._problems)
 
     def free_text(self, key: str) -> str:
-        """Return a text for people, which may be left empty."""
+        """Return a descriptive text, which may be empty."""
         node = self.node(key)
         if node is None or (isinstance(node, YamlScalar) and not node.value):
             return ''
@@ -164,7 +164,7 @@ class Shape:
 
 
 def _without_unit(text: str, quantity: Quantity) -> str:
-    """Return the number that `500 ms` means, or the example if the unit is not known."""
+    """Return the number of a text such as `500 ms`; the example if the unit is unknown."""
     match = _WITH_UNIT.fullmatch(text)
     number = exact(match[1]) if match else None
     size = quantity.sizes.get(match[2].lower()) if match else None
@@ -172,7 +172,7 @@ def _without_unit(text: str, quantity: Quantity) -> str:
 
 
 def _report_comma(mapping: YamlMapping, known: tuple[str, ...], problems: Problems) -> bool:
-    """Report a value in braces that was cut at its comma: the rest became a key."""
+    """Report a value in braces that was cut at a comma, so that the rest became a key."""
     if not mapping.is_flow:
         return False
     for (before, cut), (key, node) in zip(mapping.entries, mapping.entries[1:], strict=False):
@@ -188,7 +188,7 @@ def _report_comma(mapping: YamlMapping, known: tuple[str, ...], problems: Proble
 
 
 def kind_of(node: Node) -> str:
-    """Say what a node is, in the user's words."""
+    """Return a description of a node for messages."""
     match node:
         case YamlMapping():
             return 'a mapping'
@@ -213,7 +213,7 @@ def text_of(node: Node, what: str, problems: Problems) -> Text | None:
 
 def mapping_of(node: Node | None, what: str, problems: Problems,
                help: str = '') -> YamlMapping | None:
-    """Return keys with values; a key with nothing under it has none of them."""
+    """Return a mapping; a missing value is an empty one."""
     if isinstance(node, YamlMapping):
         return node
     if isinstance(node, YamlScalar) and node.is_missing:
@@ -240,7 +240,7 @@ def is_empty(node: Node) -> bool:
 
 
 def line_of(text: Text, here: Span) -> str:
-    """Say in which line a text stands, with its file where that is another."""
+    """Return the line of a text for messages, with its file if that differs."""
     file = '' if text.source is here.source else f'{text.source.name}, '
     return f'{file}line {text.span.line}'
 

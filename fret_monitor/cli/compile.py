@@ -60,7 +60,7 @@ def _worst_case(generated: GeneratedMonitor) -> Iterator[str]:
     yield 'worst case of a step of all requirements:'
     yield f'  at most {counted(cost.own, "instruction")}{more} (x86-64, gcc -O2)'
     if stack is None:
-        yield '  stack: only gcc 10 or later can tell it; name one in CC'
+        yield '  stack: needs gcc 10 or later; name one in CC'
     else:
         yield (f'  at most {counted(stack.monitor + stack.evaluator, "byte")} of stack: '
                f'{stack.evaluator:,} of the evaluator, {stack.monitor:,} of the monitors, '

@@ -27,7 +27,7 @@ from fret_monitor.model.output import open_output, refuse_overwriting
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     """Add the verb to the command line."""
-    parser = verbs.add_parser('explain', help='say what requirements mean, with examples')
+    parser = verbs.add_parser('explain', help='describe what requirements mean, with examples')
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     parser.add_argument('id', metavar='ID', nargs='?', help='one requirement; default: all')
     parser.add_argument('--svg', metavar='FILE', type=Path, help='write the timelines as SVG')

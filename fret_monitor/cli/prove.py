@@ -143,7 +143,7 @@ def _report_counterexample(options: Namespace, found: 'Verification') -> None:
     print(f'\nCounterexample, {steps} from a reset; at the last of them')
     for number, meant in example.meant.items():
         if example.found[number] is not meant:
-            print(f'  {properties[number].id} is {_word(meant)}; the C says '
+            print(f'  {properties[number].id} is {_word(meant)}; the C computes '
                   f'{_word(example.found[number])}')
     for what in example.undefined:
         print(f'  the C is undefined: {what}')

@@ -377,8 +377,8 @@ class Elaborator:
         if declaration is not None:
             _refuse_application(node, declaration.role)
         if node.function in _FUTURE:
-            refuse('a monitor sees only the past', node.function_span,
-                   f"'{node.function}' looks into the future", f'write {_FUTURE[node.function]}')
+            refuse('the future cannot be monitored', node.function_span,
+                   f"'{node.function}' refers to the future", f'write {_FUTURE[node.function]}')
         title = f"there is no function '{node.function}'"
         near = did_you_mean(node.function, FUNCTIONS, TYPO)
         element = _element(node)

@@ -126,8 +126,8 @@ def draft(component: Component, connections: Mapping[str, Connection],
     return _Drafter(component, connections, problems).draft()
 
 
+# A wording with its meaning.
 _Usable: TypeAlias = tuple[ParsedWording, Property]
-"""A wording with its meaning."""
 
 
 class _Drafter:

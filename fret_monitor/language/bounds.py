@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The ends of bounds as they are written: a number, a sum of numbers, or one with constants in it.
+The ends of bounds: a number, or an expression of numbers and constants such as `10-1`.
 
-FRET writes `10-1` there. A parser asks `bound_end` what an end says; where that has names, what
-they stand for is not known yet; `work_out` computes the bound once it is.
+A parser calls `bound_end`. The values of constants are not known then: `work_out` computes such an
+end later.
 """
 
 from collections.abc import Callable
@@ -34,14 +34,14 @@ _OPERATIONS: dict[str, Callable[[int, int], int]] = {
 
 @dataclass(frozen=True)
 class TimedBound(Diagnostic):
-    """A bound with a unit of time, `number` as written; its steps are for the bundle to say."""
+    """The error for a bound with a unit of time; elaboration adds the number of steps to it."""
 
     number: str = ''
     unit: Unit = Unit.TICK
 
 
 def timed_bound(number: str, unit: Unit, place: Span) -> TimedBound:
-    """Return the error for `H[0,2s] p`, as long as the length of a step is not known."""
+    """Return the error for `H[0,2s] p`, without the number of steps."""
     help_ = f'write {number}' if unit is Unit.TICK else 'write the number of steps'
     return TimedBound('a bound must be a number of steps', place, 'this has a unit', help_,
                       number=number, unit=unit)
@@ -54,7 +54,7 @@ def bound_end(node: Expression) -> str | Expression:
     """
     Return an end of a bound: its number as text with an optional sign, or `node` if it has names.
 
-    Sums of numbers are worked out. Raises `CompileError` for what is neither.
+    Raises `CompileError` for any other expression.
     """
     match node:
         case Number():
@@ -71,7 +71,7 @@ def bound_end(node: Expression) -> str | Expression:
 
 
 def work_out(root: Expression, constant: Callable[[Name], int]) -> int:
-    """Return the number that an end of a bound is; `constant` gives that of a name."""
+    """Compute an end of a bound; `constant` returns the value of a name."""
     values: list[int] = []
     for node in postorder(root):
         match node:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Errors for a text that is not a FRETish sentence: where, what would fit, what was meant."""
+"""Errors for an invalid FRETish sentence: the place, what fits there, and what was meant."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ _FOREIGN = {
     '[': 'an element of an array is an input of its own: field: NAME[INDEX]',
     '{': 'write an enumeration as (x = A | x = B)',
 }
-# What people write for the words of FRETish.
+# Common words that are not FRETish, each with the FRETish one.
 _MEANT = {
     **ABBREVIATIONS,
     **dict.fromkeys(('should', 'must', 'will', 'can', 'may', 'has', 'does'), 'shall'),
@@ -89,7 +89,7 @@ _EXPECTATIONS = (
     ({'RPAR'}, "')'"),
     ({END}, 'the end'),
 )
-# Kinds that need no phrase of their own beside another.
+# Kinds that the phrase of another kind includes.
 _IMPLIED = {
     'LPAR': ('NUMBER',), 'DURING': ('IN',), 'SHALL': ('NAME',), 'THE': ('NAME',),
 }
@@ -123,7 +123,7 @@ class Misfit:
 
 
 def check_sentence(text: Text, lexemes: Sequence[Lexeme]) -> None:
-    """Refuse what is not a sentence at all: nothing, or free text in quotes."""
+    """Refuse an empty sentence, and free text in quotes."""
     if not lexemes:
         refuse('the sentence is empty', text.span, 'nothing to read here', _EXAMPLE)
     if len(lexemes) == 1 and text.value[lexemes[0].start] == '"':
@@ -132,7 +132,7 @@ def check_sentence(text: Text, lexemes: Sequence[Lexeme]) -> None:
 
 
 def check_expression(lexemes: Sequence[Lexeme]) -> None:
-    """Refuse a sentence where an expression is wanted."""
+    """Refuse a sentence in place of an expression."""
     for lexeme in lexemes:
         if lexeme.type in ('SHALL', 'SATISFY'):
             refuse('a definition must be an expression, not a sentence', lexeme.span,
@@ -141,7 +141,7 @@ def check_expression(lexemes: Sequence[Lexeme]) -> None:
 
 def refuse_future(phrase: Span) -> NoReturn:
     """Refuse `at the next occurrence of`."""
-    refuse('a monitor sees only the past', phrase, 'looks into the future',
+    refuse('the future cannot be monitored', phrase, 'refers to the future',
            'write at the previous occurrence of p, q; or make p the condition: upon p ... satisfy')
 
 
@@ -164,7 +164,7 @@ def refuse_bare(number: str, phrase: Span) -> NoReturn:
 
 
 def refuse_lexeme(misfit: Misfit) -> NoReturn:
-    """Refuse an unexpected lexeme, and say what was probably meant."""
+    """Refuse an unexpected lexeme; suggest what was probably meant."""
     _check_english(misfit)
     _check_order(misfit)
     _check_known_slips(misfit)
@@ -293,14 +293,14 @@ def _refuse_late_timing(misfit: Misfit, kinds: Sequence[str]) -> NoReturn:
 
 
 def _to_write(misfit: Misfit, sentence: str) -> str:
-    """Return the sentence put right, if no more than one part of it was out of place."""
+    """Return the advice to write the corrected sentence; an example if more is misplaced."""
     rest = {lexeme.type for lexeme in misfit.lexemes[misfit.index + 1:]}
     if rest & (_TIMINGS | _QUALIFIERS | _PLACES) or len(sentence) > _LONGEST:
         return _EXAMPLE
     return f"write {' '.join(sentence.split())}"
 
 
-# What people often write
+# Common mistakes
 
 def _check_known_slips(misfit: Misfit) -> None:
     found = misfit.found
@@ -322,7 +322,7 @@ def _check_known_slips(misfit: Misfit) -> None:
 
 
 def _negated_response(misfit: Misfit) -> str:
-    """Return what to write for `shall always not satisfy p`, '' for a 'not' elsewhere."""
+    """Return what to write for `shall always not satisfy p`; '' for any other `not`."""
     before = misfit.before
     if before is None or 'SATISFY' not in misfit.fitting:
         return ''
@@ -363,10 +363,10 @@ def _check_brackets(misfit: Misfit) -> None:
                if found.type != END else '')
 
 
-# What was meant
+# Misspelled words
 
 def _meant(misfit: Misfit) -> tuple[Lexeme, str] | None:
-    """Return a lexeme that is a word misspelt, and that word."""
+    """Return the misspelled lexeme, and the word that was meant."""
     found, before = misfit.found, misfit.before
     if found.type == 'NAME' and (word := _closest(found.text, misfit.fitting)):
         return found, word
@@ -426,7 +426,7 @@ def _expectation(fitting: frozenset[str]) -> str:
 
 
 def _phrases(fitting: frozenset[str]) -> Iterator[str]:
-    # What follows an operand may begin with a name or a bracket without being an expression.
+    # After an operand, a name or a bracket does not mean that an expression fits.
     left = fitting - {'LPAR'} if 'INFIX' in fitting else fitting
     for kinds, phrase in _EXPECTATIONS:
         if kinds <= left:

@@ -15,9 +15,9 @@
 """
 Reads past-time MTL as FRET writes it for SMV (the key `ptltl`).
 
-A `Text` goes in, an `Expression` comes out; the grammar is in `smv.lark`. Beside FRET's spelling
-it takes what SMV and C users write: `=>`, `<=>`, `&&`, `||`, `==` and `~`; `xor`, `mod`, `TRUE`
-and `FALSE` in any case; `.5`. FRET's old exports, with HTML in them, read as their content.
+A `Text` goes in, an `Expression` comes out; the grammar is in `smv.lark`. Beyond FRET's spelling
+it accepts that of SMV and C: `=>`, `<=>`, `&&`, `||`, `==` and `~`; `xor`, `mod`, `TRUE`
+and `FALSE` in any case; `.5`. HTML tags and entities in old exports of FRET are ignored.
 FRET's sign is part of a number: `-3 ^ 2` is `(-3) ^ 2`, while `-x ^ 2` is `-(x ^ 2)`.
 """
 
@@ -76,7 +76,7 @@ _REFUSED = {
 _FOREIGN = {
     **{word: f'write {_WRITE[word.lower()]}'
        for word in ('AND', 'And', 'OR', 'Or', 'NOT', 'Not', 'implies', 'IMPLIES', 'iff', 'IFF')},
-    # The future, which FRET's grammar has too: each with what comes closest.
+    # Future operators, which FRET's grammar has too, each with the closest past operator.
     **dict.fromkeys(('G', 'globally', 'always'), 'a monitor sees only the past: '
                     'write H p, true while p has held at every step so far'),
     **dict.fromkeys(('F', 'finally', 'eventually'), 'a monitor sees only the past: '
@@ -166,7 +166,7 @@ def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
 
 
 def _explain_time(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
-    """Report a time in a bound, one lexeme (2s) or two (2 s); elsewhere it is no number."""
+    """Report a time in a bound, one lexeme (2s) or two (2 s); elsewhere, an invalid number."""
     found = lexemes[index]
     if found.type == 'TIME':
         number, unit = _TIME.findall(found.text)[0]

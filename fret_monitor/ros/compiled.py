@@ -79,7 +79,7 @@ def _all[T](open_one: Callable[[Origin], T], origins: Sequence[Origin]) -> list[
     opened, refused = [], []
     for origin in origins:
         try:
-            with _told():
+            with _as_refusal():
                 _refuse_slips(origin)
                 opened.append(open_one(origin))
         except Refusal as refusal:
@@ -152,7 +152,7 @@ def _manifest(settings: Settings, origin: Origin) -> Manifest:
 
 
 @contextmanager
-def _told() -> Iterator[None]:
+def _as_refusal() -> Iterator[None]:
     """Raise `Refusal` in place of errors that the user can correct."""
     try:
         yield

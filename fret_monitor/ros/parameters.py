@@ -291,7 +291,7 @@ def _period(given: Mapping[str, Any], problems: list[str]) -> Fraction | None:
     period = _positive(given, 'period', 'seconds, say 0.1', problems)
     rate = _positive(given, 'rate', 'steps a second, say 10.0', problems)
     if period is not None and rate is not None:
-        problems.append("parameters 'period' and 'rate' say the same thing: give one of them")
+        problems.append("parameters 'period' and 'rate' are both given: give one of them")
     return period if rate is None else 1 / rate
 
 

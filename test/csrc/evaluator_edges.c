@@ -15,9 +15,9 @@
 /// evaluator_edges.c: counters and times at their limits.
 ///
 /// An evaluator whose counters begin just below a power of two does what one does that begins at
-/// 0, and counts on from there. This looks into the evaluator's own memory, so it includes
-/// evaluator.c. Times near INT64_MIN and INT64_MAX do not overflow; what would come after the last
-/// time does not come. The program prints what is not so, and nothing if all is.
+/// 0, and counts on from there. Includes evaluator.c to access its private structures. Times near
+/// INT64_MIN and INT64_MAX do not overflow; what would come after the last time does not come.
+/// Prints the first difference, if there is one.
 
 #include "evaluator.c"  // NOLINT
 
@@ -131,7 +131,7 @@ static void lift(struct fm_evaluator * const evaluator, const uint64_t more)
   evaluator->counts.restarts += more;
 }
 
-/// Make one of the calls that a node makes; the seed says which. Return how many it announces.
+/// Make one of the calls that a node makes, chosen by the seed. Return how many it announces.
 static uint32_t call(
   struct fm_evaluator * const evaluator, const uint32_t seed, const int64_t now,
   struct fm_violation * const out)
@@ -205,7 +205,7 @@ static bool announce_alike(
   return true;
 }
 
-/// Return the call at which the two differ; N_CALLS if they never do.
+/// Return the first call at which the two differ; N_CALLS if there is none.
 static uint32_t compare(
   const uint32_t policy, const uint64_t edge, uint32_t seed, uint64_t * const announced)
 {

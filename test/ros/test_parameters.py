@@ -113,7 +113,7 @@ def test_parameters_read_by_configure_change_only_before_it_and_then_take_effect
                    'relevant_message, all_inputs, periodic')
         assert set_to(partner, spec=str(bundle), policy='periodic', rate=20) == [(True, '')] * 3
         assert set_to(partner, period=0.5)[0] == (
-            False, "parameters 'period' and 'rate' say the same thing: give one of them")
+            False, "parameters 'period' and 'rate' are both given: give one of them")
         assert manager.ask(CONFIGURE) == [True]
         (successful, reason), = set_to(partner, spec='other.yaml')
         assert not successful
