@@ -220,8 +220,11 @@ _RELATIONS = {
     '=': ('is equal to', 'equals', 'is'),
     '!=': ('is not equal to', 'is unequal to', 'is not', 'differs from'),
 }
-_PHRASES = sorted(((tuple(phrase.split()), sign) for sign, phrases in _RELATIONS.items()
-                   for phrase in phrases), key=lambda item: -len(item[0]))
+_VERBS = ('is', 'must be', 'should be', 'stays')
+_PHRASES = sorted({(tuple(phrase.replace('is', verb, 1).split()), sign)
+                   for sign, phrases in _RELATIONS.items() for phrase in phrases
+                   for verb in (_VERBS if phrase.startswith('is') else ('is',))},
+                  key=lambda item: (-len(item[0]), item))
 _LONGEST_PHRASE = len(_PHRASES[0][0])
 
 
@@ -399,7 +402,10 @@ def _help(misfit: Misfit) -> str:
                                      misfit.lexemes[:misfit.index]):
         return 'the scope comes first: in m mode when p the COMPONENT shall ...'
     if _is_article(misfit):
-        return f'leave it out: write {misfit.written(misfit.lexemes[misfit.index + 1])}'
+        first, second = map(misfit.written, misfit.lexemes[misfit.index + 1:misfit.index + 3])
+        is_two = misfit.lexemes[misfit.index + 2].type == 'NAME'
+        return (f'leave it out; a name is one word, such as {first}_{second}' if is_two
+                else f'leave it out: write {first}')
     if found.type == 'THE' and _wants_operand(misfit):
         return _EXAMPLE
     if _is_word(found) and _wants_operand(misfit):
