@@ -57,9 +57,13 @@ _MEANT = {
 }
 _POINTS = frozenset({'time', 'timestep', 'point', 'instant', 'step', 'moment'})
 _SYMBOLS = {'AND': '&', 'OR': '|', 'NEGATION': '!'}
-_NAMED_SYMBOLS = {'implies': '=>', 'iff': '<=>', 'equals': '=', 'plus': '+', 'minus': '-',
-                  'times': '*', 'div': '/'}
-_TEMPORAL = frozenset({'H', 'O', 'Y', 'Z', 'S', 'T', 'SI', 'G', 'F', 'X', 'U'})
+_OPERATORS = {
+    'implies': 'write =>', 'iff': 'write <=>', 'equals': 'write =', 'plus': 'write +',
+    'minus': 'write -', 'times': 'write *', 'div': 'write /',
+    **dict.fromkeys(('H', 'O', 'Y', 'Z', 'S', 'T', 'SI', 'G', 'F', 'X', 'U'),
+                    'use a timing (always, eventually, within ...), persisted or occurred, '
+                    'or the key ptltl:'),
+}
 _EXPECTATIONS = (
     ({'NAME', 'LPAR'}, 'an expression'),
     ({'DURING'}, 'a scope (in m mode, while p, before p, after p)'),
@@ -346,14 +350,10 @@ def _check_operators(misfit: Misfit) -> None:
     for lexeme in (found, before):
         if lexeme is None or lexeme.type != 'NAME' or 'INFIX' not in misfit.fitting:
             continue
-        if lexeme.text.lower() in _NAMED_SYMBOLS:
-            refuse(f"'{misfit.written(lexeme)}' is not FRETish", lexeme.span,
-                   'not an operator', f'write {_NAMED_SYMBOLS[lexeme.text.lower()]}')
-        if lexeme.text in _TEMPORAL:
-            refuse(f"'{lexeme.text}' is not an operator of FRETish", lexeme.span,
-                   'not in this language',
-                   'use a timing (always, eventually, within ...), persisted or occurred, '
-                   'or the key ptltl:')
+        advice = _OPERATORS.get(lexeme.text) or _OPERATORS.get(lexeme.text.lower())
+        if advice is not None:
+            refuse(f"'{misfit.written(lexeme)}' is not an operator of FRETish", lexeme.span,
+                   'not in this language', advice)
 
 
 def _check_brackets(misfit: Misfit) -> None:
