@@ -57,9 +57,13 @@ _MEANT = {
 }
 _POINTS = frozenset({'time', 'timestep', 'point', 'instant', 'step', 'moment'})
 _SYMBOLS = {'AND': '&', 'OR': '|', 'NEGATION': '!'}
-_NAMED_SYMBOLS = {'implies': '=>', 'iff': '<=>', 'equals': '=', 'plus': '+', 'minus': '-',
-                  'times': '*', 'div': '/'}
-_TEMPORAL = frozenset({'H', 'O', 'Y', 'Z', 'S', 'T', 'SI', 'G', 'F', 'X', 'U'})
+_OPERATORS = {
+    'implies': 'write =>', 'iff': 'write <=>', 'equals': 'write =', 'plus': 'write +',
+    'minus': 'write -', 'times': 'write *', 'div': 'write /',
+    **dict.fromkeys(('H', 'O', 'Y', 'Z', 'S', 'T', 'SI', 'G', 'F', 'X', 'U'),
+                    'use a timing (always, eventually, within ...), persisted or occurred, '
+                    'or the key ptltl:'),
+}
 _EXPECTATIONS = (
     ({'NAME', 'LPAR'}, 'an expression'),
     ({'DURING'}, 'a scope (in m mode, while p, before p, after p)'),
@@ -220,8 +224,11 @@ _RELATIONS = {
     '=': ('is equal to', 'equals', 'is'),
     '!=': ('is not equal to', 'is unequal to', 'is not', 'differs from'),
 }
-_PHRASES = sorted(((tuple(phrase.split()), sign) for sign, phrases in _RELATIONS.items()
-                   for phrase in phrases), key=lambda item: -len(item[0]))
+_VERBS = ('is', 'must be', 'should be', 'stays')
+_PHRASES = sorted({(tuple(phrase.replace('is', verb, 1).split()), sign)
+                   for sign, phrases in _RELATIONS.items() for phrase in phrases
+                   for verb in (_VERBS if phrase.startswith('is') else ('is',))},
+                  key=lambda item: (-len(item[0]), item))
 _LONGEST_PHRASE = len(_PHRASES[0][0])
 
 
@@ -343,14 +350,10 @@ def _check_operators(misfit: Misfit) -> None:
     for lexeme in (found, before):
         if lexeme is None or lexeme.type != 'NAME' or 'INFIX' not in misfit.fitting:
             continue
-        if lexeme.text.lower() in _NAMED_SYMBOLS:
-            refuse(f"'{misfit.written(lexeme)}' is not FRETish", lexeme.span,
-                   'not an operator', f'write {_NAMED_SYMBOLS[lexeme.text.lower()]}')
-        if lexeme.text in _TEMPORAL:
-            refuse(f"'{lexeme.text}' is not an operator of FRETish", lexeme.span,
-                   'not in this language',
-                   'use a timing (always, eventually, within ...), persisted or occurred, '
-                   'or the key ptltl:')
+        advice = _OPERATORS.get(lexeme.text) or _OPERATORS.get(lexeme.text.lower())
+        if advice is not None:
+            refuse(f"'{misfit.written(lexeme)}' is not an operator of FRETish", lexeme.span,
+                   'not in this language', advice)
 
 
 def _check_brackets(misfit: Misfit) -> None:
@@ -399,7 +402,10 @@ def _help(misfit: Misfit) -> str:
                                      misfit.lexemes[:misfit.index]):
         return 'the scope comes first: in m mode when p the COMPONENT shall ...'
     if _is_article(misfit):
-        return f'leave it out: write {misfit.written(misfit.lexemes[misfit.index + 1])}'
+        first, second = map(misfit.written, misfit.lexemes[misfit.index + 1:misfit.index + 3])
+        is_two = misfit.lexemes[misfit.index + 2].type == 'NAME'
+        return (f'leave it out; a name is one word, such as {first}_{second}' if is_two
+                else f'leave it out: write {first}')
     if found.type == 'THE' and _wants_operand(misfit):
         return _EXAMPLE
     if _is_word(found) and _wants_operand(misfit):

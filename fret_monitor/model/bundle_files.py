@@ -89,8 +89,11 @@ def _in_package(name: str) -> Path:
     if not folders:
         refuse(f"{shown(name, LONGEST_PATH)}: the package '{package}' is not installed, or its "
                'workspace is not sourced', help=did_you_mean(package, installed_packages()))
+    if not inside:
+        refuse(f'{shown(name, LONGEST_PATH)} names no file',
+               help=f'write {_SCHEME}{package}/PATH')
     for folder in folders:
-        if inside and os.path.exists(folder / inside):
+        if os.path.exists(folder / inside):
             return folder / inside
     refuse(f"{shown(name, LONGEST_PATH)}: there is no file '{inside}' in {folders[0]}",
            help=_near(Path(inside), [(folder / inside).parent for folder in folders]))

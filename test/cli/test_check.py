@@ -108,6 +108,8 @@ def test_a_bundle_is_found_by_its_name_and_in_a_package(
     assert done.err.endswith("= help: did you mean 'quadrotor.yaml'?\n")
     done = here.run('check', 'package://fret_moniter/config/arm.yaml')
     assert done.err.endswith("= help: did you mean 'fret_monitor'?\n")
+    done = here.run('check', 'package://fret_monitor')
+    assert done.err.endswith('= help: write package://fret_monitor/PATH\n')
     done = here.run('check', 'package://fret_monitor/config/amr.yaml')
     assert done.err.endswith("= help: did you mean 'arm.yaml'?\n")
 
