@@ -28,7 +28,9 @@ from codegen.messages import (
     message_class, message_object, same, serialize, signal_of, taken, Topic, trees, weight,
     written_paths,
 )
-from differential.compiled import c_module, clang, compile_c, CSRC, gcc, WARNINGS, write_module
+from differential.compiled import (
+    c_module, clang, compile_c, CSRC, gcc, unoptimised, WARNINGS, write_module,
+)
 from fret_monitor.build import build_specification
 from fret_monitor.logic.formula import TRUE
 from fret_monitor.logic.specification import Signal, Specification
@@ -148,7 +150,8 @@ def theirs() -> tuple[list[Topic], Monitor]:
     pytest.importorskip('rclpy')
     topics = [topic_of(find_message(name), number, MOST_INPUTS // 2)
               for number, name in enumerate(installed())]
-    return topics, build_topics(topics)
+    with unoptimised():
+        return topics, build_topics(topics)
 
 
 def assert_same(topic: Topic, found: tuple[FieldReading, ...] | None, message: Any) -> None:

@@ -19,7 +19,8 @@ The loop over the steps is C (`run.c` beside this file), so that traces can be l
 `csrc/fret_monitor.h`; the evaluator and `native` are tested elsewhere.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 import ctypes
 from functools import cache
 from pathlib import Path
@@ -32,8 +33,11 @@ from typing import Any
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.values import ValueType
+from fret_monitor.native import cache as library_cache
+from fret_monitor.native import compiler as library_compiler
 from fret_monitor.program.layout import lay_out
 from fret_monitor.program.lower import lower
+import pytest
 from strategies import Trace
 
 HERE = Path(__file__).resolve().parent
@@ -74,6 +78,15 @@ def clang() -> tuple[str, ...] | None:
     command = (sys.executable, '-m', 'ziglang', 'cc')
     probe = subprocess.run([*command, '--version'], capture_output=True, check=False)
     return command if probe.returncode == 0 else None
+
+
+@contextmanager
+def unoptimised() -> Iterator[None]:
+    """Let `native` compile without optimisation, which takes long for much code."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (library_cache, library_compiler):
+            patch.setattr(module, 'COMPILE_FLAGS', (*library_compiler.COMPILE_FLAGS, '-O0'))
+        yield
 
 
 def c_module(specification: Specification) -> CModule:

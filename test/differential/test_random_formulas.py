@@ -14,9 +14,10 @@
 
 """Random formulas of every kind: compiled C gives the verdicts of the reference evaluator."""
 
+from collections.abc import Sequence
 from random import Random
 
-from differential.compiled import Compiled
+from differential.compiled import Compiled, FLAGS
 from fret_monitor.logic.evaluate import verdicts
 from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Formula, Historically, Once, postorder, Since, Triggered, Unary,
@@ -41,9 +42,10 @@ def cut(trace: Trace, start: int, stop: int) -> Trace:
     return {name: column[start:stop] for name, column in trace.items()}
 
 
-def assert_equal(properties: list[Property], trace: Trace, resets: tuple[int, ...] = ()) -> None:
+def assert_equal(properties: list[Property], trace: Trace, resets: tuple[int, ...] = (),
+                 flags: Sequence[str] = FLAGS) -> None:
     """Compare all verdicts over a trace, with the groups reset before each step of `resets`."""
-    compiled = Compiled(specification_of(properties)).run(trace, resets)
+    compiled = Compiled(specification_of(properties), flags=flags).run(trace, resets)
     steps = len(next(iter(trace.values())))
     for item, found in zip(properties, compiled, strict=True):
         expected: list[bool] = []
@@ -136,4 +138,5 @@ def test_a_wide_formula_gives_the_verdicts_of_the_reference() -> None:
     for _ in range(1500):
         formula = Binary(BinaryOperator.XOR, formula, maker.formula(20))
     assert len(postorder([formula])) > 10_000
-    assert_equal([property_of('R-1', formula)], random_trace(Random(2), INPUTS, 40))
+    assert_equal([property_of('R-1', formula)], random_trace(Random(2), INPUTS, 40),
+                 flags=(*FLAGS, '-O0'))  # optimising takes longer than all the rest

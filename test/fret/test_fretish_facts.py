@@ -41,14 +41,14 @@ _FRETS_BUGS = {
     'the sw shall within 1e3 ticks satisfy r': 'reads 1e3 as 1',
 }
 _REFUSED = {
-    'the sw shall within 0.5 seconds satisfy p': 'whole steps',
+    'the sw shall within 0.5 seconds satisfy p': 'whole number of steps',
     'the sw shall within -3 ticks satisfy r': 'negative',
     'the sw shall with probability > 0.9 always satisfy r': 'probability',
     '"the natural language text"': 'free text',
     'the sw shall always satisfy foo(x, p & q)': 'no function',
     'the sw shall always satisfy foo()': 'no function',
-    'the sw shall always satisfy persists(3,p)': 'the past',
-    'the sw shall always satisfy nextOcc(p,q)': 'the past',
+    'the sw shall always satisfy persists(3,p)': 'the future',
+    'the sw shall always satisfy nextOcc(p,q)': 'the future',
     'the sw shall always satisfy persisted(n,p)': 'number of steps',
 }
 # FRET writes a bound here that cannot be read.

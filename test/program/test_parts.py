@@ -22,7 +22,7 @@ can lie on either side of a cut.
 from array import array
 from random import Random
 
-from differential.compiled import c_module, Compiled, FLAGS, WARNINGS
+from differential.compiled import c_module, Compiled, FLAGS, unoptimised, WARNINGS
 from fret_monitor.build import build_specification
 from fret_monitor.codegen import module
 from fret_monitor.logic.evaluate import verdicts
@@ -59,7 +59,8 @@ def low_limits(monkeypatch: pytest.MonkeyPatch, part: int, file: int, block: int
 
 def rows(specification: Specification, trace: Trace) -> list[list[bool]]:
     """Step all groups at once, as the evaluator does when all are ready."""
-    evaluator = Evaluator(build_specification(specification).monitor)
+    with unoptimised():
+        evaluator = Evaluator(build_specification(specification).monitor)
     columns = [array(item.type.typecode, trace[item.name]) for item in specification.signals]
     steps = len(columns[0])
     found = evaluator.rows(columns, steps)
