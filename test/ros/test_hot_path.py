@@ -121,7 +121,8 @@ def test_a_detail_that_is_not_published_yet_holds_no_message_and_no_violation(
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE, encoding='utf-8')
-    may_publish, details = Event(), []
+    may_publish = Event()
+    details: list[Any] = []
     original = Details.publish
 
     def publish(self: Details, detail: ViolationDetail) -> None:
