@@ -29,9 +29,9 @@ setup-test:
 demo: setup
 	@$(PYTHON) examples/demo.py
 
-# Three workers; two of them start with the tests with ROS 2, which wait more than they compute.
+# Four workers; three of them start with the tests with ROS 2, which wait more than they compute.
 test: setup-test
-	@$(PYTHON) -m pytest -n 3 $(TESTS)
+	@$(PYTHON) -m pytest -n 4 $(TESTS)
 
 lint: setup-test
 	@$(PYTHON) -m pytest --quiet test/test_lint.py test/test_layers.py test/test_house.py

@@ -59,6 +59,10 @@ PATIENCE = 60.0
 
 TOPICS = ('motor/current', 'windspeed')  # of config/quadrotor.yaml
 UNREAD = 'never taken'
+IN_CALLBACK = "rcl in C, taking inside the middleware's callback"
+TIMEOUT = 0.05  # s
+SILENCES = 10.0  # a second
+SETTLE = 8.0  # s for an idle monitor to start, and to log what it waits for
 HANDLER = 'copilot/handlerpropEACH'
 PACKAGES = ('std_msgs', 'sensor_msgs', 'diagnostic_msgs')
 
@@ -351,6 +355,10 @@ class Bench:
         """Return the subscriber in C."""
         return Subject(name, (str(self.floor), *work.arguments, *arguments))
 
+    def callback(self, work: Work, *arguments: str) -> Subject:
+        """Return the subscriber in C that takes messages inside the middleware's callback."""
+        return self.bare(work, '--take', 'callback', *arguments, name=IN_CALLBACK)
+
     def rclpy(self, work: Work, *arguments: str) -> Subject:
         """Return the subscriber in Python."""
         return Subject('rclpy', (
@@ -459,7 +467,8 @@ def quiet(bench: Bench) -> Iterator[Row]:
     work = bench.work(TOPICS, bench.rate)
     example = HERE.parent / 'config' / 'quadrotor.yaml'
     found = rounds_of(bench, work, [
-        bench.bare(work), bench.unread(work), *bench.monitors(example), bench.rclpy(work)])
+        bench.bare(work), bench.unread(work), bench.callback(work), *bench.monitors(example),
+        bench.rclpy(work)])
     yield from processor_rows('no violation', found, '1.0')
     for figure, name in (('resident memory (VmRSS)', 'resident'),
                          ('its highest (VmHWM)', 'highest')):
@@ -474,12 +483,52 @@ def violations(bench: Bench) -> Iterator[Row]:
         '  - {id: EACH, ptltl: "current < 0.0 & wind < 0.0"}\n')
     publish = ('--publish', HANDLER)
     found = rounds_of(bench, work, [
-        bench.bare(work, *publish), bench.unread(work, *publish), *bench.monitors(bundle),
-        bench.rclpy(work, *publish)])
+        bench.bare(work, *publish), bench.unread(work, *publish),
+        bench.callback(work, *publish), *bench.monitors(bundle), bench.rclpy(work, *publish)])
     yield from processor_rows('a violation each', found, '1.1')
     del found[UNREAD]
     for name in ('p50', 'p99'):
         yield from rows(f'latency to the Empty, {name}', 'us', found, attrgetter(name), '1.1')
+
+
+def deadlines(bench: Bench) -> Iterator[Row]:
+    """Measure the time from the end of a timeout to its Empty, and an idle monitor's work."""
+    work = Work(TOPICS[:1], int(bench.seconds * SILENCES), SILENCES, echo=HANDLER)
+    more = f', timeout: {TIMEOUT}, stale: violate'
+    bundle = bench.bundle(
+        'silent', float_input('current', TOPICS[0], more),
+        '  - {id: EACH, report: onset, ptltl: "current > 0.0"}\n')
+    found = rounds_of(bench, work, [
+        bench.callback(work, '--publish', HANDLER, '--after', str(TIMEOUT)),
+        *bench.monitors(bundle)])
+    late = {name: [replace(item, p50=item.p50 - 1e6 * TIMEOUT, p99=item.p99 - 1e6 * TIMEOUT)
+                   for item in samples] for name, samples in found.items()}
+    for name in ('p50', 'p99'):
+        yield from rows(
+            f'from the end of a timeout to its Empty, {name}', 'us', late, attrgetter(name), '1.1')
+
+
+def idle(bench: Bench) -> Iterator[Row]:
+    """Measure the work of a monitor to which nothing comes, with a hundred timeouts."""
+    bundle = bench.bundle(
+        'idle', ''.join(float_input(f'x{i}', f'x{i}', f', timeout: {TIMEOUT * 10}')
+                        for i in range(REQUIREMENTS)),
+        ''.join(f'  - {{id: R{i}, ptltl: "x{i} < 1.0"}}\n' for i in range(REQUIREMENTS)))
+    for subject in bench.monitors(bundle):
+        found = []
+        for _ in range(bench.rounds):
+            running = Running(subject)
+            try:
+                time.sleep(SETTLE)
+                begin, cpu = time.monotonic_ns(), running.nanoseconds()
+                time.sleep(bench.seconds)
+                spent = running.nanoseconds() - cpu
+                found.append(1e3 * spent / (time.monotonic_ns() - begin))
+                running.close()
+            finally:
+                running.kill()
+        yield Row('idle, 100 inputs with a timeout: processor time', subject.name, 'ms/s',
+                  median(found), min(found), max(found))
 
 
 def cloud(bench: Bench) -> Iterator[Row]:
@@ -559,7 +608,8 @@ def started(load_program: Path, work: Work, subject: Subject) -> Start:
 
 
 FIGURES: dict[str, Callable[[Bench], Iterator[Row]]] = {
-    'quiet': quiet, 'violations': violations, 'cloud': cloud, 'flood': flood, 'start': start,
+    'quiet': quiet, 'violations': violations, 'deadlines': deadlines, 'idle': idle,
+    'cloud': cloud, 'flood': flood, 'start': start,
 }
 
 

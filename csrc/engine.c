@@ -70,6 +70,8 @@ struct fm_engine
   bool is_closed;
 };
 
+uint32_t fm_engine_abi(void) {return FM_ENGINE_ABI;}
+
 // ---- making ------------------------------------------------------------------------------------
 
 static uint32_t most_inputs(const struct fm_engine_options * options)
@@ -245,18 +247,6 @@ static int64_t system_ahead_locked(struct fm_engine * engine)
   return engine->system_ahead;
 }
 
-// The nanoseconds from one time to another, as far as an int64_t holds them.
-static int64_t between(int64_t from, int64_t to)
-{
-  if (from < 0 && to > INT64_MAX + from) {
-    return INT64_MAX;
-  }
-  if (from > 0 && to < INT64_MIN + from) {
-    return INT64_MIN;
-  }
-  return to - from;
-}
-
 // Read the time of the source; returns false if it has none. `told`: the time if it is told.
 static bool read_time_locked(struct fm_engine * engine, int64_t told, int64_t * now)
 {
@@ -271,7 +261,7 @@ static bool read_time_locked(struct fm_engine * engine, int64_t told, int64_t * 
     return false;
   }
   if (engine->is_new_source) {
-    fm_evaluator_shift(evaluator, between(fm_evaluator_now(evaluator), *now));
+    fm_evaluator_shift(evaluator, fm_between(fm_evaluator_now(evaluator), *now));
     engine->is_new_source = false;
   }
   FM_PAUSE();

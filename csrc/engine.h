@@ -45,6 +45,9 @@
 extern "C" {
 #endif
 
+/// Version of the functions and structs of this header, those it includes, and those in ros/.
+#define FM_ENGINE_ABI 2u
+
 struct fm_engine;
 
 /// What an engine runs. The caller owns all of it, keeps it until the engine is destroyed, and
@@ -65,6 +68,9 @@ enum fm_receipt
   FM_UNDECODABLE = 1,  // counted; no step
   FM_REPEATED = 2      // received before, by another subscription; not counted, no step
 };
+
+/// FM_ENGINE_ABI of this library. A program made with another one must call no other function.
+FM_EXPORT uint32_t fm_engine_abi(void);
 
 /// Make an engine; NULL if the readers do not fit the topics, or memory is short.
 /// O(requirements + topics); allocates.

@@ -445,11 +445,10 @@ static void end_violation(struct fm_evaluator * evaluator, uint32_t g)
   }
 }
 
-// The nanoseconds from one time to a later one, at most INT64_MAX.
+// The nanoseconds from one time to a later one; 0 if it is not later.
 static int64_t since(int64_t from, int64_t to)
 {
-  const uint64_t lasted = to > from ? (uint64_t)to - (uint64_t)from : 0;
-  return lasted > (uint64_t)INT64_MAX ? INT64_MAX : (int64_t)lasted;
+  return to > from ? fm_between(from, to) : 0;
 }
 
 static void end_silence(struct fm_evaluator * evaluator, uint32_t i, int64_t now)
@@ -704,7 +703,8 @@ static void store_row(
       const enum fm_type type = (enum fm_type)evaluator->monitor->inputs[i].type;
       const char * column = columns[i];
       fm_evaluator_store_from(
-        evaluator, i, column + (size_t)row * fm_instance_value_bytes(type), 0);
+        evaluator, i, column + (size_t)row * fm_instance_value_bytes(type),
+        evaluator->instance.time->now);
     }
   }
 }
@@ -717,7 +717,7 @@ uint64_t fm_evaluator_rows(
   uint64_t announced = 0;
   for (uint64_t row = 0; row < n_rows; ++row) {
     store_row(evaluator, columns, row);
-    announced += fm_evaluator_step(evaluator, 0, NULL);
+    announced += fm_evaluator_step(evaluator, evaluator->instance.time->now, NULL);
     if (verdicts != NULL && n_requirements > 0) {
       memcpy(verdicts, evaluator->instance.verdicts, n_requirements * sizeof(bool));
       verdicts += n_requirements;
@@ -816,18 +816,28 @@ static void take_timeout(
   }
 }
 
+// Leave out the first of more than FM_MOST_PERIODS_BEHIND due periods.
+static void miss_periods(struct fm_evaluator * evaluator)
+{
+  struct fm_instance_time * time = evaluator->instance.time;
+  if (time->next_period <= time->now && time->next_period != FM_NEVER) {
+    const uint64_t period = (uint64_t)evaluator->period;
+    const uint64_t due = ((uint64_t)time->now - (uint64_t)time->next_period) / period + 1;
+    if (due > FM_MOST_PERIODS_BEHIND) {
+      const uint64_t missed = due - FM_MOST_PERIODS_BEHIND;
+      evaluator->counts.missed += missed;
+      time->next_period = (int64_t)((uint64_t)time->next_period + missed * period);
+      evaluator->is_exact = false;
+    }
+  }
+}
+
 static void take_period(struct fm_evaluator * evaluator, int64_t now, struct report * report)
 {
   struct fm_instance_time * time = evaluator->instance.time;
-  const uint64_t period = (uint64_t)evaluator->period;
-  const uint64_t late = (uint64_t)now - (uint64_t)time->next_period;
-  const uint64_t due = late / period + 1;
-  const uint64_t missed = due > FM_MOST_PERIODS_BEHIND ? due - FM_MOST_PERIODS_BEHIND : 0;
-  report->stamp = (int64_t)((uint64_t)time->next_period + missed * period);
-  evaluator->counts.missed += missed;
   evaluator->counts.periods += 1;
-  evaluator->counts.late += late - missed * period > period / 2 ? 1u : 0u;
-  time->next_period = fm_later(report->stamp, evaluator->period);
+  evaluator->counts.late += since(time->next_period, now) > evaluator->period / 2 ? 1u : 0u;
+  time->next_period = fm_later(time->next_period, evaluator->period);
   evaluator->is_exact = false;
   step_ready_groups(evaluator, report);
 }
@@ -858,6 +868,7 @@ uint32_t fm_evaluator_advance(
   if (evaluator->wake > now) {
     return 0;
   }
+  miss_periods(evaluator);
   const int64_t deadline = fm_evaluator_deadline(evaluator);
   struct report report = {out, deadline, 0};
   if (deadline <= now && deadline != FM_NEVER) {

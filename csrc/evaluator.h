@@ -189,15 +189,15 @@ FM_EXPORT int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator);
 
 /// Move the time to `now`, and take the first thing that is due by then, stamped with its own
 /// instant, however late this is called. To be called until fm_evaluator_wake is after `now`, or
-/// FM_NEVER. The violations are as those of fm_evaluator_message. Of one instant, the timeouts come
-/// first, by input, then the period.
+/// FM_NEVER: nothing is due then. The violations are as those of fm_evaluator_message. Of one
+/// instant, the timeouts come first, by input, then the period.
 ///
-/// The first call begins the time: the timeouts run from it, and the first period ends one period
-/// later. Time that goes back is counted: what was to come in a second still comes in a second;
-/// values and past are kept.
+/// The first call begins the time: all timeouts run from it, whatever was stored before, and the
+/// first period ends one period later. Time that goes back is counted: what was to come in a
+/// second still comes in a second; values and past are kept.
 ///
 /// A period: all ready groups take a step. Of more than FM_MOST_PERIODS_BEHIND due ones the first
-/// are missed.
+/// are missed, before anything else is taken.
 ///
 /// The timeout of an input: the input is silent until its next store. If it `violates`, it is
 /// stale, and so is each group that reads it. A stale group still steps, on the old values, which
@@ -210,7 +210,8 @@ FM_EXPORT int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator);
 ///
 /// With `patience`, a timeout found more than that after its instant is put off, once a silence,
 /// until as long again has passed, at most its own length: the process did not run, and messages
-/// may be waiting to be received.
+/// may be waiting to be received. That is one call, without a violation; the new instant is the
+/// stamp.
 ///
 /// O(operations) for a period, O(inputs + groups that read the input, and their requirements) for
 /// a timeout, O(1) if nothing is due.
@@ -225,7 +226,7 @@ FM_EXPORT void fm_evaluator_shift(struct fm_evaluator * evaluator, int64_t by);
 FM_EXPORT int64_t fm_evaluator_now(const struct fm_evaluator * evaluator);
 
 /// Take many rows of a trace at once: for each, store a value of every input that has a column,
-/// then fm_evaluator_step. `columns` holds n_inputs pointers, each to n_rows values of the input's
+/// then fm_evaluator_step, both at the evaluator's time. `columns` holds n_inputs pointers, each to n_rows values of the input's
 /// type (bool: bytes), or NULL: the input keeps its value. `verdicts` has room for n_requirements
 /// flags for each row, row after row, or is NULL. Returns how many violations were announced.
 /// O(n_rows x operations).
@@ -236,13 +237,14 @@ FM_EXPORT uint64_t fm_evaluator_rows(
 /// Put all groups at their start: temporal state, first time point, step numbers, last verdicts
 /// (for report_onset), and which inputs were received since the last step. The inputs keep their
 /// values, and the counters and periods go on. The verdicts are true until the next step. A
-/// stale input is stale until its next store, and is due at once: its groups are violated anew by
-/// the next fm_evaluator_advance. O(inputs + state bytes).
+/// stale input is stale until its next store, and is due at once: its groups that have not stepped
+/// since are violated anew by the next fm_evaluator_advance. O(inputs + state bytes).
 FM_EXPORT void fm_evaluator_reset(struct fm_evaluator * evaluator);
 
 /// Copy the instance: the values, state, readiness, verdicts and times, in one block that holds no
 /// address. It may be restored, any number of times, to any evaluator of the same monitor and
-/// options in this process. The counters are not part of it and go on. `out` and `from`: a block
+/// options in this process. The counters, and how long a past silence lasted, are not part of it
+/// and go on. `out` and `from`: a block
 /// of fm_evaluator_instance_bytes bytes, at any alignment. O(bytes).
 FM_EXPORT uint64_t fm_evaluator_instance_bytes(const struct fm_evaluator * evaluator);
 FM_EXPORT void fm_evaluator_save(const struct fm_evaluator * evaluator, void * out);

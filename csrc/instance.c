@@ -213,6 +213,17 @@ int64_t fm_later(int64_t time, int64_t by)
   return time + by;
 }
 
+int64_t fm_between(int64_t from, int64_t to)
+{
+  if (from < 0 && to > INT64_MAX + from) {
+    return INT64_MAX;
+  }
+  if (from > 0 && to < INT64_MIN + from) {
+    return INT64_MIN;
+  }
+  return to - from;
+}
+
 static int64_t moved(int64_t due, int64_t by)
 {
   return due == INT64_MAX ? INT64_MAX : fm_later(due, by);

@@ -110,4 +110,7 @@ void fm_instance_shift(const struct fm_instance * instance, int64_t by);
 /// The sum, or the nearest time in range. O(1).
 int64_t fm_later(int64_t time, int64_t by);
 
+/// The nanoseconds from one time to another, or the nearest number in range. O(1).
+int64_t fm_between(int64_t from, int64_t to);
+
 #endif  // INSTANCE_H_

@@ -24,7 +24,6 @@ been delivered. Fields that are not named keep their defaults.
 
 import argparse
 from importlib import import_module
-from operator import attrgetter
 import os
 import sys
 import time
@@ -32,6 +31,7 @@ from typing import Any
 
 import rclpy
 from rclpy.duration import Duration
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import ExternalShutdownException
 import yaml
 
@@ -43,13 +43,14 @@ def main() -> int:
     """Parse the command line and publish."""
     arguments = _parser().parse_args()
     try:
-        message = _message(arguments.type, arguments.fields)
-    except (AttributeError, AssertionError, ModuleNotFoundError, ValueError) as error:
-        print(f'publish: {error}', file=sys.stderr)
-        return 1
-    try:
+        message = _message(arguments.type)
+        for field in arguments.fields:
+            _set(message, field)
         rclpy.init()
         _publish(arguments, message)
+    except ValueError as error:
+        print(f'publish: {error}', file=sys.stderr)
+        return 1
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
@@ -62,26 +63,66 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('topic')
     parser.add_argument('type', help='such as std_msgs/msg/Float32')
     parser.add_argument('fields', nargs='*', metavar='FIELD=VALUE')
-    parser.add_argument('--rate', type=float, default=10.0, help='messages a second (10)')
+    parser.add_argument('--rate', type=_positive, default=10.0, help='messages a second (10)')
     parser.add_argument('--count', type=int, default=1, help='messages in all (1)')
     return parser
 
 
-def _message(name: str, fields: list[str]) -> Any:
+def _positive(text: str) -> float:
+    value = float(text)
+    if not value > 0:
+        raise ValueError
+    return value
+
+
+def _message(name: str) -> Any:
+    """Return a message with default values; raises `ValueError` if there is no such type."""
     os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'  # else a wrong type ends the process
-    module, _, kind = name.replace('/', '.').rpartition('.')
-    message = getattr(import_module(module), kind)()
-    for field in fields:
-        path, _, value = field.partition('=')
-        *parents, last = path.split('.')
-        owner = attrgetter('.'.join(parents))(message) if parents else message
-        setattr(owner, last, yaml.safe_load(value))
-    return message
+    package, _, rest = name.partition('/')
+    kind = rest.removeprefix('msg/')
+    if not kind.isidentifier() or not package.isidentifier():
+        raise ValueError(f"'{name}' is not a message type, such as std_msgs/msg/Float32")
+    try:
+        module = import_module(f'{package}.msg')
+    except ModuleNotFoundError:
+        raise ValueError(f"no messages of a package '{package}' are installed") from None
+    if not hasattr(module, kind):
+        raise ValueError(f"the package '{package}' has no message '{kind}'")
+    return getattr(module, kind)()
+
+
+def _set(message: Any, field: str) -> None:
+    """Set `FIELD=VALUE`; raises `ValueError` if there is no such field, or it cannot have it."""
+    path, equals, text = field.partition('=')
+    if not equals:
+        raise ValueError(f"'{field}' has no value: write {field}=VALUE")
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        raise ValueError(f"'{text}' cannot be read as YAML") from None
+    owner = message
+    owners: list[str] = []
+    for name in path.split('.'):
+        fields = list(getattr(owner, 'get_fields_and_field_types', dict)())
+        if name not in fields:
+            what = f"'{'.'.join(owners)}'" if owners else 'the message'
+            raise ValueError(f"there is no field '{path}': {what} has "
+                             f'{", ".join(fields) or "no fields"}')
+        owners.append(name)
+        before, owner = owner, getattr(owner, name)
+    is_real = isinstance(owner, float) and type(value) is int
+    try:
+        setattr(before, name, float(value) if is_real else value)
+    except AssertionError as error:
+        raise ValueError(f"'{field}': {error}") from None
 
 
 def _publish(arguments: argparse.Namespace, message: Any) -> None:
     node = rclpy.create_node('test_publisher')
-    publisher = node.create_publisher(type(message), arguments.topic, 10)
+    try:
+        publisher = node.create_publisher(type(message), arguments.topic, 10)
+    except InvalidTopicNameException:
+        raise ValueError(f"'{arguments.topic}' is not a name of a topic") from None
     if publisher.get_subscription_count() == 0:
         print(f'waiting for a subscription to {publisher.topic_name}', file=sys.stderr)
     while publisher.get_subscription_count() == 0:

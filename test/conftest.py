@@ -37,6 +37,7 @@ settings.load_profile('fret_monitor')
 
 ROOT = Path(__file__).resolve().parent.parent
 _BUSY = r'/test_(bench|colcon|faults|hot_path|interrupts|shutdown|soak)'  # those with ROS 2
+_LONG = r'/test_(lint|extractors|search|readme|corpus|mutants)'
 _WORKER = 'PYTEST_XDIST_WORKER'
 _HOME = pytest.StashKey[str]()
 # Domain ids 0 to 101 give ports outside the ephemeral range; 0 is the default of all nodes.
@@ -63,9 +64,10 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """
-    Let two workers of pytest-xdist run all tests that time processes.
+    Give a worker of pytest-xdist all tests of a module, and three workers those with processes.
 
-    One runs the tests that keep a processor busy, the other those that mostly wait.
+    So what a module builds for its tests is built once. One of the three runs the tests with ROS 2
+    that keep a processor busy, the others those that mostly wait.
     """
     from xdist.scheduler import LoadScopeScheduling
 
@@ -73,11 +75,26 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
         # Override how tests are grouped; xdist_group has no effect in pytest 9.
 
         def _split_scope(self, nodeid: str) -> str:
-            if not re.search(r'\btest/(ros/|test_colcon)', nodeid):
-                return nodeid
-            return 'busy' if re.search(_BUSY, nodeid) else 'waiting'
+            return _scope(nodeid)
 
+    config.option.loadscopereorder = False  # not the largest modules first, but the order below
     return WorkersForRos(config, log)
+
+
+def _scope(nodeid: str) -> str:
+    module = nodeid.split('::')[0]
+    if not re.search(r'\btest/(ros/|test_colcon)', module):
+        return module
+    if re.search(_BUSY, module):
+        return 'busy'
+    return 'waiting' if re.search(r'/test_[a-m]', module) else 'waiting too'
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let workers begin with the tests that wait, and then with the longest."""
+    if _WORKER in os.environ:
+        items.sort(key=lambda item: (_scope(item.nodeid).endswith('.py'),
+                                     re.search(_LONG, item.nodeid) is None))
 
 
 @pytest.fixture

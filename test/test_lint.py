@@ -29,13 +29,9 @@ import sys
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-FOLDERS = ['bench', 'examples', 'fret_monitor', 'launch', 'test']
-# What ament_pep257 leaves out, and D413: a numpydoc section ends with its docstring.
-PEP257 = '--ignore=D100,D101,D102,D103,D104,D105,D106,D107,D203,D212,D404,D413'
 TOOLS = {
     'flake8': ['--statistics', '.'],
     'mypy': [],
-    'pydocstyle': [PEP257, r'--match=.*\.py', 'setup.py', *FOLDERS],
     'ruff': ['check', '--no-cache', '.'],
 }
 # The plugins that ament_flake8 depends on; flake8 silently skips the checks of a missing plugin.

@@ -14,7 +14,9 @@
 
 """Trees of formulas for tests: as texts with all parentheses, and random ones."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+import time
 from typing import assert_never
 
 from fret_monitor.language.expression import (
@@ -22,6 +24,56 @@ from fret_monitor.language.expression import (
 )
 from fret_monitor.model.diagnostics import CompileError, Source, Span, Text
 import pytest
+
+_TOO_LONG_S = 20.0
+
+
+@contextmanager
+def in_time() -> Iterator[None]:
+    """Fail if the block takes too much processor time."""
+    started = time.process_time()
+    yield
+    assert time.process_time() - started < _TOO_LONG_S
+
+
+def garbage(piece: str) -> str:
+    """Return a hundred thousand characters of a piece that is not a formula."""
+    return (piece * (100_000 // len(piece) + 1))[:100_000] + ' &'
+
+
+def check_infix(parse: Callable[[Text], object], first: str, level: Mapping[str, int],
+                from_right: Collection[str], in_tree: Mapping[str, str]) -> None:
+    """
+    Check that of an infix operator and each other one the tighter takes the operand between them.
+
+    `in_tree` are the spellings of operators in a tree, where they differ.
+    """
+    for second in level:
+        formula = f'a {first} b {second} c'
+        if level[first] == level[second] == level['<']:
+            assert 'chained' in str(refusal(parse, formula))
+            continue
+        to_the_left = level[first] < level[second] or (
+            level[first] == level[second] and first not in from_right)
+        one, two = in_tree.get(first, first), in_tree.get(second, second)
+        found = parse(text(formula))
+        assert isinstance(found, Infix)
+        assert show(found) == (f'((a {one} b) {two} c)' if to_the_left
+                               else f'(a {one} (b {two} c))')
+
+
+def check_places[T](parse: Callable[[Text], T], spans: Callable[[T], list[Span]],
+                    formula: str) -> None:
+    """Check that a text is a formula, or is refused, and that all places are within it."""
+    try:
+        found = spans(parse(text(formula)))
+    except CompileError as caught:
+        assert caught.diagnostics[0].title
+        str(caught)
+        span = caught.diagnostics[0].span
+        assert span is not None
+        found = [span]
+    assert all(0 <= span.start <= span.end <= len(formula) for span in found)
 
 
 def text(value: str) -> Text:

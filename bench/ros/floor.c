@@ -15,13 +15,16 @@
 /// floor.c: the reference for a node that subscribes: a minimal subscriber in C on rcl.
 ///
 ///     floor --topics A,B [--type float32|cloud] [--depth N] [--reliability reliable|best_effort]
-///           [--publish TOPIC] [--take no]
+///           [--publish TOPIC] [--take no|callback] [--after SECONDS]
 ///
 /// It waits with a wait set, for at most 200 ms, and takes one message of each topic that is
-/// ready. With `--publish` it publishes a std_msgs/Empty for each message. With `--take no` it
-/// only sleeps, which measures the middleware alone. On SIGINT or SIGTERM it prints the number of
+/// ready. With `--take callback` it takes each message inside the middleware's callback instead.
+/// With `--take no` it only sleeps, which measures the middleware alone. With `--publish` it
+/// publishes a std_msgs/Empty for each message; with `--take callback` in the main thread, and
+/// `--after` that long after the message was taken. On SIGINT or SIGTERM it prints the number of
 /// messages taken.
 
+#include <pthread.h>
 #include <signal.h>
 
 #include "node.h"
@@ -29,6 +32,19 @@
 static volatile sig_atomic_t is_over;
 static const char * handler;
 static bool takes = true;
+static bool takes_in_callback;
+static int64_t after;  // ns
+
+// Filled in the callback, emptied by the main thread.
+enum {MOST_DUE = 4096};
+static struct
+{
+  pthread_mutex_t mutex;
+  pthread_cond_t is_filled;
+  uint64_t taken;
+  uint64_t answered;
+  int64_t due[MOST_DUE];  // when to answer, a ring
+} waiting = {.mutex = PTHREAD_MUTEX_INITIALIZER, .is_filled = PTHREAD_COND_INITIALIZER};
 
 static void end(const int number)
 {
@@ -42,6 +58,9 @@ static bool read_other(const char * const name, char * const value)
     handler = value;
   } else if (strcmp(name, "--take") == 0) {
     takes = strcmp(value, "no") != 0;
+    takes_in_callback = strcmp(value, "callback") == 0;
+  } else if (strcmp(name, "--after") == 0) {
+    after = (int64_t)(strtod(value, NULL) * 1e9);
   } else {
     return false;
   }
@@ -98,6 +117,68 @@ static uint64_t serve(
   return taken;
 }
 
+/// Called by the middleware: take `count` messages, and note when to answer them.
+static void take_in_callback(const void * const user_data, const size_t count)
+{
+  static union message message;
+  (void)pthread_mutex_lock(&waiting.mutex);
+  for (size_t i = 0u; i < count; ++i) {
+    if (take(user_data, &message, NULL) != 0u) {
+      waiting.due[waiting.taken % MOST_DUE] = now() + after;
+      waiting.taken += 1u;
+    }
+  }
+  (void)pthread_cond_signal(&waiting.is_filled);
+  (void)pthread_mutex_unlock(&waiting.mutex);
+}
+
+/// Wait for a message, for at most 200 ms; returns whether one is to be answered, and when.
+static bool wait_for_message(int64_t * const due)
+{
+  struct timespec end;
+  (void)clock_gettime(CLOCK_REALTIME, &end);
+  end.tv_nsec += 200000000;
+  end.tv_sec += end.tv_nsec / 1000000000;
+  end.tv_nsec %= 1000000000;
+  (void)pthread_mutex_lock(&waiting.mutex);
+  if (waiting.answered == waiting.taken) {
+    (void)pthread_cond_timedwait(&waiting.is_filled, &waiting.mutex, &end);
+  }
+  const bool is_due = waiting.answered < waiting.taken;
+  *due = waiting.due[waiting.answered % MOST_DUE];
+  waiting.answered += is_due ? 1u : 0u;
+  (void)pthread_mutex_unlock(&waiting.mutex);
+  return is_due;
+}
+
+static uint64_t serve_callbacks(
+  const struct topics * const topics, rcl_subscription_t * const subscriptions,
+  const rcl_publisher_t * const publisher)
+{
+  const std_msgs__msg__Empty empty = {0};
+  int64_t due;
+  for (size_t i = 0u; i < topics->count; ++i) {
+    need(
+      rcl_subscription_set_on_new_message_callback(
+        &subscriptions[i], take_in_callback, &subscriptions[i]), "callback");
+  }
+  while (!is_over) {
+    if (publisher == NULL) {
+      sleep_until(now() + SECOND / 5);
+    } else if (wait_for_message(&due)) {
+      if (after > 0) {
+        sleep_until(due);
+      }
+      need(rcl_publish(publisher, &empty, NULL), "publish");
+    }
+  }
+  for (size_t i = 0u; i < topics->count; ++i) {
+    need(
+      rcl_subscription_set_on_new_message_callback(&subscriptions[i], NULL, NULL), "no callback");
+  }
+  return waiting.taken;
+}
+
 int main(const int argc, char ** const argv)
 {
   static struct node n;
@@ -122,7 +203,9 @@ int main(const int argc, char ** const argv)
       &subscriptions[i], &n, type_of(topics.content), topics.names[i],
       profile(topics.depth, topics.is_best_effort));
   }
-  if (takes) {
+  if (takes_in_callback) {
+    taken = serve_callbacks(&topics, subscriptions, handler != NULL ? &publisher : NULL);
+  } else if (takes) {
     taken = serve(&n, &topics, subscriptions, handler != NULL ? &publisher : NULL);
   } else {
     while (!is_over) {

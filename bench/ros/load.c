@@ -233,6 +233,9 @@ static int compare(const void * const one, const void * const other)
 
 static void send(const size_t count, const double rate)
 {
+  if (echo != NULL) {
+    listen_until(now());  // what was answered before is not counted
+  }
   const int64_t begin = now();
   n_sent = 0u;
   n_heard = 0u;
@@ -258,6 +261,9 @@ static void send(const size_t count, const double rate)
 
 static void step(void)
 {
+  if (echo != NULL) {
+    listen_until(now());  // what was answered before is not counted
+  }
   const int64_t begin = now();
   n_sent = 0u;
   n_heard = 0u;

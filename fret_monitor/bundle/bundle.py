@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-A bundle as it was read: frozen values, every text with its place, no meaning yet.
+The content of a bundle: frozen values, each text with its place.
 
-Whether names are declared, formulas can be read and types fit is decided in `elaboration`.
+`elaboration` checks names, formulas and types.
 """
 
 from dataclasses import dataclass
@@ -54,10 +54,10 @@ class ValueEntry:
 @dataclass(frozen=True, eq=False)
 class InputEntry:
     """
-    An input; `field` is the path as written, None where it was left out.
+    An input; `field` is the path as written, None if it was omitted.
 
-    `damaged` are the keys whose values were refused, and 'name' where its name was; `places` says
-    where the keys are that inputs on one topic must agree in.
+    `damaged` are the keys with refused values, and 'name' if its name was refused; `places` are
+    the places of the keys in which inputs on one topic must agree.
     """
 
     name: Text
@@ -84,7 +84,7 @@ class Definition:
 
 @dataclass(frozen=True, eq=False)
 class Requirement:
-    """An id and a property in one of the languages; `report` and `severity` with defaults in."""
+    """A requirement; `report` and `severity` include the defaults of the bundle."""
 
     id: Text
     language: Language
@@ -96,12 +96,12 @@ class Requirement:
 
     @property
     def handler(self) -> str:
-        """The name of its handler, as `handler_name` says."""
+        """The name of its handler, see `handler_name`."""
         return handler_name(self.id.value)
 
 
 def handler_name(id: str) -> str:
-    """Return `handlerprop` and the id, with `_` for what C and ROS refuse."""
+    """Return `handlerprop` and the id, with `_` for characters that C or ROS does not allow."""
     letters = (c if c.isascii() and (c.isalnum() or c == '_') else '_' for c in id)
     return 'handlerprop' + ''.join(letters)
 
@@ -111,9 +111,9 @@ class Bundle:
     """
     A whole bundle. `sources` are the files it was read from, the bundle itself first.
 
-    `name` is the file's stem. `period` is in seconds, exact, None but with the policy periodic.
-    `unreadable` are names that are declared in a way that was refused (see `survey_bundle`); an
-    input of these is in `inputs` all the same, with what could be read of it.
+    `name` is the file's stem. `period` is in seconds, exact; None unless the policy is periodic.
+    `unreadable` are declared names that cannot be used (see `survey_bundle`); `inputs` contains
+    such inputs, too, with the parts that could be read.
     """
 
     name: str

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The name of an input, constant or definition, as formulas spell it."""
+"""The name of an input, constant or definition, as formulas write it."""
 
 from dataclasses import dataclass
 
@@ -23,9 +23,9 @@ from fret_monitor.model.diagnostics import Span, Text
 @dataclass(frozen=True, eq=False)
 class DeclaredName:
     """
-    A name that is declared, as formulas know it.
+    A declared name.
 
-    FRET's names in quotes (`"hello world"`) have their quotes in the bundle's key as well.
+    The key of a quoted name of FRET includes the quotes: `"hello world"`.
     """
 
     text: Text

@@ -15,7 +15,7 @@
 """
 Reads the formula of a requirement or definition: one key that names the language, and its text.
 
-A formula that YAML cut or misread, because it is not in quotes, is refused with the line to write.
+An unquoted formula that YAML cuts or misreads is refused with the line to write.
 """
 
 import re
@@ -69,7 +69,7 @@ def read_one_formula(shape: Shape, what: str, place: Span,
 
 
 def _formula(key: YamlScalar, node: Node, problems: Problems) -> Text | None:
-    """Read a formula, and see that YAML left it as it was written."""
+    """Read a formula; refuse it if YAML did not read all of it as written."""
     source = key.span.source
     if isinstance(node, Unread):
         return None

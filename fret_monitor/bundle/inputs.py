@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Reads the inputs of a bundle: one mapping of keys each, and what inputs on one topic must share.
+Reads the inputs of a bundle, and checks that inputs on one topic agree.
 
-`read_input` returns an `InputEntry` even if some of its keys were refused; `damaged` names those.
+`read_input` returns an `InputEntry` even if some keys are refused, which are in `damaged`.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -25,7 +25,7 @@ from fractions import Fraction
 from fret_monitor.bundle.bundle import InputEntry, ValueEntry
 from fret_monitor.bundle.declared_name import DeclaredName
 from fret_monitor.bundle.yaml_shape import (
-    line_of, mapping_of, report_choice, report_fault, Shape, text_of,
+    line_of, mapping_of, report_choice, report_fault, SECONDS, Shape, text_of,
 )
 from fret_monitor.bundle.yaml_tree import Node, Unread, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import Problems, Text
@@ -58,7 +58,7 @@ def read_input(name: DeclaredName, mapping: YamlMapping, problems: Problems) -> 
         initial=shape.text('initial'),
         values=tuple(_values(shape.node('values'), faults['values'])),
         qos=tuple(_qos(shape.node('qos'), faults['qos'])),
-        timeout=shape.positive('timeout', 'seconds', _SHORTEST_TIMEOUT_S, _LONGEST_TIMEOUT_S),
+        timeout=shape.positive('timeout', SECONDS, _SHORTEST_TIMEOUT_S, _LONGEST_TIMEOUT_S),
         stale=_stale(shape, problems),
     )
     damaged = {key for key in INPUT_KEYS if shape.is_cut or not shape.lacks(key) and (
@@ -83,7 +83,7 @@ def _checked(shape: Shape, key: str, find_fault: Callable[[str], Fault | None],
 
 
 def _check_input(entry: InputEntry, shape: Shape, problems: Problems) -> set[str]:
-    """Look at what the keys of an input need of one another; return those that were refused."""
+    """Check the keys of an input that depend on one another; return the refused ones."""
     damaged = set()
     if shape.lacks('type'):
         damaged.add('type')
@@ -123,7 +123,7 @@ def _values(node: Node | None, problems: Problems) -> Iterator[ValueEntry]:
 
 
 def _value(key: YamlScalar, node: Node, problems: Problems) -> ValueEntry | None:
-    """Read one name of a value: what is in quotes, or no number, is a string."""
+    """Read one name of a value; a value in quotes, or that is not a number, is a string."""
     report_fault(name_fault(key.value), key.text, problems)
     if isinstance(node, YamlScalar) and node.style:
         return ValueEntry(key.text, node.text, is_string=True)
@@ -178,7 +178,7 @@ def _whole(text: str) -> int:
 
 
 def check_topics(inputs: Iterable[InputEntry], problems: Problems) -> None:
-    """Check that inputs on one topic agree in what concerns the topic."""
+    """Check that inputs on one topic agree in the keys that concern the topic."""
     first: dict[str, InputEntry] = {}
     for item in inputs:
         if item.topic is not None:
@@ -193,14 +193,14 @@ def _check_topic(item: InputEntry, topic: Text, first: InputEntry,
             problems.error(
                 f"inputs on one topic must agree in '{key}'", place,
                 f'{shown(first.name.value)} in {line_of(first.name, place)} '
-                f'has {_said(first, key)}, {shown(item.name.value)} has {_said(item, key)}')
+                f'has {_written(first, key)}, {shown(item.name.value)} has {_written(item, key)}')
 
 
 def _qos_of(item: InputEntry) -> object:
     return sorted((key.value, value.value) for key, value in item.qos)
 
 
-def _said(item: InputEntry, key: str) -> str:
+def _written(item: InputEntry, key: str) -> str:
     """Return what is written under a key of an input."""
     place = dict(item.places).get(key)
     if place is None:

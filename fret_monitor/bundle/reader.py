@@ -15,7 +15,7 @@
 """
 Reads a bundle with its `signals` files: YAML in, a frozen `Bundle` out.
 
-`read_bundle` raises one `CompileError` with all problems of all files. `survey_bundle` returns
+`parse_bundle` raises one `CompileError` with all problems of all files. `survey_bundle` returns
 what can be used of a bundle that has problems, so that the problems of its formulas can be
 reported in the same run.
 """
@@ -33,7 +33,8 @@ from fret_monitor.bundle.inputs import check_topics, INPUT_KEYS, read_input
 from fret_monitor.bundle.requirements import read_requirements
 from fret_monitor.bundle.source_file import read_source
 from fret_monitor.bundle.yaml_shape import (
-    is_empty, line_of, mapping_of, report_choice, report_fault, Shape, text_of,
+    HERTZ, is_empty, kind_of, line_of, mapping_of, report_choice, SECONDS, Shape,
+    text_of,
 )
 from fret_monitor.bundle.yaml_tree import (
     Node, read_tree, Unread, YamlList, YamlMapping, YamlScalar,
@@ -65,22 +66,6 @@ requirements:
 _SIGNALS_EXAMPLE = 'inputs:\n  speed: {topic: speed, type: std_msgs/msg/Float32}'
 
 
-def read_bundle(path: Path) -> Bundle:
-    """
-    Read a bundle from a file, with its `signals` files.
-
-    Raises
-    ------
-    CompileError
-        with all problems of all files, if there are any.
-    """
-    problems = Problems()
-    bundle = survey_bundle(path, problems)
-    problems.raise_errors()
-    assert bundle is not None, 'a bundle that cannot be read has a problem'
-    return bundle
-
-
 def parse_bundle(source: Source, directory: Path) -> Bundle:
     """
     Read a bundle from a text; `signals` files are looked for in `directory`.
@@ -100,12 +85,11 @@ def parse_bundle(source: Source, directory: Path) -> Bundle:
 def survey_bundle(path: Path, problems: Problems, *,
                   needs_period: bool = True) -> Bundle | None:
     """
-    Read what can be used of a bundle, and add what is wrong with it to `problems`.
+    Read the usable parts of a bundle, and add the errors to `problems`.
 
-    The names that were declared but cannot be used are in `Bundle.unreadable`: formulas that use
-    them have no problem of their own, unless what was refused of an input does not matter to
-    them. Returns None where nothing can be used. With `needs_period=False`, a bundle with the
-    policy periodic may leave its period out.
+    Declared names that cannot be used are in `Bundle.unreadable`, so that formulas with these
+    names are not reported, too. Returns None if nothing is usable. With `needs_period=False`, a
+    bundle with the policy periodic may omit its period.
     """
     try:
         source = read_source(path)
@@ -116,17 +100,17 @@ def survey_bundle(path: Path, problems: Problems, *,
 
 
 class _BundleReader:
-    """Reads one bundle: what can be used goes into it, what is wrong into the problems."""
+    """Reads the usable parts of a bundle, and collects the problems."""
 
     def __init__(self, directory: Path, problems: Problems, needs_period: bool = True) -> None:
         self._directory = directory
         self._problems = problems
         self._needs_period = needs_period
-        self._declared: dict[str, Text] = {}
+        self._declared: dict[str, DeclaredName] = {}
         self._unreadable: set[str] = set()
 
     def bundle(self, source: Source) -> Bundle | None:
-        """Read a bundle, None where nothing of it can be used."""
+        """Read a bundle; return None if nothing of it is usable."""
         mapping = self._root(source, 'the bundle', _EXAMPLE)
         if mapping is None or not self._has_format(mapping, is_required=True):
             return None
@@ -160,7 +144,7 @@ class _BundleReader:
         return None
 
     def _has_format(self, mapping: YamlMapping, is_required: bool) -> bool:
-        """Return whether this is a format we read; of another nothing more can be said."""
+        """Return whether the format is supported; of others nothing more is read."""
         for key, node in mapping.entries:
             if key.value == 'format':
                 text = text_of(node, "'format'", self._problems)
@@ -208,9 +192,8 @@ class _BundleReader:
     def _period(self, part: Shape, place: Span, policy: Policy,
                 is_known: bool) -> Fraction | None:
         """Read `period` or `rate`; both are read so that both are checked."""
-        period = part.positive('period', 'seconds', _SHORTEST_PERIOD_S, _LONGEST_PERIOD_S)
-        rate = part.positive('rate', 'steps a second (Hz)', 1 / _LONGEST_PERIOD_S,
-                             1 / _SHORTEST_PERIOD_S)
+        period = part.positive('period', SECONDS, _SHORTEST_PERIOD_S, _LONGEST_PERIOD_S)
+        rate = part.positive('rate', HERTZ, 1 / _LONGEST_PERIOD_S, 1 / _SHORTEST_PERIOD_S)
         keys = [key for key in (part.key('period'), part.key('rate')) if key]
         if len(keys) == 2:
             self._problems.error("'period' and 'rate' are both given", keys[1].span,
@@ -231,29 +214,31 @@ class _BundleReader:
         for name, node in self._named(shape, 'constants', 'cc_t: 15.0'):
             problems = Problems()
             self._declare(name, problems)
-            text = text_of(node, f'the constant {shown(name.value)}', problems)
-            if text is not None and text.value.lower() not in ('true', 'false'):
-                report_fault(number_fault(text.value), text, problems)
+            text = _constant(node, f'the constant {shown(name.value)}', problems)
             if self._is_usable(name, node, problems) and text is not None:
                 yield ConstantEntry(name.text, text)
 
     def _named(self, shape: Shape, key: str,
                example: str) -> Iterator[tuple[DeclaredName, Node]]:
-        """Yield what stands under `constants`, `inputs` or `definitions`."""
+        """Yield the entries under `constants`, `inputs` or `definitions`."""
         mapping = mapping_of(shape.node(key), f"'{key}'", self._problems, example)
         for name, node in mapping.entries if mapping else ():
             yield declared_name(name), node
 
     def _declare(self, name: DeclaredName, problems: Problems) -> None:
-        """Take a name; two may not differ in FRET's spelling only (`a.b` and `a_DOT_b`)."""
+        """Declare a name; names with equal FRET spellings (`a.b` and `a_DOT_b`) are duplicates."""
         fault = (quoted_name_fault if name.is_quoted else name_fault)(name.value)
-        first = self._declared.setdefault(fret_name(name.value), name.text)
+        other = self._declared.setdefault(fret_name(name.value), name)
         if fault is not None:
             problems.error(fault.reason, name.span, 'not a name', fault.help)
-        elif first is not name.text:
+        elif other is not name:
+            first, second = other, name
+            if first.span.source is second.span.source and first.span.start > second.span.start:
+                first, second = second, first  # sections may be written in any order
             problems.error(
-                f'{shown(name.value)} is declared twice', name.span,
-                f'first in {line_of(first, name.span)}', 'choose another name for one of them')
+                f'{shown(second.value)} is declared twice', second.span,
+                f'first in {line_of(first.text, second.span)}',
+                'choose another name for one of them')
 
     def _is_usable(self, name: DeclaredName, node: Node, problems: Problems) -> bool:
         """Pass on the problems of an entry; return whether it has none."""
@@ -286,7 +271,7 @@ class _BundleReader:
                 yield replace(entry, damaged=entry.damaged | damaged)
 
     def _report_outdented(self, name: DeclaredName) -> None:
-        """Report a key of an input that stands beside the input's name."""
+        """Report a key of an input that is indented like the input's name."""
         self._problems.error(
             f"'{name.value}' is a key of an input, not an input", name.span,
             'not indented under the name of an input',
@@ -325,7 +310,7 @@ class _BundleReader:
 
     def _signals_file(self, path: Path, text: Text) -> Bundle | None:
         if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
-            # A bundle that names a pipe would have a start wait for ever.
+            # Reading a pipe could block forever.
             self._problems.error(f'{shown(str(path), LONGEST_PATH)} is not a regular file',
                                  text.span)
             return None
@@ -340,6 +325,19 @@ class _BundleReader:
             return None
         return self._contents(
             source, Shape(mapping, 'a signals file', _SIGNALS_KEYS, self._problems))
+
+
+def _constant(node: Node, what: str, problems: Problems) -> Text | None:
+    must = f'{what} must be a number, true or false'
+    if isinstance(node, YamlMapping | YamlList):
+        problems.error(must, node.span, f'this is {kind_of(node)}')
+        return None
+    text = text_of(node, what, problems)
+    if text is not None and text.value.lower() not in ('true', 'false'):
+        fault = number_fault(text.value)
+        if fault is not None:
+            problems.error(f'{must}, and is {kind_of(node)}', text.span, help=fault.help)
+    return text
 
 
 def _resolved(path: Path) -> Path:

@@ -85,7 +85,7 @@ def _requirement_node(node: Node, problems: Problems) -> YamlMapping | None:
 def _requirement(mapping: YamlMapping, report: Report, severity: Severity,
                  problems: Problems) -> Requirement | None:
     """
-    Read a requirement, with the bundle's `report` and `severity` where it has none.
+    Read a requirement; `report` and `severity` are the defaults of the bundle.
 
     Returns None without an id, and `_NO_TEXT` for a formula that cannot be used.
     """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reads a text file: UTF-8, up to a size, with an error that names the file if it cannot."""
+"""Reads a UTF-8 text file of limited size; errors name the file."""
 
 from pathlib import Path
 
@@ -29,7 +29,7 @@ def read_source(path: Path, max_bytes: int = MAX_BYTES) -> Source:
     Raises
     ------
     CompileError
-        if there is no such file, or it is something else.
+        if there is no such file, or it cannot be read as such a text.
     """
     try:
         with path.open('rb') as file:

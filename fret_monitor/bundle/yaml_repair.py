@@ -15,8 +15,8 @@
 """
 Finds and reports values that YAML cuts or misreads because they are not in quotes.
 
-A formula such as `!p & q`, `a: b` or `[x] > 3` means something else to YAML, or nothing. The user
-gets the line to paste; the reader goes on after the value.
+In YAML a formula such as `!p & q`, `a: b` or `[x] > 3` is invalid or has another meaning. The
+error gives the line to paste, and reading continues after the value.
 """
 
 from collections.abc import Iterator
@@ -26,14 +26,15 @@ from fret_monitor.model.diagnostics import Problems, Source, Span
 import yaml
 
 _MAX_REPAIRS = 50
-_MAX_LINES = 30  # that a value in braces goes on for
+_MAX_LINES = 30  # of a value in braces
 _MAX_PASTED = 2000
-_MAX_READ = 2 ** 26  # characters in all, so that many repairs of a huge file end soon
+_MAX_READ = 2 ** 26  # characters in total, a limit for many repairs of a huge file
 
 _VALUE_LINE = re.compile(
     r"""[ \t]*(?:-[ ]+)*(?P<key>[A-Za-z_][^:#'"\[\]{},]*|"[^"]*"|'[^']*')[ \t]*:[ \t]+(?=\S)""")
 _CLOSERS = {'(': ')', '[': ']', '{': '}'}
 _FLOW_KEY = re.compile(r'[{,][ \t]*[A-Za-z_]\w*[ \t]*:[ \t]+(?=\S)')
+_OPEN_INDEX = re.compile(r'\[[0-9]+$')
 _NEXT_KEY = re.compile(r',[ \t]*[A-Za-z_]\w*[ \t]*:(?:[ \t]|$)')
 
 _MARKS = {
@@ -59,7 +60,7 @@ def report_lacking_space(match: re.Match[str], span: Span, problems: Problems) -
 
 def report_misread(source: Source, start: int, problems: Problems) -> None:
     """Report that the value that starts at `start` needs quotes, with the line to paste."""
-    written = value_as_written(source, start)
+    written = _OPEN_INDEX.sub(r'\g<0>]', value_as_written(source, start))
     first = source.text[start]
     quotes = first in '"\''
     if quotes:
@@ -98,7 +99,7 @@ def _value_end(source: Source, start: int) -> int:
 
 
 def _is_in_braces(source: Source, start: int) -> bool:
-    """Return whether a brace is open at `start`, in its line or in those it is indented under."""
+    """Return whether a brace is open at `start`, in its line or those that contain it."""
     number = source.position(start)[0]
     before = source.line(number)[:source.position(start)[1] - 1]
     base = _indentation(before) if before.strip() else start
@@ -113,7 +114,7 @@ def _is_in_braces(source: Source, start: int) -> bool:
 
 
 def _flow_length(rest: str) -> int:
-    """Return how long a value within braces is: up to the brace that closes, or the next key."""
+    """Return the length of a value within braces: up to the closing brace or the next key."""
     opened: list[str] = []
     for place, char in enumerate(rest):
         if char in '([{':
@@ -126,7 +127,7 @@ def _flow_length(rest: str) -> int:
 
 
 def _closed(value: str) -> str:
-    """Return the brackets that are closed as often as they are opened."""
+    """Return the opening brackets that are all closed."""
     return ''.join(left for left, right in _CLOSERS.items()
                    if value.count(left) <= value.count(right))
 
@@ -157,10 +158,10 @@ def _line_end(text: str, start: int) -> int:
 
 class Repair:
     """
-    What follows a value that YAML cannot read.
+    Continues reading after values that YAML cannot read.
 
-    The value is reported and replaced by a word of the same length, so that all places stay right.
-    `unread` are the places of such values; those in `swallowing` have taken in keys below them.
+    Such a value is reported and replaced by a word of the same length, so that places stay valid.
+    `unread` are the places of such values; those in `swallowing` included keys below them.
     """
 
     def __init__(self, source: Source, problems: Problems) -> None:
@@ -172,7 +173,7 @@ class Repair:
         self.swallowing: frozenset[int] = frozenset()
 
     def mend(self, error: yaml.YAMLError, last_scalar: int) -> bool:
-        """Report the error; return whether the text was changed so that it can be read anew."""
+        """Report an error of YAML; return whether the changed text can be read again."""
         place = min(self._place(error), max(len(self._source.text) - 1, 0))
         if self._is_tab(place) or self._lacks_space(error, place):
             return False
@@ -180,9 +181,9 @@ class Repair:
         start = next((item for item in starts if item not in self.unread), None)
         limit = min(_MAX_REPAIRS, _MAX_READ // max(len(self.text), 1))
         if start is None or len(self.unread) >= limit:
-            self._tell(error, place)
+            self._report(error, place)
             return False
-        self._tell_value(error, start, place)
+        self._report_value(error, start, place)
         self._blank(start)
         return True
 
@@ -195,7 +196,7 @@ class Repair:
         start = text.rfind('\n', 0, place) + 1
         match = re.compile(r'[ ]*(?:-[ ]*)*(\t)').match(text, start)
         if match:
-            self._problems.error('YAML is not indented with tabs',
+            self._problems.error('YAML cannot be indented with tabs',
                                  Span(self._source, match.start(1), match.end(1)),
                                  'use spaces here')
         return match is not None
@@ -217,7 +218,7 @@ class Repair:
 
     def _value_starts(self, error: yaml.YAMLError, place: int,
                       last_scalar: int) -> Iterator[int]:
-        """Yield where the values begin that can be to blame, the likeliest first."""
+        """Yield the starts of values that may be the cause, the most likely first."""
         context = getattr(error, 'context', None) or ''
         mark = getattr(error, 'context_mark', None)
         last = place
@@ -233,9 +234,9 @@ class Repair:
             yield match.end()
 
     def _within_braces(self, opened: int, place: int) -> Iterator[int]:
-        """Yield where the value begins before `place`, if it is within what was `opened`."""
+        """Yield the starts of values between the bracket at `opened` and `place`."""
         line_start = self._source.text.rfind('\n', 0, place) + 1
-        if self._source.text[opened] == '[':  # what is to blame is the list itself
+        if self._source.text[opened] == '[':  # the cause is the list itself
             keys = _FLOW_KEY.finditer(
                 self._source.text, self._source.text.rfind('\n', 0, opened) + 1, opened)
             yield from (key.end() for key in keys if key.end() == opened)
@@ -250,7 +251,7 @@ class Repair:
     def _line(self, place: int) -> int:
         return self._source.position(place)[0]
 
-    def _tell_value(self, error: yaml.YAMLError, start: int, place: int) -> None:
+    def _report_value(self, error: yaml.YAMLError, start: int, place: int) -> None:
         text = self._source.text
         problem = getattr(error, 'problem', None) or ''
         if text[start] in '"\'' and 'end of stream' in problem:
@@ -282,7 +283,7 @@ class Repair:
             report_misread(self._source, start, self._problems)
 
     def _is_too_deep(self, start: int, place: int) -> bool:
-        """Report a key that is indented deeper than the one above, whose one word takes it in."""
+        """Report a key that is indented deeper than the key above, and so is part of its value."""
         key = _KEY_LINE.match(self._source.line(self._line(place)))
         above = _VALUE_LINE.match(self._source.line(self._line(start)))
         begin = self._source.line_start(self._line(place))
@@ -299,13 +300,13 @@ class Repair:
         return True
 
     def _blank(self, start: int) -> None:
-        """Replace a value, with the lines that go on with it, by a plain word and blanks."""
+        """Replace a value, including its further lines, by a word and blanks."""
         begin, end = start - self._shift, _value_end(self._source, start) - self._shift
         blanks = ''.join(char if char in '\r\n' else ' ' for char in self.text[begin + 1:end])
         self.text = f'{self.text[:begin]}x{blanks}{self.text[end:]}'
         self.unread |= {start}
 
-    def _tell(self, error: yaml.YAMLError, place: int) -> None:
+    def _report(self, error: yaml.YAMLError, place: int) -> None:
         problem = getattr(error, 'problem', None) or 'this cannot be read'
         context = getattr(error, 'context', None) or ''
         mark = getattr(error, 'context_mark', None)
@@ -316,7 +317,7 @@ class Repair:
         self._problems.error('not valid YAML', Span(self._source, place, place + 1), label)
 
 
-# What libyaml and PyYAML report, and the same in the words of a user.
+# Messages of libyaml and PyYAML, each with a label for the user.
 _PROBLEMS = (
     ('flow sequence', 'this list is not closed'),
     ('flow mapping', 'this brace is not closed'),

@@ -13,15 +13,17 @@
 # limitations under the License.
 
 """
-The shape of a YAML mapping: which keys it may have and what stands under them.
+The shape of a YAML mapping: its known keys and the kinds of their values.
 
 A `Shape` reports each unknown key once, and returns the values of the others as texts, choices
-and numbers. A value that was refused is returned as None: its problem is reported already.
+and numbers. A refused value is reported and returned as None.
 """
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
+import re
 from typing import TypeVar
 
 from fret_monitor.bundle.yaml_repair import (
@@ -34,6 +36,27 @@ from fret_monitor.model.diagnostics import (
 from fret_monitor.model.names import exact, Fault, number_fault, shown
 
 _Choice = TypeVar('_Choice', bound=Enum)
+_WITH_UNIT = re.compile(r'([0-9.]+)\s*([A-Za-z]+)')
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity: its unit, an example, and the sizes of the units that users write."""
+
+    unit: str
+    example: str
+    sizes: Mapping[str, Fraction]
+
+
+SECONDS = Quantity('seconds', '0.5', {
+    **dict.fromkeys(('ns', 'nanoseconds'), Fraction(1, 10 ** 9)),
+    **dict.fromkeys(('us', 'microseconds'), Fraction(1, 10 ** 6)),
+    **dict.fromkeys(('ms', 'msec', 'milliseconds'), Fraction(1, 1000)),
+    **dict.fromkeys(('s', 'sec', 'secs', 'second', 'seconds'), Fraction(1)),
+    **dict.fromkeys(('min', 'minute', 'minutes'), Fraction(60)),
+    **dict.fromkeys(('h', 'hour', 'hours'), Fraction(3600)),
+})
+HERTZ = Quantity('steps a second (Hz)', '10', {'hz': Fraction(1), 'khz': Fraction(1000)})
 
 
 class Shape:
@@ -45,8 +68,8 @@ class Shape:
         """
         Report all keys that are not known.
 
-        `slips` are words that are often written instead, `elsewhere` says where keys belong that
-        are known in another place.
+        `slips` are common wrong words, each with the right one; `elsewhere` are keys of other
+        mappings, each with its place.
         """
         self.what = what
         self.span = mapping.span
@@ -81,16 +104,16 @@ class Shape:
                              'unknown key', help_)
 
     def lacks(self, *keys: str) -> bool:
-        """Return whether none of the keys is there, nor anything that was meant to be one."""
+        """Return whether all of the keys are missing, even in a misspelling."""
         return not self._has_swallowed and not any(
             key in self._entries or key in self._meant for key in keys)
 
     def key(self, key: str) -> YamlScalar | None:
-        """Return a key that is there, with its place."""
+        """Return a key with its place, None if it is missing."""
         return self._entries[key][0] if key in self._entries else None
 
     def node(self, key: str) -> Node | None:
-        """Return what stands under a key, None where there is none."""
+        """Return the node under a key, None if it is missing."""
         return self._entries[key][1] if key in self._entries else None
 
     def text(self, key: str) -> Text | None:
@@ -99,7 +122,7 @@ class Shape:
         return None if node is None else text_of(node, f"'{key}'", self._problems)
 
     def free_text(self, key: str) -> str:
-        """Return a text for people, which may be left empty."""
+        """Return a descriptive text, which may be empty."""
         node = self.node(key)
         if node is None or (isinstance(node, YamlScalar) and not node.value):
             return ''
@@ -117,7 +140,8 @@ class Shape:
         report_choice(text, key, words, self._problems)
         return default
 
-    def positive(self, key: str, unit: str, least: Fraction, most: Fraction) -> Fraction | None:
+    def positive(self, key: str, quantity: Quantity, least: Fraction,
+                 most: Fraction) -> Fraction | None:
         """Return an exact positive number, between `least` and `most`."""
         text = self.text(key)
         if text is None:
@@ -125,21 +149,30 @@ class Shape:
         fault = number_fault(text.value)
         value = exact(text.value)
         if fault is not None:
-            self._problems.error(f"'{key}' must be a number of {unit}: {fault.reason}", text.span,
-                                 help=fault.help or f'{key}: 0.1')
+            self._problems.error(
+                f"'{key}' must be a number of {quantity.unit}: {fault.reason}", text.span,
+                help=fault.help or f'{key}: {_without_unit(text.value, quantity)}')
         elif value is not None and value <= 0:
             self._problems.error(f"'{key}' must be greater than 0", text.span)
         elif value is None or not least <= value <= most:
             self._problems.error(
-                f"'{key}' is out of range", text.span, f'a number of {unit} from '
+                f"'{key}' is out of range", text.span, f'a number of {quantity.unit} from '
                 f'{float(least):g} to {float(most):g}')
         else:
             return value
         return None
 
 
+def _without_unit(text: str, quantity: Quantity) -> str:
+    """Return the number of a text such as `500 ms`; the example if the unit is unknown."""
+    match = _WITH_UNIT.fullmatch(text)
+    number = exact(match[1]) if match else None
+    size = quantity.sizes.get(match[2].lower()) if match else None
+    return quantity.example if number is None or size is None else f'{float(number * size):.15g}'
+
+
 def _report_comma(mapping: YamlMapping, known: tuple[str, ...], problems: Problems) -> bool:
-    """Report a value in braces that was cut at its comma: the rest became a key."""
+    """Report a value in braces that was cut at a comma, so that the rest became a key."""
     if not mapping.is_flow:
         return False
     for (before, cut), (key, node) in zip(mapping.entries, mapping.entries[1:], strict=False):
@@ -155,7 +188,7 @@ def _report_comma(mapping: YamlMapping, known: tuple[str, ...], problems: Proble
 
 
 def kind_of(node: Node) -> str:
-    """Say what a node is, in the user's words."""
+    """Return a description of a node for messages."""
     match node:
         case YamlMapping():
             return 'a mapping'
@@ -180,7 +213,7 @@ def text_of(node: Node, what: str, problems: Problems) -> Text | None:
 
 def mapping_of(node: Node | None, what: str, problems: Problems,
                help: str = '') -> YamlMapping | None:
-    """Return keys with values; a key with nothing under it has none of them."""
+    """Return a mapping; a missing value is an empty one."""
     if isinstance(node, YamlMapping):
         return node
     if isinstance(node, YamlScalar) and node.is_missing:
@@ -207,7 +240,7 @@ def is_empty(node: Node) -> bool:
 
 
 def line_of(text: Text, here: Span) -> str:
-    """Say in which line a text stands, with its file where that is another."""
+    """Return the line of a text for messages, with its file if that differs."""
     file = '' if text.source is here.source else f'{text.source.name}, '
     return f'{file}line {text.span.line}'
 

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-YAML scalars as `Text`: where in the file each character of a value stands.
+YAML scalars as `Text`: the place in the file of each character of a value.
 
-PyYAML says where a scalar starts and what its value is, but not which character of the file
-became which character of the value. `scalar_text` walks over the file once more by the rules of
-YAML 1.1 for the scalar's style (folding, escapes, chomping) and pairs the two. What PyYAML read
-decides: should the walk not arrive there, each character is said to stand at the scalar's start.
+PyYAML gives the start and the value of a scalar, but not the places of its characters.
+`scalar_text` reads the scalar again by the rules of YAML 1.1 for its style (folding, escapes,
+chomping) to find them. If the result is not the value that PyYAML read, all characters get the
+place of the scalar's start.
 """
 
 from collections.abc import Iterator, Sequence
@@ -39,7 +39,7 @@ _BLOCK_HEADER = re.compile(rf'[|>][-+0-9]*[ \t]*(?:#[^\r\n\x85\u2028\u2029]*)?(?
 
 
 class _Pairs:
-    """Characters of a value so far, each with its place; an escape's character is unknown."""
+    """The characters of a value so far, each with its place; those of escapes are unknown."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -47,12 +47,12 @@ class _Pairs:
         self.offsets: list[int] = []
 
     def copy(self, start: int, end: int) -> None:
-        """Add what stands in the file from `start` to `end`."""
+        """Add the characters of the file from `start` to `end`."""
         self._chunks.append(self._text[start:end])
         self.offsets.extend(range(start, end))
 
     def put(self, char: str, offset: int) -> None:
-        """Add one character that stands for what is at `offset`."""
+        """Add one character with the place `offset`."""
         self._chunks.append(char)
         self.offsets.append(offset)
 
@@ -79,9 +79,9 @@ def scalar_text(source: Source, start: int, value: str, style: str) -> Text:
 
 
 def _closed(offsets: list[int], length: int, start: int) -> Sequence[int]:
-    """Cut off what chomping drops, and add the place just after the last character."""
+    """Remove the line ends that chomping drops, and add the place after the last character."""
     kept = offsets[:length]
-    if not kept or kept[-1] - kept[0] == length - 1:  # most are: save the memory of a list
+    if not kept or kept[-1] - kept[0] == length - 1:  # usual; needs less memory than a list
         first = kept[0] if kept else start
         return range(first, first + length + 1)
     return [*kept, kept[-1] + 1]
@@ -95,7 +95,7 @@ def _attempts(text: str, start: int, length: int, style: str) -> Iterator[_Pairs
 
 
 def _flow(text: str, start: int, length: int, style: str) -> _Pairs:
-    """Walk over a plain or quoted scalar until `length` characters have been found."""
+    """Read a plain or quoted scalar until `length` characters are found."""
     pairs = _Pairs(text)
     place = start + len(style)
     while len(pairs.offsets) < length and place < len(text):
@@ -104,7 +104,7 @@ def _flow(text: str, start: int, length: int, style: str) -> _Pairs:
 
 
 def _flow_piece(text: str, place: int, style: str, pairs: _Pairs) -> int:
-    """Take one piece from `place` on, and return where the next begins."""
+    """Read one piece at `place`; return the start of the next one."""
     if match := _RUN.match(text, place) or _FOLD.match(text, place):
         if text[match.start()] in ' \t\r\n\x85\u2028\u2029':
             _fold(text, match.start(), match.end(), pairs)
@@ -122,7 +122,7 @@ def _flow_piece(text: str, place: int, style: str, pairs: _Pairs) -> int:
 
 
 def _fold(text: str, start: int, end: int, pairs: _Pairs) -> None:
-    """Fold line ends: one becomes a blank, of several the first is dropped."""
+    """Fold line ends: a single one becomes a blank; of several, the first is dropped."""
     breaks = list(_LINE_BREAK.finditer(text, start, end))
     if _normal(breaks[0][0]) != '\n':
         _breaks(text, breaks, pairs)
@@ -142,7 +142,7 @@ def _normal(line_break: str) -> str:
 
 
 def _block_attempts(text: str, start: int, length: int, style: str) -> Iterator[_Pairs]:
-    """Walk over a block scalar, with the indentation it seems to have and then with less."""
+    """Read a block scalar with its apparent indentation, then with smaller ones."""
     header = _BLOCK_HEADER.match(text, start)
     if header is None:
         return
@@ -176,7 +176,7 @@ def _lines(text: str, place: int) -> Iterator[tuple[int, int, str]]:
 
 
 def _block(text: str, place: int, length: int, style: str, indentation: int) -> _Pairs:
-    """Walk over the lines of a block scalar, folding where both neighbours are plain text."""
+    """Read the lines of a block scalar; fold between two lines of plain text."""
     pairs = _Pairs(text)
     open_break: tuple[int, str] | None = None  # the end of the last line of text, not yet decided
     was_text = False
@@ -198,7 +198,7 @@ def _block(text: str, place: int, length: int, style: str, indentation: int) -> 
 
 
 def _content_start(text: str, start: int, end: int, indentation: int) -> int | None:
-    """Return where a line's own text begins, None if it is not part of the scalar."""
+    """Return the start of a line's text, None if the line is not part of the scalar."""
     place = start
     while place < end and place - start < indentation and text[place] == ' ':
         place += 1

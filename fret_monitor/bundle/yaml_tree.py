@@ -15,9 +15,9 @@
 """
 A YAML text as a tree of nodes with places: no types, no anchors, no tags, no merges.
 
-`read_tree` reads one document and reports what is wrong with it as YAML. Where a value is cut or
-misread by YAML because it is not in quotes, it says so with the line to paste, puts an `Unread`
-node in its place and goes on, so that the rest of the file is looked at in the same run.
+`read_tree` reads one document and reports the errors of YAML. If a value is invalid because it is
+not in quotes, the error gives the line to paste, the tree has an `Unread` node, and reading
+continues, so that the rest of the file is checked in the same run.
 """
 
 from collections.abc import Iterator
@@ -57,7 +57,7 @@ class YamlScalar:
 
     @property
     def is_missing(self) -> bool:
-        """Whether nothing at all was written."""
+        """Whether the value is missing."""
         return not self.style and not self.text.value
 
 
@@ -71,7 +71,7 @@ class YamlList:
 
 @dataclass(frozen=True, eq=False)
 class YamlMapping:
-    """Keys, each once, with their nodes; `is_flow` says that it is written with braces."""
+    """Keys, each once, with their nodes; `is_flow` if it is written with braces."""
 
     entries: tuple[tuple[YamlScalar, 'Node'], ...]
     is_flow: bool
@@ -81,10 +81,9 @@ class YamlMapping:
 @dataclass(frozen=True, eq=False)
 class Unread:
     """
-    A place whose problem was reported already.
+    A value that cannot be read, which was reported.
 
-    `has_swallowed` says that keys which stand below it may have been meant for the mapping it is
-    in.
+    `has_swallowed` if it may include keys of the mapping that contains it.
     """
 
     span: Span
@@ -98,8 +97,8 @@ def read_tree(source: Source, problems: Problems) -> Node | None:
     """
     Read the one document of a source.
 
-    Returns None, with problems reported, where there is nothing to look at: not YAML, several
-    documents, nested too deeply, empty.
+    Returns None if the document is empty; for invalid YAML, several documents or too deep nesting,
+    also reports the problem.
     """
     if _refuse_unprintable(source, problems):
         return None
@@ -126,7 +125,7 @@ def _refuse_unprintable(source: Source, problems: Problems) -> bool:
 
 
 def _events(text: str) -> Iterator[yaml.Event]:
-    """Yield the events of a text; their marks count from after a byte order mark."""
+    """Yield the events of a text; their marks do not count a byte order mark."""
     yield from yaml.parse(text, Loader=_Loader)
 
 
@@ -139,11 +138,11 @@ class _Open:
 
 
 class _TooMuch(Exception):
-    """The tree is too deep or too large to go on; the problem was reported."""
+    """The tree is too deep or too large, which was reported."""
 
 
 class _TreeBuilder:
-    """Makes the tree of the events of one document, without recursion."""
+    """Builds the tree from the events of one document, without recursion."""
 
     def __init__(self, source: Source, unread: frozenset[int],
                  swallowing: frozenset[int]) -> None:
@@ -166,7 +165,7 @@ class _TreeBuilder:
         Raises
         ------
         yaml.YAMLError
-            if the text is not YAML; nothing that was built then is of use.
+            if the text is not YAML; the tree is then not usable.
         """
         try:
             for event in events:

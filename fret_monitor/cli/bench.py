@@ -16,22 +16,22 @@
 
 from argparse import _SubParsersAction, ArgumentParser, Namespace
 import json
-from pathlib import Path
 
+from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.traces.benchmark import measure, Measurement
 
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     """Add the verb to the command line."""
     parser = verbs.add_parser('bench', help='measure step time, state and compile time')
-    parser.add_argument('bundle', metavar='BUNDLE', type=Path)
+    parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     parser.set_defaults(run=run)
 
 
 def run(options: Namespace) -> int:
     """Measure a bundle."""
-    found = measure(options.bundle)
+    found = measure(existing_bundle(options.bundle))
     print(json.dumps(found.as_dict()) if options.json else _shown(found))
     return 0
 

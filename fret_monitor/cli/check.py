@@ -24,6 +24,7 @@ import sys
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Property
+from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import CompileError, counted
 from fret_monitor.model.policies import Policy
 from fret_monitor.program.layout import lay_out, state_bytes
@@ -44,17 +45,18 @@ _FORMULA_WIDTH = 2000
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     """Add the verb to the command line."""
     parser = verbs.add_parser('check', help='print all problems of a bundle, or its requirements')
-    parser.add_argument('bundles', metavar='BUNDLE', nargs='+', type=Path)
+    parser.add_argument('bundles', metavar='BUNDLE', nargs='+', help=BUNDLE_HELP)
     parser.set_defaults(run=run)
 
 
 def run(options: Namespace) -> int:
     """Check each bundle; return 1 if any has an error."""
-    return max([_check(path) for path in options.bundles])
+    return max([_check(name) for name in options.bundles])
 
 
-def _check(path: Path) -> int:
+def _check(name: str) -> int:
     try:
+        path = existing_bundle(name)
         generated = generate_monitor(read(path))
     except CompileError as error:
         print(error, file=sys.stderr)

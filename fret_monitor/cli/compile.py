@@ -20,6 +20,7 @@ from pathlib import Path
 import sys
 
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read, write
+from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.native.stack import worst_stack
 from fret_monitor.program.cost import step_cost
@@ -28,7 +29,7 @@ from fret_monitor.program.cost import step_cost
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     """Add the verb to the command line."""
     parser = verbs.add_parser('compile', help='write C, libraries and manifest to a folder')
-    parser.add_argument('bundle', metavar='BUNDLE', type=Path)
+    parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     parser.add_argument('--output', metavar='DIR', type=Path, required=True)
     parser.add_argument('--worst-case', action='store_true',
                         help='print the most instructions and stack that a step takes')
@@ -37,7 +38,7 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
 
 def run(options: Namespace) -> int:
     """Compile a bundle to a folder."""
-    generated = generate_monitor(read(options.bundle))
+    generated = generate_monitor(read(existing_bundle(options.bundle)))
     for warning in generated.warnings:
         print(warning.render(), file=sys.stderr)
     write(generated, options.output)
@@ -59,7 +60,7 @@ def _worst_case(generated: GeneratedMonitor) -> Iterator[str]:
     yield 'worst case of a step of all requirements:'
     yield f'  at most {counted(cost.own, "instruction")}{more} (x86-64, gcc -O2)'
     if stack is None:
-        yield '  stack: only gcc 10 or later can tell it; name one in CC'
+        yield '  stack: needs gcc 10 or later; name one in CC'
     else:
         yield (f'  at most {counted(stack.monitor + stack.evaluator, "byte")} of stack: '
                f'{stack.evaluator:,} of the evaluator, {stack.monitor:,} of the monitors, '

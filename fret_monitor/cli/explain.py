@@ -21,13 +21,14 @@ import sys
 from fret_monitor.build import read
 from fret_monitor.explain.report import explain, shown
 from fret_monitor.explain.svg import to_svg
+from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.output import open_output, refuse_overwriting
 
 
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     """Add the verb to the command line."""
-    parser = verbs.add_parser('explain', help='say what requirements mean, with examples')
-    parser.add_argument('bundle', metavar='BUNDLE', type=Path)
+    parser = verbs.add_parser('explain', help='describe what requirements mean, with examples')
+    parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     parser.add_argument('id', metavar='ID', nargs='?', help='one requirement; default: all')
     parser.add_argument('--svg', metavar='FILE', type=Path, help='write the timelines as SVG')
     parser.set_defaults(run=run)
@@ -35,7 +36,8 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
 
 def run(options: Namespace) -> int:
     """Explain a bundle."""
-    reading = read(options.bundle)
+    bundle = existing_bundle(options.bundle)
+    reading = read(bundle)
     if options.svg is not None:
         refuse_overwriting(options.svg, reading.paths)
     found, warnings = explain(reading, options.id)
@@ -44,7 +46,7 @@ def run(options: Namespace) -> int:
     if options.svg is not None:
         lines = [line for item in found for line in item.timelines]
         with open_output(options.svg) as file:
-            file.write(to_svg(f'{options.bundle.name}: example traces', lines))
+            file.write(to_svg(f'{bundle.name}: example traces', lines))
     print('# true, . false; of the verdict # satisfied, x violated; ~ steps left out\n')
     print('\n\n'.join('\n'.join(shown(item)) for item in found))
     return 0

@@ -23,6 +23,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from fret_monitor.build import generate_monitor, read
+from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted, pip_install, refuse
 from fret_monitor.model.output import open_output, refuse_overwriting
 from fret_monitor.native.folder import source_files
@@ -36,7 +37,7 @@ _NEEDED = {'z3': 'z3-solver', 'pycparser': 'pycparser'}
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     """Add the verb to the command line."""
     parser = verbs.add_parser('prove', help='prove that the generated C is right')
-    parser.add_argument('bundle', metavar='BUNDLE', type=Path)
+    parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     parser.add_argument('--sources', metavar='DIR', type=Path,
                         help='require that this folder holds, word for word, the C that is proved')
     parser.add_argument('--json', action='store_true', help='print the certificate as JSON')
@@ -63,7 +64,8 @@ def run(options: Namespace) -> int:
     # Imported here: loading the solver is slow, and the other verbs do not need it.
     from fret_monitor.proving.certificate import as_dict, Certificate, lines
     from fret_monitor.proving.verification import verify
-    generated = generate_monitor(read(options.bundle))
+    bundle = existing_bundle(options.bundle)
+    generated = generate_monitor(read(bundle))
     for warning in generated.warnings:
         print(warning.render(), file=sys.stderr)
     if options.sources is not None:
@@ -72,7 +74,7 @@ def run(options: Namespace) -> int:
         sources = () if options.sources is None else options.sources.iterdir()
         refuse_overwriting(options.trace, (*generated.sources, *sources))
     found = verify(generated, seconds=options.timeout)
-    certificate = Certificate(options.bundle.name, generated, found)
+    certificate = Certificate(bundle.name, generated, found)
     if options.json:
         print(json.dumps(_with_trace(as_dict(certificate), found), indent=1))
     else:
@@ -141,7 +143,7 @@ def _report_counterexample(options: Namespace, found: 'Verification') -> None:
     print(f'\nCounterexample, {steps} from a reset; at the last of them')
     for number, meant in example.meant.items():
         if example.found[number] is not meant:
-            print(f'  {properties[number].id} is {_word(meant)}; the C says '
+            print(f'  {properties[number].id} is {_word(meant)}; the C computes '
                   f'{_word(example.found[number])}')
     for what in example.undefined:
         print(f'  the C is undefined: {what}')

@@ -18,6 +18,7 @@ from argparse import _SubParsersAction, ArgumentParser, Namespace
 from pathlib import Path
 import sys
 
+from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.start import start
 from fret_monitor.traces.simulate import simulate, Summary
@@ -26,7 +27,7 @@ from fret_monitor.traces.simulate import simulate, Summary
 def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     """Add the verb to the command line."""
     parser = verbs.add_parser('simulate', help='run the monitors over a CSV trace')
-    parser.add_argument('bundle', metavar='BUNDLE', type=Path)
+    parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     parser.add_argument('--trace', metavar='FILE.csv', type=Path, required=True,
                         help='one column for each input, one row for each step')
     parser.add_argument('--verdicts', metavar='FILE.csv', type=Path,
@@ -38,7 +39,7 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
 
 def run(options: Namespace) -> int:
     """Run the monitors over a trace; return 1 at a violation with --fail-on-violation."""
-    compiled = start(options.bundle)
+    compiled = start(existing_bundle(options.bundle))
     for warning in compiled.warnings:
         print(warning.render(), file=sys.stderr)
     summary = simulate(compiled.monitor, options.trace, options.verdicts, compiled.sources)

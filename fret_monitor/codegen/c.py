@@ -81,39 +81,30 @@ class Ternary:
 CExpression: TypeAlias = Atom | Negation | Operation | Apply | Cast | Ternary
 
 
-def depth(expression: CExpression) -> int:
-    """Return the nesting depth; recursive, since expressions are kept shallow."""
+def _operands(expression: CExpression) -> tuple[CExpression, ...]:
     match expression:
         case Atom():
-            return 0
+            return ()
         case Negation() | Cast():
-            return depth(expression.operand) + 1
+            return (expression.operand,)
         case Operation():
-            return max(depth(expression.left), depth(expression.right)) + 1
+            return (expression.left, expression.right)
         case Apply():
-            return max((depth(item) for item in expression.arguments), default=0) + 1
+            return expression.arguments
         case Ternary():
-            return 1 + max(depth(expression.condition), depth(expression.yes),
-                           depth(expression.no))
+            return (expression.condition, expression.yes, expression.no)
         case _:
             assert_never(expression)
+
+
+def depth(expression: CExpression) -> int:
+    """Return the nesting depth; recursive, since expressions are kept shallow."""
+    return max((depth(item) + 1 for item in _operands(expression)), default=0)
 
 
 def calls(expression: CExpression) -> bool:
     """Whether a function is called in an expression; recurses like `depth`."""
-    match expression:
-        case Atom():
-            return False
-        case Negation() | Cast():
-            return calls(expression.operand)
-        case Operation():
-            return calls(expression.left) or calls(expression.right)
-        case Apply():
-            return True
-        case Ternary():
-            return calls(expression.condition) or calls(expression.yes) or calls(expression.no)
-        case _:
-            assert_never(expression)
+    return isinstance(expression, Apply) or any(map(calls, _operands(expression)))
 
 
 def text(expression: CExpression) -> str:

@@ -43,7 +43,8 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         period=program.period,
         inputs=tuple(_input(signal) for signal in program.signals),
         topics=_topics(program.signals),
-        groups=tuple(_group(layout) for layout in layouts),
+        groups=tuple(ManifestGroup(layout.group.signals, layout.group.properties, layout.size,
+                                   layout.operations) for layout in layouts),
         requirements=tuple(_requirement(item, group_of[number], signal_of, values)
                            for number, item in enumerate(program.properties)),
         state_bytes=state_bytes(layouts),
@@ -64,11 +65,6 @@ def _input(signal: Signal) -> ManifestInput:
 def _topics(signals: tuple[Signal, ...]) -> tuple[ManifestTopic, ...]:
     return tuple(ManifestTopic(name, signals[fed[0]].message_type or '', tuple(fed),
                                signals[fed[0]].qos) for name, fed in topics_of(signals).items())
-
-
-def _group(layout: GroupLayout) -> ManifestGroup:
-    return ManifestGroup(layout.group.signals, layout.group.properties, layout.size,
-                         layout.operations)
 
 
 def _requirement(item: Property, group: int, signal_of: dict[str, int],

@@ -85,45 +85,17 @@ class Names:
         self.definitions = both
         words = (re.sub(r'[^A-Za-z0-9_]', '_', item) for item in requirements)
         self.requirements = [f'{self.prefix}_req_{word}' for word in words]
-
-    @property
-    def symbol(self) -> str:
-        """The function that returns the module's description."""
-        return f'{self.prefix}_monitor'
-
-    @property
-    def readers(self) -> str:
-        """The function that returns the extractors."""
-        return f'{self.prefix}_readers'
-
-    @property
-    def fields_source(self) -> str:
-        """File name of the C file with the extractors."""
-        return f'{self.prefix}_fields.c'
-
-    @property
-    def requirement_count(self) -> str:
-        """The constant with the number of requirements."""
-        return f'{self.prefix}_requirements'
-
-    @property
-    def header(self) -> str:
-        """File name of the module's header."""
-        return f'{self.prefix}_monitor.h'
+        self.requirement_count = f'{self.prefix}_requirements'
+        self.symbol = f'{self.prefix}_monitor'  # the function that returns the description
+        self.readers = f'{self.prefix}_readers'  # the function that returns the extractors
+        self.header = f'{self.prefix}_monitor.h'
+        self.fields_source = f'{self.prefix}_fields.c'  # the C file with the extractors
+        self.inputs_struct = f'struct {self.prefix}_inputs'
+        self.state_struct = f'struct {self.prefix}_state'
 
     def source(self, number: int) -> str:
         """File name of a C file."""
         return f'{self.prefix}_monitor{f"_{number}" if number else ""}.c'
-
-    @property
-    def inputs_struct(self) -> str:
-        """The struct of inputs."""
-        return f'struct {self.prefix}_inputs'
-
-    @property
-    def state_struct(self) -> str:
-        """The struct of all state."""
-        return f'struct {self.prefix}_state'
 
     def group_struct(self, group: int) -> str:
         """Return the struct of a group's state."""

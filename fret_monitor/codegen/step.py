@@ -216,8 +216,22 @@ class PartWriter:
                 return c.Atom(f'in->{self._signal(operation)}')
             case Literal():
                 return c.literal(operation.value, equation.type)
-            case Convert() | ApplyUnary() | ApplyBinary() | Power() | Choose():
-                return self._pure(operation, equation.type)
+            case Convert():
+                argument = self._operand(operation.argument)
+                return operations.convert(operation, argument, equation.type)
+            case ApplyUnary():
+                argument = self._operand(operation.argument)
+                return operations.unary(operation.operator, argument, equation.type)
+            case ApplyBinary():
+                left, right = self._operand(operation.left), self._operand(operation.right)
+                return operations.binary(operation, left, right)
+            case Power():
+                return c.Apply(f'fm_power_{SUFFIXES[equation.type]}',
+                               (self._operand(operation.base),
+                                c.literal(operation.exponent, ValueType.UINT64)))
+            case Choose():
+                return c.Ternary(self._operand(operation.condition),
+                                 self._operand(operation.yes), self._operand(operation.no))
             case FirstStep() | OnceEver() | AlwaysSoFar() | SinceEver() | TriggeredEver():
                 return self._bit_cell(operation, index)
             case Delay():
@@ -228,27 +242,6 @@ class PartWriter:
                 return c.Atom(f's->number_{index}')
             case FeedbackRead():
                 return c.Atom(f's->feedback_{operation.index}')
-            case _:
-                assert_never(operation)
-
-    def _pure(self, operation: Convert | ApplyUnary | ApplyBinary | Power | Choose,
-              type: ValueType) -> c.CExpression:
-        match operation:
-            case Convert():
-                return operations.convert(operation, self._operand(operation.argument), type)
-            case ApplyUnary():
-                argument = self._operand(operation.argument)
-                return operations.unary(operation.operator, argument, type)
-            case ApplyBinary():
-                left, right = self._operand(operation.left), self._operand(operation.right)
-                return operations.binary(operation, left, right)
-            case Power():
-                return c.Apply(f'fm_power_{SUFFIXES[type]}',
-                               (self._operand(operation.base),
-                                c.literal(operation.exponent, ValueType.UINT64)))
-            case Choose():
-                return c.Ternary(self._operand(operation.condition),
-                                 self._operand(operation.yes), self._operand(operation.no))
             case _:
                 assert_never(operation)
 

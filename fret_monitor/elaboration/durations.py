@@ -57,7 +57,7 @@ def steps_of(duration: Duration, period: Fraction | None) -> int:
         return int(steps)
     if is_timed and period is not None:
         _refuse_period(duration, number * SECONDS[duration.unit], period)
-    refuse('a duration counts whole steps', duration.span,
+    refuse('a duration must be a whole number of steps', duration.span,
            f'{duration.number} is not a whole number of steps',
            'write a whole number; under policy: periodic a time becomes steps of the period'
            if duration.unit in SECONDS else 'write a whole number')

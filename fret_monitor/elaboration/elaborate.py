@@ -15,8 +15,8 @@
 Elaborate a parsed bundle into a specification: resolve names, infer types, check bounds.
 
 `specify` reports all mistakes of a bundle in one `CompileError`, each once and at its place. A
-name that has a mistake is not reported again where it is used. `elaborate` returns the formula of
-one expression. The rules of types and numbers are in docs/numbers.md; in short:
+name that has a mistake is not reported again where it is used. The rules of types and numbers are
+in docs/numbers.md; in short:
 
 * The small integer types are promoted to INT64 in arithmetic and comparisons.
 * FLOAT32 with FLOAT32 is FLOAT32; any other pair with a float is FLOAT64. UINT64 with UINT64 or
@@ -38,7 +38,7 @@ from fret_monitor.elaboration.equations import equations_term
 from fret_monitor.elaboration.fretish import sentence_term
 from fret_monitor.elaboration.graph import components, cycle, is_cyclic
 from fret_monitor.elaboration.languages import read_expression, read_formula
-from fret_monitor.elaboration.scope import Declaration, Role, Scope, scope_of
+from fret_monitor.elaboration.scope import Declaration, Role, Scope
 from fret_monitor.elaboration.signals import constant_declaration, FindMessage, input_declaration
 from fret_monitor.elaboration.terms import Broken, describe, formula_of, TypedTerm, Vocabulary
 from fret_monitor.language.bounds import TimedBound
@@ -55,8 +55,6 @@ from fret_monitor.model.policies import Policy
 _MANY = 8
 _MEANT = 3
 _Trees: TypeAlias = Mapping[str, Expression | Equations | None]
-
-__all__ = ['Scope', 'elaborate', 'scope_of', 'specify']
 
 
 def specify(bundle: Bundle, find_message: FindMessage | None = None,
@@ -89,29 +87,6 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None,
         definitions=reading.shown(bundle.definitions),
     )
     return specification, reading.problems.warnings
-
-
-def elaborate(tree: Expression | Equations, scope: Scope, problems: Problems | None = None,
-              feedback: dict[Feedback, Formula] | None = None) -> Formula:
-    """
-    Return the formula of an expression, or of the result of some equations; of any type.
-
-    If given, `problems` receives the warnings, and `feedback` the equations of the formula's
-    `Feedback` nodes. A literal alone becomes INT64, UINT64 (beyond INT64) or FLOAT64.
-
-    Raises
-    ------
-    CompileError
-        with all mistakes.
-    """
-    found = Problems()
-    equations = {} if feedback is None else feedback
-    term = (equations_term(tree, scope, found, '', equations) if isinstance(tree, Equations)
-            else Elaborator(scope, found).term(tree))
-    found.raise_errors()
-    if problems is not None:
-        problems.extend(found.warnings)
-    return formula_of(term)
 
 
 def _references(tree: Expression | Equations | None,

@@ -44,7 +44,7 @@ from fret_monitor.logic.formula import (
 )
 from fret_monitor.logic.numbers import ExactNumber, NumberError, parse_number
 from fret_monitor.model.diagnostics import (
-    CompileError, Diagnostic, did_you_mean, Problems, refuse, Span,
+    CompileError, Diagnostic, did_you_mean, Problems, refuse, Span, TYPO,
 )
 
 _CONNECTIVES = {item.value: item for item in BinaryOperator if item.is_boolean}
@@ -268,7 +268,7 @@ class Elaborator:
         if not isinstance(value, ExactNumber) or value.is_real or value.value < 0:
             is_real = (isinstance(value, ExactNumber) and value.value.denominator == 1
                        and value.is_real)
-            refuse('a bound counts steps: it must be a whole number, at least 0', node.span,
+            refuse('a bound must be a whole number of steps, at least 0', node.span,
                    f'this is {describe(declaration.term)}' + ', as a real number' * is_real)
         return value.value.numerator
 
@@ -332,6 +332,7 @@ class Elaborator:
         return Choice(FTP, first, later)
 
     def _logical(self, node: Infix, left: TypedTerm, right: TypedTerm, name: str) -> Formula:
+        _refuse_mistaken_relation(node, right)
         p, q = _both_true(left, right, name)
         if node.operator in _CONNECTIVES:
             return Binary(_CONNECTIVES[node.operator], p, q)
@@ -376,21 +377,29 @@ class Elaborator:
         if declaration is not None:
             _refuse_application(node, declaration.role)
         if node.function in _FUTURE:
-            refuse('a monitor sees only the past', node.function_span,
-                   f"'{node.function}' looks into the future", f'write {_FUTURE[node.function]}')
-        refuse(f"there is no function '{node.function}'", node.function_span, '',
-               did_you_mean(node.function, FUNCTIONS)
-               or 'one of ' + ', '.join(sorted(FUNCTIONS)))
+            refuse('the future cannot be monitored', node.function_span,
+                   f"'{node.function}' refers to the future", f'write {_FUTURE[node.function]}')
+        title = f"there is no function '{node.function}'"
+        near = did_you_mean(node.function, FUNCTIONS, TYPO)
+        element = _element(node)
+        if element and not near:
+            refuse(f'{title}, and arrays are not supported', node.span, 'not known',
+                   f'for an element of an array declare an input of its own, such as {element}')
+        refuse(title, node.function_span, '', near or 'one of ' + ', '.join(sorted(FUNCTIONS)))
+
+
+def _element(node: Call) -> str:
+    """Return a name for an element of an array; '' unless all arguments are numbers."""
+    indices = [item.text for item in node.arguments if isinstance(item, Number)]
+    return '_'.join([node.function, *indices]) if len(indices) == len(node.arguments) else ''
 
 
 def _refuse_application(node: Call, role: Role) -> NoReturn:
     """Refuse a declared name with arguments: numbers are taken as an array's index."""
     name = node.function
-    if all(isinstance(argument, Number) for argument in node.arguments):
-        index = '_'.join(argument.text for argument in node.arguments
-                         if isinstance(argument, Number))
+    if element := _element(node):
         refuse('arrays are not supported', node.span, f"'{name}' is {role.value}",
-               f'declare each element as an input of its own, such as {name}_{index}')
+               f'declare each element as an input of its own, such as {element}')
     refuse(f"there is no function '{name}'", node.function_span, f"'{name}' is {role.value}",
            f'declare the value of {name}(...) as an input of its own')
 
@@ -442,6 +451,15 @@ def _past(node: Prefix, past: Window, argument: Formula) -> Formula:
             return Historically(past, argument)
         case _:
             raise AssertionError(f'no operator {node.operator}')
+
+
+def _refuse_mistaken_relation(node: Infix, right: TypedTerm) -> None:
+    """Refuse `x => 3`: an implication of a number, where `>=` was probably meant."""
+    place = node.operator_span
+    is_number = not (right.is_boolean or right.is_broken or right.vocabulary)
+    if is_number and place.source.text[place.start:place.end] == '=>':
+        refuse("'=>' takes only true or false", right.span, f'this is {describe(right)}',
+               "=> is an implication; for 'at least' write >=")
 
 
 def _both_true(left: TypedTerm, right: TypedTerm, name: str) -> list[Formula]:

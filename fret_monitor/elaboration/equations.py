@@ -33,8 +33,8 @@ from fret_monitor.elaboration.terms import (
     TypedTerm, Undeclared,
 )
 from fret_monitor.language.expression import (
-    Call, children, Conditional, Equations, Expression, Infix, LustreEquation, LustreVariable,
-    Name, postorder, Prefix,
+    Call, children, Conditional, Equations, Expression, Infix, LustreVariable, Name, postorder,
+    Prefix,
 )
 from fret_monitor.logic.formula import FALSE, Feedback, Formula
 from fret_monitor.logic.numbers import ExactNumber
@@ -148,7 +148,8 @@ class _LustreNode:
             if is_cyclic(component, inside):
                 self._report_cycle(cycle(component, inside))
                 for name in members:
-                    self._scope.declare(name, _broken(self._equations[name]))
+                    self._scope.declare(name, Declaration(
+                        Role.EQUATION, TypedTerm(Broken(), self._equations[name].span)))
                 return
         self._read_loop(_Loop(self._tree, members, self._uses), [item[0] for item in order])
 
@@ -334,10 +335,6 @@ def _risen(guess: Cell, term: TypedTerm) -> Cell:
 
 def _named(kind: ValueType) -> str:
     return 'true or false' if kind is ValueType.BOOL else f'a number ({kind.value})'
-
-
-def _broken(equation: LustreEquation) -> Declaration:
-    return Declaration(Role.EQUATION, TypedTerm(Broken(), equation.span))
 
 
 def _declared(term: TypedTerm, declaration: LustreVariable) -> TypedTerm:

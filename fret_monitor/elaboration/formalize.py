@@ -21,8 +21,8 @@ The types of the names are inferred from their use; the default is a real number
 from typing import Literal
 
 from fret_monitor.elaboration.fretish import sentence_term
-from fret_monitor.elaboration.scope import Scope, scope_of
-from fret_monitor.elaboration.terms import formula_of
+from fret_monitor.elaboration.scope import Declaration, Role, Scope
+from fret_monitor.elaboration.terms import formula_of, TypedTerm
 from fret_monitor.elaboration.types_by_use import TypesByUse
 from fret_monitor.language.expression import Name, postorder
 from fret_monitor.language.sentence import Sentence
@@ -65,5 +65,8 @@ def scope_by_use(sentence: Sentence) -> Scope:
         for node in postorder(expression):
             if isinstance(node, Name) and node.text != 'FTP':
                 names.setdefault(fret_name(node.text), node.text)
-    return scope_of(Variable(name, types.type_of(name) or ValueType.FLOAT64)
-                    for name in names.values())
+    scope = Scope()
+    for name in names.values():
+        variable = Variable(name, types.type_of(name) or ValueType.FLOAT64)
+        scope.declare(name, Declaration(Role.INPUT, TypedTerm(variable, sentence.span)))
+    return scope

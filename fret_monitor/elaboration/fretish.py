@@ -249,7 +249,7 @@ class _Timed:
             TimingKind.ALWAYS: self._unless_idle,
             TimingKind.UNTIL: self._until,
             TimingKind.BEFORE: self._before,
-            TimingKind.WITHIN: self._within,
+            TimingKind.WITHIN: lambda response: self._within(response, self.steps),
             TimingKind.FOR: self._for,
             TimingKind.AFTER: self._not_after if is_only else self._after,
         }[timing]
@@ -319,10 +319,7 @@ class _Timed:
             earlier = _and(_not(self.interval.left), earlier)
         return _implies(self.stop, self._unless_idle(earlier))
 
-    def _within(self, response: Formula) -> Formula:
-        return self._within_steps(response, self.steps)
-
-    def _within_steps(self, response: Formula, steps: int) -> Formula:
+    def _within(self, response: Formula, steps: int) -> Formula:
         recent, left = Window(0, steps - 1), self.interval.left
         if not self._has_condition:
             return _implies(_since(_not(response), left), Once(recent, left))
@@ -334,7 +331,7 @@ class _Timed:
         return _implies(lasting, self._unless_idle(response))
 
     def _after(self, response: Formula) -> Formula:
-        return _and(self._for(_not(response)), self._within_steps(response, self.steps + 1))
+        return _and(self._for(_not(response)), self._within(response, self.steps + 1))
 
     def _not_after(self, denial: Formula) -> Formula:
         """Require `denial` n + 1 steps after the trigger, unless the response came earlier."""

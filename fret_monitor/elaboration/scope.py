@@ -13,18 +13,15 @@
 # limitations under the License.
 """The declared names of a formula: inputs, constants, definitions, and names of values."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from fractions import Fraction
 
 from fret_monitor.elaboration.functions import FUNCTIONS
 from fret_monitor.elaboration.terms import TypedTerm, Vocabulary
-from fret_monitor.logic.formula import Constant, FTP, Variable
-from fret_monitor.logic.numbers import ExactNumber
+from fret_monitor.logic.formula import FTP
 from fret_monitor.model.diagnostics import did_you_mean, Source, Span
 from fret_monitor.model.names import fret_name
-from fret_monitor.model.values import ValueType
 
 _NOWHERE = Span(Source('<scope>', ''), 0, 0)
 
@@ -58,14 +55,11 @@ class Scope:
     writes `a_DOT_b` in formulas for `a.b`. Names of an inner scope hide those of the outer one.
     """
 
-    def __init__(self, names: Mapping[str, Declaration] | None = None,
-                 outer: 'Scope | None' = None) -> None:
-        """Start with some declared names, within another scope."""
+    def __init__(self, outer: 'Scope | None' = None) -> None:
+        """Start without names, within another scope."""
         self._outer = outer
         self._names: dict[str, Declaration] = {}
         self._spelled: dict[str, Declaration] = {}
-        for name, item in (names or {}).items():
-            self.declare(name, item)
 
     def declare(self, name: str, item: Declaration) -> None:
         """Declare a name; replaces an earlier declaration."""
@@ -125,28 +119,3 @@ class Scope:
         yield from self.names
         yield from self.owners
         yield 'FTP'
-
-
-def scope_of(variables: Iterable[Variable] = (),
-             constants: Mapping[str, bool | int | Fraction] | None = None,
-             values: Mapping[str, tuple[tuple[str, int | str], ...]] | None = None) -> Scope:
-    """
-    Return a scope without a bundle, for tests and tools.
-
-    A constant is a bool, an int (a whole number) or a Fraction (a real number); `values` maps a
-    variable to the names of its values.
-    """
-    names = {}
-    for variable in variables:
-        pairs = (values or {}).get(variable.name)
-        vocabulary = Vocabulary(pairs) if pairs else None
-        names[variable.name] = Declaration(Role.INPUT, TypedTerm(variable, _NOWHERE, vocabulary))
-    for name, value in (constants or {}).items():
-        names[name] = Declaration(Role.CONSTANT, TypedTerm(_meaning(value), _NOWHERE))
-    return Scope(names)
-
-
-def _meaning(value: bool | int | Fraction) -> Constant | ExactNumber:
-    if isinstance(value, bool):
-        return Constant(value, ValueType.BOOL)
-    return ExactNumber(Fraction(value), isinstance(value, Fraction))

@@ -115,8 +115,7 @@ class TypedTerm:
         return self.vocabulary is not None and self.vocabulary.is_text
 
 
-MANY_BOUNDS = 5
-"""How many bounds a term remembers."""
+MANY_BOUNDS = 5  # that a term remembers
 
 
 def joined_bounds(*bounds: Iterable[int]) -> frozenset[int]:

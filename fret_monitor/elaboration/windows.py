@@ -85,7 +85,7 @@ def _steps(bound: Bound, end: str | Expression, constant: Callable[[Name], int])
     literal = _literal(bound, end)
     if literal.is_real or literal.value.denominator != 1:
         whole = literal.value.denominator == 1
-        refuse('a bound counts steps: it must be a whole number', bound.span,
+        refuse('a bound must be a whole number of steps', bound.span,
                f'{end} has a fraction' if not whole else f'{end} is written as a real number',
                f'write {literal.value}' if whole and literal.value <= MAX_BOUND else '')
     return literal.value.numerator

@@ -90,7 +90,8 @@ def _pieces(node: Formula, values: Values | None,
             return [str(value).lower()]
         case Unary(UnaryOperator.NOT, argument):
             return ['not ', _Within(argument)]
-        case Binary(operator, left, right) if _is_connective(node):
+        case Binary(operator, left, right) if (
+                operator in _CONNECTIVES and not is_proposition(node)):
             before, between, behind = _CONNECTIVES[operator]
             return [before, _Within(left), between, _Within(right), behind]
         case Choice() if node.yes.type is node.type and node.type.value == 'bool':
@@ -103,10 +104,6 @@ def _pieces(node: Formula, values: Values | None,
             return [to_smv(node, _TERM_WIDTH, values, names)]
         case _:
             assert_never(node)
-
-
-def _is_connective(node: Binary) -> bool:
-    return node.operator in _CONNECTIVES and not is_proposition(node)
 
 
 def _temporal(node: Yesterday | WeakYesterday | Once | Historically | Since | Triggered

@@ -126,8 +126,8 @@ def draft(component: Component, connections: Mapping[str, Connection],
     return _Drafter(component, connections, problems).draft()
 
 
+# A wording with its meaning.
 _Usable: TypeAlias = tuple[ParsedWording, Property]
-"""A wording with its meaning."""
 
 
 class _Drafter:
@@ -173,7 +173,7 @@ class _Drafter:
             files=self._component.files,
             constants=tuple(self._constants.values()),
             inputs=tuple(item for key, item in inputs.items() if key in used),
-            definitions=tuple(_definition(name, reading)
+            definitions=tuple(DraftDefinition(name, reading.language, reading.wording.text)
                               for name, reading in self._definitions.values()),
             requirements=tuple(self._written(requirement, readings[0]) for requirement, readings
                                in zip(self._component.requirements, usable, strict=True)
@@ -288,10 +288,11 @@ class _Drafter:
         readings = [item for items in self._readings for item in items]
         readings += [item for _, item in self._definitions.values()]
         for reading in readings:
-            for name in _undeclared(reading, known):
-                known.add(fret_name(name))
-                self._inputs[fret_name(name)] = ComponentVariable(
-                    written_name(name) or name, VariableRole.INPUT)
+            for name in names_in(reading):
+                if fret_name(name) not in known:
+                    known.add(fret_name(name))
+                    self._inputs[fret_name(name)] = ComponentVariable(
+                        written_name(name) or name, VariableRole.INPUT)
 
     def _connection(self, name: str) -> Connection:
         return self._connections.get(fret_name(name)) or Connection(name)
@@ -301,7 +302,8 @@ class _Drafter:
     def _input(self, item: ComponentVariable) -> DraftInput:
         """Return an input with its topic and type, if they are known."""
         link = self._connection(item.name)
-        kind = self._value_type(item, link)
+        kind = (plain_type(item.type) or plain_type(link.type)
+                or self._types.type_of(item.name) or ValueType.FLOAT64)
         if link.topic is None:
             return DraftInput(item.name, kind.value, None, None, _signal(item.name, kind))
         message = link.message_type or message_for(kind)
@@ -311,10 +313,6 @@ class _Drafter:
         self._list_message_error(item.name, link, problems.errors)
         return DraftInput(item.name, message, link.topic, link.field,
                           signal or _signal(item.name, kind))
-
-    def _value_type(self, item: ComponentVariable, link: Connection) -> ValueType:
-        return (plain_type(item.type) or plain_type(link.type)
-                or self._types.type_of(item.name) or ValueType.FLOAT64)
 
     def _list_message_error(self, name: str, link: Connection,
                             errors: Sequence[Diagnostic]) -> None:
@@ -503,10 +501,6 @@ def free_name(name: str, taken: set[str]) -> str:
     return found
 
 
-def _undeclared(reading: ParsedWording, known: set[str]) -> Iterator[str]:
-    yield from (name for name in names_in(reading) if fret_name(name) not in known)
-
-
 def _number(text: str) -> str | None:
     """Return a number, true or false in a bundle's syntax; None for other expressions."""
     word = text.strip()
@@ -525,10 +519,6 @@ def _equations(texts: Sequence[str], reading: ParsedWording) -> ParsedWording:
     found = parse_wording(replace(reading.wording, languages=(Language.COCOSPEC,),
                                   text=' '.join(texts)))
     return found if found.tree else reading
-
-
-def _definition(name: str, reading: ParsedWording) -> DraftDefinition:
-    return DraftDefinition(name, reading.language, reading.wording.text)
 
 
 def _these(inputs: Sequence[DraftInput]) -> str:

@@ -143,13 +143,8 @@ def _wordings(label: str, sentence: str, ptltl: str, cocospec: str) -> Iterator[
             (Language.FRETISH, 'sentence', ' '.join(sentence.split())),
             (Language.PTLTL, 'ptLTL', plain(ptltl)),
             (Language.COCOSPEC, 'CoCoSpec', plain(cocospec))):
-        if written and not _is_placeholder(written):
+        if written and written.lower().strip(' .()') not in _PLACEHOLDERS:
             yield Wording((language,), written, f'{label}, {name}')
-
-
-def _is_placeholder(text: str) -> bool:
-    """Whether a text is a tool's placeholder for a missing formula."""
-    return text.lower().strip(' .()') in _PLACEHOLDERS
 
 
 # Component specifications.

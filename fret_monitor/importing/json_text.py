@@ -24,8 +24,6 @@ from typing import NoReturn
 
 from fret_monitor.model.diagnostics import refuse, Source, Span
 
-Json = dict[str, object] | list[object] | str | int | float | bool | None
-
 _MOST_DIGITS = 1000
 
 
@@ -43,7 +41,8 @@ def read_json(source: Source) -> object:
         return found
     except json.JSONDecodeError as error:
         place = min(error.pos, len(source.text))
-        refuse('this is not JSON', Span(source, place, place + 1), _label(error.msg))
+        refuse('this is not JSON', Span(source, place, place + 1),
+               error.msg[:1].lower() + error.msg[1:])
     except _NoNumber as error:
         refuse(f'this is not JSON: {error} is not a number in JSON', Span(source, 0, 1))
     except RecursionError:
@@ -60,10 +59,6 @@ def _no_constant(text: str) -> NoReturn:
 
 def _whole(text: str) -> int | float:
     return int(text) if len(text) < _MOST_DIGITS else float('inf')
-
-
-def _label(message: str) -> str:
-    return message[:1].lower() + message[1:]
 
 
 def mapping(value: object) -> dict[str, object]:

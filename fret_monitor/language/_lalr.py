@@ -13,24 +13,22 @@
 # limitations under the License.
 
 """
-What the readers of formulas share: text to lexemes, lexemes to a tree, and what errors say.
+What the parsers of formulas share: text to lexemes, lexemes to a tree, error messages.
 
-A `Syntax` names a grammar file (for lark's LALR tables) and its spellings. `scan` cuts a `Text`
+A `Syntax` names a grammar file (for lark's LALR tables) and its spellings. `scan` splits a `Text`
 into `Lexeme`s, each with its place; `parse` feeds them to the tables, which build the tree bottom
-up: no recursion, linear time. Whatever cannot be read is a `CompileError` with its place.
+up: no recursion, linear time. Errors are `CompileError`s with their places.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 import re
 from typing import Any, NamedTuple, NoReturn, TypeAlias
 import warnings
 
-from fret_monitor.language.expression import (
-    Boolean, Call, Conditional, Expression, Infix, Name, Number, Prefix,
-)
+from fret_monitor.language.expression import Boolean, Call, Expression, Name, Number, Prefix
 from fret_monitor.language.precedence import Chain, Operator, Pending, Precedence
 from fret_monitor.language.quoted_text import QuotedText
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, refuse, Span, Text
@@ -42,13 +40,20 @@ OPERAND_STARTS = frozenset({'NAME', 'NUMBER', 'NEGATIVE', 'TRUE', 'FALSE', 'LPAR
 _CLOSES = {'RPAR': 'LPAR', 'RBRACK': 'LBRACK'}
 _OPENS = frozenset(_CLOSES.values())
 
-# A number is refused as a whole where a letter, a point or a second zero makes it none.
+# An invalid number (with a letter, a second point, a leading zero) is refused as a whole.
 NUMBER = (r'(?P<NUMBER>(?:(?:0|[1-9][0-9]*)(?:\.[0-9]+)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)'
           r'(?![\w.$])|(?P<NOTNUMBER>\.?[0-9][\w.$]*)')
 # FRET's identifiers have points and percent signs inside; it writes them as _DOT_ and _PRC_.
 NAME = r'(?P<NAME>[A-Za-z_$][\w$]*(?:[.%][\w$]+)*)'
 QUOTED = r'(?P<QUOTED>"(?:[^"\\\x00-\x1f\x7f]|\\[^\x00-\x1f\x7f])*")'
 
+# Kind and one spelling of the operators that all languages have.
+OPERATORS = {
+    '|': ('INFIX', '|'), '&': ('INFIX', '&'), '!': ('NOT', '!'), '~': ('NOT', '!'),
+    **{sign: ('RELATION', sign) for sign in ('<=', '>=', '!=', '<', '>')},
+    **{sign: ('INFIX', sign) for sign in '+*/^'}, '-': ('MINUS', '-'),
+    '(': ('LPAR', '('), ')': ('RPAR', ')'), ',': ('COMMA', ','),
+}
 _LOOKALIKES = {
     '\u2227': 'and', '\u2228': 'or', '\u00ac': 'not', '\u2192': 'implies', '\u21d2': 'implies',
     '\u2194': 'iff', '\u21d4': 'iff', '\u2264': '<=', '\u2265': '>=', '\u2260': 'unequal',
@@ -72,12 +77,12 @@ class Syntax:
     """
     The spelling and grammar of one formula language.
 
-    `pattern` cuts the text, by the groups NUMBER, NAME, QUOTED, OPERATOR, TIME, COMMENT and BAD;
-    what it matches in no group is left out. `words` and `operators` give kind and one spelling;
-    `refused` are words and characters with what to write instead; `foreign` are words of other
-    languages, with the same, that are names here and are spoken of only where they do not fit.
-    `write` says how this language spells the logical operators. `explain` may say more about a
-    unexpected lexeme.
+    `pattern` splits the text, by the groups NUMBER, NAME, QUOTED, OPERATOR, TIME, COMMENT and BAD;
+    matches without a group are skipped. `words` and `operators` give the kind and the canonical
+    spelling. `refused` are words and characters with the text to write instead; `foreign` are
+    likewise words of other languages, which are names here, for errors where no name fits.
+    `write` is the spelling of the logical operators. `explain` may return a more specific error
+    for an unexpected lexeme.
     """
 
     grammar: str
@@ -94,7 +99,7 @@ class Syntax:
 
 def scan(syntax: Syntax, text: Text,
          pattern: re.Pattern[str] | None = None) -> list[Lexeme]:
-    """Cut a text into lexemes, by another pattern if given; raises `CompileError`."""
+    """Split a text into lexemes, by another pattern if given; raises `CompileError`."""
     lexemes = []
     for match in (pattern or syntax.pattern).finditer(text.value):
         kind = match.lastgroup
@@ -167,7 +172,7 @@ def _refuse_apostrophe(text: Text, start: int) -> NoReturn:
 
 
 def refuse_number(word: str, span: Span) -> NoReturn:
-    """Refuse what begins as a number and is none."""
+    """Refuse a word that begins like a number."""
     refuse(f"'{short(word)}' is not a number", span, 'not a number', _number_help(word))
 
 
@@ -185,7 +190,7 @@ def _number_help(word: str) -> str:
 
 
 def _check_comment(text: Text, start: int, end: int) -> None:
-    # YAML's '>' makes one line of many: what followed a line's comment would be lost unseen.
+    # YAML's '>' joins lines: the comment would include the lines after it.
     span = text.at(start, end)
     if text.value.startswith('--', start) and '\n' in text.source.text[span.start:span.end]:
         refuse('the comment would swallow the lines after it', text.at(start, start + 2),
@@ -206,11 +211,11 @@ def _tables(syntax: Syntax) -> Any:
 
 
 def parse(syntax: Syntax, text: Text, lexemes: Sequence[Lexeme], start: str,
-          tell: 'Tell | None' = None) -> Any:
+          refuse_at: 'RefuseAt | None' = None) -> Any:
     """
     Return what the language's builder makes of the lexemes; raises `CompileError`.
 
-    `tell` says in the language's own words what is wrong at an unexpected lexeme.
+    `refuse_at` raises the language's own error for the unexpected lexeme at an index.
     """
     parser = _tables(syntax).parse_interactive('', start)
     from lark.exceptions import UnexpectedToken
@@ -219,21 +224,21 @@ def parse(syntax: Syntax, text: Text, lexemes: Sequence[Lexeme], start: str,
         try:
             tree = parser.feed_token(lexeme)
         except UnexpectedToken as unexpected:
-            if tell is not None:
-                tell(text, ended, index)
+            if refuse_at is not None:
+                refuse_at(text, ended, index)
             expected = frozenset(unexpected.expected)
             _refuse_lexeme(syntax, text, ended, index, expected)
     return tree
 
 
-Tell: TypeAlias = Callable[[Text, Sequence[Lexeme], int], NoReturn]
+RefuseAt: TypeAlias = Callable[[Text, Sequence[Lexeme], int], NoReturn]
 
 
 def fitting(syntax: Syntax, start: str, lexemes: Sequence[Lexeme]) -> frozenset[str]:
     """
-    Return the kinds of lexemes, `END` among them, that can follow some that could be read.
+    Return the kinds of lexemes, including `END`, that may follow some valid lexemes.
 
-    Tables merge states, and name more than fits; here each kind is tried on the stack of states.
+    LALR tables merge states and allow too many, so each kind is tried on the stack of states.
     """
     parser = _tables(syntax).parse_interactive('', start)
     for lexeme in lexemes:
@@ -258,7 +263,7 @@ def _is_shifted(states: Any, stack: list[Any], kind: str, last: Any) -> bool:
 
 
 def join_signs(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
-    """Make one lexeme of a sign and the number it touches before `^`: FRET reads it so."""
+    """Join a sign and an adjacent number before `^` to one lexeme, as FRET reads them."""
     joined: list[Lexeme] = []
     for index, lexeme in enumerate(lexemes):
         if lexeme.text == '^' and _is_signed(lexemes[max(0, index - 3):index]):
@@ -277,7 +282,7 @@ def _is_signed(lexemes: Sequence[Lexeme]) -> bool:
 
 
 def _end(text: Text, lexemes: Sequence[Lexeme]) -> Lexeme:
-    """Return the end, just after the last lexeme."""
+    """Return the lexeme `END`, just after the last one."""
     end = lexemes[-1].end if lexemes else 0
     place = lexemes[-1].span.end if lexemes else text.span.start
     return Lexeme(END, '', end, end, Span(text.source, place, place))
@@ -289,8 +294,8 @@ def _refuse_lexeme(syntax: Syntax, text: Text, lexemes: Sequence[Lexeme], index:
     found = lexemes[index]
     if len(lexemes) == 1:
         refuse('the formula is empty', text.span, 'nothing to read here')
-    if told := syntax.explain(text, lexemes, index):
-        raise CompileError([told])
+    if explained := syntax.explain(text, lexemes, index):
+        raise CompileError([explained])
     opened = open_brackets(lexemes[:index])
     if found.type in _CLOSES:
         _check_closing(text, found, opened)
@@ -378,17 +383,17 @@ def _expectation(expected: frozenset[str], before: Sequence[Lexeme],
 
 class ExpressionBuilder:
     """
-    Makes the tree, each rule of the grammar by the method of its name.
+    Builds the tree: a method for each rule of the grammar, with its name.
 
-    lark calls them with what it has read, lexemes and trees, in the order of the rule: hence Any.
+    lark calls it with the lexemes and trees of the rule, in order, whose types it does not know.
     """
 
     def __init__(self, precedence: Precedence) -> None:
-        """Take how tight the language's operators bind."""
+        """Take the precedence of the operators."""
         self._precedence = precedence
 
     def finish(self, part: Any) -> Expression:
-        """Return the tree of an expression of which nothing more comes."""
+        """Return the tree of a complete expression."""
         if isinstance(part, Pending):
             part = self._chain(part)
         tree: Expression = part.close() if isinstance(part, Chain) else part
@@ -404,7 +409,7 @@ class ExpressionBuilder:
         return self.finish(parts[0])
 
     def more(self, parts: list[Any]) -> Chain:
-        """Go on with an infix operator, its bound if any, and an operand."""
+        """Add an infix operator, its bound if any, and an operand."""
         chain = parts[0] if isinstance(parts[0], Chain) else self._chain(parts[0])
         chain.add_infix(_operator(parts[1:-1]))
         chain.add_operand(parts[-1])
@@ -443,7 +448,7 @@ class ExpressionBuilder:
         return Call(parts[0].text, arguments, parts[0].span, join(parts[0].span, parts[-1].span))
 
     def group(self, parts: list[Any]) -> Expression:
-        """Return what stands in parentheses, which belong to its place."""
+        """Return the expression in parentheses; its place includes them."""
         return placed(self.finish(parts[1]), join(parts[0].span, parts[2].span))
 
 
@@ -455,18 +460,8 @@ def _operator(parts: list[Any]) -> Operator:
 
 def placed(node: Expression, span: Span) -> Expression:
     """Return a node of several parts with another place."""
-    match node:
-        case Infix():
-            return Infix(node.operator, node.bound, node.left, node.right, node.operator_span,
-                         span)
-        case Prefix():
-            return Prefix(node.operator, node.bound, node.argument, node.operator_span, span)
-        case Call():
-            return Call(node.function, node.arguments, node.function_span, span)
-        case Conditional():
-            return Conditional(node.condition, node.yes, node.no, span)
-        case _:
-            return node
+    is_single = isinstance(node, Name | Number | Boolean)
+    return node if is_single else replace(node, span=span)
 
 
 def join(first: Span, last: Span) -> Span:

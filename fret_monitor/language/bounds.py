@@ -13,36 +13,38 @@
 # limitations under the License.
 
 """
-The ends of bounds as they are written: a number, a sum of numbers, or one with constants in it.
+The ends of bounds: a number, or an expression of numbers and constants such as `10-1`.
 
-FRET writes `10-1` there. A parser asks `bound_end` what an end says; where that has names, what
-they stand for is not known yet; `work_out` computes the bound once it is.
+A parser calls `bound_end`. The values of constants are not known then: `work_out` computes such an
+end later.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NoReturn
+import operator
 
 from fret_monitor.language.expression import Expression, Infix, Name, Number, postorder, Prefix
 from fret_monitor.language.sentence import Unit
 from fret_monitor.model.diagnostics import Diagnostic, refuse, Span
 
 _MAX_DIGITS = 30
+_OPERATIONS: dict[str, Callable[[int, int], int]] = {
+    '+': operator.add, '-': operator.sub, '*': operator.mul}
 
 
 @dataclass(frozen=True)
 class TimedBound(Diagnostic):
-    """A bound with a unit of time, `number` as written; its steps are for the bundle to say."""
+    """The error for a bound with a unit of time; elaboration adds the number of steps to it."""
 
     number: str = ''
     unit: Unit = Unit.TICK
 
 
 def timed_bound(number: str, unit: Unit, place: Span) -> TimedBound:
-    """Return the error for `H[0,2s] p`, as long as the length of a step is not known."""
+    """Return the error for `H[0,2s] p`, without the number of steps."""
     help_ = f'write {number}' if unit is Unit.TICK else 'write the number of steps'
-    return TimedBound('a bound counts steps', place, 'this has a unit', help_, number=number,
-                      unit=unit)
+    return TimedBound('a bound must be a number of steps', place, 'this has a unit', help_,
+                      number=number, unit=unit)
 
 
 _ENDLESS = frozenset({'inf', 'infinity', 'oo'})
@@ -52,7 +54,7 @@ def bound_end(node: Expression) -> str | Expression:
     """
     Return an end of a bound: its number as text with an optional sign, or `node` if it has names.
 
-    Sums of numbers are worked out. Raises `CompileError` for what is neither.
+    Raises `CompileError` for any other expression.
     """
     match node:
         case Number():
@@ -69,7 +71,7 @@ def bound_end(node: Expression) -> str | Expression:
 
 
 def work_out(root: Expression, constant: Callable[[Name], int]) -> int:
-    """Return the number that an end of a bound is; `constant` gives that of a name."""
+    """Compute an end of a bound; `constant` returns the value of a name."""
     values: list[int] = []
     for node in postorder(root):
         match node:
@@ -81,23 +83,9 @@ def work_out(root: Expression, constant: Callable[[Name], int]) -> int:
                 values.append(-values.pop())
             case Infix(operator='+' | '-' | '*'):
                 right, left = values.pop(), values.pop()
-                values.append(_calculate(node.operator, left, right))
+                values.append(_OPERATIONS[node.operator](left, right))
             case _:
-                _refuse(node)
+                refuse('a bound must be a whole number', node.span, 'not a number')
         if abs(values[-1]) >= 10 ** _MAX_DIGITS:
             refuse('the bound is too large', root.span, 'a bound is at most 2147483647')
     return values[0]
-
-
-def _calculate(operator: str, left: int, right: int) -> int:
-    match operator:
-        case '+':
-            return left + right
-        case '-':
-            return left - right
-        case _:
-            return left * right
-
-
-def _refuse(node: Expression) -> NoReturn:
-    refuse('a bound must be a whole number', node.span, 'not a number')

@@ -50,15 +50,11 @@ _WORDS = {
     **dict.fromkeys(('false', 'FALSE', 'False'), ('FALSE', 'FALSE')),
 }
 _OPERATORS = {
-    '->': ('INFIX', 'arrow'), '=>': ('INFIX', '->'), '|': ('INFIX', '|'), '||': ('INFIX', '|'),
-    '&': ('INFIX', '&'), '&&': ('INFIX', '&'), '!': ('NOT', '!'), '~': ('NOT', '!'),
-    '=': ('EQUAL', '='), '==': ('EQUAL', '='), '<>': ('RELATION', '!='),
-    '!=': ('RELATION', '!='), '<=': ('RELATION', '<='), '>=': ('RELATION', '>='),
-    '<': ('RELATION', '<'), '>': ('RELATION', '>'), '+': ('INFIX', '+'), '-': ('MINUS', '-'),
-    '*': ('INFIX', '*'), '/': ('INFIX', '/'), '^': ('INFIX', '^'), '(': ('LPAR', '('),
-    ')': ('RPAR', ')'), '[': ('LBRACK', '['), ']': ('RBRACK', ']'), ',': ('COMMA', ','),
-    ';': ('SEMI', ';'), ':': ('COLON', ':'), '.': ('DOT', '.'), '<->': ('IFF', '<->'),
-    '<=>': ('IFF', '<->'),
+    **_lalr.OPERATORS,
+    '->': ('INFIX', 'arrow'), '=>': ('INFIX', '->'), '||': ('INFIX', '|'), '&&': ('INFIX', '&'),
+    '=': ('EQUAL', '='), '==': ('EQUAL', '='), '<>': ('RELATION', '!='), '[': ('LBRACK', '['),
+    ']': ('RBRACK', ']'), ';': ('SEMI', ';'), ':': ('COLON', ':'), '.': ('DOT', '.'),
+    '<->': ('IFF', '<->'), '<=>': ('IFF', '<->'),
 }
 PRECEDENCE = Precedence(
     infix={'arrow': 1, '->': 2, '|': 3, 'xor': 3, '&': 4,
@@ -90,7 +86,7 @@ _FOREIGN = {
 # FRET's names of relations, as it writes them in OT(0.5, LessThan, p).
 _RELATIONS = {'LessThan': '<', 'LessThanOrEqual': '<=', 'Equal': '=', 'GreaterThan': '>',
               'GreaterThanOrEqual': '>='}
-# What FRET's functions are, and what they take.
+# FRET's functions: their operators, and their numbers of arguments.
 _SINCE = {'S': 'S', 'SI': 'SI', 'T': 'T'}
 _TIMED_PAST = {'OT': 'O', 'HT': 'H'}
 _TIMED_SINCE = {'ST': 'S', 'SIT': 'SI', 'TT': 'T'}
@@ -170,7 +166,7 @@ class _CocospecBuilder(_lalr.ExpressionBuilder):
 
 
 def _operator(call: Call) -> Expression:
-    """Make an operator of one of FRET's functions."""
+    """Return the operator of one of FRET's functions."""
     name, arguments = call.function, call.arguments
     if len(arguments) != _ARITY[name]:
         refuse(f"'{name}' takes {_ARITY[name]} arguments, not {len(arguments)}",
@@ -188,7 +184,7 @@ def _operator(call: Call) -> Expression:
 def _bound(high: Expression, low: Expression) -> Bound:
     span = join(high.span, low.span)
     if isinstance(low, Name) and low.text == 'NotEqual':
-        refuse("a bound has no 'NotEqual'", low.span, 'not a range of steps')
+        refuse("a bound cannot have 'NotEqual'", low.span, 'not a range of steps')
     if isinstance(low, Name) and low.text in _RELATIONS:
         return Bound(_RELATIONS[low.text], bound_end(high), None, span)
     return Bound('[]', bound_end(low), bound_end(high), span)
@@ -278,9 +274,9 @@ def _is_equations(lexemes: Sequence[Lexeme]) -> bool:
 
 def _rename(text: Text, lexemes: list[Lexeme], names: frozenset[str]) -> list[Lexeme]:
     """
-    Make names of the kinds in `names`, and of H, O, Y and Z where no operand follows.
+    Turn the kinds in `names`, and H, O, Y and Z without an operand, into names.
 
-    They are names in Lustre, and `node` or `var` can be an input's.
+    They are names in Lustre; an input may be called `node` or `var`.
     """
     kinds = [_lalr.END, *(lexeme.type for lexeme in lexemes), _lalr.END]
     return [lexeme._replace(type='NAME', text=text.value[lexeme.start:lexeme.end])

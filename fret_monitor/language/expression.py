@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-The tree that all formula languages are read into: operators and places, no meaning.
+The syntax tree of all formula languages: operators with their places.
 
-A parser takes a `Text` and returns an `Expression`; it knows precedence and spelling and nothing
-of types, names or bounds that make sense. Trees can be thousands of nodes deep: walk them with an
-explicit stack, or with `postorder`.
+A parser takes a `Text` and returns an `Expression`; it checks neither types nor names nor bounds.
+Trees can be thousands of nodes deep: walk them with an explicit stack, or with `postorder`.
 """
 
 from collections.abc import Iterator
@@ -72,7 +71,7 @@ class Prefix:
     """
     A prefix operator: '!', '-', or temporal 'Y', 'Z', 'O', 'H', or Lustre's 'pre'.
 
-    `operator_span` is where the operator (with its bound) stands, `span` the whole.
+    `operator_span` is the place of the operator with its bound, `span` that of the whole.
     """
 
     operator: str
@@ -134,7 +133,7 @@ class LustreVariable:
 
 @dataclass(frozen=True, eq=False)
 class LustreEquation:
-    """`name = expression;`. `name_span` is where the name stands, `span` the whole."""
+    """`name = expression;`. `name_span` is the place of the name, `span` that of the whole."""
 
     name: str
     expression: Expression
@@ -150,7 +149,7 @@ class Equations:
     Of a node, `result` is the equation of its one output, `inputs` are its declared inputs, and
     `declarations` its local variables and the output, each with its equation. Without a node,
     `result` is the last equation, and nothing is declared. Equations may use one another in any
-    order; whether that ends is not looked at here.
+    order; cycles are not checked here.
     """
 
     equations: tuple[LustreEquation, ...]

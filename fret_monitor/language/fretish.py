@@ -17,15 +17,15 @@
 Reads FRETish, FRET's structured English (the key `fretish`).
 
 A `Text` goes in, a `Sentence` comes out: its parts, with places, and no meaning. The grammar is
-in `fretish.lark`, what errors say in `fretish_help.py`. Expressions bind as in SMV, which is how
-FRET reads them: `if p then q` is `p -> q`, word for word. Beside FRET's spelling it takes `true`
-and `false` in any case and anywhere, `x-3` for `x - 3`, and the component before the condition.
+in `fretish.lark`, the error messages are in `fretish_help.py`. Precedence is that of SMV, as in
+FRET, which rewrites `if p then q` textually to `p -> q`. Beyond FRET it accepts `true` and `false`
+in any case and anywhere, `x-3` for `x - 3`, and the component before the condition.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 import re
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, NoReturn, TypeAlias
 
 from fret_monitor.language import _lalr, fretish_help
 from fret_monitor.language._lalr import join, Lexeme
@@ -47,7 +47,7 @@ _END_OF_NUMBER = r'(?![\w.$])'
 
 
 class _OperandRun(NamedTuple):
-    """Operands and operators side by side whose order of binding is not known yet."""
+    """A sequence of operands and operators that is not a tree yet."""
 
     start: Span
     pieces: tuple[Any, ...]
@@ -64,7 +64,7 @@ _Piece: TypeAlias = Operator | Expression | Pending
 
 def _pattern() -> re.Pattern[str]:
     operators = '|'.join(map(re.escape, sorted(OPERATORS, key=len, reverse=True)))
-    # FRET reads `3seconds` as two words; `3s` is one slip, and not no number.
+    # FRET reads `3seconds` as two words; `3s` is two as well, for a better error.
     units = '|'.join(sorted((*UNITS, *ABBREVIATIONS), key=len, reverse=True))
     number = _lalr.NUMBER.replace(_END_OF_NUMBER, rf'(?:{_END_OF_NUMBER}|(?=(?i:{units})\b))')
     return re.compile(rf'\s+|{number}|{_lalr.NAME}|{_lalr.QUOTED}'
@@ -73,8 +73,8 @@ def _pattern() -> re.Pattern[str]:
 
 class _FretishBuilder(_lalr.ExpressionBuilder):
 
-    # Expressions. `if` and `then` do not hold together what stands between them (FRET turns them
-    # into `=>` as text), so a run is kept flat until it ends.
+    # Expressions. `if` and `then` do not group their operands (FRET rewrites them to `=>`), so a
+    # sequence stays flat until it ends.
 
     def finish(self, part: Any) -> Expression:
         if not isinstance(part, _OperandRun | Pending):
@@ -161,7 +161,8 @@ class _FretishBuilder(_lalr.ExpressionBuilder):
     def chain(self, parts: list[Any]) -> list[Qualifier]:
         chain: list[Qualifier] = parts[0] if isinstance(parts[0], list) else []
         link = parts[-1]
-        joint = '|' if any(_is_word(part, 'OR') for part in parts) else '&'
+        kinds = [part.type for part in parts if isinstance(part, Lexeme)]
+        joint = '|' if 'OR' in kinds else '&'
         chain.append(Qualifier(link.word, joint, link.expression, link.is_negated, link.span))
         return chain
 
@@ -234,10 +235,6 @@ def _first(parts: Sequence[Any], kind: type) -> Any:
     return next((part for part in parts if isinstance(part, kind)), None)
 
 
-def _is_word(part: Any, kind: str) -> bool:
-    return isinstance(part, Lexeme) and part.type == kind
-
-
 def _start(part: Any) -> Span:
     match part:
         case _OperandRun():
@@ -269,7 +266,7 @@ def _flat(part: Any) -> Iterator[_Piece]:
 
 
 def _joined(chain: Sequence[Qualifier]) -> Expression:
-    """Return a chain as one expression: from left to right, as FRET joins it."""
+    """Return a chain as one expression, left-associative as in FRET."""
     whole: Expression | None = None
     for link in chain:
         part = link.expression
@@ -291,7 +288,7 @@ def parse_fretish(text: Text) -> Sentence:
     text = _without_stop(text)
     lexemes = _scan(text)
     fretish_help.check_sentence(text, lexemes)
-    sentence: Sentence = _lalr.parse(_SYNTAX, text, lexemes, 'sentence', _tell('sentence'))
+    sentence: Sentence = _lalr.parse(_SYNTAX, text, lexemes, 'sentence', _refuse_at('sentence'))
     return replace(sentence, remarks=remarks(sentence, lexemes))
 
 
@@ -299,17 +296,17 @@ def parse_fretish_expression(text: Text) -> Expression:
     """Return the tree of an expression of FRETish; raises `CompileError` as `parse_fretish`."""
     lexemes = _scan(text)
     fretish_help.check_expression(lexemes)
-    tree: Expression = _lalr.parse(_SYNTAX, text, lexemes, 'definition', _tell('definition'))
+    tree: Expression = _lalr.parse(_SYNTAX, text, lexemes, 'definition', _refuse_at('definition'))
     return tree
 
 
-def _tell(start: str) -> _lalr.Tell:
-    def tell(text: Text, lexemes: Sequence[Lexeme], index: int) -> Any:
+def _refuse_at(start: str) -> _lalr.RefuseAt:
+    def refuse_at(text: Text, lexemes: Sequence[Lexeme], index: int) -> NoReturn:
         fitting = _lalr.fitting(_SYNTAX, start, lexemes[:index])
         earlier = _lalr.fitting(_SYNTAX, start, lexemes[:index - 1]) if index else frozenset()
         fretish_help.refuse_lexeme(fretish_help.Misfit(text, lexemes, index, fitting, earlier))
 
-    return tell
+    return refuse_at
 
 
 def _without_stop(text: Text) -> Text:
@@ -327,7 +324,7 @@ def _scan(text: Text) -> list[Lexeme]:
 
 
 def _worded(text: Text, lexeme: Lexeme) -> Lexeme:
-    """Make a word of FRETish of a name that is one, in any case; quoted, it stays a name."""
+    """Return a name as a keyword if it is one, in any case; a quoted one stays a name."""
     word = lexeme.text.lower()
     if lexeme.type != 'NAME' or word not in WORDS or text.value[lexeme.start] == '"':
         return lexeme

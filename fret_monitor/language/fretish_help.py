@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Errors for a text that is not a FRETish sentence: where, what would fit, what was meant."""
+"""Errors for an invalid FRETish sentence: the place, what fits there, and what was meant."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ _FOREIGN = {
     '[': 'an element of an array is an input of its own: field: NAME[INDEX]',
     '{': 'write an enumeration as (x = A | x = B)',
 }
-# What people write for the words of FRETish.
+# Common words that are not FRETish, each with the FRETish one.
 _MEANT = {
     **ABBREVIATIONS,
     **dict.fromkeys(('should', 'must', 'will', 'can', 'may', 'has', 'does'), 'shall'),
@@ -89,7 +89,7 @@ _EXPECTATIONS = (
     ({'RPAR'}, "')'"),
     ({END}, 'the end'),
 )
-# Kinds that need no phrase of their own beside another.
+# Kinds that the phrase of another kind includes.
 _IMPLIED = {
     'LPAR': ('NUMBER',), 'DURING': ('IN',), 'SHALL': ('NAME',), 'THE': ('NAME',),
 }
@@ -123,7 +123,7 @@ class Misfit:
 
 
 def check_sentence(text: Text, lexemes: Sequence[Lexeme]) -> None:
-    """Refuse what is not a sentence at all: nothing, or free text in quotes."""
+    """Refuse an empty sentence, and free text in quotes."""
     if not lexemes:
         refuse('the sentence is empty', text.span, 'nothing to read here', _EXAMPLE)
     if len(lexemes) == 1 and text.value[lexemes[0].start] == '"':
@@ -132,16 +132,16 @@ def check_sentence(text: Text, lexemes: Sequence[Lexeme]) -> None:
 
 
 def check_expression(lexemes: Sequence[Lexeme]) -> None:
-    """Refuse a sentence where an expression is wanted."""
+    """Refuse a sentence in place of an expression."""
     for lexeme in lexemes:
         if lexeme.type in ('SHALL', 'SATISFY'):
-            refuse('a definition is an expression, not a sentence', lexeme.span,
+            refuse('a definition must be an expression, not a sentence', lexeme.span,
                    'not allowed here', 'write a condition, as in x > 3 & p')
 
 
 def refuse_future(phrase: Span) -> NoReturn:
     """Refuse `at the next occurrence of`."""
-    refuse('a monitor sees only the past', phrase, 'looks into the future',
+    refuse('the future cannot be monitored', phrase, 'refers to the future',
            'write at the previous occurrence of p, q; or make p the condition: upon p ... satisfy')
 
 
@@ -164,7 +164,7 @@ def refuse_bare(number: str, phrase: Span) -> NoReturn:
 
 
 def refuse_lexeme(misfit: Misfit) -> NoReturn:
-    """Refuse an unexpected lexeme, and say what was probably meant."""
+    """Refuse an unexpected lexeme; suggest what was probably meant."""
     _check_english(misfit)
     _check_order(misfit)
     _check_known_slips(misfit)
@@ -196,6 +196,13 @@ def _wants_operand(misfit: Misfit) -> bool:
     return {'NAME', 'LPAR'} <= misfit.fitting and 'INFIX' not in misfit.fitting
 
 
+def _is_article(misfit: Misfit) -> bool:
+    """Whether `the` stands before an operand, which FRETish does not read."""
+    following = misfit.lexemes[misfit.index + 1:misfit.index + 3]
+    return (misfit.found.type == 'THE' and _wants_operand(misfit) and len(following) == 2
+            and following[0].type == 'NAME' and following[1].type != 'SHALL')
+
+
 def _is_word(lexeme: Lexeme) -> bool:
     return lexeme.text in WORDS and lexeme.type == WORDS[lexeme.text]
 
@@ -219,9 +226,10 @@ _LONGEST_PHRASE = len(_PHRASES[0][0])
 
 
 def _check_english(misfit: Misfit) -> None:
-    """Report a comparison in words where one of its words is unexpected."""
+    """Report a comparison in words where one of its words, or `the` before it, is unexpected."""
     lexemes = misfit.lexemes
-    for start in range(max(1, misfit.index - _LONGEST_PHRASE), misfit.index + 1):
+    last = misfit.index + (2 if _is_article(misfit) else 0)
+    for start in range(max(1, misfit.index - _LONGEST_PHRASE), min(last + 1, len(lexemes))):
         words = tuple(misfit.written(lexeme).lower()
                       for lexeme in lexemes[start:start + _LONGEST_PHRASE])
         found = next(((phrase, sign) for phrase, sign in _PHRASES
@@ -232,8 +240,9 @@ def _check_english(misfit: Misfit) -> None:
 
 def _refuse_english(misfit: Misfit, start: int, phrase: tuple[str, ...], sign: str) -> None:
     lexemes, end = misfit.lexemes, start + len(phrase)
-    left, right = lexemes[start - 1], lexemes[min(end, len(lexemes) - 1)]
-    if not start <= misfit.index <= end or right.type not in OPERAND_STARTS | {'MINUS'}:
+    after = end + 1 if lexemes[min(end, len(lexemes) - 1)].type == 'THE' else end
+    left, right = lexemes[start - 1], lexemes[min(after, len(lexemes) - 1)]
+    if misfit.index > after or right.type not in OPERAND_STARTS | {'MINUS'}:
         return
     shown = misfit.written(left), misfit.written(right)
     first = lexemes[start].span
@@ -284,14 +293,14 @@ def _refuse_late_timing(misfit: Misfit, kinds: Sequence[str]) -> NoReturn:
 
 
 def _to_write(misfit: Misfit, sentence: str) -> str:
-    """Return the sentence put right, if no more than one part of it was out of place."""
+    """Return the advice to write the corrected sentence; an example if more is misplaced."""
     rest = {lexeme.type for lexeme in misfit.lexemes[misfit.index + 1:]}
     if rest & (_TIMINGS | _QUALIFIERS | _PLACES) or len(sentence) > _LONGEST:
         return _EXAMPLE
     return f"write {' '.join(sentence.split())}"
 
 
-# What people often write
+# Common mistakes
 
 def _check_known_slips(misfit: Misfit) -> None:
     found = misfit.found
@@ -308,8 +317,18 @@ def _check_known_slips(misfit: Misfit) -> None:
                'leave it out: if p the COMPONENT shall ... satisfy q')
     if found.type == 'NEGATION':
         refuse("unexpected 'not'", found.span, _expectation(misfit.fitting),
-               'write when not in m mode, or except in m mode')
+               _negated_response(misfit) or 'write when not in m mode, or except in m mode')
     _check_operators(misfit)
+
+
+def _negated_response(misfit: Misfit) -> str:
+    """Return what to write for `shall always not satisfy p`; '' for any other `not`."""
+    before = misfit.before
+    if before is None or 'SATISFY' not in misfit.fitting:
+        return ''
+    if before.text in ('shall', 'always'):
+        return 'write shall never satisfy p, or shall always satisfy !p'
+    return 'negate the response: satisfy !p'
 
 
 def _in_expression(misfit: Misfit) -> bool:
@@ -344,10 +363,10 @@ def _check_brackets(misfit: Misfit) -> None:
                if found.type != END else '')
 
 
-# What was meant
+# Misspelled words
 
 def _meant(misfit: Misfit) -> tuple[Lexeme, str] | None:
-    """Return a lexeme that is a word misspelt, and that word."""
+    """Return the misspelled lexeme, and the word that was meant."""
     found, before = misfit.found, misfit.before
     if found.type == 'NAME' and (word := _closest(found.text, misfit.fitting)):
         return found, word
@@ -379,6 +398,10 @@ def _help(misfit: Misfit) -> str:
     if found.type in _PLACES and any(lexeme.type in _QUALIFIERS for lexeme in
                                      misfit.lexemes[:misfit.index]):
         return 'the scope comes first: in m mode when p the COMPONENT shall ...'
+    if _is_article(misfit):
+        return f'leave it out: write {misfit.written(misfit.lexemes[misfit.index + 1])}'
+    if found.type == 'THE' and _wants_operand(misfit):
+        return _EXAMPLE
     if _is_word(found) and _wants_operand(misfit):
         return f'write "{misfit.written(found)}", in quotes, if it is a name'
     if 'SHALL' in misfit.fitting or {'THE', 'NAME'} <= misfit.fitting:
@@ -403,7 +426,7 @@ def _expectation(fitting: frozenset[str]) -> str:
 
 
 def _phrases(fitting: frozenset[str]) -> Iterator[str]:
-    # What follows an operand may begin with a name or a bracket without being an expression.
+    # After an operand, a name or a bracket does not mean that an expression fits.
     left = fitting - {'LPAR'} if 'INFIX' in fitting else fitting
     for kinds, phrase in _EXPECTATIONS:
         if kinds <= left:

@@ -15,6 +15,7 @@
 
 """The words and operators of FRETish, and the kinds of lexemes that its grammar makes of them."""
 
+from fret_monitor.language import _lalr
 from fret_monitor.language.sentence import Unit
 
 UNITS = {
@@ -51,14 +52,9 @@ WORDS = {
 """The kind of each word, in lower case; they are words in any case, unless in quotes."""
 
 OPERATORS = {
+    **_lalr.OPERATORS,
     '<->': ('INFIX', '<->'), '<=>': ('INFIX', '<->'), '->': ('INFIX', '->'),
-    '=>': ('INFIX', '->'), '|': ('INFIX', '|'), '&': ('INFIX', '&'), '!': ('NOT', '!'),
-    '~': ('NOT', '!'), '<=': ('RELATION', '<='), '>=': ('RELATION', '>='),
-    '!=': ('RELATION', '!='), '<': ('RELATION', '<'), '>': ('RELATION', '>'),
-    '=': ('RELATION', '='), '+': ('INFIX', '+'), '-': ('MINUS', '-'), '*': ('INFIX', '*'),
-    '/': ('INFIX', '/'), '^': ('INFIX', '^'), '(': ('LPAR', '('), ')': ('RPAR', ')'),
-    ',': ('COMMA', ','), '&&': ('FOREIGN', '&&'), '||': ('FOREIGN', '||'),
-    '==': ('FOREIGN', '=='), '<>': ('FOREIGN', '<>'), '%': ('FOREIGN', '%'),
-    '.': ('FOREIGN', '.'), ';': ('FOREIGN', ';'), ':': ('FOREIGN', ':'),
-    '[': ('FOREIGN', '['), ']': ('FOREIGN', ']'), '{': ('FOREIGN', '{'), '}': ('FOREIGN', '}'),
+    '=>': ('INFIX', '->'), '=': ('RELATION', '='),
+    **{sign: ('FOREIGN', sign)
+       for sign in ('&&', '||', '==', '<>', '%', '.', ';', ':', '[', ']', '{', '}')},
 }

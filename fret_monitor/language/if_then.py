@@ -14,10 +14,10 @@
 
 
 """
-Warns where FRET reads `if p then q` otherwise than a person would.
+Warns where FRET reads `if p then q` in an unexpected way.
 
-FRET puts `=>` for `then`, so that `p & if q then r` is `(p & q) -> r`, and `if p then q <-> r` is
-`(p -> q) <-> r`. What it reads is taken; parentheses make both readings one.
+FRET replaces `then` by `=>`, so that `p & if q then r` is `(p & q) -> r`, and `if p then q <-> r`
+is `(p -> q) <-> r`. This package does the same; parentheses avoid the difference.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,7 +29,7 @@ from fret_monitor.model.diagnostics import Diagnostic, Level, Span
 
 
 def remarks(sentence: Sentence, lexemes: Sequence[Lexeme]) -> tuple[Diagnostic, ...]:
-    """Return a warning for each `if ... then` of a sentence that is read in another way."""
+    """Return a warning for each `if ... then` of a sentence that is read in an unexpected way."""
     conditionals = dict(_conditionals(lexemes))
     if not conditionals:
         return ()
@@ -41,7 +41,7 @@ def remarks(sentence: Sentence, lexemes: Sequence[Lexeme]) -> tuple[Diagnostic, 
 
 
 def _conditionals(lexemes: Sequence[Lexeme]) -> Iterator[tuple[int, tuple[Lexeme, int, int]]]:
-    """Yield the place of each `then`, its `if`, and where the condition can begin."""
+    """Yield the place of each `then`, its `if`, and the possible start of its condition."""
     open_: list[int] = []
     for index, lexeme in enumerate(lexemes):
         if lexeme.type == 'IF':

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-How tight operators bind, and how a run of operands and operators becomes a tree by that.
+The precedence of operators, and the tree of a sequence of operands and operators.
 
-A reader of formulas hands a `Chain` operands and operators from left to right; it puts them
-together by a `Precedence`, with two stacks, in linear time. The printers read the same tables.
+A parser adds operands and operators to a `Chain` from left to right, which builds the tree by a
+`Precedence`, with two stacks, in linear time. The printers use the same tables.
 """
 
 from collections.abc import Mapping
@@ -30,10 +30,10 @@ from fret_monitor.model.diagnostics import refuse, Span
 @dataclass(frozen=True, eq=False)
 class Precedence:
     """
-    The levels of operators on one scale: the higher, the tighter; no prefix shares an infix's.
+    The level of each operator; higher binds tighter; no prefix has the level of an infix.
 
-    Operators of one level go from left to right, those in `right` from right to left, and those
-    in `single` (comparisons) do not follow one another; `conjunction` helps out there.
+    Operators are left-associative, those in `right` right-associative; those in `single`
+    (comparisons) cannot be chained, and the error suggests `conjunction` instead.
     """
 
     infix: Mapping[str, int]
@@ -52,7 +52,7 @@ class Operator(NamedTuple):
 
 
 class Pending(NamedTuple):
-    """A prefix operator whose reach is not known yet."""
+    """A prefix operator whose operand may still be extended."""
 
     operator: Operator
     operand: 'Expression | Pending'
@@ -65,10 +65,10 @@ class _Waiting(NamedTuple):
 
 
 class Chain:
-    """What has been read of one run of operands and operators, put together as far as it can."""
+    """Builds the tree of a sequence of operands and operators."""
 
     def __init__(self, precedence: Precedence) -> None:
-        """Start with nothing; an operand comes first."""
+        """Start empty; an operand comes first."""
         self._precedence = precedence
         self._operands: list[Expression] = []
         self._waiting: list[_Waiting] = []
@@ -94,7 +94,7 @@ class Chain:
         self._waiting.append(_Waiting(level, False, operator))
 
     def close(self) -> Expression:
-        """Return the tree of all."""
+        """Return the tree."""
         while self._waiting:
             self._join_last()
         return self._operands.pop()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The error for `frame = 'front'`: formulas have no strings, names of values no quotes."""
+"""The error for `frame = 'front'`: formulas have no strings."""
 
 from dataclasses import dataclass
 
@@ -21,6 +21,6 @@ from fret_monitor.model.diagnostics import Diagnostic
 
 @dataclass(frozen=True)
 class QuotedText(Diagnostic):
-    """A text in apostrophes; which name of a value is meant, is for the bundle to say."""
+    """The error for a text in apostrophes; elaboration adds the name of the value to it."""
 
     text: str = ''

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The parts of a FRETish sentence: scope, condition, component, timing, response; no meaning yet.
+The parts of a FRETish sentence: scope, condition, component, timing, response.
 
-`parse_fretish` makes a `Sentence` of a text. The expressions in it are those of the other
+`parse_fretish` returns a `Sentence`. The expressions in it are those of the other
 languages (`language/expression.py`). The values of the enumerations are the words of FRET's
 template keys.
 """
@@ -41,7 +41,7 @@ class ScopeKind(Enum):
 
     @property
     def is_only(self) -> bool:
-        """Whether it forbids the response outside, rather than asking for it inside."""
+        """Whether it forbids the response outside instead of requiring it inside."""
         return self in (ScopeKind.ONLY_IN, ScopeKind.ONLY_BEFORE, ScopeKind.ONLY_AFTER)
 
 
@@ -50,7 +50,7 @@ class ScopePhrase:
     """
     `in landing mode`, `while speed > 3`, `only after armed`: `mode` is what holds in the mode.
 
-    `is_named` tells `in m mode` from `while m`; they mean the same. Never GLOBAL.
+    `is_named` is true for `in m mode`, false for `while m`, which means the same. Never GLOBAL.
     """
 
     kind: ScopeKind
@@ -60,7 +60,7 @@ class ScopePhrase:
 
 
 class ConditionKind(Enum):
-    """What starts the clock of a timing."""
+    """From when a timing counts."""
 
     NONE = 'null'
     REGULAR = 'regular'
@@ -72,9 +72,9 @@ class Qualifier:
     """
     One link of a chain: `upon p`, `or if q`, `and unless r is true`.
 
-    `word` is upon, when, where, if, unless or whenever; `joint` is '&' or '|', how it is joined
-    to what stands before it ('&' for the first). `is_negated` is so for `unless p` and for
-    `when p is false`, and not for `unless p is false`.
+    `word` is upon, when, where, if, unless or whenever; `joint` is '&' or '|', which joins it
+    to the part before it ('&' for the first). `is_negated` is true for `unless p` and `when p is
+    false`, false for `unless p is false`.
     """
 
     word: str
@@ -147,7 +147,7 @@ class TimingPhrase:
 
 @dataclass(frozen=True, eq=False)
 class ComponentPhrase:
-    """The component that shall do something; `span` is where its name stands."""
+    """The component; `span` is the place of its name."""
 
     name: str
     span: Span
@@ -156,9 +156,9 @@ class ComponentPhrase:
 @dataclass(frozen=True, eq=False)
 class Sentence:
     """
-    A FRETish sentence, taken apart. What is left out is None.
+    The parts of a FRETish sentence; omitted ones are None.
 
-    `remarks` are warnings about how it is read, where that may surprise.
+    `remarks` are warnings if FRET reads it in an unexpected way.
     """
 
     scope: ScopePhrase | None

@@ -15,9 +15,9 @@
 """
 Reads past-time MTL as FRET writes it for SMV (the key `ptltl`).
 
-A `Text` goes in, an `Expression` comes out; the grammar is in `smv.lark`. Beside FRET's spelling
-it takes what SMV and C users write: `=>`, `<=>`, `&&`, `||`, `==` and `~`; `xor`, `mod`, `TRUE`
-and `FALSE` in any case; `.5`. FRET's old exports, with HTML in them, read as their content.
+A `Text` goes in, an `Expression` comes out; the grammar is in `smv.lark`. Beyond FRET's spelling
+it accepts that of SMV and C: `=>`, `<=>`, `&&`, `||`, `==` and `~`; `xor`, `mod`, `TRUE`
+and `FALSE` in any case; `.5`. HTML tags and entities in old exports of FRET are ignored.
 FRET's sign is part of a number: `-3 ^ 2` is `(-3) ^ 2`, while `-x ^ 2` is `-(x ^ 2)`.
 """
 
@@ -48,14 +48,10 @@ _WORDS = {
     **dict.fromkeys(_any_case('false'), ('FALSE', 'FALSE')),
 }
 _OPERATORS = {
+    **_lalr.OPERATORS,
     '<->': ('INFIX', '<->'), '<=>': ('INFIX', '<->'), '->': ('INFIX', '->'),
-    '=>': ('INFIX', '->'), '|': ('INFIX', '|'), '||': ('INFIX', '|'), '&': ('INFIX', '&'),
-    '&&': ('INFIX', '&'), '!': ('NOT', '!'), '~': ('NOT', '!'), '<=': ('RELATION', '<='),
-    '>=': ('RELATION', '>='), '!=': ('RELATION', '!='), '==': ('RELATION', '='),
-    '<': ('RELATION', '<'), '>': ('RELATION', '>'), '=': ('RELATION', '='), '+': ('INFIX', '+'),
-    '-': ('MINUS', '-'), '*': ('INFIX', '*'), '/': ('INFIX', '/'), '^': ('INFIX', '^'),
-    '(': ('LPAR', '('), ')': ('RPAR', ')'), '[': ('LBRACK', '['), ']': ('RBRACK', ']'),
-    ',': ('COMMA', ','),
+    '=>': ('INFIX', '->'), '||': ('INFIX', '|'), '&&': ('INFIX', '&'), '==': ('RELATION', '='),
+    '=': ('RELATION', '='), '[': ('LBRACK', '['), ']': ('RBRACK', ']'),
 }
 PRECEDENCE = Precedence(
     infix={'<->': 1, '->': 2, 'xor': 3, '|': 4, '&': 5, 'S': 6, 'T': 6, 'SI': 6,
@@ -80,7 +76,7 @@ _REFUSED = {
 _FOREIGN = {
     **{word: f'write {_WRITE[word.lower()]}'
        for word in ('AND', 'And', 'OR', 'Or', 'NOT', 'Not', 'implies', 'IMPLIES', 'iff', 'IFF')},
-    # The future, which FRET's grammar has too: each with what comes closest.
+    # Future operators, which FRET's grammar has too, each with the closest past operator.
     **dict.fromkeys(('G', 'globally', 'always'), 'a monitor sees only the past: '
                     'write H p, true while p has held at every step so far'),
     **dict.fromkeys(('F', 'finally', 'eventually'), 'a monitor sees only the past: '
@@ -98,6 +94,7 @@ _FOREIGN = {
     **dict.fromkeys(('yesterday', 'Yesterday', 'previous', 'previously', 'prev', 'Previous'),
                     'write Y p, p one step ago'),
 }
+_BOUNDED = ('PAST', 'SINCE')
 _COCOSPEC = frozenset({'YtoPre', 'ZtoPre', 'OT', 'HT', 'ST', 'SIT', 'TT'})
 
 RESERVED = frozenset({*_WORDS, *(word for word in _REFUSED if word.isalpha()), *_COCOSPEC, 'FTP'})
@@ -129,14 +126,14 @@ class _SmvBuilder(_lalr.ExpressionBuilder):
     def one_sided(self, parts: list[Any]) -> Bound:
         relation = parts[1]
         if relation.text == '!=':
-            refuse("a bound has no '!='", relation.span, 'not a range of steps')
+            refuse("a bound cannot have '!='", relation.span, 'not a range of steps')
         return Bound(relation.text, self._end(parts[2]), None,
                      join(parts[0].span, parts[3].span))
 
     def one_number(self, parts: list[Any]) -> NoReturn:
         end = self._end(parts[1])
         number = end if isinstance(end, str) else 'n'
-        refuse('a bound has two numbers, or a relation', join(parts[0].span, parts[2].span),
+        refuse('a bound must have two numbers, or a relation', join(parts[0].span, parts[2].span),
                'this is one number',
                f'write [0,{number}] for the last {number} steps, '
                f'[={number}] for exactly {number} steps ago')
@@ -158,18 +155,18 @@ def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
     found = lexemes[index]
     before = lexemes[index - 1] if index else found
     if found.type == 'SINCE':
-        return Diagnostic(f"'{found.text}' stands between two operands", found.span,
+        return Diagnostic(f"'{found.text}' must stand between two operands", found.span,
                           'an operand is missing before it', f'write p {found.text} q; '
                           f"CoCoSpec's {found.text}(p, q) is q {found.text} p here")
     if found.type == 'RELATION' and before.type == 'RELATION':
         return Diagnostic('an operand is missing between two comparisons', found.span,
                           f"after '{before.text}'", 'the comparisons are < <= = != >= >')
     return (_explain_time(text, lexemes, index) or _explain_open_bound(text, lexemes, index)
-            or _explain_bracket(before, found))
+            or _explain_round_bound(lexemes, index) or _explain_bracket(before, found))
 
 
 def _explain_time(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
-    """Report a time in a bound, one lexeme (2s) or two (2 s); elsewhere it is no number."""
+    """Report a time in a bound, one lexeme (2s) or two (2 s); elsewhere, an invalid number."""
     found = lexemes[index]
     if found.type == 'TIME':
         number, unit = _TIME.findall(found.text)[0]
@@ -214,6 +211,17 @@ def _explain_bracket(before: Lexeme, found: Lexeme) -> Diagnostic | None:
         return Diagnostic("unexpected ','", found.span, 'not among the arguments of a '
                           'function', 'H O Y Z take one operand; S T SI stand between two')
     return None
+
+
+def _explain_round_bound(lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
+    """Report a bound in round brackets: H(0,2) p."""
+    window = lexemes[max(index - 3, 0):index + 3]
+    if [lexeme.type for lexeme in window] not in (
+            [operator, 'LPAR', 'NUMBER', 'COMMA', 'NUMBER', 'RPAR'] for operator in _BOUNDED):
+        return None
+    operator, opened, low, _, high, closed = window
+    return Diagnostic('a bound must be in square brackets', join(opened.span, closed.span),
+                      'these are round', f'write {operator.text}[{low.text},{high.text}] p')
 
 
 _SYNTAX = _lalr.Syntax('smv.lark', _SmvBuilder(PRECEDENCE), ('start',), _pattern(r'\s'), _WORDS,

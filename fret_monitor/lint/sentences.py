@@ -52,8 +52,9 @@ def _advise(sentence: Sentence, report: Report,
     if duration is not None and duration.unit in SECONDS:
         yield from _about_time(sentence, duration, specification)
     if report is Report.EVERY_STEP and is_not_yet(sentence):
+        demand = sentence.timing or sentence.response
         yield _warning(
-            'this is announced at every step until it is fulfilled', _demand(sentence),
+            'this is announced at every step until it is fulfilled', demand.span,
             'false means "not yet" here',
             'write report: onset to announce it once, or give a deadline, as in within 10 ticks')
 
@@ -90,10 +91,6 @@ def _about_time(sentence: Sentence, duration: Duration,
 
 def _warning(title: str, span: Span, label: str, help_: str) -> Diagnostic:
     return Diagnostic(title, span, label, help_, Level.WARNING)
-
-
-def _demand(sentence: Sentence) -> Span:
-    return sentence.timing.span if sentence.timing else sentence.response.span
 
 
 def _counts(sentence: Sentence) -> Iterator[Span]:

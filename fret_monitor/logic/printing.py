@@ -100,6 +100,10 @@ class _Part(NamedTuple):
 
 
 _Pieces: TypeAlias = list[str | _Part]
+_Temporal: TypeAlias = Yesterday | WeakYesterday | Once | Historically | Since | Triggered
+
+_LETTERS: dict[type[_Temporal], str] = {
+    Yesterday: 'Y', WeakYesterday: 'Z', Once: 'O', Historically: 'H', Since: 'S', Triggered: 'T'}
 
 
 def _render(root: Formula, style: '_Style', limit: int | None,
@@ -276,7 +280,7 @@ class _Style:
     def _choice(self, node: Choice, yes: _Part | str, no: _Part | str) -> _Pieces:
         raise NotImplementedError
 
-    def _temporal(self, node: Formula) -> _Pieces:
+    def _temporal(self, node: _Temporal) -> _Pieces:
         raise NotImplementedError
 
 
@@ -340,24 +344,16 @@ class _Smv(_Style):
     def _choice(self, node: Choice, yes: _Part | str, no: _Part | str) -> _Pieces:
         return _call('ite', _Part(node.condition), yes, no)
 
-    def _temporal(self, node: Formula) -> _Pieces:
+    def _temporal(self, node: _Temporal) -> _Pieces:
+        letter = _LETTERS[type(node)]
         match node:
-            case Yesterday():
-                return ['Y ', _Part(node.argument, _LITERAL)]
-            case WeakYesterday():
-                return ['Z ', _Part(node.argument, _LITERAL)]
-            case Once():
-                return [f'O{_bound(node.window)} ', _Part(node.argument, _LITERAL)]
-            case Historically():
-                return [f'H{_bound(node.window)} ', _Part(node.argument, _LITERAL)]
-            case Since():
-                return [_Part(node.left, _LITERAL), f' S{_bound(node.window)} ',
+            case Yesterday() | WeakYesterday():
+                return [f'{letter} ', _Part(node.argument, _LITERAL)]
+            case Once() | Historically():
+                return [f'{letter}{_bound(node.window)} ', _Part(node.argument, _LITERAL)]
+            case Since() | Triggered():
+                return [_Part(node.left, _LITERAL), f' {letter}{_bound(node.window)} ',
                         _Part(node.right, _LITERAL)]
-            case Triggered():
-                return [_Part(node.left, _LITERAL), f' T{_bound(node.window)} ',
-                        _Part(node.right, _LITERAL)]
-            case _:
-                raise AssertionError(f'not temporal: {node}')
 
 
 def _bound(window: Window) -> str:
@@ -388,24 +384,17 @@ class _CocoSpec(_Style):
     def _choice(self, node: Choice, yes: _Part | str, no: _Part | str) -> _Pieces:
         return ['if ', _Part(node.condition), ' then ', yes, ' else ', no]
 
-    def _temporal(self, node: Formula) -> _Pieces:
+    def _temporal(self, node: _Temporal) -> _Pieces:
+        letter = _LETTERS[type(node)]
         match node:
-            case Yesterday():
-                return _call('YtoPre', _Part(node.argument))
-            case WeakYesterday():
-                return _call('ZtoPre', _Part(node.argument))
-            case Once():
-                return _timed('O', node.window, _Part(node.argument))
-            case Historically():
-                return _timed('H', node.window, _Part(node.argument))
+            case Yesterday() | WeakYesterday():
+                return _call(f'{letter}toPre', _Part(node.argument))
+            case Once() | Historically():
+                return _timed(letter, node.window, _Part(node.argument))
             case Since(window, left, Binary(BinaryOperator.AND, both, right)) if both is left:
                 return _timed('SI', window, _Part(right), _Part(left))
-            case Since():
-                return _timed('S', node.window, _Part(node.right), _Part(node.left))
-            case Triggered():
-                return _timed('T', node.window, _Part(node.right), _Part(node.left))
-            case _:
-                raise AssertionError(f'not temporal: {node}')
+            case Since() | Triggered():
+                return _timed(letter, node.window, _Part(node.right), _Part(node.left))
 
 
 def _timed(function: str, window: Window, *arguments: _Part) -> _Pieces:

@@ -50,6 +50,11 @@ def parse_definition(source: Source, name: str,
     Returns its messages by what follows `Name` in their names: '' alone for a `.msg` file,
     '_Request', '_Response' and '_Event' for a service, and so on. `prefixes` are where the
     messages within them are installed.
+
+    Raises
+    ------
+    CompileError
+        if a line is neither a field nor a constant.
     """
     match name.split('/')[1]:
         case 'srv':
@@ -59,19 +64,6 @@ def parse_definition(source: Source, name: str,
                                            prefixes))
         case _:
             return {'': _parse(source, name, prefixes)}
-
-
-def parse_message(text: str, package: str, name: str = 'Message') -> MessageLayout:
-    """
-    Read the text of a `.msg` file of a package.
-
-    Raises
-    ------
-    CompileError
-        if a line is neither a field nor a constant.
-    """
-    whole = f'{package}/msg/{name}'
-    return _parse(Source(whole, text), whole, ())
 
 
 def _parse(source: Source, name: str, prefixes: tuple[Path, ...],

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Field paths: what part of a message an input takes.
+Field paths: the part of a message that an input reads.
 
-A path such as `pose.position.z` or `ranges[3]` leads to a scalar; one that leads to a time, such
-as `header.stamp`, is read in seconds. A reduction such as `max(ranges)` or `norm(velocity)` makes
-one value of an array or of a message. `resolve_field` says what is read, and of what type it is.
+A path such as `pose.position.z` or `ranges[3]` leads to a scalar; a time, such as `header.stamp`,
+is read in seconds. A reduction such as `max(ranges)` or `norm(velocity)` computes one value from
+an array or a message. `resolve_field` returns the steps of the path and the type of the value.
 """
 
 from collections.abc import Iterator, Sequence
@@ -39,6 +39,7 @@ _MAX_DEPTH = 8
 _MAX_INDEX = 2 ** 31 - 1
 
 _STEP = re.compile(r'(?P<name>[A-Za-z][A-Za-z0-9_]*)(?:\[(?P<index>[0-9]+)\])?')
+_OPEN_INDEX = re.compile(r'(.*\[[0-9]+)[^].[]*')
 _CALL = re.compile(r'\s*(?P<function>[A-Za-z_][A-Za-z0-9_]*)\s*\(\s*(?P<path>.*?)\s*\)\s*')
 
 _OF_NUMBERS = ('len', 'min', 'max', 'sum', 'mean', 'norm')
@@ -72,11 +73,13 @@ class _End:
 
     @property
     def type(self) -> FieldType:
-        return self.types[-1]
+        kind = self.types[-1]
+        is_element = isinstance(self.path[-1], int)
+        return FieldType(kind.base, text_limit=kind.text_limit) if is_element else kind
 
     @property
     def is_array(self) -> bool:
-        return self.type.array is not ArrayKind.NONE and isinstance(self.path[-1], str)
+        return self.type.array is not ArrayKind.NONE
 
     @property
     def is_time(self) -> bool:
@@ -167,18 +170,14 @@ def _type_of(function: str, base: str) -> str:
 def _functions(end: _End) -> tuple[str, ...]:
     """Return the reductions of what stands at the end of a path."""
     kind = end.type
+    if kind.base in _STRINGS or end.is_array and kind.is_message:
+        return _OF_OTHERS
     if end.is_array:
-        return _functions_of_array(kind)
+        return _OF_TRUTHS if kind.base == 'bool' else _OF_NUMBERS
     if kind.is_message and not end.is_time:
         inner = nested_layout(end.inside, kind)
         return ('norm',) if inner.fields and all(map(_is_number, inner.fields)) else ()
-    return _OF_OTHERS if kind.base in _STRINGS else ()
-
-
-def _functions_of_array(kind: FieldType) -> tuple[str, ...]:
-    if kind.base == 'bool':
-        return _OF_TRUTHS
-    return _OF_OTHERS if kind.is_message or kind.base in _STRINGS else _OF_NUMBERS
+    return ()
 
 
 def _is_number(item: MessageField) -> bool:
@@ -237,9 +236,10 @@ def _steps(path_text: Text, layout: MessageLayout) -> Iterator[re.Match[str]]:
         end = match.end() if match else place
         if match is None or path_text.value[end:end + 1] not in ('', '.'):
             rest = path_text.at(min(end, max(len(path_text.value) - 1, 0)), len(path_text.value))
+            is_open = _OPEN_INDEX.fullmatch(path_text.value)
             refuse(f'{shown(path_text.value)} is not a field path', rest,
                    'expected names with dots between them, and indices from 0',
-                   _help(_leaf_paths(layout)))
+                   _help([f'{is_open[1]}]'] if is_open else _leaf_paths(layout)))
         yield match
         if end == len(path_text.value):
             return
@@ -265,7 +265,7 @@ def _step(layout: MessageLayout, match: re.Match[str], path_text: Text,
     kind = found.type
     if match['index'] is None and kind.array is not ArrayKind.NONE and not is_last:
         refuse(f"'{found.name}' is {_kind(kind)}", place, 'which element?',
-               f'field: {path_text.value[:match.end()]}[0]{path_text.value[match.end():]}')
+               _help([f'{path_text.value[:match.end()]}[0]{path_text.value[match.end():]}']))
     if match['index'] is not None:
         _check_index(kind, match, path_text)
     return kind
@@ -290,7 +290,7 @@ def _refuse_field(layout: MessageLayout, match: re.Match[str], path_text: Text,
     deeper = [path for path in _leaf_paths(layout) if path.endswith(f'.{wanted}')]
     if deeper:
         refuse(f"{layout.name} has no field '{name}'", place, 'it is inside another field',
-               f'field: {before}{deeper[0]}')
+               _help([before + deeper[0]]))
     constant = any(item.name == name for item in layout.constants)
     refuse(f"{layout.name} has no field '{name}'", place,
            'a constant is not part of the message' if constant else 'no such field',
@@ -309,36 +309,24 @@ def _refuse_array(end: _End, path_text: Text) -> NoReturn:
 def _refuse_message(end: _End, path_text: Text) -> NoReturn:
     inner = _leaf_paths(nested_layout(end.inside, end.type, path_text.span))
     functions = [f'{name}({path_text.value})' for name in _functions(end)]
-    refuse(f'{shown(path_text.value)} is {_element(end.type)}', path_text.span,
+    refuse(f'{shown(path_text.value)} is {_kind(end.type)}', path_text.span,
            'which part of it?',
            _help([*(f'{path_text.value}.{path}' for path in inner), *functions]))
 
 
 def _named(end: _End, path: str) -> str:
     """Name what a path leads to, with its type."""
-    if end.is_array:
-        return f'the array {shown(path)} ({end.type})'
-    element = FieldType(end.type.base, text_limit=end.type.text_limit)
-    kind = 'message' if end.type.is_message else 'value'
-    return f'the {kind} {shown(path)} ({element})'
-
-
-def _element(kind: FieldType) -> str:
-    """Say what one element of a type is."""
-    return _kind(FieldType(kind.base, text_limit=kind.text_limit))
+    kind = 'array' if end.is_array else 'message' if end.type.is_message else 'value'
+    return f'the {kind} {shown(path)} ({end.type})'
 
 
 def _kind(kind: FieldType) -> str:
-    """Say what a type is, in the user's words."""
-    match kind.array:
-        case ArrayKind.NONE:
-            return f'a message ({kind})' if kind.is_message else _with_article(str(kind))
-        case ArrayKind.FIXED | ArrayKind.BOUNDED | ArrayKind.UNBOUNDED:
-            return f'an array ({kind})'
-
-
-def _with_article(name: str) -> str:
-    return f'an {name}' if name.startswith('int') else f'a {name}'
+    """Describe a type, with its article."""
+    if kind.array is not ArrayKind.NONE:
+        return f'an array ({kind})'
+    if kind.is_message:
+        return f'a message ({kind})'
+    return f'an {kind}' if kind.base.startswith('int') else f'a {kind}'
 
 
 def _help(paths: Sequence[str]) -> str:
@@ -346,7 +334,8 @@ def _help(paths: Sequence[str]) -> str:
     if not paths:
         return ''
     others = '   # or ' + ', '.join(paths[1:_MAX_LISTED]) if len(paths) > 1 else ''
-    return f'field: {paths[0]}{others}{" ..." if len(paths) > _MAX_LISTED else ""}'
+    first = f'"{paths[0]}"' if '[' in paths[0] else paths[0]  # within braces '[' begins a list
+    return f'field: {first}{others}{" ..." if len(paths) > _MAX_LISTED else ""}'
 
 
 def _leaf_paths(layout: MessageLayout) -> list[str]:

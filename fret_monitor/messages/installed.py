@@ -31,29 +31,23 @@ from typing import NoReturn
 from fret_monitor.messages.definitions import parse_definition
 from fret_monitor.messages.layout import FieldType, MessageLayout
 from fret_monitor.model.diagnostics import (
-    CompileError, did_you_mean, pip_install, refuse, Source, Span,
+    CompileError, did_you_mean, pip_install, refuse, Source, Span, TYPO,
 )
 from fret_monitor.model.names import LONGEST_PATH, shown
+from fret_monitor.model.packages import search_path
 
 _MAX_LISTED = 12
 _MAX_BYTES = 2 ** 20
 _KINDS = {'msg': 'message', 'srv': 'service', 'action': 'action'}
 
 # If one of these is missing, it is not installed: its name is not a misspelling of another.
-_COMMON = (
-    'control_msgs', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs', 'sensor_msgs', 'std_msgs',
-    'tf2_msgs', 'trajectory_msgs', 'visualization_msgs')
+_COMMON = frozenset({
+    'control_msgs', 'diagnostic_msgs', 'geometry_msgs', 'nav2_msgs', 'nav_msgs', 'sensor_msgs',
+    'std_msgs', 'tf2_msgs', 'trajectory_msgs', 'vision_msgs', 'visualization_msgs'})
 
 _INTERFACE = re.compile(
     r'(?P<package>[A-Za-z][A-Za-z0-9_]*)/(?:(?P<folder>msg|srv|action)/)?'
     r'(?P<name>[A-Z][A-Za-z0-9]*)(?P<part>(?:_[A-Za-z]+)*)')
-
-
-def search_path() -> tuple[Path, ...]:
-    """Return where packages are looked for: `AMENT_PREFIX_PATH`, then the Python environment."""
-    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    found = [Path(prefix) for prefix in [*prefixes, sys.prefix] if prefix]
-    return tuple(dict.fromkeys(found))
 
 
 def find_message(type_name: str, search: Sequence[Path] | None = None,
@@ -128,9 +122,11 @@ def _refuse_missing(package: str, folder: str, name: str, prefixes: tuple[Path, 
                f'only definitions in .{folder} files are read')
     packages = {path.parent.parent.name for prefix in prefixes
                 for path in _list(prefix / 'share', f'*/{folder}/*.{folder}')}
-    near = '' if package in _COMMON else did_you_mean(package, packages)
+    known = packages | _COMMON
+    is_here = any((prefix / 'share' / package).is_dir() for prefix in prefixes)
+    near = '' if is_here or package in known else did_you_mean(package, known, TYPO)
     refuse(f"no {_KINDS[folder]}s of a package '{package}' were found", place,
-           'not installed here', '\n'.join(filter(None, (near, _no_package(package, packages)))))
+           'not installed here', near or _no_package(package, packages))
 
 
 def _list(folder: Path, pattern: str) -> list[Path]:

@@ -86,7 +86,7 @@ class MessageLayout:
     """
     A message: `name` is `pkg/msg/Name`; `fields` are in the order of their serialization.
 
-    `text` is the definition; `search_path` says where messages within it are looked up.
+    `text` is the definition; messages within it are looked up on `search_path`.
     """
 
     name: str

@@ -33,6 +33,10 @@ from unicodedata import east_asian_width
 
 _MAX_SHOWN = 160
 
+# Similarities of two words, as `difflib` counts them: a letter more or less in eight gives 0.93.
+SIMILAR = 0.6  # where one of the known words must be meant
+TYPO = 0.8  # where another, unknown word may be meant: `sin` is not a misspelt `min`
+
 
 @dataclass(frozen=True, eq=False)
 class Source:
@@ -245,14 +249,14 @@ def counted(number: int, noun: str) -> str:
     return f'{number:,} {noun}' if number == 1 else f'{number:,} {noun}s'
 
 
-def close_matches(name: str, known: Iterable[str]) -> list[str]:
+def close_matches(name: str, known: Iterable[str], similarity: float = SIMILAR) -> list[str]:
     """Return at most three of the known words: those with the most similar spelling."""
-    return get_close_matches(name, list(known), n=3, cutoff=0.6)
+    return get_close_matches(name, list(known), n=3, cutoff=similarity)
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def did_you_mean(name: str, known: Iterable[str], similarity: float = SIMILAR) -> str:
     """Return a help text that names the known words closest to `name`, or an empty string."""
-    return suggestion(close_matches(name, known))
+    return suggestion(close_matches(name, known, similarity))
 
 
 def suggestion(words: Iterable[str]) -> str:

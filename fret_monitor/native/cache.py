@@ -408,7 +408,7 @@ def _refuse_garbage(library: Path, compiler: Compiler) -> None:
         if is_library and not is_cut_short(library):
             return
         what = 'a part of one' if is_library else 'something else'
-    raise CompilerError(f'the C compiler said nothing and made no library, but {what}:\n'
+    raise CompilerError(f'the C compiler reported no error, but wrote no library, but {what}:\n'
                         f'  {shlex.join(compiler.command)}')
 
 

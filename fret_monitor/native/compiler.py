@@ -218,9 +218,9 @@ def _ended(
     if not ready:
         raise _too_slow(next(iter(running)))
     for key, _ in ready:
-        said = os.read(key.fd, 65536)
-        if said:
-            key.data.output.extend(said)
+        output = os.read(key.fd, 65536)
+        if output:
+            key.data.output.extend(output)
             del key.data.output[:-_LAST_BYTES]
         else:
             selector.unregister(key.fileobj)
@@ -246,9 +246,9 @@ def _judge(ended: _Running) -> None:
     if status == 0:
         return
     how = f'exit status {status}' if status > 0 else f'killed by {_signal_name(-status)}'
-    said = bytes(ended.output).decode(errors='replace').splitlines()[-_LAST_LINES:]
+    output = bytes(ended.output).decode(errors='replace').splitlines()[-_LAST_LINES:]
     raise CompilerError('\n'.join((
-        f'the C compiler failed ({how}):', f'  {shlex.join(ended.command)}', *said)))
+        f'the C compiler failed ({how}):', f'  {shlex.join(ended.command)}', *output)))
 
 
 def _signal_name(number: int) -> str:

@@ -186,7 +186,11 @@ def load_evaluator(library: Path) -> CData:
     LibraryError
         if it cannot be loaded, or is not an evaluator of this version.
     """
-    Library(library).find('fm_engine_create')
+    opened = Library(library)
+    found = ffi.cast('uint32_t (*)(void)', opened.find('fm_engine_abi'))()
+    if found != (wanted := ffi.integer_const('FM_ENGINE_ABI')):
+        raise LibraryError(f"the engine in '{library}' has interface {found}, this version has "
+                           f'{wanted}: compile the bundle again')
     # Never unloaded: at exit a thread of the middleware may still run its code.
     return ffi.dlopen(os.path.abspath(library), _FLAGS | ffi.RTLD_NODELETE)
 

@@ -161,8 +161,17 @@ class _GroupBuilder:
                 return self._constant(node)
             case Variable():
                 return self._number(('read', node.name), Read(self._index[node.name]), node.type)
-            case Conversion() | Unary() | Binary() | Choice():
-                return self._pure(node)
+            case Conversion():
+                argument = self.operand[node.argument]
+                return self._number(('convert', node.type, argument),
+                                    Convert(node.argument.type, argument), node.type)
+            case Unary():
+                return self._unary(node.operator, self.operand[node.argument], node.type)
+            case Binary():
+                return self._binary(node)
+            case Choice():
+                return self._choice(self.operand[node.condition], self.operand[node.yes],
+                                    self.operand[node.no], node.type)
             case Previous():
                 return self._previous(node)
             case Feedback():
@@ -192,22 +201,6 @@ class _GroupBuilder:
         if isinstance(node.value, bool):
             return TRUE if node.value else FALSE
         return self._number(('literal', node), Literal(node.value), node.type)
-
-    def _pure(self, node: Conversion | Unary | Binary | Choice) -> Operand:
-        match node:
-            case Conversion():
-                argument = self.operand[node.argument]
-                operation = Convert(node.argument.type, argument)
-                return self._number(('convert', node.type, argument), operation, node.type)
-            case Unary():
-                return self._unary(node.operator, self.operand[node.argument], node.type)
-            case Binary():
-                return self._binary(node)
-            case Choice():
-                return self._choice(self.operand[node.condition], self.operand[node.yes],
-                                    self.operand[node.no], node.type)
-            case _:
-                assert_never(node)
 
     def _unary(self, operator: UnaryOperator, argument: Operand, type: ValueType) -> Operand:
         if operator is UnaryOperator.NOT:
@@ -467,9 +460,7 @@ class _GroupBuilder:
             case _:
                 return None
         answered = self.operand[answer]
-        rest = self._beside_first_step(answered)
-        if rest is not None:
-            answered = rest
+        answered = self._beside_first_step(answered) or answered
         late = self._since(Window(low, None), ~answered, self.operand[trigger], False)
         self._name(late, Since(Window(low, None), Unary(UnaryOperator.NOT, answer), trigger))
         return ~self._once_ever(late, True)

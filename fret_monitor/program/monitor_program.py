@@ -281,14 +281,4 @@ class MonitorProgram:
 
 def operands(operation: Operation) -> tuple[Operand, ...]:
     """Return the operands that an operation reads in the current step, left to right."""
-    match operation:
-        case Read() | Literal() | FirstStep() | FeedbackRead():
-            return ()
-        case ApplyBinary() | SinceEver() | TriggeredEver() | SinceWithin() | SinceBefore():
-            return (operation.left, operation.right)
-        case Choose():
-            return (operation.condition, operation.yes, operation.no)
-        case Power():
-            return (operation.base,)
-        case _:
-            return (operation.argument,)
+    return tuple(item for item in vars(operation).values() if isinstance(item, Operand))

@@ -24,7 +24,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from fret_monitor.program.monitor_program import Equation, Operand, operands, Operation, StepGroup
+from fret_monitor.program.monitor_program import Operand, operands, Operation, StepGroup
 
 
 def prune(group: StepGroup) -> StepGroup:
@@ -33,7 +33,8 @@ def prune(group: StepGroup) -> StepGroup:
     number = {old: new for new, old in enumerate(live)}
     return replace(
         group,
-        equations=tuple(_renumbered(group.equations[old], number) for old in live),
+        equations=tuple(replace(each, operation=_operation(each.operation, number))
+                        for each in (group.equations[old] for old in live)),
         first_equations=tuple(bisect_left(live, first)
                               for first in group.first_equations),
         verdicts=tuple(_operand(item, number) for item in group.verdicts),
@@ -53,10 +54,6 @@ def _live(group: StepGroup) -> list[int]:
             arguments = operands(group.equations[value].operation)
             stack.extend(item.value for item in arguments if not item.is_constant)
     return sorted(seen)
-
-
-def _renumbered(equation: Equation, number: Mapping[int, int]) -> Equation:
-    return replace(equation, operation=_operation(equation.operation, number))
 
 
 def _operation(operation: Operation, number: Mapping[int, int]) -> Operation:

@@ -274,29 +274,35 @@ class _CReader:
             following += 1
 
     def type(self, node: Any) -> Type:
-        """Return a type as declared."""
-        match node:
-            case c_ast.TypeDecl() | c_ast.Typename():
-                return self.type(node.type)
-            case c_ast.PtrDecl() if isinstance(node.type, c_ast.FuncDecl):
-                return Pointer(None)
-            case c_ast.PtrDecl():
-                return Pointer(None if is_void(node.type) else self.type(node.type))
-            case c_ast.ArrayDecl() if node.dim is not None:
-                return Array(self.type(node.type), _whole(node.dim))
-            case c_ast.Struct():
-                self._declared(node)
-                return Struct(node.name)
-            case c_ast.IdentifierType():
-                return self._named(node.names)
-            case _:
-                raise Unreadable(f'type {shown(node)[:80]}')
-
-    def _named(self, names: list[str]) -> Type:
-        return named_type(names, self.types)
+        """Return a type as declared; a struct may be declared there."""
+        inner = node
+        while inner is not None and not isinstance(inner, c_ast.Struct | c_ast.FuncDecl):
+            inner = getattr(inner, 'type', None)
+        if isinstance(inner, c_ast.Struct):
+            self._declared(inner)
+        return declared_type(node, self.types)
 
 
-def named_type(names: list[str], types: Mapping[str, Type]) -> Type:
+def declared_type(node: Any, types: Mapping[str, Type]) -> Type:
+    """Return the type of a declaration, or of a type name."""
+    match node:
+        case c_ast.TypeDecl() | c_ast.Typename():
+            return declared_type(node.type, types)
+        case c_ast.PtrDecl() if is_void(node.type) or isinstance(node.type, c_ast.FuncDecl):
+            return Pointer(None)
+        case c_ast.PtrDecl():
+            return Pointer(declared_type(node.type, types))
+        case c_ast.ArrayDecl() if node.dim is not None:
+            return Array(declared_type(node.type, types), _whole(node.dim))
+        case c_ast.Struct():
+            return Struct(node.name)
+        case c_ast.IdentifierType():
+            return _named_type(node.names, types)
+        case _:
+            raise Unreadable(f'type {shown(node)[:80]}')
+
+
+def _named_type(names: list[str], types: Mapping[str, Type]) -> Type:
     """Return the type that a list of keywords names."""
     if len(names) == 1 and names[0] in types:
         return types[names[0]]

@@ -120,27 +120,25 @@ def cell_terms(name: str, state: Term, *arguments: Term) -> tuple[Term, Term]:
             t.term('cell_next', state.sort, everything, name))
 
 
-def _counter_contract(cell: CounterModel, bits: int) -> Contract:
+def _word_contract(name: str, bits: int, what: str, fits: Callable[[Term], Term]) -> Contract:
+    """Return the contract of a cell whose state is one word; `fits` is of its bound or delay."""
     def contract(machine: Machine, arguments: Sequence[Value | Reference]) -> Result:
         place, bound, operands = _taken(arguments)
-        wide = t.resized(bound, WIDTH, False)
-        machine.require(f'{cell.name}: the counter is wide enough', cell.fits(wide, bits))
+        machine.require(f'{name}: the {what} is wide enough', fits(bound))
         state = machine.load(place)
-        out, after = cell_terms(f'{cell.name}.{bits}', state.term, bound, *operands)
+        out, after = cell_terms(f'{name}.{bits}', state.term, bound, *operands)
         machine.store(place, Value(state.type, after))
         return Value(BOOL, out)
     return contract
+
+
+def _counter_contract(cell: CounterModel, bits: int) -> Contract:
+    return _word_contract(cell.name, bits, 'counter',
+                          lambda bound: cell.fits(t.resized(bound, WIDTH, False), bits))
 
 
 def _line_contract(bits: int) -> Contract:
-    def contract(machine: Machine, arguments: Sequence[Value | Reference]) -> Result:
-        place, steps, operands = _taken(arguments)
-        machine.require('delay: the register is wide enough', line_fits(steps, bits))
-        state = machine.load(place)
-        out, after = cell_terms(f'delay.{bits}', state.term, steps, *operands)
-        machine.store(place, Value(state.type, after))
-        return Value(BOOL, out)
-    return contract
+    return _word_contract('delay', bits, 'register', lambda steps: line_fits(steps, bits))
 
 
 def _ring_contract(machine: Machine, arguments: Sequence[Value | Reference]) -> Result:
@@ -230,10 +228,6 @@ def _settled(name: str, goals: Sequence[Term], given: Sequence[Term], machine: M
     return Proof(name, Answer.PROVED, spent)
 
 
-def _others(name: str) -> dict[str, Contract]:
-    return {other: contract for other, contract in ARITHMETIC.items() if other != name}
-
-
 def _any(name: str, kind: ArithmeticType) -> Value:
     sort = t.BOOL if kind.kind == 'bool' else t.word(kind.bits)
     return Value(kind, t.variable(name, sort))
@@ -263,7 +257,8 @@ def _prove_pure(name: str, item: _Pure, program: CProgram, seconds: float) -> Pr
 
 def _prove_call(program: CProgram, name: str, item: _Pure, arguments: Sequence[Value],
                 given: Sequence[Term], seconds: float) -> Proof:
-    machine = Machine(program, {}, _others(name))
+    others = {other: item for other, item in ARITHMETIC.items() if other != name}
+    machine = Machine(program, {}, others)
     found = _called(machine, name, arguments)
     wanted = item.compute(*(value.term for value in arguments))
     return _settled(name, [t.same(found, wanted)], given, machine, seconds)

@@ -278,7 +278,7 @@ class Machine:
                 self._whole(item, local)
 
     def _declared(self, node: Any) -> c.Type:
-        return declared(node, self._program)
+        return c.declared_type(node, self._program.types)
 
     def _branch(self, item: Any, rest: list[Any], local: _Locals) -> Any:
         condition = self._truth(item.cond, local)
@@ -745,21 +745,6 @@ def filled(kind: c.Type, byte: int) -> Term:
         value = struct.unpack('<f' if size == 4 else '<d', bytes([byte]) * size)[0]
         return t.floating(value, sort[1])
     return t.constant(int.from_bytes(bytes([byte]) * size, 'little'), sort)
-
-
-def declared(node: Any, program: c.CProgram) -> c.Type:
-    """Return the type of a declaration inside a function, or of a type name."""
-    match node:
-        case c_ast.TypeDecl() | c_ast.Typename():
-            return declared(node.type, program)
-        case c_ast.PtrDecl():
-            return c.Pointer(None if c.is_void(node.type) else declared(node.type, program))
-        case c_ast.Struct():
-            return c.Struct(node.name)
-        case c_ast.IdentifierType():
-            return c.named_type(node.names, program.types)
-        case _:
-            raise c.Unreadable(f'type {c.shown(node)[:80]}')
 
 
 def literal(node: Any) -> Value:

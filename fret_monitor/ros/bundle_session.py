@@ -15,9 +15,9 @@
 """
 One bundle on a node: from its subscriptions through the engine to published violations.
 
-The engine in C decodes the messages, steps, and waits for what is due without a message; C publishes
-the violations. C also takes the messages where the middleware allows it (`hot_path`); otherwise the
-feed's thread does. Closing a session removes from the node all that it created there.
+The engine in C decodes the messages, steps, and waits for what is due without a message; C
+publishes the violations. C also takes the messages where the middleware allows it (`hot_path`);
+otherwise the feed's thread does. Closing a session removes from the node all that it created.
 """
 
 from collections.abc import Sequence
@@ -27,8 +27,8 @@ from typing import Any
 from fret_monitor.model.manifest import Manifest, ManifestInput
 from fret_monitor.model.policies import Policy
 from fret_monitor.ros.compiled import Opened
-from fret_monitor.ros.details import Details, DETAILS_TOPIC
 from fret_monitor.ros.detail_publisher import DetailPublisher
+from fret_monitor.ros.details import Details, DETAILS_TOPIC
 from fret_monitor.ros.feed import Feed, PublisherStatus
 from fret_monitor.ros.fields import message_class, MessageTypeError, why_unusable
 from fret_monitor.ros.handlers import handler_topic, Handlers

@@ -26,12 +26,12 @@ import os
 from pathlib import Path
 from time import monotonic, time
 
+from fret_monitor.model.bundle_files import refuse_missing
 from fret_monitor.model.diagnostics import CompileError, Problems
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.model.policies import Policy
 from fret_monitor.native import load, Monitor, NativeError
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
-from fret_monitor.ros.bundle_files import where_searched
 from fret_monitor.ros.parameters import Origin, Refusal, Settings
 
 
@@ -79,7 +79,7 @@ def _all[T](open_one: Callable[[Origin], T], origins: Sequence[Origin]) -> list[
     opened, refused = [], []
     for origin in origins:
         try:
-            with _told():
+            with _as_refusal():
                 _refuse_slips(origin)
                 opened.append(open_one(origin))
         except Refusal as refusal:
@@ -100,13 +100,10 @@ def _refuse_slips(origin: Origin) -> None:
     if os.path.isfile(spec / MANIFEST_FILE):
         raise Refusal(f"'{spec}' is a directory: for a compiled bundle, -p library:={spec}")
     parts = str(spec).split(',')
-    if os.path.exists(spec):
-        return
-    if len(parts) > 1:
+    if len(parts) > 1 and not os.path.exists(spec):
         listed = ', '.join(part.strip() for part in parts)
         raise Refusal(f"there is no file '{spec}'; for several bundles: -p spec:=\"[{listed}]\"")
-    if not spec.is_absolute():
-        raise Refusal(f"there is no file '{spec}' in {where_searched(spec)}")
+    refuse_missing(spec)
 
 
 def _refuse_shared_handlers(origins: Sequence[Origin], manifests: Sequence[Manifest]) -> None:
@@ -155,7 +152,7 @@ def _manifest(settings: Settings, origin: Origin) -> Manifest:
 
 
 @contextmanager
-def _told() -> Iterator[None]:
+def _as_refusal() -> Iterator[None]:
     """Raise `Refusal` in place of errors that the user can correct."""
     try:
         yield

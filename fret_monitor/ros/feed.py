@@ -17,19 +17,19 @@ The subscriptions of a bundle: made, replaced where they do not match a publishe
 
 One thread checks the publishers periodically. Where C listens, it does nothing else. Otherwise it
 waits on all subscriptions, and delivers the messages in the order of the middleware's reception
-times: rclpy's executor needs 70 us for a message and takes the messages of one topic after another,
-which loses the order across topics.
+times: rclpy's executor needs 70 us for a message and takes the messages of one topic after the
+other, which loses the order across topics.
 
 The subscriptions are used by the feed's thread only, and not by an executor.
 """
 
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Mapping, Set
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from heapq import merge
 from threading import Event, Thread
 from time import monotonic, time_ns
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from fret_monitor.ros import native_lifetimes, qos
 from fret_monitor.ros.parameters import Refusal
@@ -41,8 +41,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-@dataclass(frozen=True)
-class Record:
+
+class Record(NamedTuple):
     """
     A serialized message that was taken, and is to be delivered.
 
@@ -124,13 +124,13 @@ class PublisherStatus:
     """
     The discovered publishers of a topic.
 
-    `publishers` counts those of the topic's type; `unheard` names the nodes of those whose quality
-    of service does not match; `other_types` are the types of the other publishers; `lost` counts
-    lost messages.
+    `publishers` counts those of the topic's type; `unmatched` names the nodes of those whose
+    quality of service does not match; `other_types` are the types of the other publishers; `lost`
+    counts lost messages.
     """
 
     publishers: int = 0
-    unheard: tuple[str, ...] = ()
+    unmatched: tuple[str, ...] = ()
     other_types: tuple[str, ...] = ()
     lost: int = 0
 
@@ -269,7 +269,8 @@ class Feed:
         for topic in self._topics:
             for receiver in topic.receivers():
                 batches.append(self._take_all(topic, receiver, now))
-        for topic, record in merge(*batches, key=_received):
+        filled = [batch for batch in batches if batch]
+        for topic, record in filled[0] if len(filled) == 1 else merge(*filled, key=_received):
             if self._closing.is_set():
                 return
             topic.topic.deliver(record)
@@ -368,20 +369,20 @@ class _Subscribed:
         self._known = gids
         if has_new and not qos.same_request(wanted, self._current.qos_profile):
             self._renew(wanted, same_type)
-        unheard = [item for item in same_type
-                   if not qos.hears(self._current.qos_profile, item.qos_profile)]
+        unmatched = [item for item in same_type
+                     if not qos.matches(self._current.qos_profile, item.qos_profile)]
         self.topic.note_publishers(gids)
         self.status = PublisherStatus(
-            len(same_type), tuple(sorted({_who(item) for item in unheard})),
+            len(same_type), tuple(sorted({_who(item) for item in unmatched})),
             tuple(sorted({item.topic_type for item in others})), self.topic.lost)
         self._log_lost()
         named = self._named(publishers)
         for item in others:
             if bytes(item.endpoint_gid) in named:
                 self._log_type(item)
-        for item in unheard:
+        for item in unmatched:
             if bytes(item.endpoint_gid) in named:
-                self._log_unheard(item)
+                self._log_unmatched(item)
 
     def _named(self, publishers: list[TopicEndpointInfo]) -> set[bytes]:
         """
@@ -398,8 +399,8 @@ class _Subscribed:
 
     def _renew(self, wanted: QoSProfile, publishers: list[TopicEndpointInfo]) -> None:
         before = self._current
-        unheard = [item for item in publishers
-                   if not qos.hears(before.qos_profile, item.qos_profile)]
+        unmatched = [item for item in publishers
+                     if not qos.matches(before.qos_profile, item.qos_profile)]
         # The new subscription may receive duplicates of what the old one received, and history,
         # which must not be delivered after newer messages.
         self.topic.begin_handover(
@@ -409,7 +410,8 @@ class _Subscribed:
         self._retired.append((before, self._receiver, monotonic() + _OVERLAP))
         self._current = self._subscribe(wanted)
         self.open()
-        reason = f'to hear {_who(unheard[0])}' if unheard else 'as its publishers offer it'
+        reason = f'to receive from {_who(unmatched[0])}' if unmatched \
+            else 'as its publishers offer it'
         self._node.get_logger().info(
             f'subscribed anew to {self._current.topic_name} ({qos.describe(wanted)}) {reason}')
 
@@ -447,14 +449,15 @@ class _Subscribed:
             self._node.get_logger().error(
                 f'{_who(publisher)} publishes {publisher.topic_type} on '
                 f'{self._current.topic_name}, where the bundle says {self._message_type}: '
-                'its messages are not heard')
+                'its messages are not received')
 
-    def _log_unheard(self, publisher: TopicEndpointInfo) -> None:
+    def _log_unmatched(self, publisher: TopicEndpointInfo) -> None:
         if self._is_news(bytes(publisher.endpoint_gid)):
             self._node.get_logger().error(
-                f'{_who(publisher)} is not heard on {self._current.topic_name}: '
-                f'it offers {qos.describe(publisher.qos_profile)}, and what is asked for, by '
-                f'`qos` or `qos_overrides`, is {qos.describe(self._current.qos_profile)}'
+                f'{_who(publisher)} does not match the subscription to '
+                f'{self._current.topic_name}: it offers {qos.describe(publisher.qos_profile)}, and '
+                f'what is requested, by `qos` or `qos_overrides`, is '
+                f'{qos.describe(self._current.qos_profile)}'
                 f'{self._remedy(publisher)}')
 
     def _remedy(self, publisher: TopicEndpointInfo) -> str:

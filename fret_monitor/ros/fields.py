@@ -26,8 +26,8 @@ from fret_monitor.model.manifest import ManifestInput
 
 from rclpy.serialization import deserialize_message
 
+# What rclpy raises for bytes that are not a message.
 UNDECODABLE = (AssertionError, RuntimeError, SystemError, ValueError)
-"""What rclpy raises of bytes that are no message."""
 
 _SHOWN = 60  # characters of a value in a log line
 

@@ -181,7 +181,8 @@ class Health:
             yield DiagnosticStatus.WARN, f'{lost} lost since the last report'
 
     def _of_topic(self, index: int, status: PublisherStatus, rate: float,
-                  silences: Mapping[int, Silence], troubles: Sequence[tuple[bytes, str]]) -> DiagnosticStatus:
+                  silences: Mapping[int, Silence],
+                  troubles: Sequence[tuple[bytes, str]]) -> DiagnosticStatus:
         item = self._manifest.topics[index]
         counts = self._engine.topic_counts(index)
         found = [*_troubles(item, status), *troubles]
@@ -214,8 +215,8 @@ def _troubles(topic: ManifestTopic, status: PublisherStatus) -> Iterator[tuple[b
     if status.other_types:
         yield DiagnosticStatus.ERROR, (
             f'a publisher of {", ".join(status.other_types)}, and not {topic.message_type}')
-    if status.unheard:
-        yield DiagnosticStatus.ERROR, f'not heard: {", ".join(status.unheard)}'
+    if status.unmatched:
+        yield DiagnosticStatus.ERROR, f'not received: {", ".join(status.unmatched)}'
 
 
 def describe_missing(engine: Engine, statuses: Sequence[PublisherStatus],

@@ -193,6 +193,6 @@ class LoggerNode(Node):
 
 
 def _shown(detail: Detail) -> str:
-    told = ', '.join(f'{name} = {value}' for name, value in detail.values)
+    values = ', '.join(f'{name} = {value}' for name, value in detail.values)
     silent = f', nothing comes of {detail.silent}' if detail.silent else ''
-    return f'[step {detail.step}{silent}: {told}]'
+    return f'[step {detail.step}{silent}: {values}]'

@@ -16,7 +16,6 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, ExitStack
-import gc
 import traceback
 from typing import Any
 
@@ -101,10 +100,7 @@ class MonitorNode(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Release the bundles; the next `configure` reads them again."""
-        result = self._take(self._release) or super().on_cleanup(state)
-        # Timers and callbacks refer to each other; until collected they keep the library open.
-        gc.collect()
-        return result
+        return self._take(self._release) or super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Release the bundles."""
@@ -129,9 +125,10 @@ class MonitorNode(LifecycleNode):
             return None
         is_refusal = isinstance(attempt.error, Refusal)
         if not self._is_starting:
+            reason = (str(attempt.error) if is_refusal
+                      else ''.join(traceback.format_exception(attempt.error)))
             self.get_logger().error(
-                str(attempt.error) if is_refusal
-                else ''.join(traceback.format_exception(attempt.error)))
+                f'{reason.rstrip()}\nnothing is monitored until the node is active again')
         return TransitionCallbackReturn.FAILURE if is_refusal else TransitionCallbackReturn.ERROR
 
     def _configure(self) -> None:

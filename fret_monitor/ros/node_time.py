@@ -15,9 +15,9 @@
 """
 The time of a node, as an engine follows it (docs/ros.md, Time).
 
-It is `/clock` where `use_sim_time` is set, and a steady clock otherwise: a correction of the system
-time neither delays a period or timeout nor adds one. The engine waits and counts in C; Python only
-passes on that the clock has moved, or was changed for the other one.
+It is `/clock` where `use_sim_time` is set, and a steady clock otherwise: a correction of the
+system time neither delays a period or timeout nor adds one. The engine waits and counts in C;
+Python only passes on that the clock has moved, or was changed for the other one.
 """
 
 from collections.abc import Callable
@@ -49,30 +49,33 @@ class NodeTime:
         """
         Begin the time of the engine.
 
-        `clock_now` is the address of `rcl_clock_get_now`. Without deadlines, the engine is not told
-        when `/clock` has moved.
+        `clock_now` is the address of `rcl_clock_get_now`. Without deadlines, the engine does not
+        have to be woken when `/clock` has moved.
         """
         self._engine = engine
         self._clock_now = clock_now
         self._clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
-        self._has_deadlines = has_deadlines
         self._held = ExitStack()
-        self._held.enter_context(self._clock.handle)
-        self._pointer = ffi.cast('void *', self._clock.handle.pointer)
+        handle: Any = self._clock.handle
+        self._held.enter_context(handle)
+        self._pointer = ffi.cast('void *', handle.pointer)
         self._listen(JumpThreshold(min_forward=None, min_backward=None), self._leave, self._follow)
         if has_deadlines:
             self._listen(JumpThreshold(
                 min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1),
                 on_clock_change=False), None, self._engine.wake)
-        if not self._clock.ros_time_is_active:
-            self._engine.follow_steady()
-        self._follow()
+        self._begin()
 
     def _listen(self, threshold: JumpThreshold, before: Callable[[], None] | None,
                 after: Callable[[], None]) -> None:
         jumps = self._clock.create_jump_callback(
             threshold, pre_callback=before, post_callback=lambda _: after())
         self._held.callback(jumps.unregister)
+
+    def _begin(self) -> None:
+        if not self._clock.ros_time_is_active:
+            self._engine.follow_steady()
+        self._follow()
 
     def _leave(self) -> None:
         """Leave `/clock` before it is turned off: the clock then gives the system time."""
@@ -110,8 +113,8 @@ class TimeLog:
         if counts.restarts > self._restarts:
             self._restarts = counts.restarts
             self._node.get_logger().warning(
-                f'time went back, to {self._now() / 1e9:.3f} s: periods and timeouts continue from '
-                'there; values and past of the requirements are kept')
+                f'time went back, to {self._now() / 1e9:.3f} s: periods and timeouts continue '
+                'from there; values and past of the requirements are kept')
         if self._period is not None and are_worth_reading(self._logged, counts) \
                 and self._throttle.passes():
             missed, late = counts.missed - self._logged.missed, counts.late - self._logged.late

@@ -180,7 +180,7 @@ def _problems(item: _Override) -> Iterator[str]:
         yield f"{where} is none: subscriptions here have no id, write '.subscription.'"
     elif item.policy in _TIMED:
         yield (f'{where} cannot be given: it would keep out publishers that do not offer it; '
-               'for an input that may not be silent, say `timeout` in the bundle')
+               'use the `timeout` of the input in the bundle')
     elif item.policy not in _POLICIES:
         yield (f'{where} is none: '
                + (did_you_mean(item.policy, _POLICIES) or f'there are {", ".join(_POLICIES)}'))

@@ -16,8 +16,8 @@
 Pairs violations with their details, which arrive on a topic of their own.
 
 A violation is published at once and its detail when it is made, so either may arrive first.
-Details come in the order of their violations, and each carries the number of those that were
-suppressed before it: this tells how many violations without a detail lie between two of them.
+Details come in the order of their violations. Each has the number of details suppressed before it,
+and so the number of violations without a detail between two of them.
 """
 
 from collections import deque
@@ -55,7 +55,7 @@ class _Stream:
 
     violations: deque[ReceivedViolation] = field(default_factory=deque)
     details: deque[_WaitingDetail] = field(default_factory=lambda: deque(maxlen=_MOST_DETAILS))
-    suppressed: int | None = None  # as the last detail says
+    suppressed: int | None = None  # as in the last detail
     passed: int = 0  # violations without a detail since the last pair
 
 

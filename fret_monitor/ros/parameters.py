@@ -26,9 +26,9 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from fret_monitor.model.diagnostics import did_you_mean
+from fret_monitor.model.bundle_files import find_bundle
+from fret_monitor.model.diagnostics import CompileError, did_you_mean
 from fret_monitor.model.policies import Policy
-from fret_monitor.ros.bundle_files import find_bundle
 from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH, LARGEST_DEPTH
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -243,8 +243,8 @@ def _specs(texts: Sequence[str], problems: list[str]) -> list[Path]:
     for text in texts:
         try:
             specs.append(find_bundle(text))
-        except FileNotFoundError as error:
-            problems.append(str(error))
+        except CompileError as error:
+            problems.append(str(error).removeprefix('error: '))
     return specs
 
 
@@ -291,7 +291,7 @@ def _period(given: Mapping[str, Any], problems: list[str]) -> Fraction | None:
     period = _positive(given, 'period', 'seconds, say 0.1', problems)
     rate = _positive(given, 'rate', 'steps a second, say 10.0', problems)
     if period is not None and rate is not None:
-        problems.append("parameters 'period' and 'rate' say the same thing: give one of them")
+        problems.append("parameters 'period' and 'rate' are both given: give one of them")
     return period if rate is None else 1 / rate
 
 

@@ -15,6 +15,7 @@
 """Run a node as a process: from the command line to the exit status."""
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 import logging
 from pathlib import Path
 import shlex
@@ -61,7 +62,7 @@ def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:
         return 1
     except _rclpy.RCLInvalidROSArgsError as error:
         reason = str(error).partition(', at ')[0]
-        print(f'error: {reason}\n{_usage(name)}', end='', file=sys.stderr)
+        print(f'error: {reason}{_no_colon()}\n{_usage(name)}', end='', file=sys.stderr)
         return 1
     except _rclpy.RCLError as error:
         if 'initialize logging' not in str(error):
@@ -98,6 +99,13 @@ def _no_flag(unknown: str) -> str:
     """Return the advice for an assignment that was given without `-p`."""
     found = next((item for item in sys.argv if ':=' in item and repr(item) in unknown), None)
     return f': a parameter has -p before it: -p {shlex.quote(found)}' if found else ''
+
+
+def _no_colon() -> str:
+    """Return the advice for a parameter that was given as NAME=VALUE."""
+    found = next((value for flag, value in pairwise(sys.argv)
+                  if flag in ('-p', '--param') and '=' in value and ':=' not in value), None)
+    return f"; write -p {shlex.quote(found.replace('=', ':=', 1))}" if found else ''
 
 
 def _print_usage(name: str, argument: str) -> int:

@@ -91,7 +91,7 @@ def misfits(subscription: QoSProfile, offer: QoSProfile) -> list[str]:
     return found
 
 
-def hears(subscription: QoSProfile, offer: QoSProfile) -> bool:
+def matches(subscription: QoSProfile, offer: QoSProfile) -> bool:
     """Return whether a subscription matches a publisher with this offer."""
     return not misfits(subscription, offer)
 

@@ -69,6 +69,7 @@ class RawTopic:
 
 
 class _RawReceiver:
+
     def __init__(self, subscription: RclSubscription) -> None:
         self._subscription = subscription
 

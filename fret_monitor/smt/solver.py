@@ -87,7 +87,8 @@ def prove(goals: Sequence[Term], given: Sequence[Term] = (), *, seconds: float =
     if goal is t.TRUE:
         return Result(Answer.PROVED, {}, 0.0)
     result = _ask(goal, given, True, seconds)
-    if result.answer is not Answer.PROVED and _is_expensive([goal, *given]):
+    if result.answer is not Answer.PROVED and any(
+            item.op in _EXPENSIVE for item in t.postorder([goal, *given])):
         tried = _tried(goal, given)
         result = _ask(goal, given, False, seconds) if tried is None \
             else Result(Answer.REFUTED, tried, 0.0)
@@ -120,10 +121,6 @@ def _drawn(rng: Random, sort: Sort) -> Any:
     value = rng.choice((0.0, -0.0, 1.0, -1.0, 0.5, 3.0, math.inf, math.nan, rng.uniform(-1e3, 1e3),
                         rng.uniform(-2, 2), 1e300))
     return to_float32(value) if bits == 32 else value
-
-
-def _is_expensive(roots: Sequence[Term]) -> bool:
-    return any(item.op in _EXPENSIVE for item in t.postorder(roots))
 
 
 @contextmanager

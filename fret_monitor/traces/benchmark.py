@@ -49,8 +49,8 @@ _LASTING_ROWS = 200  # mean number of rows for which an input keeps its value
 _SIGNATURE = ('uint64_t (*)(const struct fm_monitor *, void *, const void *, uint64_t, uint64_t, '
               'bool *)')
 
+# For each input the values it takes, such as both sides of a threshold.
 Values = Sequence[Sequence[Value]]
-"""For each input the values it takes, such as both sides of a threshold."""
 
 
 @dataclass(frozen=True)

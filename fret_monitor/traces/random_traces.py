@@ -27,8 +27,8 @@ _PEAK = 0.9  # probability of the favoured value
 _STAY = 0.6  # probability that a row stays for the length of a bound
 _CHANGE_ALL = 0.3  # probability that all inputs may change, not one alone
 
+# For each input the values it may take, the simplest first.
 Pools = Sequence[Sequence[Value]]
-"""For each input the values it may take, the simplest first."""
 
 
 def random_traces(pools: Pools, bounds: Iterable[int], reach: int, rng: Random,

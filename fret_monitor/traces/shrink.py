@@ -27,8 +27,8 @@ from fret_monitor.traces.trace import joined, length, Run, Trace, Value
 _BATCH = 48
 _RUN_STEPS = 40  # steps in C that take as long as Python takes to change a run
 
+# Returns for each trace whether it is accepted: whether it still shows what it should.
 Judge = Callable[[Sequence[Trace]], Sequence[bool]]
-"""Says of each of some traces whether it still shows what it should."""
 
 
 class Shrinker:

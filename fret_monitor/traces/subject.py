@@ -21,13 +21,12 @@ can be explored separately. All requirements are compiled to one library.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 from fret_monitor.build import build_specification
 from fret_monitor.logic.formula import (
-    ALWAYS, Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, Historically,
-    Once, postorder, Previous, Since, Triggered, TRUE, Unary, Variable, variables, WeakYesterday,
-    Yesterday,
+    ALWAYS, Binary, BinaryOperator, Feedback, Formula, Once, postorder, TRUE, Variable, variables,
 )
 from fret_monitor.logic.propositions import propositions, triggers
 from fret_monitor.logic.specification import Property, Signal, Specification
@@ -70,7 +69,7 @@ def subjects(specification: Specification, chosen: Sequence[Property],
     properties: list[Property] = []
     prepared = []
     for number, item in enumerate(chosen):
-        read = _read(item, specification.signals)
+        read = tuple(signal for signal in specification.signals if signal.name in item.inputs)
         mapping = {signal.name: f'{signal.name}.{number}' for signal in read}
         found = _telling(item, goals or {}, read)
         prepared.append((item, read, found, len(properties)))
@@ -93,10 +92,6 @@ def _telling(item: Property, goals: Mapping[str, Sequence[Formula]],
     wanted = goals.get(item.id) or triggers(item.formula, _MAX_TRIGGERS)
     return tuple(node for node in wanted[:_MAX_TRIGGERS]
                  if {each.name for each in variables(node)} <= names)
-
-
-def _read(item: Property, signals: Sequence[Signal]) -> tuple[Signal, ...]:
-    return tuple(signal for signal in signals if signal.name in item.inputs)
 
 
 def _alone(signal: Signal, mapping: Mapping[str, str]) -> Signal:
@@ -136,24 +131,8 @@ def _renamed(formulas: Sequence[Formula], names: Mapping[str, str]) -> dict[Form
 
 def _rebuilt(node: Formula, new: Mapping[Formula, Formula],
              names: Mapping[str, str]) -> Formula:
-    match node:
-        case Constant():
-            return node
-        case Variable() | Feedback():
-            return type(node)(names[node.name], node.type)
-        case Conversion():
-            return Conversion(new[node.argument], node.type)
-        case Unary():
-            return Unary(node.operator, new[node.argument])
-        case Binary():
-            return Binary(node.operator, new[node.left], new[node.right])
-        case Choice():
-            return Choice(new[node.condition], new[node.yes], new[node.no])
-        case Previous():
-            return Previous(new[node.initial], new[node.argument])
-        case Yesterday() | WeakYesterday():
-            return type(node)(new[node.argument])
-        case Once() | Historically():
-            return type(node)(node.window, new[node.argument])
-        case Since() | Triggered():
-            return type(node)(node.window, new[node.left], new[node.right])
+    if isinstance(node, Variable | Feedback):
+        return type(node)(names[node.name], node.type)
+    kind: Any = type(node)
+    parts = [getattr(node, field.name) for field in fields(node) if field.init]
+    return kind(*(new.get(part, part) for part in parts))  # type: ignore[no-any-return]

@@ -20,13 +20,14 @@ from pathlib import Path
 import time
 
 from fret_monitor.bundle.bundle import Bundle, Language
-from fret_monitor.bundle.reader import parse_bundle, read_bundle, survey_bundle
+from fret_monitor.bundle.reader import parse_bundle, survey_bundle
 from fret_monitor.bundle.source_file import MAX_BYTES
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Problems, Source
 from fret_monitor.model.policies import Policy, Report, Severity, Stale
 import golden
 from hypothesis import example, given, settings, strategies
 import pytest
+from stages import read_bundle
 import yaml
 
 RUNNING_EXAMPLE = """\

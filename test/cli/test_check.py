@@ -94,3 +94,32 @@ def test_a_thousand_requirements_are_shown(here: Here) -> None:
     done = here.run('check', here.file('pump.yaml', PUMP + ''.join(lines)))
     assert done.status == 0
     assert len(done.out.splitlines()) == 4 + 1003
+
+
+def test_a_bundle_is_found_by_its_name_and_in_a_package(
+    here: Here, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(here.folder)
+    done = here.run('check', 'tank.yaml', 'arm.yaml', 'package://fret_monitor/config/arm.yaml')
+    assert done.status == 1
+    assert done.out.count('arm.yaml: ') == 2
+    assert "error: there is no file 'tank.yaml' in " in done.err
+    done = here.run('check', 'quadroter.yaml')
+    assert done.err.endswith("= help: did you mean 'quadrotor.yaml'?\n")
+    done = here.run('check', 'package://fret_moniter/config/arm.yaml')
+    assert done.err.endswith("= help: did you mean 'fret_monitor'?\n")
+    done = here.run('check', 'package://fret_monitor/config/amr.yaml')
+    assert done.err.endswith("= help: did you mean 'arm.yaml'?\n")
+
+
+@pytest.mark.parametrize('arguments', [
+    ('bench',), ('compile', '--output', 'out'), ('explain',), ('prove',),
+    ('simulate', '--trace', 'trace.csv')], ids=lambda arguments: arguments[0])
+def test_every_verb_takes_the_name_of_a_bundle(
+    here: Here, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...],
+) -> None:
+    monkeypatch.chdir(here.folder)
+    verb, *options = arguments
+    done = here.run(verb, 'none.yaml', *options)
+    assert done.status == 1
+    assert f"error: there is no file 'none.yaml' in {here.folder} nor in " in done.err

@@ -63,7 +63,7 @@ def test_a_compiler_without_stack_usage_is_reported(
     bundle = here.file('pump.yaml', PUMP)
     done = here.run('compile', bundle, '--output', here.folder / 'out', '--worst-case')
     assert (done.status, done.err) == (0, '')
-    assert done.out.endswith('  stack: only gcc 10 or later can tell it; name one in CC\n')
+    assert done.out.endswith('  stack: needs gcc 10 or later; name one in CC\n')
 
 
 def test_an_error_is_one_line_and_nothing_is_written(here: Here) -> None:

@@ -32,15 +32,16 @@ from differential.compiled import c_module, clang, compile_c, CSRC, gcc, WARNING
 from fret_monitor.build import build_specification
 from fret_monitor.logic.formula import TRUE
 from fret_monitor.logic.specification import Signal, Specification
-from fret_monitor.messages.definitions import parse_message
-from fret_monitor.messages.installed import find_message, search_path
+from fret_monitor.messages.installed import find_message
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.packages import search_path
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.fields import FieldReading, Outcome, read_fields
 from hypothesis import given, HealthCheck, settings, strategies as st
 import pytest
+from stages import parse_message
 from strategies import property_of
 
 HERE = Path(__file__).resolve().parent
@@ -429,8 +430,9 @@ def sanitized() -> list[tuple[str, ...]]:
     return found
 
 
-def test_no_bytes_cause_undefined_behaviour_in_an_extractor(attack: tuple[Path, Path]) -> None:
-    commands = sanitized()
+def test_no_bytes_cause_undefined_behaviour_in_an_extractor_and_no_compiler_warns(
+        attack: tuple[Path, Path]) -> None:
+    commands = sanitized()  # with warnings as errors, as the plain one
     if not commands:
         pytest.skip('needs a compiler with sanitizers')
     plain = gcc() or clang()
@@ -459,18 +461,6 @@ def test_the_sanitizers_detect_a_read_one_byte_too_far(
     done = subprocess.run([tmp_path / 'fuzz', file], capture_output=True, text=True, check=False,
                           timeout=120)
     assert 'heap-buffer-overflow' in done.stderr
-
-
-@pytest.mark.parametrize('level', ['-O0', '-O2'])
-@pytest.mark.parametrize('find', [gcc, clang])
-def test_extractors_compile_without_a_warning(attack: tuple[Path, Path], find: Any,
-                                              level: str) -> None:
-    compiler = find()
-    if compiler is None:
-        pytest.skip('needs the compiler')
-    folder, _ = attack
-    compile_c([*compiler, '-std=c99', level, *WARNINGS, f'-I{CSRC}', '-c',
-               folder / 'readers_fields.c', '-o', folder / 'readers.o'])
 
 
 def test_the_same_messages_give_the_same_bytes(prefix: Path) -> None:

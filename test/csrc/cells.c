@@ -12,12 +12,13 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// fret_cells.h against its words: `cells NAME` runs a check, `cells all` every one, and without a
-/// name they are listed. `cells start (KIND BITS BOUND HEAD START)...` checks counters that were
-/// started elsewhere. Exit status 0 if what is checked is so; else the first that is not, is told.
+/// Checks fret_cells.h against its documentation: `cells NAME` runs one check, `cells all` all of
+/// them; without a name they are listed. `cells start (KIND BITS BOUND HEAD START)...` checks
+/// counters with given start values. Prints the first failure; the exit status is 0 without one.
 ///
-/// Counters are compared with the quantifiers of the operators over whole traces and, where those
-/// would take too long, with a model that keeps absolute times; arithmetic with 128-bit integers.
+/// Counters are compared with the definitions of the operators over whole traces or, where that
+/// takes too long, with a model that keeps absolute times. Arithmetic is compared with 128-bit
+/// integers.
 
 #include "fret_cells.h"
 
@@ -108,10 +109,10 @@ static bool is_within(const struct cell * cell)
   return cell->kind == ONCE_WITHIN || cell->kind == ALWAYS_WITHIN || cell->kind == SINCE_WITHIN;
 }
 
-/// Where an age stops: the highest bit.
+/// The largest age: the highest bit.
 static uint64_t oldest(const struct cell * cell) {return (greatest(cell) >> 1) + 1u;}
 
-/// The bounds that a cell may have: less than where an age stops, or its type holds bound + 1.
+/// Whether a cell can have a bound: less than the largest age, or its type holds bound + 1.
 static bool fits(const struct cell * cell, uint64_t bound)
 {
   return bound < (is_within(cell) ? oldest(cell) : greatest(cell));
@@ -123,11 +124,11 @@ static uint64_t never(const struct cell * cell, uint64_t bound)
   return is_within(cell) ? bound + 1u : 0u;
 }
 
-/// The state at the start of a cell that sees what it looks for (the other thing, for `always`) in
-/// the first `head` steps anyway.
+/// The start state of a cell that takes its event (for `always` a failure) as seen in the first
+/// `head` steps.
 static uint64_t started(uint64_t bound, uint64_t head) {return bound + 1u - head;}
 
-/// The state after so many quiet steps more: nothing happens, and p of a since holds.
+/// The state after that many more quiet steps: no event, and p of a since holds.
 static uint64_t after_quiet(const struct cell * cell, uint64_t state, uint64_t bound, uint64_t n)
 {
   const uint64_t end = is_within(cell) ? oldest(cell) : bound + 1u;
@@ -135,7 +136,7 @@ static uint64_t after_quiet(const struct cell * cell, uint64_t state, uint64_t b
   return stays ? state : state + n > end ? end : state + n;
 }
 
-// ---- counters: the operators by their quantifiers ----------------------------------------------
+// ---- counters: the operators by their definitions ----------------------------------------------
 
 enum { LONGEST = 1024 };
 
@@ -173,7 +174,7 @@ static bool by_definition(enum kind kind, int t, int bound)
   }
 }
 
-/// p is `usual` but once in `gap` steps, on average, and q true once in `gap` steps.
+/// p differs from `usual`, and q is true, once in `gap` steps on average.
 static void fill(int length, bool usual, uint64_t gap)
 {
   for (int t = 0; t < length; ++t) {
@@ -245,8 +246,8 @@ static void counters_follow_the_definition_on_all_traces_of_six_steps(void)
 
 struct model
 {
-  uint64_t now;    // the step to come
-  uint64_t event;  // when what counts happened, if it did
+  uint64_t now;    // the next step
+  uint64_t event;  // the step of the last event, if there was one
   bool happened;
 };
 
@@ -345,7 +346,7 @@ static void counters_are_right_at_the_borders_of_their_types(void)
   }
 }
 
-/// No jumps: these are the least bounds at which a 16-bit counter could overflow.
+/// Step by step: these are the smallest bounds at which a 16-bit counter could overflow.
 static void counters_of_16_bits_are_right_step_by_step_at_their_border(void)
 {
   static const uint64_t bounds[] = {32766u, 32767u, 32768u, 65533u, 65534u, 65535u};
@@ -361,8 +362,8 @@ static void counters_of_16_bits_are_right_step_by_step_at_their_border(void)
   }
 }
 
-/// Whatever the state was, what happens now counts; sanitizers see the rest.
-static void counters_forget_a_state_that_was_never_theirs(void)
+/// From any state, an event at this step gives the right verdict; sanitizers check the rest.
+static void counters_recover_from_an_invalid_state(void)
 {
   for (int round = 0; round < 20000; ++round) {
     const struct cell * const cell = &CELLS[random_below(LENGTH(CELLS))];
@@ -380,7 +381,7 @@ static void counters_forget_a_state_that_was_never_theirs(void)
   }
 }
 
-// ---- counters that start as if something had been ----------------------------------------------
+// ---- counters that start as if after an event --------------------------------------------------
 
 static void follow_start(const struct cell * cell, uint64_t bound, uint64_t head, uint64_t start)
 {
@@ -394,7 +395,7 @@ static void follow_start(const struct cell * cell, uint64_t bound, uint64_t head
   }
 }
 
-/// A p in the head counts from then on, as it would anywhere.
+/// A p in the first `head` steps counts as at any other step.
 static void follow_start_with_p(const struct cell * cell, int bound, int head, uint64_t start)
 {
   const bool seen = cell->kind == ONCE_WITHIN;
@@ -465,7 +466,7 @@ static void bits_of_a_word_are_its_bits(void)
   }
 }
 
-/// The bits of the register above the line's are whatever they are.
+/// The register's bits above the delay are arbitrary.
 #define FOLLOW_LINE(suffix, type, bits) \
   static void follow_line_ ## suffix(unsigned steps, bool initial) \
   { \
@@ -500,7 +501,7 @@ static void lines_give_what_was_put_in_so_many_steps_ago(void)
   follow_lines_u64();
 }
 
-/// Two rings of one length share the position. Each has just the bytes it may touch.
+/// Two rings of one length share the position. Each has exactly the bytes that it may access.
 static void follow_rings(uint32_t length, bool initial)
 {
   const size_t bytes = (length + 7u) / 8u;
@@ -559,7 +560,7 @@ static const uint64_t BORDERS[N_BORDERS] = {
 static uint64_t UNSIGNED[2u * N_INTEGERS];
 static int64_t SIGNED[2u * N_INTEGERS];
 
-/// The number of 64 bits that is x modulo 2^64.
+/// x modulo 2^64.
 static int64_t wrapped(wide x)
 {
   const wide modulus = (wide)1 << 64;
@@ -680,7 +681,7 @@ static void powers_are_products(void)
   }
 }
 
-/// Of numbers modulo 2^64 an odd one to 2^62 is 1 and an even one to 64 is 0.
+/// Modulo 2^64, an odd number to the power 2^62 is 1 and an even one to the power 64 is 0.
 static void powers_have_any_exponent(void)
 {
   static const uint64_t exponents[] = {64u, 65u, INT32_MAX, (uint64_t)1 << 31, (uint64_t)1 << 62,
@@ -826,7 +827,7 @@ static void mod_of_special_floats_is_that_of_c(void)
   CHECK(same_f32(fm_mod_f32(-4.0f, 2.0f), -0.0f), "-4 mod 2");
 }
 
-/// A product of two float32 is exact in float64: rounding that once is all that may happen.
+/// A product of two float32 is exact in float64, so it must be rounded only once.
 static void a_float32_product_is_rounded_once(void)
 {
   for (int round = 0; round < 20000; ++round) {
@@ -849,7 +850,7 @@ static void powers_of_special_floats(void)
   CHECK(fm_power_f64(0.5, UINT64_MAX) == 0.0, "underflow");
 }
 
-// ---- what is run -------------------------------------------------------------------------------
+// ---- the checks --------------------------------------------------------------------------------
 
 struct named_check
 {
@@ -864,7 +865,7 @@ static const struct named_check CHECKS[] = {
   NAMED(many_quiet_steps_are_what_the_checks_take_them_for),
   NAMED(counters_are_right_at_the_borders_of_their_types),
   NAMED(counters_of_16_bits_are_right_step_by_step_at_their_border),
-  NAMED(counters_forget_a_state_that_was_never_theirs),
+  NAMED(counters_recover_from_an_invalid_state),
   NAMED(counters_can_start_as_if_something_had_been),
   NAMED(bits_of_a_word_are_its_bits),
   NAMED(lines_give_what_was_put_in_so_many_steps_ago),

@@ -12,8 +12,8 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// closing.c: the engine is closed, right after a last violation, at one place of the announcer's
-/// loop: before or after one of the functions that the loop calls. The linker wraps both.
+/// Closes the engine just after the last violation, at a chosen place in the announcer's loop:
+/// before or after one of the functions that the loop calls. The linker wraps these functions.
 
 #define _POSIX_C_SOURCE 200809L
 
@@ -74,7 +74,7 @@ static bool has_error(void) {return false;}
 static const struct fm_middleware middleware = {
   NULL, NULL, publish, forget_error, has_error, NULL, {0, 0, 0}};
 
-// ---- a monitor that is violated in each step ---------------------------------------------------
+// ---- a monitor that is violated at each step ---------------------------------------------------
 
 static void reset(void * state) {(void)state;}
 

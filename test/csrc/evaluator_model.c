@@ -12,7 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 /// The evaluator against a model of it: `evaluator_model SEED RUNS` makes RUNS random monitors,
-/// drives each with random calls, and compares all that can be seen after each call.
+/// drives each with random calls, and compares all that can be seen after each call. In the middle
+/// it saves the instance, and makes the calls that follow three times: after the save, after the
+/// instance was restored, and in a second evaluator to which it was restored.
 ///
 /// The model is written from the rules of evaluator.h in the simplest way: it looks at every
 /// group and every input each time, and remembers for each pair whether a value is new. It is slow
@@ -24,7 +26,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MAX_INPUTS = 6, MAX_GROUPS = 8, MAX_REQUIREMENTS = 12, MAX_TOPICS = 4, CALLS = 300 };
+enum { MAX_INPUTS = 6, MAX_GROUPS = 8, MAX_REQUIREMENTS = 12, MAX_TOPICS = 4 };
+enum { CALLS = 200, CALLS_AGAIN = 40 };
 
 static uint64_t seed = 1;
 
@@ -52,6 +55,8 @@ static struct fm_topic topics[MAX_TOPICS];
 static struct fm_monitor monitor;
 static struct fm_evaluator_options options;
 static bool onset[MAX_REQUIREMENTS];
+static int64_t timeouts[MAX_INPUTS];
+static bool violates[MAX_INPUTS];
 static uint32_t group_inputs[MAX_GROUPS][MAX_INPUTS];
 static uint32_t group_requirements[MAX_GROUPS][MAX_REQUIREMENTS];
 static uint32_t topic_inputs[MAX_TOPICS][MAX_INPUTS];
@@ -173,12 +178,26 @@ static void make_topics(void)
   }
 }
 
+// Short times, so that several things often come at one instant.
+static void make_times(void)
+{
+  for (uint32_t i = 0; i < MAX_INPUTS; ++i) {
+    timeouts[i] = random_below(3) == 0 ? 0 : 1 + random_below(random_below(2) == 0 ? 12 : 60);
+    violates[i] = random_below(3) != 0;
+  }
+  options.timeouts = random_below(8) == 0 ? NULL : timeouts;
+  options.violates = random_below(8) == 0 ? NULL : violates;
+  options.period = random_below(4) == 0 ? 0 : 1 + random_below(random_below(2) == 0 ? 6 : 40);
+  options.patience = random_below(2) == 0 ? 0 : 1 + random_below(20);
+}
+
 static void make_monitor(void)
 {
   make_inputs();
   make_groups();
   make_requirements();
   make_topics();
+  make_times();
   monitor.abi = FM_ABI;
   monitor.state_bytes = MAX_GROUPS * sizeof(uint64_t);
   monitor.inputs_bytes = 8 * monitor.n_inputs;
@@ -194,21 +213,54 @@ static void make_monitor(void)
 
 // ---- the model ---------------------------------------------------------------------------------
 
-static struct
+// What a save copies.
+struct instance
 {
   unsigned char values[8 * MAX_INPUTS];
   bool has_value[MAX_INPUTS];
   bool is_new[MAX_GROUPS][MAX_INPUTS];
-  bool is_stale[MAX_INPUTS];
-  bool told[MAX_GROUPS];  // that one of its inputs is stale, since its last silence or a reset
+  bool is_silent[MAX_INPUTS];
+  bool was_put_off[MAX_INPUTS];  // its timeout, by patience, since its last value
+  int64_t last_value[MAX_INPUTS];  // when; at first, when the time began
+  int64_t due[MAX_INPUTS];  // FM_NEVER where nothing is
+  bool is_overruled[MAX_GROUPS];  // its verdicts were set to false since an input became stale
   uint64_t steps[MAX_GROUPS];
   bool verdicts[MAX_REQUIREMENTS];
+  bool has_begun;  // the time
+  int64_t now;
+  int64_t next_period;
+};
+
+// What goes on when an instance is restored.
+struct counters
+{
   struct fm_requirement_counts requirements[MAX_REQUIREMENTS];
   struct fm_input_counts inputs[MAX_INPUTS];
   struct fm_topic_counts topics[MAX_TOPICS];
-  struct fm_violation out[MAX_REQUIREMENTS];
-  uint32_t n_out;
-} model;
+  uint64_t silences[MAX_INPUTS];
+  int64_t lasted[MAX_INPUTS];  // the last silence that ended
+  struct fm_time_counts time;
+};
+
+static struct instance model;
+static struct counters counters;
+static struct fm_violation expected[MAX_REQUIREMENTS];
+static uint32_t n_expected;
+
+static int64_t timeout_of(uint32_t i)
+{
+  return options.timeouts == NULL ? 0 : timeouts[i];
+}
+
+static bool is_stale(uint32_t i)
+{
+  return model.is_silent[i] && options.violates != NULL && violates[i];
+}
+
+static bool has_periods(void)
+{
+  return options.policy == FM_PERIODIC && options.period > 0;
+}
 
 static bool reads(uint32_t g, uint32_t input)
 {
@@ -230,10 +282,10 @@ static bool is_ready(uint32_t g)
   return true;
 }
 
-static bool is_silenced(uint32_t g)
+static bool is_stale_group(uint32_t g)
 {
   for (uint32_t i = 0; i < monitor.n_inputs; ++i) {
-    if (reads(g, i) && model.is_stale[i]) {
+    if (reads(g, i) && is_stale(i)) {
       return true;
     }
   }
@@ -280,14 +332,17 @@ static void model_write(uint32_t i, uint64_t bits, bool as_float, double number)
   }
 }
 
-// What was false of silence alone, and will not be judged again for want of values, is true.
-static void model_hear(uint32_t i)
+// A group that is not ready takes no step that could set its verdicts to true again.
+static void model_end_silence(uint32_t i, int64_t now)
 {
-  const bool was_stale = model.is_stale[i];
-  model.is_stale[i] = false;
+  const bool was_stale = is_stale(i);
+  if (model.is_silent[i]) {
+    counters.lasted[i] = now > model.last_value[i] ? now - model.last_value[i] : 0;
+  }
+  model.is_silent[i] = false;
   for (uint32_t g = 0; g < monitor.n_groups; ++g) {
-    if (was_stale && reads(g, i) && !is_silenced(g)) {
-      model.told[g] = false;
+    if (was_stale && reads(g, i) && !is_stale_group(g)) {
+      model.is_overruled[g] = false;
       for (uint32_t r = 0; r < monitor.n_requirements; ++r) {
         if (requirements[r].group == g && !is_ready(g)) {
           model.verdicts[r] = true;
@@ -297,32 +352,41 @@ static void model_hear(uint32_t i)
   }
 }
 
-static void model_receive(uint32_t i)
+// The timeout of an input runs from `now`.
+static void model_begin_timeout(uint32_t i, int64_t now)
+{
+  model.last_value[i] = now;
+  model.was_put_off[i] = false;
+  model.due[i] = model.has_begun && timeout_of(i) > 0 ? now + timeout_of(i) : FM_NEVER;
+}
+
+static void model_receive(uint32_t i, int64_t now)
 {
   bool lost = false;
   model.has_value[i] = true;
-  model_hear(i);
-  model.inputs[i].received += 1;
+  model_end_silence(i, now);
+  model_begin_timeout(i, now);
+  counters.inputs[i].received += 1;
   for (uint32_t g = 0; g < monitor.n_groups; ++g) {
     lost = lost || (reads(g, i) && model.is_new[g][i]);
     model.is_new[g][i] = true;
   }
   if (lost && options.policy == FM_ALL_INPUTS) {
-    model.inputs[i].overwritten += 1;
+    counters.inputs[i].overwritten += 1;
   }
 }
 
-static void model_judge(uint32_t r, bool now, uint64_t step, int64_t stamp)
+static void model_judge(uint32_t r, bool verdict, uint64_t step, int64_t stamp)
 {
   const bool before = model.verdicts[r];
-  model.verdicts[r] = now;
-  model.requirements[r].violations += !now;
-  if (!now && (before || !onset[r])) {
-    model.requirements[r].announced += 1;
-    model.out[model.n_out].requirement = r;
-    model.out[model.n_out].step = step;
-    model.out[model.n_out].stamp = stamp;
-    model.n_out += 1;
+  model.verdicts[r] = verdict;
+  counters.requirements[r].violations += !verdict;
+  if (!verdict && (before || !onset[r])) {
+    counters.requirements[r].announced += 1;
+    expected[n_expected].requirement = r;
+    expected[n_expected].step = step;
+    expected[n_expected].stamp = stamp;
+    n_expected += 1;
   }
 }
 
@@ -331,16 +395,16 @@ static void model_step(uint32_t g, int64_t stamp)
   for (uint32_t r = 0; r < monitor.n_requirements; ++r) {
     if (requirements[r].group == g) {
       const bool holds = verdict_of(g, r, model.steps[g], model.values);
-      model_judge(r, holds && !is_silenced(g), model.steps[g], stamp);
-      model.requirements[r].steps += 1;
+      model_judge(r, holds && !is_stale_group(g), model.steps[g], stamp);
+      counters.requirements[r].steps += 1;
     }
   }
-  model.told[g] = is_silenced(g);
+  model.is_overruled[g] = is_stale_group(g);
   model.steps[g] += 1;
   memset(model.is_new[g], 0, sizeof model.is_new[g]);
 }
 
-static bool is_due(uint32_t g, uint32_t topic)
+static bool steps_with(uint32_t g, uint32_t topic)
 {
   switch ((enum fm_policy)options.policy) {
     case FM_EVERY_MESSAGE:
@@ -355,23 +419,23 @@ static bool is_due(uint32_t g, uint32_t topic)
   return false;
 }
 
-static void model_message(uint32_t topic, int64_t stamp)
+static void model_message(uint32_t topic, int64_t now)
 {
-  model.n_out = 0;
+  n_expected = 0;
   if (topic >= options.n_topics) {
     return;
   }
-  model.topics[topic].messages += 1;
+  counters.topics[topic].messages += 1;
   for (uint32_t g = 0; g < monitor.n_groups; ++g) {
-    if (is_due(g, topic)) {
-      model_step(g, stamp);
+    if (steps_with(g, topic)) {
+      model_step(g, now);
     }
   }
 }
 
-static void model_tick(int64_t stamp)
+static void model_step_all(int64_t stamp)
 {
-  model.n_out = 0;
+  n_expected = 0;
   for (uint32_t g = 0; g < monitor.n_groups; ++g) {
     if (is_ready(g)) {
       model_step(g, stamp);
@@ -379,30 +443,125 @@ static void model_tick(int64_t stamp)
   }
 }
 
-static void model_stale(uint32_t i, uint64_t received, int64_t stamp)
-{
-  model.n_out = 0;
-  if (i >= monitor.n_inputs || received != model.inputs[i].received) {
-    return;
-  }
-  model.is_stale[i] = true;
-  for (uint32_t g = 0; g < monitor.n_groups; ++g) {
-    for (uint32_t r = 0; r < monitor.n_requirements; ++r) {
-      if (reads(g, i) && !model.told[g] && requirements[r].group == g) {
-        model_judge(r, false, model.steps[g], stamp);
-      }
-    }
-    model.told[g] = model.told[g] || reads(g, i);
-  }
-}
-
 static void model_reset(void)
 {
-  memset(model.told, 0, sizeof model.told);
+  memset(model.is_overruled, 0, sizeof model.is_overruled);
   memset(model.steps, 0, sizeof model.steps);
   memset(model.is_new, 0, sizeof model.is_new);
   for (uint32_t r = 0; r < MAX_REQUIREMENTS; ++r) {
     model.verdicts[r] = true;
+  }
+  for (uint32_t i = 0; i < monitor.n_inputs; ++i) {
+    model.due[i] = is_stale(i) ? model.now : model.due[i];
+  }
+}
+
+// ---- the model of the time ---------------------------------------------------------------------
+
+static int64_t model_deadline(void)
+{
+  int64_t first = has_periods() ? model.next_period : FM_NEVER;
+  for (uint32_t i = 0; i < monitor.n_inputs; ++i) {
+    first = model.due[i] < first ? model.due[i] : first;
+  }
+  return model.has_begun ? first : INT64_MIN;
+}
+
+static void model_begin(int64_t now)
+{
+  model.has_begun = true;
+  model.now = now;
+  model.next_period = now + options.period;
+  for (uint32_t i = 0; i < monitor.n_inputs; ++i) {
+    model_begin_timeout(i, now);
+  }
+}
+
+static void model_shift(int64_t by)
+{
+  if (!model.has_begun) {
+    return;
+  }
+  model.now += by;
+  model.next_period += by;
+  for (uint32_t i = 0; i < monitor.n_inputs; ++i) {
+    model.last_value[i] += by;
+    model.due[i] += model.due[i] == FM_NEVER ? 0 : by;
+  }
+}
+
+static void model_violate_readers(uint32_t i, int64_t stamp)
+{
+  for (uint32_t g = 0; g < monitor.n_groups; ++g) {
+    for (uint32_t r = 0; r < monitor.n_requirements; ++r) {
+      if (reads(g, i) && !model.is_overruled[g] && requirements[r].group == g) {
+        model_judge(r, false, model.steps[g], stamp);
+      }
+    }
+    model.is_overruled[g] = model.is_overruled[g] || reads(g, i);
+  }
+}
+
+// After a reset an input is due that is silent already: no new silence, and not put off.
+static void model_timeout(uint32_t i)
+{
+  const int64_t instant = model.due[i];
+  const int64_t late = model.now - instant;
+  if (!model.is_silent[i]) {
+    if (options.patience > 0 && late > options.patience && !model.was_put_off[i]) {
+      model.was_put_off[i] = true;
+      model.due[i] = model.now + (late < timeout_of(i) ? late : timeout_of(i));
+      return;
+    }
+    model.is_silent[i] = true;
+    counters.silences[i] += 1;
+  }
+  model.due[i] = FM_NEVER;
+  if (is_stale(i)) {
+    model_violate_readers(i, instant);
+  }
+}
+
+static void model_miss_periods(void)
+{
+  while (has_periods() &&
+    (model.now - model.next_period) / options.period >= FM_MOST_PERIODS_BEHIND)
+  {
+    model.next_period += options.period;
+    counters.time.missed += 1;
+  }
+}
+
+static void model_period(void)
+{
+  const int64_t instant = model.next_period;
+  model.next_period += options.period;
+  counters.time.periods += 1;
+  counters.time.late += 2 * (model.now - instant) > options.period;
+  model_step_all(instant);
+}
+
+static void model_advance(int64_t now)
+{
+  n_expected = 0;
+  if (!model.has_begun) {
+    model_begin(now);
+    return;
+  }
+  if (now < model.now) {
+    counters.time.restarts += 1;
+    model_shift(now - model.now);
+  }
+  model.now = now;
+  model_miss_periods();
+  for (uint32_t i = 0; i < monitor.n_inputs && model_deadline() <= now; ++i) {
+    if (model.due[i] == model_deadline()) {
+      model_timeout(i);
+      return;
+    }
+  }
+  if (model_deadline() <= now) {
+    model_period();
   }
 }
 
@@ -416,13 +575,60 @@ static void differ(const char * what)
   exit(1);
 }
 
+// All that the calls so far have shown, in one number.
+static uint64_t trail;
+
+static void show(uint64_t seen)
+{
+  trail = (trail ^ seen) * 1099511628211u;
+}
+
+// `out` NULL: only their number.
 static void compare_violations(const struct fm_violation * out, uint32_t n)
 {
-  AGREE("the number of violations", n == model.n_out);
-  for (uint32_t k = 0; k < n; ++k) {
-    AGREE("the requirement of a violation", out[k].requirement == model.out[k].requirement);
-    AGREE("the step of a violation", out[k].step == model.out[k].step);
-    AGREE("the stamp of a violation", out[k].stamp == model.out[k].stamp);
+  AGREE("the number of violations", n == n_expected);
+  show(n);
+  for (uint32_t k = 0; out != NULL && k < n; ++k) {
+    AGREE("the requirement of a violation", out[k].requirement == expected[k].requirement);
+    AGREE("the step of a violation", out[k].step == expected[k].step);
+    AGREE("the stamp of a violation", out[k].stamp == expected[k].stamp);
+    show(out[k].requirement);
+    show(out[k].step);
+    show((uint64_t)out[k].stamp);
+  }
+}
+
+// Sometimes the deadline is not asked for: the evaluator may not depend on it.
+static void compare_deadline(struct fm_evaluator * evaluator)
+{
+  AGREE("the wake", fm_evaluator_wake(evaluator) <= model_deadline());
+  if (random_below(2) == 0) {
+    const int64_t deadline = fm_evaluator_deadline(evaluator);
+    AGREE("the deadline", deadline == model_deadline());
+    AGREE("the wake after the deadline", fm_evaluator_wake(evaluator) == deadline);
+    show((uint64_t)deadline);
+  }
+}
+
+static void compare_time(const struct fm_evaluator * evaluator)
+{
+  const struct fm_time_counts counts = fm_evaluator_time_counts(evaluator);
+  AGREE("the time", fm_evaluator_now(evaluator) == model.now);
+  AGREE("periods", counts.periods == counters.time.periods);
+  AGREE("late periods", counts.late == counters.time.late);
+  AGREE("missed periods", counts.missed == counters.time.missed);
+  AGREE("restarts", counts.restarts == counters.time.restarts);
+}
+
+static void compare_silences(const struct fm_evaluator * evaluator)
+{
+  for (uint32_t i = 0; i < monitor.n_inputs; ++i) {
+    const struct fm_silence silence = fm_evaluator_silence(evaluator, i);
+    const int64_t lasted =
+      model.is_silent[i] ? model.now - model.last_value[i] : counters.lasted[i];
+    AGREE("being silent", silence.is_silent == model.is_silent[i]);
+    AGREE("the number of silences", silence.count == counters.silences[i]);
+    AGREE("how long a silence lasted", silence.lasted == lasted);
   }
 }
 
@@ -430,11 +636,12 @@ static void compare_requirements(const struct fm_evaluator * evaluator)
 {
   for (uint32_t r = 0; r < monitor.n_requirements; ++r) {
     const struct fm_requirement_counts counts = fm_evaluator_requirement_counts(evaluator, r);
+    show(counts.verdict);
     AGREE("a verdict", fm_evaluator_verdicts(evaluator)[r] == model.verdicts[r]);
     AGREE("the verdict of the counts", counts.verdict == model.verdicts[r]);
-    AGREE("steps", counts.steps == model.requirements[r].steps);
-    AGREE("violations", counts.violations == model.requirements[r].violations);
-    AGREE("announced", counts.announced == model.requirements[r].announced);
+    AGREE("steps", counts.steps == counters.requirements[r].steps);
+    AGREE("violations", counts.violations == counters.requirements[r].violations);
+    AGREE("announced", counts.announced == counters.requirements[r].announced);
   }
 }
 
@@ -443,11 +650,11 @@ static void compare_inputs(const struct fm_evaluator * evaluator)
   const unsigned char * values = fm_evaluator_inputs(evaluator);
   for (uint32_t i = 0; i < monitor.n_inputs; ++i) {
     const struct fm_input_counts counts = fm_evaluator_input_counts(evaluator, i);
-    AGREE("being stale", fm_evaluator_is_stale(evaluator, i) == model.is_stale[i]);
+    AGREE("being stale", fm_evaluator_is_stale(evaluator, i) == is_stale(i));
     AGREE("having a value", fm_evaluator_has_value(evaluator, i) == model.has_value[i]);
-    AGREE("received", counts.received == model.inputs[i].received);
-    AGREE("unusable", counts.unusable == model.inputs[i].unusable);
-    AGREE("overwritten", counts.overwritten == model.inputs[i].overwritten);
+    AGREE("received", counts.received == counters.inputs[i].received);
+    AGREE("unusable", counts.unusable == counters.inputs[i].unusable);
+    AGREE("overwritten", counts.overwritten == counters.inputs[i].overwritten);
   }
   AGREE("values", memcmp(values, model.values, 8 * monitor.n_inputs) == 0);
 }
@@ -460,14 +667,25 @@ static void compare_groups_and_topics(const struct fm_evaluator * evaluator)
   }
   for (uint32_t t = 0; t < options.n_topics; ++t) {
     const struct fm_topic_counts counts = fm_evaluator_topic_counts(evaluator, t);
-    AGREE("messages", counts.messages == model.topics[t].messages);
-    AGREE("undecodable", counts.undecodable == model.topics[t].undecodable);
+    AGREE("messages", counts.messages == counters.topics[t].messages);
+    AGREE("undecodable", counts.undecodable == counters.topics[t].undecodable);
   }
 }
 
-// ---- random calls ------------------------------------------------------------------------------
+static void compare(struct fm_evaluator * evaluator)
+{
+  compare_requirements(evaluator);
+  compare_inputs(evaluator);
+  compare_groups_and_topics(evaluator);
+  compare_silences(evaluator);
+  compare_time(evaluator);
+  compare_deadline(evaluator);
+}
 
-static void give_value(struct fm_evaluator * evaluator, uint32_t i, bool initial)
+// ---- random values -----------------------------------------------------------------------------
+
+// The model has the value, too.
+static union fm_value random_value(uint32_t i)
 {
   union fm_value value = {.u = random_bits()};
   const bool as_float = inputs[i].type >= FM_FLOAT32;
@@ -475,105 +693,286 @@ static void give_value(struct fm_evaluator * evaluator, uint32_t i, bool initial
     value.f = (double)(int64_t)random_bits() / 1024.0;
   }
   model_write(i, value.u, as_float, value.f);
-  const bool from_memory = random_below(2) == 0;
-  // What lies in memory of the input's type is what the model has just written.
-  const void * place = &model.values[inputs[i].offset];
-  if (initial) {
-    model.has_value[i] = true;
-    from_memory ? fm_evaluator_initial_from(evaluator, i, place) :
-    fm_evaluator_initial(evaluator, i, value);
-  } else {
-    model_receive(i);
-    from_memory ? fm_evaluator_store_from(evaluator, i, place) :
-    fm_evaluator_store(evaluator, i, value);
+  return value;
+}
+
+// ---- random times ------------------------------------------------------------------------------
+
+static int64_t last_time;  // of the calls, for the next
+
+static int64_t begin_of_time(void)
+{
+  static const int64_t BEGINS[] = {0, -50, 1, INT64_C(1700000000000000000), -(INT64_C(1) << 50)};
+  return BEGINS[random_below(5)];
+}
+
+// So late that as many periods are due as are taken after the fact, or some more.
+static int64_t far_late(void)
+{
+  const int64_t behind = FM_MOST_PERIODS_BEHIND - 2 + (int64_t)random_below(4) +
+    (random_below(4) == 0 ? 1000 : 0);
+  return model.next_period + options.period * behind + random_below((uint32_t)options.period);
+}
+
+// Often at what is due or beside it, sometimes late, and sometimes the time goes back.
+static int64_t random_time(void)
+{
+  const int64_t deadline = model_deadline();
+  const bool is_due = deadline != FM_NEVER && deadline != INT64_MIN;
+  const uint32_t what = random_below(20);
+  if (is_due && what < 8) {
+    last_time = deadline - 1 + (what < 5 ? 1 : what < 6 ? 0 : 2);
+  } else if (is_due && what == 8) {
+    last_time = deadline + random_below(100);
+  } else if (what == 9 && random_below(4) == 0) {
+    last_time -= random_below(random_below(2) == 0 ? 5 : 300);
+  } else if (what == 10 && model.has_begun && has_periods() && random_below(100) == 0) {
+    last_time = far_late();
+  } else if (what > 11) {
+    last_time += random_below(what > 17 ? 60 : 6);
+  }
+  return last_time;
+}
+
+// ---- random calls ------------------------------------------------------------------------------
+
+static struct fm_violation out[MAX_REQUIREMENTS];
+
+static struct fm_violation * place_or_null(void)
+{
+  return random_below(16) == 0 ? NULL : out;
+}
+
+static void advance(struct fm_evaluator * evaluator, int64_t now)
+{
+  struct fm_violation * place = place_or_null();
+  const uint32_t n = fm_evaluator_advance(evaluator, now, place);
+  model_advance(now);
+  compare_violations(place, n);
+  compare_deadline(evaluator);
+}
+
+// As a caller does that looks at the deadline, or one that looks at the wake alone: it may be
+// early, but not again and again.
+static bool looks_at_wake;
+
+static void advance_all(struct fm_evaluator * evaluator, int64_t now)
+{
+  uint32_t n_early = 0;
+  while (looks_at_wake ? fm_evaluator_wake(evaluator) <= now : model_deadline() <= now) {
+    n_early += model_deadline() > now;
+    AGREE("waking", n_early <= MAX_INPUTS);
+    advance(evaluator, now);
   }
 }
 
-// A message as the node sends it in: its fields, some of them unusable, then the news.
-static void message(struct fm_evaluator * evaluator, struct fm_violation * out)
+static void advance_before(struct fm_evaluator * evaluator, int64_t now)
+{
+  if (!model.has_begun || model.now != now) {
+    advance_all(evaluator, now - 1);
+  }
+}
+
+static void give_initial(struct fm_evaluator * evaluator, uint32_t i)
+{
+  const union fm_value value = random_value(i);
+  model.has_value[i] = true;
+  // What lies in memory of the input's type is what the model has just written.
+  random_below(2) == 0 ?
+  fm_evaluator_initial_from(evaluator, i, &model.values[inputs[i].offset]) :
+  fm_evaluator_initial(evaluator, i, value);
+}
+
+static void give_value(struct fm_evaluator * evaluator, uint32_t i, int64_t now)
+{
+  const union fm_value value = random_value(i);
+  model_receive(i, now);
+  random_below(2) == 0 ?
+  fm_evaluator_store_from(evaluator, i, &model.values[inputs[i].offset], now) :
+  fm_evaluator_store(evaluator, i, value, now);
+}
+
+// A message in the order that evaluator.h prescribes: what is due before it, its fields, some of
+// them unusable, then the message.
+static void message(struct fm_evaluator * evaluator)
 {
   const uint32_t t = random_below(options.n_topics + 1);
-  const int64_t stamp = (int64_t)random_bits();
+  const int64_t now = random_time();
+  struct fm_violation * place = place_or_null();
+  advance_before(evaluator, now);
   for (uint32_t k = 0; t < options.n_topics && k < topics[t].n_inputs; ++k) {
     if (random_below(8) == 0) {
       fm_evaluator_unusable(evaluator, topics[t].inputs[k]);
-      model.inputs[topics[t].inputs[k]].unusable += 1;
+      counters.inputs[topics[t].inputs[k]].unusable += 1;
     } else {
-      give_value(evaluator, topics[t].inputs[k], false);
+      give_value(evaluator, topics[t].inputs[k], now);
     }
   }
-  const uint32_t n = fm_evaluator_message(evaluator, t, stamp, out);
-  model_message(t, stamp);
-  compare_violations(out, n);
+  const uint32_t n = fm_evaluator_message(evaluator, t, now, place);
+  model_message(t, now);
+  compare_violations(place, n);
 }
 
-static void row(struct fm_evaluator * evaluator, struct fm_violation * out)
+static void row(struct fm_evaluator * evaluator)
 {
-  const int64_t stamp = (int64_t)random_bits();
+  const int64_t now = random_time();
+  struct fm_violation * place = place_or_null();
+  advance_before(evaluator, now);
   for (uint32_t i = 0; i < monitor.n_inputs; ++i) {
     if (random_below(8) != 0) {
-      give_value(evaluator, i, false);
+      give_value(evaluator, i, now);
     }
   }
-  const uint32_t n = fm_evaluator_tick(evaluator, stamp, out);
-  model_tick(stamp);
-  compare_violations(out, n);
+  const uint32_t n = fm_evaluator_step(evaluator, now, place);
+  model_step_all(now);
+  compare_violations(place, n);
 }
 
-// Sometimes of an input that is none, or of one that has spoken since.
-static void silence(struct fm_evaluator * evaluator, struct fm_violation * out)
+// Sometimes not all that is due is taken before the next call.
+static void let_time_pass(struct fm_evaluator * evaluator)
 {
-  const uint32_t i = random_below(monitor.n_inputs + 1);
-  const uint64_t received =
-    fm_evaluator_input_counts(evaluator, i).received - (random_below(8) == 0 ? 1 : 0);
-  const int64_t stamp = (int64_t)random_bits();
-  const uint32_t n = fm_evaluator_stale(evaluator, i, received, stamp, out);
-  model_stale(i, received, stamp);
-  compare_violations(out, n);
+  const int64_t now = random_time();
+  advance(evaluator, now);
+  if (random_below(4) != 0) {
+    advance_all(evaluator, now);
+  }
+}
+
+static void shift(struct fm_evaluator * evaluator)
+{
+  const int64_t by = (int64_t)random_below(200) - 100 +
+    ((int64_t)random_below(3) - 1) * (INT64_C(1) << 40) * (random_below(2) == 0 ? 1 : 0);
+  last_time += by;
+  fm_evaluator_shift(evaluator, by);
+  model_shift(by);
+}
+
+static void undecodable(struct fm_evaluator * evaluator)
+{
+  const uint32_t t = random_below(options.n_topics + 1);
+  fm_evaluator_undecodable(evaluator, t);
+  if (t < options.n_topics) {
+    counters.topics[t].undecodable += 1;
+  }
 }
 
 static void other_call(struct fm_evaluator * evaluator)
 {
-  const uint32_t what = random_below(6);
-  if (what == 0) {
+  const uint32_t what = random_below(5);
+  if (what < 2) {
     fm_evaluator_reset(evaluator);
     model_reset();
-  } else if (what < 3 && options.n_topics > 0) {
-    const uint32_t t = random_below(options.n_topics);
-    fm_evaluator_undecodable(evaluator, t);
-    model.topics[t].undecodable += 1;
-  } else if (what == 3 && monitor.n_inputs > 0) {
-    give_value(evaluator, random_below(monitor.n_inputs), true);
+  } else if (what == 2) {
+    shift(evaluator);
+  } else if (what == 3) {
+    undecodable(evaluator);
+  } else if (monitor.n_inputs > 0) {
+    give_initial(evaluator, random_below(monitor.n_inputs));
   }
+}
+
+static void random_calls(struct fm_evaluator * evaluator, int calls)
+{
+  for (int call = 0; call < calls; ++call) {
+    const uint32_t what = random_below(12);
+    if (what == 0) {
+      other_call(evaluator);
+    } else if (what < 5) {
+      let_time_pass(evaluator);
+    } else if (what == 5 || (options.policy == FM_PERIODIC && what < 8)) {
+      row(evaluator);
+    } else {
+      message(evaluator);
+    }
+    compare(evaluator);
+  }
+}
+
+// ---- save and restore --------------------------------------------------------------------------
+
+struct saved
+{
+  struct instance model;
+  int64_t last_time;
+  uint64_t seed;
+  char * memory;
+  char * block;  // in it
+};
+
+static struct fm_evaluator * make_evaluator(void)
+{
+  void * memory = malloc((size_t)fm_evaluator_bytes(&options));
+  struct fm_evaluator * evaluator = fm_evaluator_init(memory, &options);
+  AGREE("accepting the monitor", evaluator != NULL);
+  memset(&model, 0, sizeof model);
+  memset(&counters, 0, sizeof counters);
+  model_reset();
+  for (uint32_t i = 0; i < MAX_INPUTS; ++i) {
+    model.due[i] = FM_NEVER;
+  }
+  last_time = begin_of_time();
+  return evaluator;
+}
+
+// The block ends where its memory ends, so that the address sanitizer sees a byte too far.
+static struct saved save(const struct fm_evaluator * evaluator)
+{
+  struct saved saved = {model, last_time, seed, NULL, NULL};
+  const size_t misaligned = random_below(8);
+  saved.memory = malloc(misaligned + (size_t)fm_evaluator_instance_bytes(evaluator));
+  saved.block = saved.memory + misaligned;
+  saved.seed = seed;
+  fm_evaluator_save(evaluator, saved.block);
+  return saved;
+}
+
+static void restore(struct fm_evaluator * evaluator, const struct saved * saved)
+{
+  fm_evaluator_restore(evaluator, saved->block);
+  model = saved->model;
+  last_time = saved->last_time;
+  seed = saved->seed;
+  compare(evaluator);
+  seed = saved->seed;
+}
+
+static uint64_t trail_of(struct fm_evaluator * evaluator)
+{
+  trail = 0;
+  looks_at_wake = false;
+  random_calls(evaluator, CALLS_AGAIN);
+  return trail;
+}
+
+static void call_again(struct fm_evaluator * evaluator)
+{
+  const struct saved saved = save(evaluator);
+  const uint64_t first = trail_of(evaluator);
+  restore(evaluator, &saved);
+  AGREE("the calls after a restore", trail_of(evaluator) == first);
+  const struct instance after = model;
+  const struct counters of_first = counters;
+  const int64_t last_of_first = last_time;
+  struct fm_evaluator * second = make_evaluator();
+  random_calls(second, CALLS_AGAIN);
+  restore(second, &saved);
+  AGREE("the calls of a second evaluator", trail_of(second) == first);
+  free(second);
+  free(saved.memory);
+  model = after;
+  counters = of_first;
+  last_time = last_of_first;
 }
 
 static void run(void)
 {
   make_monitor();
-  memset(&model, 0, sizeof model);
-  model_reset();
-  const size_t room = monitor.n_requirements > 0 ? monitor.n_requirements : 1;
-  struct fm_violation * out = malloc(room * sizeof *out);
-  void * memory = malloc((size_t)fm_evaluator_bytes(&options));
-  struct fm_evaluator * evaluator = fm_evaluator_init(memory, &options);
-  AGREE("accepting the monitor", evaluator != NULL);
-  for (int call = 0; call < CALLS; ++call) {
-    const uint32_t what = random_below(12);
-    if (what == 0) {
-      other_call(evaluator);
-    } else if (what == 2) {
-      silence(evaluator, out);
-    } else if (what == 1 || options.policy == FM_PERIODIC) {
-      random_below(2) == 0 ? row(evaluator, out) : message(evaluator, out);
-    } else {
-      message(evaluator, out);
-    }
-    compare_requirements(evaluator);
-    compare_inputs(evaluator);
-    compare_groups_and_topics(evaluator);
-  }
-  free(memory);
-  free(out);
+  looks_at_wake = random_below(2) == 0;
+  struct fm_evaluator * evaluator = make_evaluator();
+  random_calls(evaluator, (int)random_below(CALLS));
+  call_again(evaluator);
+  random_calls(evaluator, CALLS / 2);
+  free(evaluator);
 }
 
 int main(int argc, char ** argv)
@@ -586,6 +985,6 @@ int main(int argc, char ** argv)
   for (unsigned long k = 0; k < runs; ++k) {
     run();
   }
-  printf("%lu monitors, %d calls each\n", runs, CALLS);
+  printf("%lu monitors\n", runs);
   return 0;
 }

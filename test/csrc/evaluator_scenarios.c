@@ -124,6 +124,7 @@ static const uint32_t FEEDS_FLAG[] = {FLAG};
 static const uint32_t FEEDS_LEVEL[] = {LEVEL};
 static const struct fm_topic TOPICS[] = {{FEEDS_FLAG, 1}, {FEEDS_LEVEL, 1}, {NULL, 0}};
 static const bool ONSET_OF_A[] = {true, false, false, false};
+static const bool BOTH_VIOLATE[] = {true, true};
 
 // ---- helpers -----------------------------------------------------------------------------------
 
@@ -133,7 +134,7 @@ static struct fm_violation out[N_REQUIREMENTS];
 static struct fm_evaluator_options options_of(enum fm_policy policy)
 {
   const struct fm_evaluator_options options = {
-    &MONITOR, TOPICS, N_TOPICS, (uint32_t)policy, ONSET_OF_A};
+    &MONITOR, TOPICS, N_TOPICS, (uint32_t)policy, ONSET_OF_A, NULL, NULL, 0, 0};
   return options;
 }
 
@@ -151,28 +152,43 @@ static struct fm_evaluator * with_policy(enum fm_policy policy)
   return make(&options);
 }
 
-static void store_flag(struct fm_evaluator * evaluator, bool flag)
+static void store_flag(struct fm_evaluator * evaluator, bool flag, int64_t now)
 {
   const union fm_value value = {.i = flag};
-  fm_evaluator_store(evaluator, FLAG, value);
+  fm_evaluator_store(evaluator, FLAG, value, now);
 }
 
-static void store_level(struct fm_evaluator * evaluator, double level)
+static void store_level(struct fm_evaluator * evaluator, double level, int64_t now)
 {
   const union fm_value value = {.f = level};
-  fm_evaluator_store(evaluator, LEVEL, value);
+  fm_evaluator_store(evaluator, LEVEL, value, now);
+}
+
+static uint32_t flag_at(struct fm_evaluator * evaluator, bool flag, int64_t now)
+{
+  store_flag(evaluator, flag, now);
+  return fm_evaluator_message(evaluator, FLAG_TOPIC, now, out);
+}
+
+static uint32_t level_at(struct fm_evaluator * evaluator, double level, int64_t now)
+{
+  store_level(evaluator, level, now);
+  return fm_evaluator_message(evaluator, LEVEL_TOPIC, now, out);
 }
 
 static uint32_t flag_message(struct fm_evaluator * evaluator, bool flag)
 {
-  store_flag(evaluator, flag);
-  return fm_evaluator_message(evaluator, FLAG_TOPIC, 100, out);
+  return flag_at(evaluator, flag, 100);
 }
 
 static uint32_t level_message(struct fm_evaluator * evaluator, double level)
 {
-  store_level(evaluator, level);
-  return fm_evaluator_message(evaluator, LEVEL_TOPIC, 200, out);
+  return level_at(evaluator, level, 200);
+}
+
+static uint32_t advance(struct fm_evaluator * evaluator, int64_t now)
+{
+  return fm_evaluator_advance(evaluator, now, out);
 }
 
 static bool stepped(const struct fm_evaluator * evaluator, uint64_t a, uint64_t b, uint64_t c)
@@ -282,14 +298,14 @@ static void all_inputs_waits_for_a_value_even_where_there_is_an_initial_one(void
   CHECK(stepped(evaluator, 1, 1, 2));
 }
 
-static void a_period_is_a_step_and_a_message_is_none(void)
+static void with_periodic_a_message_is_no_step(void)
 {
   struct fm_evaluator * evaluator = with_policy(FM_PERIODIC);
   CHECK(level_message(evaluator, 50.0) == 0 && stepped(evaluator, 0, 0, 0));
-  CHECK(fm_evaluator_tick(evaluator, -7, out) == 1 && is_violation(0, B, 0, -7));
+  CHECK(fm_evaluator_step(evaluator, -7, out) == 1 && is_violation(0, B, 0, -7));
   CHECK(stepped(evaluator, 0, 1, 1));
   (void)flag_message(evaluator, true);
-  CHECK(fm_evaluator_tick(evaluator, 0, out) == 2 && stepped(evaluator, 1, 2, 2));
+  CHECK(fm_evaluator_step(evaluator, 0, out) == 2 && stepped(evaluator, 1, 2, 2));
   CHECK(fm_evaluator_topic_counts(evaluator, FLAG_TOPIC).messages == 1);
 }
 
@@ -297,10 +313,10 @@ static void a_row_is_a_step_under_every_policy(void)
 {
   for (int policy = FM_EVERY_MESSAGE; policy <= FM_PERIODIC; ++policy) {
     struct fm_evaluator * evaluator = with_policy((enum fm_policy)policy);
-    store_flag(evaluator, true);
-    store_level(evaluator, 50.0);
-    CHECK(fm_evaluator_tick(evaluator, 3, out) == 1 && is_violation(0, B, 0, 3));
-    CHECK(fm_evaluator_tick(evaluator, 4, out) == 2 && stepped(evaluator, 2, 2, 2));
+    store_flag(evaluator, true, 0);
+    store_level(evaluator, 50.0, 0);
+    CHECK(fm_evaluator_step(evaluator, 3, out) == 1 && is_violation(0, B, 0, 3));
+    CHECK(fm_evaluator_step(evaluator, 4, out) == 2 && stepped(evaluator, 2, 2, 2));
   }
 }
 
@@ -313,7 +329,7 @@ static void all_groups_are_stepped_in_one_call_once_all_are_ready(void)
   CHECK(n_common_steps == 0 && stepped(evaluator, 0, 2, 2));
   CHECK(flag_message(evaluator, false) == 3 && n_common_steps == 1 && stepped(evaluator, 1, 3, 3));
   CHECK(is_violation(0, A, 0, 100) && is_violation(1, C, 0, 100) && is_violation(2, B, 2, 100));
-  CHECK(fm_evaluator_tick(evaluator, 5, out) == 2 && n_common_steps == 2);
+  CHECK(fm_evaluator_step(evaluator, 5, out) == 2 && n_common_steps == 2);
 }
 
 static void other_messages_step_some_groups_by_themselves(void)
@@ -338,12 +354,12 @@ static void groups_are_stepped_one_by_one_without_a_common_step(void)
   CHECK(stepped(evaluator, 2, 3, 3) && is_violation(0, B, 2, 200));
 }
 
-static void a_tick_starts_the_wait_of_all_inputs_anew(void)
+static void after_a_row_all_inputs_waits_for_all_inputs_anew(void)
 {
   struct fm_evaluator * evaluator = with_policy(FM_ALL_INPUTS);
   (void)flag_message(evaluator, true);
-  store_level(evaluator, 1.0);
-  (void)fm_evaluator_tick(evaluator, 0, out);
+  store_level(evaluator, 1.0, 0);
+  (void)fm_evaluator_step(evaluator, 0, out);
   CHECK(stepped(evaluator, 1, 1, 2));
   (void)flag_message(evaluator, true);
   CHECK(stepped(evaluator, 1, 1, 3));
@@ -394,7 +410,7 @@ static void with_all_inputs_an_unusable_field_is_not_received(void)
 
 // ---- what is reported --------------------------------------------------------------------------
 
-static void onset_is_told_when_the_verdict_turns_false(void)
+static void onset_announces_when_the_verdict_turns_false(void)
 {
   struct fm_evaluator * evaluator = with_policy(FM_RELEVANT_MESSAGE);
   (void)level_message(evaluator, 1.0);
@@ -407,7 +423,7 @@ static void onset_is_told_when_the_verdict_turns_false(void)
   CHECK(fm_evaluator_requirement_counts(evaluator, A).announced == 2);
 }
 
-static void every_step_is_told_otherwise(void)
+static void without_onset_every_violating_step_is_announced(void)
 {
   struct fm_evaluator * evaluator = with_policy(FM_RELEVANT_MESSAGE);
   (void)level_message(evaluator, 50.0);
@@ -429,9 +445,9 @@ static void without_flags_no_requirement_reports_onsets(void)
 static void violations_are_counted_without_a_place_for_them(void)
 {
   struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
-  store_level(evaluator, 50.0);
+  store_level(evaluator, 50.0, 0);
   CHECK(fm_evaluator_message(evaluator, LEVEL_TOPIC, 0, NULL) == 1);
-  CHECK(fm_evaluator_tick(evaluator, 0, NULL) == 2);
+  CHECK(fm_evaluator_step(evaluator, 0, NULL) == 2);
   CHECK(fm_evaluator_requirement_counts(evaluator, B).announced == 2);
 }
 
@@ -476,21 +492,184 @@ static void reset_makes_all_inputs_wait_for_everything_anew(void)
   CHECK(fm_evaluator_input_counts(evaluator, LEVEL).overwritten == 0);
 }
 
-// ---- silence -----------------------------------------------------------------------------------
+// ---- timeouts ----------------------------------------------------------------------------------
 
-static uint32_t stale(struct fm_evaluator * evaluator, uint32_t input)
+static const int64_t FLAG_50[] = {50, 0};
+static const int64_t BOTH_50[] = {50, 50};
+
+static struct fm_evaluator_options timed(enum fm_policy policy, const int64_t * timeouts)
 {
-  const uint64_t received = fm_evaluator_input_counts(evaluator, input).received;
-  return fm_evaluator_stale(evaluator, input, received, 300, out);
+  struct fm_evaluator_options options = options_of(policy);
+  options.timeouts = timeouts;
+  options.violates = BOTH_VIOLATE;
+  return options;
 }
+
+static struct fm_evaluator * begun_at_1000(const struct fm_evaluator_options * options)
+{
+  struct fm_evaluator * evaluator = make(options);
+  CHECK(advance(evaluator, 1000) == 0);
+  return evaluator;
+}
+
+static struct fm_evaluator * with_timeouts(enum fm_policy policy, const int64_t * timeouts)
+{
+  const struct fm_evaluator_options options = timed(policy, timeouts);
+  return begun_at_1000(&options);
+}
+
+static struct fm_silence silence_of_flag(const struct fm_evaluator * evaluator)
+{
+  return fm_evaluator_silence(evaluator, FLAG);
+}
+
+static void time_begins_with_the_first_advance(void)
+{
+  const struct fm_evaluator_options options = timed(FM_PERIODIC, BOTH_50);
+  struct fm_evaluator * evaluator = make(&options);
+  CHECK(fm_evaluator_deadline(evaluator) == INT64_MIN && fm_evaluator_now(evaluator) == 0);
+  CHECK(fm_evaluator_wake(evaluator) == INT64_MIN);
+  store_flag(evaluator, true, 980);
+  CHECK(fm_evaluator_deadline(evaluator) == INT64_MIN);
+  CHECK(advance(evaluator, 1000) == 0 && fm_evaluator_now(evaluator) == 1000);
+  CHECK(fm_evaluator_deadline(evaluator) == 1050);
+}
+
+static void without_timeouts_and_periods_nothing_is_due(void)
+{
+  struct fm_evaluator * evaluator = with_policy(FM_PERIODIC);
+  CHECK(advance(evaluator, 1000) == 0 && fm_evaluator_deadline(evaluator) == FM_NEVER);
+  store_flag(evaluator, true, 1010);
+  CHECK(advance(evaluator, 100000) == 0 && fm_evaluator_deadline(evaluator) == FM_NEVER);
+  CHECK(fm_evaluator_now(evaluator) == 100000 && stepped(evaluator, 0, 0, 0));
+}
+
+static void an_input_that_never_came_is_silent_a_timeout_after_the_time_began(void)
+{
+  const int64_t level_50[] = {0, 50};
+  struct fm_evaluator * evaluator = with_timeouts(FM_EVERY_MESSAGE, level_50);
+  CHECK(advance(evaluator, 1050) == 3 && is_violation(0, A, 0, 1050));
+  CHECK(is_violation(1, C, 0, 1050) && is_violation(2, B, 0, 1050));
+  CHECK(stepped(evaluator, 0, 0, 0) && !fm_evaluator_verdicts(evaluator)[A]);
+}
+
+static void a_group_that_is_not_ready_is_satisfied_again_when_its_silence_ends(void)
+{
+  const int64_t level_50[] = {0, 50};
+  struct fm_evaluator * evaluator = with_timeouts(FM_EVERY_MESSAGE, level_50);
+  CHECK(advance(evaluator, 1050) == 3);
+  CHECK(level_at(evaluator, 1.0, 1060) == 0 && fm_evaluator_verdicts(evaluator)[B]);
+  CHECK(fm_evaluator_verdicts(evaluator)[A] && !fm_evaluator_ready(evaluator, 0));
+  CHECK(advance(evaluator, 1110) == 3 && is_violation(0, A, 0, 1110));
+  CHECK(is_violation(2, B, 1, 1110));
+}
+
+static void a_timeout_comes_exactly_at_its_instant(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
+  store_flag(evaluator, true, 1020);
+  CHECK(fm_evaluator_deadline(evaluator) == 1070);
+  CHECK(advance(evaluator, 1069) == 0 && !silence_of_flag(evaluator).is_silent);
+  CHECK(advance(evaluator, 1070) == 2 && is_violation(0, A, 0, 1070));
+  CHECK(is_violation(1, C, 0, 1070) && silence_of_flag(evaluator).is_silent);
+  CHECK(fm_evaluator_deadline(evaluator) == FM_NEVER && advance(evaluator, 2000) == 0);
+}
+
+static void a_timeout_is_stamped_with_its_instant_however_late(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
+  CHECK(advance(evaluator, 1000000) == 2 && is_violation(0, A, 0, 1050));
+  CHECK(is_violation(1, C, 0, 1050) && fm_evaluator_now(evaluator) == 1000000);
+}
+
+static void a_message_at_the_instant_of_a_timeout_comes_before_it(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
+  CHECK(advance(evaluator, 1049) == 0 && flag_at(evaluator, true, 1050) == 0);
+  CHECK(advance(evaluator, 1050) == 0 && silence_of_flag(evaluator).count == 0);
+  CHECK(fm_evaluator_deadline(evaluator) == 1100);
+}
+
+static void a_message_after_the_instant_of_a_timeout_comes_after_it(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
+  CHECK(advance(evaluator, 1050) == 2 && flag_at(evaluator, true, 1051) == 0);
+  CHECK(!fm_evaluator_is_stale(evaluator, FLAG) && fm_evaluator_deadline(evaluator) == 1101);
+  CHECK(silence_of_flag(evaluator).count == 1 && silence_of_flag(evaluator).lasted == 51);
+}
+
+static void the_wake_may_be_early_but_not_twice(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
+  CHECK(fm_evaluator_deadline(evaluator) == 1050 && fm_evaluator_wake(evaluator) == 1050);
+  store_flag(evaluator, true, 1040);
+  CHECK(fm_evaluator_wake(evaluator) <= 1090);
+  CHECK(advance(evaluator, 1050) == 0 && fm_evaluator_wake(evaluator) == 1090);
+  CHECK(fm_evaluator_deadline(evaluator) == 1090);
+}
+
+static void timeouts_of_one_instant_come_one_by_one_in_the_order_of_the_inputs(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, BOTH_50);
+  CHECK(advance(evaluator, 1050) == 2 && is_violation(0, A, 0, 1050));
+  CHECK(!fm_evaluator_is_stale(evaluator, LEVEL) && fm_evaluator_deadline(evaluator) == 1050);
+  // C reads the level as well, but is violated already.
+  CHECK(advance(evaluator, 1050) == 1 && is_violation(0, B, 0, 1050));
+  CHECK(fm_evaluator_deadline(evaluator) == FM_NEVER);
+}
+
+static void what_is_due_first_comes_first_however_late(void)
+{
+  const int64_t level_first[] = {50, 30};
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, level_first);
+  CHECK(advance(evaluator, 2000) == 3 && is_violation(0, A, 0, 1030));
+  CHECK(is_violation(1, C, 0, 1030) && is_violation(2, B, 0, 1030));
+  CHECK(!fm_evaluator_is_stale(evaluator, FLAG) && fm_evaluator_deadline(evaluator) == 1050);
+  CHECK(advance(evaluator, 2000) == 0 && fm_evaluator_is_stale(evaluator, FLAG));
+}
+
+static void an_initial_value_neither_puts_a_timeout_off_nor_ends_a_silence(void)
+{
+  const union fm_value yes = {.i = 1};
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
+  fm_evaluator_initial(evaluator, FLAG, yes);
+  CHECK(fm_evaluator_deadline(evaluator) == 1050 && advance(evaluator, 1050) == 2);
+  fm_evaluator_initial(evaluator, FLAG, yes);
+  CHECK(fm_evaluator_is_stale(evaluator, FLAG) && silence_of_flag(evaluator).is_silent);
+  CHECK(fm_evaluator_deadline(evaluator) == FM_NEVER);
+}
+
+static void a_field_that_cannot_be_used_neither_puts_a_timeout_off_nor_ends_a_silence(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
+  CHECK(advance(evaluator, 1040) == 0);
+  fm_evaluator_unusable(evaluator, FLAG);
+  (void)fm_evaluator_message(evaluator, FLAG_TOPIC, 1040, out);
+  CHECK(fm_evaluator_deadline(evaluator) == 1050 && advance(evaluator, 1050) == 2);
+  fm_evaluator_unusable(evaluator, FLAG);
+  CHECK(silence_of_flag(evaluator).is_silent);
+}
+
+static void rows_come_at_the_time_of_the_evaluator(void)
+{
+  const uint8_t flags[] = {1};
+  const void * const columns[] = {flags, NULL};
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
+  CHECK(advance(evaluator, 1030) == 0);
+  (void)fm_evaluator_rows(evaluator, columns, 1, NULL);
+  CHECK(fm_evaluator_deadline(evaluator) == 1080 && fm_evaluator_now(evaluator) == 1030);
+}
+
+// ---- silence -----------------------------------------------------------------------------------
 
 static void what_reads_a_stale_input_is_violated_at_once_and_without_a_step(void)
 {
-  struct fm_evaluator * evaluator = with_policy(FM_RELEVANT_MESSAGE);
-  (void)level_message(evaluator, 1.0);
-  (void)flag_message(evaluator, true);
+  struct fm_evaluator * evaluator = with_timeouts(FM_RELEVANT_MESSAGE, FLAG_50);
+  (void)level_at(evaluator, 1.0, 1001);
+  (void)flag_at(evaluator, true, 1010);
   CHECK(stepped(evaluator, 1, 1, 2));
-  CHECK(stale(evaluator, FLAG) == 2 && is_violation(0, A, 1, 300) && is_violation(1, C, 1, 300));
+  CHECK(advance(evaluator, 1060) == 2);
+  CHECK(is_violation(0, A, 1, 1060) && is_violation(1, C, 1, 1060));
   CHECK(fm_evaluator_is_stale(evaluator, FLAG) && !fm_evaluator_is_stale(evaluator, LEVEL));
   CHECK(stepped(evaluator, 1, 1, 2) && !fm_evaluator_verdicts(evaluator)[C]);
   CHECK(fm_evaluator_verdicts(evaluator)[B] && fm_evaluator_ready(evaluator, 0));
@@ -498,74 +677,468 @@ static void what_reads_a_stale_input_is_violated_at_once_and_without_a_step(void
   CHECK(counts.steps == 1 && counts.violations == 1 && counts.announced == 1 && !counts.verdict);
 }
 
-static void a_silence_is_told_once_and_by_each_step_that_is_due(void)
+static void a_silence_violates_once_and_then_at_each_step(void)
 {
-  struct fm_evaluator * evaluator = with_policy(FM_RELEVANT_MESSAGE);
-  (void)level_message(evaluator, 1.0);
-  (void)flag_message(evaluator, true);
-  CHECK(stale(evaluator, FLAG) == 2 && stale(evaluator, FLAG) == 0);
-  CHECK(stale(evaluator, LEVEL) == 1 && is_violation(0, B, 1, 300));  // A and C are told of
-  // A reports its onset, and that was the silence.
-  CHECK(level_message(evaluator, 1.0) == 1 && is_violation(0, C, 1, 200));
+  struct fm_evaluator * evaluator = with_timeouts(FM_RELEVANT_MESSAGE, BOTH_50);
+  (void)level_at(evaluator, 1.0, 1001);
+  (void)flag_at(evaluator, true, 1001);
+  CHECK(advance(evaluator, 1051) == 2 && advance(evaluator, 1051) == 1);
+  // A reports its onset, which was the timeout; B has its input again.
+  CHECK(level_at(evaluator, 1.0, 1052) == 1 && is_violation(0, C, 1, 1052));
   CHECK(stepped(evaluator, 2, 2, 3) && fm_evaluator_verdicts(evaluator)[B]);
 }
 
-static void a_value_ends_a_silence_and_the_past_went_on(void)
+static void a_value_ends_a_silence_and_the_next_step_is_judged_as_ever(void)
 {
-  struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
-  (void)level_message(evaluator, 1.0);
-  (void)flag_message(evaluator, true);
-  CHECK(stale(evaluator, FLAG) == 2);
-  store_flag(evaluator, true);
+  struct fm_evaluator * evaluator = with_timeouts(FM_EVERY_MESSAGE, FLAG_50);
+  (void)level_at(evaluator, 1.0, 1001);
+  (void)flag_at(evaluator, true, 1001);
+  CHECK(advance(evaluator, 1051) == 2);
+  store_flag(evaluator, true, 1052);
   CHECK(!fm_evaluator_is_stale(evaluator, FLAG) && !fm_evaluator_verdicts(evaluator)[A]);
-  CHECK(fm_evaluator_message(evaluator, FLAG_TOPIC, 100, out) == 0);
+  CHECK(fm_evaluator_message(evaluator, FLAG_TOPIC, 1052, out) == 0);
   CHECK(fm_evaluator_verdicts(evaluator)[A] && stepped(evaluator, 2, 3, 3));
-  CHECK(stale(evaluator, FLAG) == 2 && is_violation(0, A, 2, 300));
+  CHECK(advance(evaluator, 1102) == 2 && is_violation(0, A, 2, 1102));
 }
 
-static void a_value_that_came_meanwhile_is_no_silence(void)
+static void an_onset_that_is_violated_already_is_not_announced_by_a_silence(void)
 {
-  struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
-  (void)flag_message(evaluator, true);
-  const uint64_t received = fm_evaluator_input_counts(evaluator, FLAG).received;
-  (void)flag_message(evaluator, true);
-  CHECK(fm_evaluator_stale(evaluator, FLAG, received, 300, out) == 0);
-  CHECK(!fm_evaluator_is_stale(evaluator, FLAG));
-}
-
-static void an_input_that_never_spoke_is_told_and_forgiven_when_it_does(void)
-{
-  struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
-  CHECK(stale(evaluator, LEVEL) == 3 && is_violation(0, A, 0, 300) && is_violation(2, B, 0, 300));
-  CHECK(stepped(evaluator, 0, 0, 0) && !fm_evaluator_verdicts(evaluator)[A]);
-  CHECK(level_message(evaluator, 1.0) == 0 && fm_evaluator_verdicts(evaluator)[B]);
-  // Nothing can be said of A without a flag; a second silence is news.
-  CHECK(fm_evaluator_verdicts(evaluator)[A] && !fm_evaluator_ready(evaluator, 0));
-  CHECK(stale(evaluator, LEVEL) == 3 && is_violation(0, A, 0, 300) && is_violation(2, B, 1, 300));
-}
-
-static void an_onset_that_is_violated_already_is_not_told_anew_by_a_silence(void)
-{
-  struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
-  (void)level_message(evaluator, 1.0);
-  CHECK(flag_message(evaluator, false) == 2);  // A, and D at its step 1
-  CHECK(stale(evaluator, FLAG) == 1 && is_violation(0, C, 1, 300));
+  struct fm_evaluator * evaluator = with_timeouts(FM_EVERY_MESSAGE, FLAG_50);
+  (void)level_at(evaluator, 1.0, 1001);
+  CHECK(flag_at(evaluator, false, 1001) == 2);  // A, and D at its step 1
+  CHECK(advance(evaluator, 1051) == 1 && is_violation(0, C, 1, 1051));
   CHECK(fm_evaluator_requirement_counts(evaluator, A).violations == 2);
   CHECK(fm_evaluator_requirement_counts(evaluator, A).announced == 1);
 }
 
-static void a_stale_input_is_told_anew_after_a_reset(void)
+static void violations_of_a_timeout_are_counted_without_a_place_for_them(void)
 {
-  struct fm_evaluator * evaluator = with_policy(FM_PERIODIC);
-  store_flag(evaluator, true);
-  store_level(evaluator, 1.0);
-  CHECK(stale(evaluator, FLAG) == 2);
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
+  CHECK(fm_evaluator_advance(evaluator, 1050, NULL) == 2);
+  CHECK(fm_evaluator_requirement_counts(evaluator, C).announced == 1);
+}
+
+static void a_silence_without_violates_is_counted_and_violates_nothing(void)
+{
+  struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
+  options.violates = NULL;
+  struct fm_evaluator * evaluator = begun_at_1000(&options);
+  CHECK(advance(evaluator, 1050) == 0 && fm_evaluator_deadline(evaluator) == FM_NEVER);
+  CHECK(silence_of_flag(evaluator).is_silent && silence_of_flag(evaluator).count == 1);
+  CHECK(!fm_evaluator_is_stale(evaluator, FLAG) && fm_evaluator_verdicts(evaluator)[A]);
+  CHECK(fm_evaluator_requirement_counts(evaluator, A).violations == 0);
+}
+
+static void each_input_has_its_own_violates(void)
+{
+  const bool level_alone[] = {false, true};
+  struct fm_evaluator_options options = timed(FM_PERIODIC, BOTH_50);
+  options.violates = level_alone;
+  struct fm_evaluator * evaluator = begun_at_1000(&options);
+  CHECK(advance(evaluator, 1050) == 0 && silence_of_flag(evaluator).is_silent);
+  CHECK(advance(evaluator, 1050) == 3 && is_violation(0, A, 0, 1050));
+}
+
+static void a_silence_lasts_from_the_value_before_it_until_the_value_after_it(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
+  store_flag(evaluator, true, 1020);
+  CHECK(silence_of_flag(evaluator).lasted == 0 && advance(evaluator, 1075) == 2);
+  CHECK(silence_of_flag(evaluator).lasted == 55);
+  CHECK(advance(evaluator, 1100) == 0 && silence_of_flag(evaluator).lasted == 80);
+  store_flag(evaluator, true, 1110);
+  CHECK(!silence_of_flag(evaluator).is_silent && silence_of_flag(evaluator).lasted == 90);
+  store_flag(evaluator, true, 1115);
+  CHECK(silence_of_flag(evaluator).lasted == 90 && silence_of_flag(evaluator).count == 1);
+}
+
+static void a_reset_makes_a_stale_input_due_at_once(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
+  CHECK(advance(evaluator, 1050) == 2 && advance(evaluator, 1100) == 0);
   fm_evaluator_reset(evaluator);
   CHECK(fm_evaluator_is_stale(evaluator, FLAG) && fm_evaluator_verdicts(evaluator)[A]);
-  CHECK(stale(evaluator, FLAG) == 2 && is_violation(0, A, 0, 300) && stale(evaluator, FLAG) == 0);
+  CHECK(fm_evaluator_deadline(evaluator) == 1100);
+  CHECK(advance(evaluator, 1200) == 2 && is_violation(0, A, 0, 1100));
+  CHECK(advance(evaluator, 1200) == 0 && fm_evaluator_deadline(evaluator) == FM_NEVER);
+  CHECK(silence_of_flag(evaluator).count == 1 && silence_of_flag(evaluator).lasted == 200);
+}
+
+static void after_a_reset_a_step_violates_what_is_stale_and_its_timeout_not_again(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
+  store_flag(evaluator, true, 1000);
+  store_level(evaluator, 1.0, 1000);
+  CHECK(advance(evaluator, 1050) == 2);
   fm_evaluator_reset(evaluator);
-  CHECK(fm_evaluator_tick(evaluator, 7, out) == 2 && is_violation(0, A, 0, 7));
-  CHECK(stale(evaluator, FLAG) == 0);  // a step has told it
+  CHECK(fm_evaluator_step(evaluator, 1060, out) == 2 && is_violation(0, A, 0, 1060));
+  CHECK(advance(evaluator, 1070) == 0 && fm_evaluator_deadline(evaluator) == FM_NEVER);
+}
+
+static void a_reset_leaves_other_timeouts_alone(void)
+{
+  struct fm_evaluator_options options = timed(FM_PERIODIC, BOTH_50);
+  options.violates = NULL;
+  struct fm_evaluator * evaluator = begun_at_1000(&options);
+  store_level(evaluator, 1.0, 1040);
+  CHECK(advance(evaluator, 1050) == 0 && silence_of_flag(evaluator).is_silent);
+  fm_evaluator_reset(evaluator);
+  CHECK(fm_evaluator_deadline(evaluator) == 1090);
+}
+
+// ---- patience ----------------------------------------------------------------------------------
+
+static struct fm_evaluator * with_patience_of_10(void)
+{
+  struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
+  options.patience = 10;
+  return begun_at_1000(&options);
+}
+
+static void a_timeout_found_late_is_put_off_once_by_as_much(void)
+{
+  struct fm_evaluator * evaluator = with_patience_of_10();
+  CHECK(advance(evaluator, 1061) == 0 && !silence_of_flag(evaluator).is_silent);
+  CHECK(fm_evaluator_deadline(evaluator) == 1072 && advance(evaluator, 1071) == 0);
+  CHECK(advance(evaluator, 1100) == 2 && is_violation(0, A, 0, 1072));
+  CHECK(silence_of_flag(evaluator).count == 1 && silence_of_flag(evaluator).lasted == 100);
+}
+
+static void a_timeout_found_within_the_patience_is_not_put_off(void)
+{
+  struct fm_evaluator * evaluator = with_patience_of_10();
+  CHECK(advance(evaluator, 1060) == 2 && is_violation(0, A, 0, 1050));
+}
+
+static void a_timeout_is_put_off_at_most_by_its_own_length(void)
+{
+  struct fm_evaluator * evaluator = with_patience_of_10();
+  CHECK(advance(evaluator, 9000) == 0 && fm_evaluator_deadline(evaluator) == 9050);
+}
+
+static void after_a_value_a_timeout_may_be_put_off_again(void)
+{
+  struct fm_evaluator * evaluator = with_patience_of_10();
+  CHECK(advance(evaluator, 1061) == 0 && fm_evaluator_deadline(evaluator) == 1072);
+  store_flag(evaluator, true, 1065);
+  CHECK(fm_evaluator_deadline(evaluator) == 1115 && advance(evaluator, 1130) == 0);
+  CHECK(fm_evaluator_deadline(evaluator) == 1145 && advance(evaluator, 1145) == 2);
+}
+
+static void what_a_reset_made_due_is_not_put_off(void)
+{
+  struct fm_evaluator * evaluator = with_patience_of_10();
+  CHECK(advance(evaluator, 1055) == 2);
+  fm_evaluator_reset(evaluator);
+  CHECK(advance(evaluator, 5000) == 2 && is_violation(0, A, 0, 1055));
+}
+
+static void a_period_found_late_is_not_put_off(void)
+{
+  struct fm_evaluator_options options = options_of(FM_PERIODIC);
+  options.period = 100;
+  options.patience = 10;
+  struct fm_evaluator * evaluator = begun_at_1000(&options);
+  CHECK(advance(evaluator, 1190) == 0 && stepped(evaluator, 0, 0, 1));
+}
+
+// ---- the time goes back, or its clock is changed -----------------------------------------------
+
+static void what_is_due_in_a_while_is_due_in_that_while_after_time_went_back(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
+  CHECK(advance(evaluator, 1020) == 0 && advance(evaluator, 20) == 0);
+  CHECK(fm_evaluator_now(evaluator) == 20 && fm_evaluator_deadline(evaluator) == 50);
+  CHECK(fm_evaluator_time_counts(evaluator).restarts == 1);
+  CHECK(advance(evaluator, 50) == 2 && is_violation(0, A, 0, 50));
+}
+
+static void time_that_goes_back_keeps_values_steps_and_silences(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_EVERY_MESSAGE, FLAG_50);
+  (void)level_at(evaluator, 50.0, 1000);
+  CHECK(advance(evaluator, 1100) == 2 && advance(evaluator, 0) == 0);
+  CHECK(fm_evaluator_has_value(evaluator, LEVEL) && stepped(evaluator, 0, 1, 1));
+  CHECK(!fm_evaluator_verdicts(evaluator)[A] && !fm_evaluator_verdicts(evaluator)[B]);
+  CHECK(silence_of_flag(evaluator).is_silent && silence_of_flag(evaluator).lasted == 100);
+  CHECK(silence_of_flag(evaluator).count == 1);
+}
+
+static void what_is_overdue_is_taken_as_time_goes_back(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, BOTH_50);
+  CHECK(advance(evaluator, 1060) == 2 && advance(evaluator, 60) == 1);
+  CHECK(is_violation(0, B, 0, 50));
+}
+
+static void time_that_stands_still_does_not_go_back(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
+  CHECK(advance(evaluator, 1000) == 0 && fm_evaluator_deadline(evaluator) == 1050);
+  CHECK(fm_evaluator_time_counts(evaluator).restarts == 0);
+}
+
+static void after_a_shift_all_comes_later_by_as_much(void)
+{
+  struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
+  options.period = 100;
+  struct fm_evaluator * evaluator = begun_at_1000(&options);
+  fm_evaluator_shift(evaluator, 5000);
+  CHECK(fm_evaluator_now(evaluator) == 6000 && fm_evaluator_deadline(evaluator) == 6050);
+  CHECK(advance(evaluator, 6050) == 2 && is_violation(0, A, 0, 6050));
+  CHECK(fm_evaluator_deadline(evaluator) == 6100 && silence_of_flag(evaluator).lasted == 50);
+  fm_evaluator_shift(evaluator, -6000);
+  CHECK(fm_evaluator_deadline(evaluator) == 100 && silence_of_flag(evaluator).lasted == 50);
+  CHECK(fm_evaluator_time_counts(evaluator).restarts == 0);
+}
+
+static void a_shift_before_the_time_has_begun_does_nothing(void)
+{
+  const struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
+  struct fm_evaluator * evaluator = make(&options);
+  fm_evaluator_shift(evaluator, 5000);
+  CHECK(fm_evaluator_deadline(evaluator) == INT64_MIN && fm_evaluator_now(evaluator) == 0);
+  CHECK(advance(evaluator, 1000) == 0 && fm_evaluator_deadline(evaluator) == 1050);
+}
+
+// ---- periods -----------------------------------------------------------------------------------
+
+static struct fm_evaluator * with_period(int64_t period)
+{
+  struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
+  options.timeouts = NULL;
+  options.period = period;
+  return begun_at_1000(&options);
+}
+
+static void each_period_is_a_step_at_its_end(void)
+{
+  struct fm_evaluator * evaluator = with_period(100);
+  store_level(evaluator, 50.0, 1000);
+  CHECK(fm_evaluator_deadline(evaluator) == 1100 && advance(evaluator, 1099) == 0);
+  CHECK(advance(evaluator, 1100) == 1 && is_violation(0, B, 0, 1100));
+  CHECK(stepped(evaluator, 0, 1, 1) && fm_evaluator_deadline(evaluator) == 1200);
+  CHECK(advance(evaluator, 1100) == 0 && stepped(evaluator, 0, 1, 1));
+  CHECK(fm_evaluator_time_counts(evaluator).periods == 1);
+}
+
+static void a_message_at_the_end_of_a_period_is_part_of_it(void)
+{
+  struct fm_evaluator * evaluator = with_period(100);
+  store_level(evaluator, 1.0, 1000);
+  CHECK(advance(evaluator, 1099) == 0 && level_at(evaluator, 50.0, 1100) == 0);
+  CHECK(advance(evaluator, 1100) == 1 && is_violation(0, B, 0, 1100));
+}
+
+static void late_periods_are_taken_one_by_one_and_stamped_with_their_instants(void)
+{
+  struct fm_evaluator * evaluator = with_period(100);
+  store_level(evaluator, 50.0, 1000);
+  CHECK(advance(evaluator, 1350) == 1 && is_violation(0, B, 0, 1100));
+  CHECK(advance(evaluator, 1350) == 2 && is_violation(0, B, 1, 1200));
+  CHECK(is_violation(1, D, 1, 1200));
+  CHECK(advance(evaluator, 1350) == 1 && is_violation(0, B, 2, 1300));
+  CHECK(advance(evaluator, 1350) == 0 && fm_evaluator_deadline(evaluator) == 1400);
+}
+
+static void a_period_is_late_by_more_than_half_a_period(void)
+{
+  struct fm_evaluator * evaluator = with_period(100);
+  (void)advance(evaluator, 1150);
+  CHECK(fm_evaluator_time_counts(evaluator).late == 0);
+  (void)advance(evaluator, 1251);
+  CHECK(fm_evaluator_time_counts(evaluator).late == 1);
+  CHECK(fm_evaluator_time_counts(evaluator).periods == 2);
+  CHECK(fm_evaluator_time_counts(evaluator).missed == 0);
+}
+
+static void of_too_many_due_periods_the_first_are_missed(void)
+{
+  struct fm_evaluator * evaluator = with_period(10);
+  const int64_t now = 1000 + 10 * (FM_MOST_PERIODS_BEHIND + INT64_C(5));
+  store_level(evaluator, 50.0, 1000);
+  CHECK(advance(evaluator, now) == 1 && is_violation(0, B, 0, 1060));
+  CHECK(fm_evaluator_time_counts(evaluator).missed == 5);
+  while (fm_evaluator_deadline(evaluator) <= now) {
+    (void)advance(evaluator, now);
+  }
+  CHECK(fm_evaluator_time_counts(evaluator).missed == 5 && out[0].stamp == now);
+  CHECK(fm_evaluator_time_counts(evaluator).periods == FM_MOST_PERIODS_BEHIND);
+  CHECK(fm_evaluator_deadline(evaluator) == now + 10);
+}
+
+static void as_many_due_periods_as_may_be_are_all_taken(void)
+{
+  struct fm_evaluator * evaluator = with_period(10);
+  store_level(evaluator, 50.0, 1000);
+  CHECK(advance(evaluator, 1009 + INT64_C(10) * FM_MOST_PERIODS_BEHIND) == 1);
+  CHECK(is_violation(0, B, 0, 1010) && fm_evaluator_time_counts(evaluator).missed == 0);
+}
+
+static void a_timeout_between_missed_periods_comes_before_those_that_are_taken(void)
+{
+  struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
+  options.period = 10;
+  struct fm_evaluator * evaluator = begun_at_1000(&options);
+  const int64_t now = 1000 + 10 * (FM_MOST_PERIODS_BEHIND + INT64_C(50));
+  store_level(evaluator, 50.0, 1000);
+  CHECK(advance(evaluator, now) == 2 && is_violation(0, A, 0, 1050));
+  CHECK(fm_evaluator_deadline(evaluator) == 1510);
+  CHECK(advance(evaluator, now) == 1 && is_violation(0, B, 0, 1510));
+  CHECK(fm_evaluator_time_counts(evaluator).missed == 50);
+}
+
+static void of_one_instant_a_timeout_comes_before_the_period(void)
+{
+  struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
+  options.period = 50;
+  struct fm_evaluator * evaluator = begun_at_1000(&options);
+  store_flag(evaluator, true, 1000);
+  store_level(evaluator, 1.0, 1000);
+  CHECK(advance(evaluator, 1050) == 2 && is_violation(0, A, 0, 1050));
+  CHECK(stepped(evaluator, 0, 0, 0) && fm_evaluator_deadline(evaluator) == 1050);
+  CHECK(advance(evaluator, 1050) == 1 && is_violation(0, C, 0, 1050));
+  CHECK(stepped(evaluator, 1, 1, 1) && fm_evaluator_deadline(evaluator) == 1100);
+}
+
+static void other_policies_have_no_periods(void)
+{
+  for (int policy = FM_EVERY_MESSAGE; policy < FM_PERIODIC; ++policy) {
+    struct fm_evaluator_options options = options_of((enum fm_policy)policy);
+    options.period = 100;
+    struct fm_evaluator * evaluator = begun_at_1000(&options);
+    CHECK(fm_evaluator_deadline(evaluator) == FM_NEVER && advance(evaluator, 5000) == 0);
+    CHECK(stepped(evaluator, 0, 0, 0) && fm_evaluator_time_counts(evaluator).periods == 0);
+  }
+}
+
+static void periods_go_on_through_a_reset(void)
+{
+  struct fm_evaluator * evaluator = with_period(100);
+  (void)advance(evaluator, 1130);
+  fm_evaluator_reset(evaluator);
+  CHECK(fm_evaluator_deadline(evaluator) == 1200 && stepped(evaluator, 0, 0, 0));
+  CHECK(advance(evaluator, 1200) == 0 && stepped(evaluator, 0, 0, 1));
+  CHECK(fm_evaluator_time_counts(evaluator).periods == 2);
+}
+
+static void periods_keep_their_phase_when_time_goes_back(void)
+{
+  struct fm_evaluator * evaluator = with_period(100);
+  (void)advance(evaluator, 1130);
+  (void)advance(evaluator, 30);
+  CHECK(fm_evaluator_deadline(evaluator) == 100 && stepped(evaluator, 0, 0, 1));
+  CHECK(fm_evaluator_time_counts(evaluator).missed == 0);
+}
+
+// ---- save and restore --------------------------------------------------------------------------
+
+static void * saved_from(const struct fm_evaluator * evaluator)
+{
+  void * block = malloc((size_t)fm_evaluator_instance_bytes(evaluator));
+  fm_evaluator_save(evaluator, block);
+  return block;
+}
+
+static void a_restored_instance_goes_on_from_where_it_was_saved(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_EVERY_MESSAGE, FLAG_50);
+  (void)level_at(evaluator, 50.0, 1001);
+  (void)flag_at(evaluator, true, 1010);
+  void * block = saved_from(evaluator);
+  for (int time = 0; time < 2; ++time) {
+    CHECK(stepped(evaluator, 1, 2, 2) && fm_evaluator_verdicts(evaluator)[A]);
+    CHECK(fm_evaluator_now(evaluator) == 1000 && fm_evaluator_deadline(evaluator) == 1060);
+    CHECK(level_at(evaluator, 1.0, 1020) == 0 && stepped(evaluator, 2, 3, 3));
+    CHECK(advance(evaluator, 1060) == 2 && is_violation(0, A, 2, 1060));
+    fm_evaluator_restore(evaluator, block);
+    CHECK(((const struct inputs *)fm_evaluator_inputs(evaluator))->level >= 50.0);
+    CHECK(!fm_evaluator_is_stale(evaluator, FLAG) && !fm_evaluator_verdicts(evaluator)[B]);
+  }
+  free(block);
+}
+
+static void the_counters_go_on_through_a_restore(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_EVERY_MESSAGE, FLAG_50);
+  void * block = saved_from(evaluator);
+  (void)level_at(evaluator, 50.0, 1001);
+  CHECK(advance(evaluator, 1050) == 2);
+  fm_evaluator_restore(evaluator, block);
+  CHECK(fm_evaluator_requirement_counts(evaluator, B).steps == 1);
+  CHECK(fm_evaluator_requirement_counts(evaluator, B).violations == 1);
+  CHECK(fm_evaluator_requirement_counts(evaluator, B).verdict);
+  CHECK(fm_evaluator_input_counts(evaluator, LEVEL).received == 1);
+  CHECK(fm_evaluator_topic_counts(evaluator, LEVEL_TOPIC).messages == 1);
+  CHECK(silence_of_flag(evaluator).count == 1 && !silence_of_flag(evaluator).is_silent);
+  CHECK(!fm_evaluator_has_value(evaluator, LEVEL) && stepped(evaluator, 0, 0, 0));
+  (void)level_at(evaluator, 50.0, 1001);
+  CHECK(fm_evaluator_requirement_counts(evaluator, B).steps == 2);
+  CHECK(fm_evaluator_time_counts(evaluator).restarts == 0);
+  free(block);
+}
+
+static void a_restored_instance_is_due_when_it_was(void)
+{
+  struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
+  void * block = saved_from(evaluator);
+  store_flag(evaluator, true, 5000);
+  CHECK(fm_evaluator_deadline(evaluator) == 5050);
+  fm_evaluator_restore(evaluator, block);
+  CHECK(fm_evaluator_wake(evaluator) <= 1050);
+  CHECK(advance(evaluator, 1050) == 2 && is_violation(0, A, 0, 1050));
+  free(block);
+}
+
+static void an_instance_from_before_the_time_began_begins_it_anew(void)
+{
+  const struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
+  struct fm_evaluator * evaluator = make(&options);
+  void * block = saved_from(evaluator);
+  CHECK(advance(evaluator, 5000) == 0 && fm_evaluator_deadline(evaluator) == 5050);
+  fm_evaluator_restore(evaluator, block);
+  CHECK(fm_evaluator_deadline(evaluator) == INT64_MIN && fm_evaluator_now(evaluator) == 0);
+  CHECK(advance(evaluator, 1000) == 0 && fm_evaluator_deadline(evaluator) == 1050);
+  CHECK(fm_evaluator_time_counts(evaluator).restarts == 0);
+  free(block);
+}
+
+static void an_instance_may_be_restored_to_another_evaluator_when_its_own_is_gone(void)
+{
+  const struct fm_evaluator_options options = timed(FM_EVERY_MESSAGE, FLAG_50);
+  struct fm_evaluator * evaluator = begun_at_1000(&options);
+  (void)level_at(evaluator, 50.0, 1001);
+  (void)flag_at(evaluator, true, 1010);
+  void * block = saved_from(evaluator);
+  evaluator = make(&options);
+  fm_evaluator_restore(evaluator, block);
+  memset(block, 0xA5, (size_t)fm_evaluator_instance_bytes(evaluator));
+  free(block);
+  CHECK(stepped(evaluator, 1, 2, 2) && !fm_evaluator_verdicts(evaluator)[B]);
+  CHECK(fm_evaluator_requirement_counts(evaluator, B).violations == 0);
+  CHECK(advance(evaluator, 1060) == 2 && is_violation(0, A, 1, 1060));
+  CHECK(level_at(evaluator, 50.0, 1070) == 2 && is_violation(1, B, 2, 1070));
+}
+
+static void a_saved_instance_holds_no_address(void)
+{
+  const struct fm_evaluator_options options = timed(FM_EVERY_MESSAGE, FLAG_50);
+  void * blocks[2];
+  void * other_memory = NULL;
+  struct fm_evaluator * evaluator = NULL;
+  for (int k = 0; k < 2; ++k) {
+    other_memory = memory;
+    memory = NULL;  // both evaluators at once, so that they have two places
+    evaluator = begun_at_1000(&options);
+    (void)level_at(evaluator, 50.0, 1001);
+    (void)flag_at(evaluator, true, 1010);
+    blocks[k] = saved_from(evaluator);
+    CHECK(k == 0 || memory != other_memory);
+  }
+  CHECK(memcmp(blocks[0], blocks[1], (size_t)fm_evaluator_instance_bytes(evaluator)) == 0);
+  free(blocks[0]);
+  free(blocks[1]);
+  free(other_memory);
 }
 
 // ---- values ------------------------------------------------------------------------------------
@@ -595,7 +1168,8 @@ static const struct fm_monitor TYPES = {
 
 static struct fm_evaluator * with_types(void)
 {
-  const struct fm_evaluator_options options = {&TYPES, NULL, 0, FM_EVERY_MESSAGE, NULL};
+  const struct fm_evaluator_options options = {
+    &TYPES, NULL, 0, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0};
   return make(&options);
 }
 
@@ -605,7 +1179,7 @@ static void integers_wrap_to_the_type_of_the_input(void)
   const struct all_types * values = fm_evaluator_inputs(evaluator);
   const union fm_value big = {.u = UINT64_C(0xFEDCBA98765432FF)};
   for (uint32_t i = 0; i <= 8; ++i) {
-    fm_evaluator_store(evaluator, i, big);
+    fm_evaluator_store(evaluator, i, big, 0);
   }
   CHECK(values->b && values->i8 == -1 && values->u8 == 255);
   CHECK(values->i16 == 0x32FF && values->u16 == 0x32FF);
@@ -620,9 +1194,9 @@ static void a_bool_is_whether_the_integer_is_not_zero(void)
   const struct all_types * values = fm_evaluator_inputs(evaluator);
   const union fm_value high = {.i = INT64_MIN};
   const union fm_value zero = {.i = 0};
-  fm_evaluator_store(evaluator, 0, high);
+  fm_evaluator_store(evaluator, 0, high, 0);
   CHECK(values->b);
-  fm_evaluator_store(evaluator, 0, zero);
+  fm_evaluator_store(evaluator, 0, zero, 0);
   CHECK(!values->b);
 }
 
@@ -631,7 +1205,7 @@ static void a_bool_in_memory_may_be_any_byte(void)
   struct fm_evaluator * evaluator = with_types();
   const struct all_types * values = fm_evaluator_inputs(evaluator);
   const unsigned char byte = 0x82;
-  fm_evaluator_store_from(evaluator, 0, &byte);
+  fm_evaluator_store_from(evaluator, 0, &byte, 0);
   CHECK(values->b);
   CHECK(memcmp(&values->b, "\1", 1) == 0);
 }
@@ -642,8 +1216,8 @@ static void a_float32_is_rounded_once(void)
   const struct all_types * values = fm_evaluator_inputs(evaluator);
   const union fm_value tenth = {.f = 0.1};
   const float expected = 0.1f;
-  fm_evaluator_store(evaluator, 9, tenth);
-  fm_evaluator_store(evaluator, 10, tenth);
+  fm_evaluator_store(evaluator, 9, tenth, 0);
+  fm_evaluator_store(evaluator, 10, tenth, 0);
   CHECK(memcmp(&values->f32, &expected, sizeof expected) == 0);
   CHECK(memcmp(&values->f64, &tenth, sizeof tenth) == 0);
 }
@@ -656,9 +1230,9 @@ static void values_are_taken_from_memory_of_their_type_at_any_alignment(void)
   const int16_t negative = -12345;
   char place[9];
   memcpy(place + 1, &third, sizeof third);
-  fm_evaluator_store_from(evaluator, 9, place + 1);
+  fm_evaluator_store_from(evaluator, 9, place + 1, 0);
   memcpy(place + 1, &negative, sizeof negative);
-  fm_evaluator_store_from(evaluator, 2, place + 1);
+  fm_evaluator_store_from(evaluator, 2, place + 1, 0);
   CHECK(memcmp(&values->f32, &third, sizeof third) == 0 && values->i16 == -12345);
   CHECK(fm_evaluator_input_counts(evaluator, 9).received == 1);
 }
@@ -697,20 +1271,21 @@ static void indices_out_of_range_are_ignored(void)
   const union fm_value value = {.i = 1};
   const uint32_t wrong[] = {N_REQUIREMENTS, UINT32_MAX};
   for (int k = 0; k < 2; ++k) {
-    fm_evaluator_store(evaluator, wrong[k], value);
-    fm_evaluator_store_from(evaluator, wrong[k], &value);
+    fm_evaluator_store(evaluator, wrong[k], value, 0);
+    fm_evaluator_store_from(evaluator, wrong[k], &value, 0);
     fm_evaluator_initial(evaluator, wrong[k], value);
     fm_evaluator_initial_from(evaluator, wrong[k], &value);
     fm_evaluator_unusable(evaluator, wrong[k]);
     fm_evaluator_undecodable(evaluator, wrong[k]);
     CHECK(fm_evaluator_message(evaluator, wrong[k], 0, out) == 0);
-    CHECK(fm_evaluator_stale(evaluator, wrong[k], 0, 0, out) == 0);
     CHECK(!fm_evaluator_is_stale(evaluator, wrong[k]));
     CHECK(!fm_evaluator_ready(evaluator, wrong[k]));
     CHECK(fm_evaluator_steps(evaluator, wrong[k]) == 0);
     CHECK(!fm_evaluator_has_value(evaluator, wrong[k]));
     CHECK(fm_evaluator_requirement_counts(evaluator, wrong[k]).verdict);
     CHECK(fm_evaluator_input_counts(evaluator, wrong[k]).received == 0);
+    CHECK(fm_evaluator_silence(evaluator, wrong[k]).count == 0);
+    CHECK(!fm_evaluator_silence(evaluator, wrong[k]).is_silent);
     CHECK(fm_evaluator_topic_counts(evaluator, wrong[k]).messages == 0);
   }
   CHECK(stepped(evaluator, 0, 0, 0));
@@ -793,6 +1368,22 @@ static void topics_and_policies_that_are_none_are_refused(void)
   CHECK(make(&options) == NULL);
 }
 
+static void negative_times_are_refused(void)
+{
+  struct fm_evaluator_options options = options_of(FM_PERIODIC);
+  const int64_t negative[] = {0, -1};
+  options.timeouts = negative;
+  CHECK(make(&options) == NULL);
+  options.timeouts = NULL;
+  options.period = -1;
+  CHECK(make(&options) == NULL);
+  options.period = 0;
+  options.patience = INT64_MIN;
+  CHECK(make(&options) == NULL);
+  options.patience = 0;
+  CHECK(make(&options) != NULL);
+}
+
 static void sizes_that_no_memory_holds_are_refused(void)
 {
   const uint64_t sizes[] = {UINT64_MAX, UINT64_MAX - 15, UINT64_MAX / 2, UINT64_MAX / 2 - 200};
@@ -844,30 +1435,77 @@ static const struct scenario SCENARIOS[] = {
   SCENARIO(all_inputs_counts_values_that_a_group_never_stepped_on),
   SCENARIO(other_policies_count_nothing_as_overwritten),
   SCENARIO(all_inputs_waits_for_a_value_even_where_there_is_an_initial_one),
-  SCENARIO(a_period_is_a_step_and_a_message_is_none),
+  SCENARIO(with_periodic_a_message_is_no_step),
   SCENARIO(a_row_is_a_step_under_every_policy),
   SCENARIO(all_groups_are_stepped_in_one_call_once_all_are_ready),
   SCENARIO(other_messages_step_some_groups_by_themselves),
   SCENARIO(groups_are_stepped_one_by_one_without_a_common_step),
-  SCENARIO(a_tick_starts_the_wait_of_all_inputs_anew),
+  SCENARIO(after_a_row_all_inputs_waits_for_all_inputs_anew),
   SCENARIO(an_initial_value_makes_a_group_ready),
   SCENARIO(a_message_that_cannot_be_decoded_is_counted_and_is_no_step),
   SCENARIO(a_field_that_cannot_be_used_keeps_its_value_and_the_step_happens),
   SCENARIO(with_all_inputs_an_unusable_field_is_not_received),
-  SCENARIO(onset_is_told_when_the_verdict_turns_false),
-  SCENARIO(every_step_is_told_otherwise),
+  SCENARIO(onset_announces_when_the_verdict_turns_false),
+  SCENARIO(without_onset_every_violating_step_is_announced),
   SCENARIO(without_flags_no_requirement_reports_onsets),
   SCENARIO(violations_are_counted_without_a_place_for_them),
   SCENARIO(verdicts_are_true_until_the_first_step),
   SCENARIO(reset_starts_all_groups_afresh_and_keeps_values_and_counters),
   SCENARIO(reset_makes_all_inputs_wait_for_everything_anew),
+  SCENARIO(time_begins_with_the_first_advance),
+  SCENARIO(without_timeouts_and_periods_nothing_is_due),
+  SCENARIO(an_input_that_never_came_is_silent_a_timeout_after_the_time_began),
+  SCENARIO(a_group_that_is_not_ready_is_satisfied_again_when_its_silence_ends),
+  SCENARIO(a_timeout_comes_exactly_at_its_instant),
+  SCENARIO(a_timeout_is_stamped_with_its_instant_however_late),
+  SCENARIO(a_message_at_the_instant_of_a_timeout_comes_before_it),
+  SCENARIO(a_message_after_the_instant_of_a_timeout_comes_after_it),
+  SCENARIO(the_wake_may_be_early_but_not_twice),
+  SCENARIO(timeouts_of_one_instant_come_one_by_one_in_the_order_of_the_inputs),
+  SCENARIO(what_is_due_first_comes_first_however_late),
+  SCENARIO(an_initial_value_neither_puts_a_timeout_off_nor_ends_a_silence),
+  SCENARIO(a_field_that_cannot_be_used_neither_puts_a_timeout_off_nor_ends_a_silence),
+  SCENARIO(rows_come_at_the_time_of_the_evaluator),
   SCENARIO(what_reads_a_stale_input_is_violated_at_once_and_without_a_step),
-  SCENARIO(a_silence_is_told_once_and_by_each_step_that_is_due),
-  SCENARIO(a_value_ends_a_silence_and_the_past_went_on),
-  SCENARIO(a_value_that_came_meanwhile_is_no_silence),
-  SCENARIO(an_input_that_never_spoke_is_told_and_forgiven_when_it_does),
-  SCENARIO(an_onset_that_is_violated_already_is_not_told_anew_by_a_silence),
-  SCENARIO(a_stale_input_is_told_anew_after_a_reset),
+  SCENARIO(a_silence_violates_once_and_then_at_each_step),
+  SCENARIO(a_value_ends_a_silence_and_the_next_step_is_judged_as_ever),
+  SCENARIO(an_onset_that_is_violated_already_is_not_announced_by_a_silence),
+  SCENARIO(violations_of_a_timeout_are_counted_without_a_place_for_them),
+  SCENARIO(a_silence_without_violates_is_counted_and_violates_nothing),
+  SCENARIO(each_input_has_its_own_violates),
+  SCENARIO(a_silence_lasts_from_the_value_before_it_until_the_value_after_it),
+  SCENARIO(a_reset_makes_a_stale_input_due_at_once),
+  SCENARIO(after_a_reset_a_step_violates_what_is_stale_and_its_timeout_not_again),
+  SCENARIO(a_reset_leaves_other_timeouts_alone),
+  SCENARIO(a_timeout_found_late_is_put_off_once_by_as_much),
+  SCENARIO(a_timeout_found_within_the_patience_is_not_put_off),
+  SCENARIO(a_timeout_is_put_off_at_most_by_its_own_length),
+  SCENARIO(after_a_value_a_timeout_may_be_put_off_again),
+  SCENARIO(what_a_reset_made_due_is_not_put_off),
+  SCENARIO(a_period_found_late_is_not_put_off),
+  SCENARIO(what_is_due_in_a_while_is_due_in_that_while_after_time_went_back),
+  SCENARIO(time_that_goes_back_keeps_values_steps_and_silences),
+  SCENARIO(what_is_overdue_is_taken_as_time_goes_back),
+  SCENARIO(time_that_stands_still_does_not_go_back),
+  SCENARIO(after_a_shift_all_comes_later_by_as_much),
+  SCENARIO(a_shift_before_the_time_has_begun_does_nothing),
+  SCENARIO(each_period_is_a_step_at_its_end),
+  SCENARIO(a_message_at_the_end_of_a_period_is_part_of_it),
+  SCENARIO(late_periods_are_taken_one_by_one_and_stamped_with_their_instants),
+  SCENARIO(a_period_is_late_by_more_than_half_a_period),
+  SCENARIO(of_too_many_due_periods_the_first_are_missed),
+  SCENARIO(as_many_due_periods_as_may_be_are_all_taken),
+  SCENARIO(a_timeout_between_missed_periods_comes_before_those_that_are_taken),
+  SCENARIO(of_one_instant_a_timeout_comes_before_the_period),
+  SCENARIO(other_policies_have_no_periods),
+  SCENARIO(periods_go_on_through_a_reset),
+  SCENARIO(periods_keep_their_phase_when_time_goes_back),
+  SCENARIO(a_restored_instance_goes_on_from_where_it_was_saved),
+  SCENARIO(the_counters_go_on_through_a_restore),
+  SCENARIO(a_restored_instance_is_due_when_it_was),
+  SCENARIO(an_instance_from_before_the_time_began_begins_it_anew),
+  SCENARIO(an_instance_may_be_restored_to_another_evaluator_when_its_own_is_gone),
+  SCENARIO(a_saved_instance_holds_no_address),
   SCENARIO(integers_wrap_to_the_type_of_the_input),
   SCENARIO(a_bool_is_whether_the_integer_is_not_zero),
   SCENARIO(a_bool_in_memory_may_be_any_byte),
@@ -880,6 +1518,7 @@ static const struct scenario SCENARIOS[] = {
   SCENARIO(groups_with_wrong_indices_are_refused),
   SCENARIO(inputs_outside_their_struct_are_refused),
   SCENARIO(topics_and_policies_that_are_none_are_refused),
+  SCENARIO(negative_times_are_refused),
   SCENARIO(sizes_that_no_memory_holds_are_refused),
   SCENARIO(two_evaluators_of_one_monitor_know_nothing_of_each_other),
 };

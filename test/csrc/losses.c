@@ -11,8 +11,8 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 // See the License for the specific language governing permissions and
 // limitations under the License.
-/// Messages counted as lost against messages dropped: `losses SEED`. Exit status 0 if
-/// csrc/losses.h counts as many as were dropped.
+/// Compares the messages that csrc/losses.h counts as lost with those dropped: `losses SEED`.
+/// Exit status 0 if the numbers are equal.
 
 #include "handover.h"
 
@@ -48,12 +48,12 @@ static void note(struct fm_arrivals * losses, uint32_t publisher, uint64_t numbe
   fm_arrivals_note(losses, &origin);
 }
 
-// The first message of each publisher arrives; of the others some are dropped, some arrive twice.
-static void all_that_was_dropped_is_counted(uint32_t n_publishers)
+// The first message of each publisher arrives; some others are dropped, some arrive twice.
+static void all_dropped_messages_are_counted(uint32_t n_publishers)
 {
   struct fm_arrivals losses = {0};
   uint64_t numbers[FM_MOST_PUBLISHERS] = {0};
-  uint64_t dropped[FM_MOST_PUBLISHERS] = {0};  // since the last one that came
+  uint64_t dropped[FM_MOST_PUBLISHERS] = {0};  // since the last message that arrived
   uint64_t lost = 0;
   for (int k = 0; k < 20000; ++k) {
     const uint32_t p = random_below(n_publishers);
@@ -155,8 +155,8 @@ int main(int argc, char ** argv)
     return 2;
   }
   seed = 0x9E3779B97F4A7C15u * (strtoull(argv[1], NULL, 10) + 1);
-  all_that_was_dropped_is_counted(1);
-  all_that_was_dropped_is_counted(FM_MOST_PUBLISHERS);
+  all_dropped_messages_are_counted(1);
+  all_dropped_messages_are_counted(FM_MOST_PUBLISHERS);
   a_publisher_is_known_from_its_first_message();
   without_numbers_nothing_is_lost();
   what_comes_late_is_not_lost();

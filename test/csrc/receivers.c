@@ -13,7 +13,7 @@
 // limitations under the License.
 
 
-/// receivers.c: a receiver with a long queue, and a middleware that does not remove its callback.
+/// A receiver with a long queue, and a middleware that does not remove its callback.
 
 #include "receiver.h"
 
@@ -41,13 +41,13 @@ struct subscription
   uint64_t taken;
   fm_on_message callback;
   const void * user_data;
-  bool is_stubborn;  // it does not forget its callback
+  bool keeps_callback;  // it does not remove its callback
 };
 
 static int listen(void * subscription, fm_on_message callback, const void * user_data)
 {
   struct subscription * self = subscription;
-  if (callback == NULL && self->is_stubborn) {
+  if (callback == NULL && self->keeps_callback) {
     return 1;
   }
   self->callback = callback;
@@ -62,7 +62,7 @@ static int take(
   struct subscription * self = (struct subscription *)(uintptr_t)subscription;
   (void)message;
   (void)allocation;
-  memset(info, 0, sizeof(struct fm_padded_info));  // as a middleware of a later version may
+  memset(info, 0, sizeof(struct fm_padded_info));  // a later version of the middleware may write the padding
   *taken = self->taken < self->sent;
   self->taken += *taken ? 1u : 0u;
   info->publication_sequence_number = self->taken;
@@ -169,7 +169,7 @@ static void a_callback_that_is_not_forgotten_does_no_harm(void)
   CHECK(!fm_receiver_stop(receiver));
   send(&subscription, 1);
   CHECK(received(engine) == 1);
-  subscription.is_stubborn = false;  // only a test can end it then
+  subscription.keeps_callback = false;  // so that the test can end
   CHECK(fm_receiver_stop(receiver));
   fm_engine_destroy(engine);
   free(memory);

@@ -13,11 +13,13 @@
 # limitations under the License.
 
 """
-The evaluator in C: scenarios, a model, sanitizers, and two compilers without warnings.
+The evaluator in C: scenarios, a model, limits, sanitizers, and two compilers without warnings.
 
-The programs are `evaluator_scenarios.c` and `evaluator_model.c` beside this file.
+The programs are `evaluator_scenarios.c`, `evaluator_model.c` and `evaluator_edges.c` beside this
+file.
 """
 
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 import re
@@ -34,7 +36,9 @@ SCENARIOS = re.findall(
 WARNINGS = ('-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Wswitch-enum',
             '-Werror')
 SANITIZERS = ('-g', '-fsanitize=address,undefined', '-fno-sanitize-recover=all')
+SOURCES = ('evaluator', 'instance')
 PROGRAMS = ('evaluator_scenarios', 'evaluator_model')
+EDGES = 'evaluator_edges'  # includes evaluator.c
 
 
 @cache
@@ -56,23 +60,44 @@ def clang() -> tuple[str, ...]:
     return (sys.executable, '-m', 'ziglang', 'cc')
 
 
-def run(*command: object) -> 'subprocess.CompletedProcess[str]':
+def run(*command: object, folder: Path | None = None) -> 'subprocess.CompletedProcess[str]':
     return subprocess.run(
         [str(word) for word in command], text=True, stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT, check=False)
+        stderr=subprocess.STDOUT, check=False, cwd=folder)
+
+
+def compile_all(folder: Path, compiler: tuple[str, ...], files: Sequence[Path],
+                *flags: str) -> 'subprocess.CompletedProcess[str]':
+    """Compile files to objects in a folder, with one command."""
+    return run(*compiler, f'-I{csrc_directory()}', *WARNINGS, *flags, '-c', *files, folder=folder)
+
+
+def sources() -> list[Path]:
+    return [csrc_directory() / f'{name}.c' for name in SOURCES]
+
+
+def programs_in_c() -> list[Path]:
+    return [HERE / f'{name}.c' for name in (*PROGRAMS, EDGES)]
+
+
+def build(folder: Path, *flags: str) -> 'subprocess.CompletedProcess[str]':
+    """Build all programs in a folder; return the first command that fails, or the last one."""
+    done = compile_all(folder, gcc(), sources() + programs_in_c(), '-std=c99', '-O1', *flags)
+    for program in (*PROGRAMS, EDGES):
+        if done.returncode == 0:
+            parts = ['instance'] if program == EDGES else SOURCES
+            objects = [folder / f'{name}.o' for name in (*parts, program)]
+            done = run(*gcc(), *flags, *objects, '-o', folder / program)
+    return done
 
 
 @pytest.fixture(scope='session')
 def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build both programs with the sanitizers, where the compiler has them."""
+    """Build the programs with the sanitizers, where the compiler has them."""
     folder = tmp_path_factory.mktemp('programs')
-    for program in PROGRAMS:
-        command = (*gcc(), '-std=c99', '-O1', f'-I{csrc_directory()}', *WARNINGS,
-                   csrc_directory() / 'evaluator.c', HERE / f'{program}.c',
-                   '-o', folder / program)
-        if run(*command, *SANITIZERS).returncode != 0:
-            built = run(*command)
-            assert built.returncode == 0, built.stdout
+    if build(folder, *SANITIZERS).returncode != 0:
+        built = build(folder)
+        assert built.returncode == 0, built.stdout
     return folder
 
 
@@ -93,23 +118,27 @@ def test_random_calls_have_the_effects_of_the_model(programs: Path, seed: int) -
     assert done.returncode == 0, done.stdout
 
 
+def test_counters_and_times_hold_at_their_limits(programs: Path) -> None:
+    # At a thousand messages a second, a node counts past 2^32 after fifty days.
+    done = run(programs / EDGES)
+    assert (done.returncode, done.stdout) == (0, '')
+
+
 @pytest.mark.parametrize('standard', ['c99', 'c11'])
 @pytest.mark.parametrize('level', ['-O0', '-O1', '-O2', '-O3'])
 def test_it_compiles_with_gcc_without_warnings(tmp_path: Path, standard: str, level: str) -> None:
-    done = run(*gcc(), f'-std={standard}', level, *WARNINGS, '-c',
-               csrc_directory() / 'evaluator.c', '-o', tmp_path / 'evaluator.o')
+    done = compile_all(tmp_path, gcc(), sources(), f'-std={standard}', level)
     assert (done.returncode, done.stdout) == (0, '')
 
 
 @pytest.mark.parametrize('standard', ['c99', 'c11'])
 def test_it_compiles_with_clang_without_warnings(tmp_path: Path, standard: str) -> None:
-    for file in (csrc_directory() / 'evaluator.c', *(HERE / f'{name}.c' for name in PROGRAMS)):
-        done = run(*clang(), f'-std={standard}', '-O2', f'-I{csrc_directory()}', *WARNINGS, '-c',
-                   file, '-o', tmp_path / 'object.o')
+    for file in sources() + programs_in_c():  # of several, ziglang would link the objects
+        done = compile_all(tmp_path, clang(), [file], f'-std={standard}', '-O2')
         assert (done.returncode, done.stdout) == (0, '')
 
 
-@pytest.mark.parametrize('header', ['fret_monitor.h', 'evaluator.h'])
+@pytest.mark.parametrize('header', ['fret_monitor.h', 'evaluator.h', 'instance.h'])
 @pytest.mark.parametrize('language', ['c', 'c++'])
 def test_a_header_compiles_alone_in_c_and_cpp(header: str, language: str) -> None:
     command = gcc() if language == 'c' else (shutil.which('g++') or 'g++',)
@@ -124,8 +153,9 @@ def test_only_declared_symbols_are_defined(tmp_path: Path) -> None:
     nm = shutil.which('nm')
     if nm is None:
         pytest.skip('no nm')
-    run(*gcc(), '-std=c99', '-c', csrc_directory() / 'evaluator.c', '-o', tmp_path / 'e.o')
-    lines = run(nm, '--defined-only', '--extern-only', tmp_path / 'e.o').stdout.splitlines()
-    declared = re.findall(
-        r'(fm_evaluator_\w+)\(', (csrc_directory() / 'evaluator.h').read_text(encoding='utf-8'))
-    assert {line.split()[-1] for line in lines} == set(declared)
+    assert compile_all(tmp_path, gcc(), sources(), '-std=c99').returncode == 0
+    objects = [tmp_path / f'{name}.o' for name in SOURCES]
+    lines = run(nm, '--defined-only', '--extern-only', *objects).stdout.splitlines()
+    headers = [(csrc_directory() / f'{name}.h').read_text(encoding='utf-8') for name in SOURCES]
+    declared = re.findall(r'\b(fm_\w+)\(', '\n'.join(headers))
+    assert {line.split()[-1] for line in lines if ' T ' in line} == set(declared)

@@ -66,7 +66,8 @@ def test_generated_c_compiles_without_a_warning(name: str, standard: str, tmp_pa
     # No expression nests deeper than 32; clang checks this limit.
     extra = ('-fbracket-depth=32',) if name == 'clang' else ()
     sources = write_module(random_module(1, 40, 25), tmp_path)
-    for level in ('-O0', '-O1', '-O2', '-O3'):
+    # The warnings of gcc depend on its optimisations, those of clang do not.
+    for level in ('-O0', '-O3') if name == 'gcc' else ('-O0',):
         for source in sources:
             compile_c([*compiler, f'-std={standard}', level, *WARNINGS, *extra, f'-I{CSRC}',
                        f'-I{tmp_path}', '-c', source, '-o', tmp_path / 'out.o'])

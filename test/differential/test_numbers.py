@@ -164,27 +164,28 @@ def results() -> list[tuple[Formula, Variable, list[Any]]]:
             for number, term in enumerate(terms())]
 
 
-@with_each_compiler
-def test_every_operation_gives_the_same_bits_as_the_reference(compiler: Any, level: str) -> None:
+@cache
+def operations(compiler: Any, level: str) -> Compiled:
+    """Compile the comparison of every operation with its input."""
     properties = [property_of(f'R-{number}', is_value(term, result))
                   for number, (term, result, _) in enumerate(results())]
     inputs = (*A.values(), *B.values(), *(result for _, result, _ in results()))
+    return compiled(properties, inputs, compiler, level)
+
+
+@with_each_compiler
+def test_every_operation_gives_the_same_bits_as_the_reference(compiler: Any, level: str) -> None:
     trace = columns() | {result.name: values for _, result, values in results()}
-    monitor = compiled(properties, inputs, compiler, level)
-    verdicts = monitor.run(trace)
+    verdicts = operations(compiler, level).run(trace)
     wrong = [shown(term, trace, found.index(False))
              for (term, _, _), found in zip(results(), verdicts, strict=True) if not all(found)]
     assert not wrong
 
 
 def test_a_result_with_a_wrong_last_bit_is_detected() -> None:
-    properties = [property_of(f'R-{number}', is_value(term, result))
-                  for number, (term, result, _) in enumerate(results())]
-    inputs = (*A.values(), *B.values(), *(result for _, result, _ in results()))
     trace = columns() | {result.name: [neighbour(value, result.type) for value in values]
                          for _, result, values in results()}
-    verdicts = compiled(properties, inputs, gcc, '-O0').run(trace)
-    assert not any(map(any, verdicts))
+    assert not any(map(any, operations(gcc, '-O0').run(trace)))
 
 
 def shown(term: Formula, trace: dict[str, list[Any]], step: int) -> str:

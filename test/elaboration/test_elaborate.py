@@ -20,7 +20,6 @@ import random
 import time
 from typing import Any
 
-from fret_monitor.elaboration.elaborate import elaborate, scope_of
 from fret_monitor.elaboration.functions import FUNCTIONS
 from fret_monitor.language.cocospec import parse_cocospec
 from fret_monitor.language.expression import Boolean, Expression, Infix, Name, Prefix
@@ -35,6 +34,7 @@ from fret_monitor.model.diagnostics import CompileError, Problems, Source, Span,
 from fret_monitor.model.floats import to_float32
 from fret_monitor.model.values import ValueType
 import pytest
+from stages import elaborate, scope_of
 
 BOOL, INT64, UINT64 = ValueType.BOOL, ValueType.INT64, ValueType.UINT64
 FLOAT32, FLOAT64 = ValueType.FLOAT32, ValueType.FLOAT64
@@ -439,6 +439,9 @@ class TestMistakes:
                               '2 given')]),
         ('f32(3) > 1', [('arrays are not supported', 'f32(3)', "'f32' is an input")]),
         ('f32(i8, 1) > 1', [("there is no function 'f32'", 'f32', "'f32' is an input")]),
+        ('yout(3) > 1', [("there is no function 'yout', and arrays are not supported", 'yout(3)',
+                          'not known')]),
+        ('f32 => 3', [("'=>' takes only true or false", '3', 'this is the number 3')]),
         ('absolut(f32) > 3', [("there is no function 'absolut'", 'absolut', '')]),
         ('nobody & nobody & anybody',
          [("'nobody' is not declared", 'nobody', 'unknown name'),
@@ -452,7 +455,12 @@ class TestMistakes:
         ('f33 > 1', "did you mean 'f32'?"),
         ('abs > 1', 'it is a function: write abs(x)'),
         ('LANDING > 1', "it is a value of 'state': compare the two, as in state = LANDING"),
-        ('absInd(f32) > 1', "did you mean 'absInt' or 'abs'?"),
+        ('absInd(f32) > 1', "did you mean 'absInt'?"),
+        ('f32 => 3', "=> is an implication; for 'at least' write >="),
+        ('f32 -> 3', 'compare it with something, as in x > 0'),
+        ('sin(f32) > 1', 'one of ' + ', '.join(sorted(FUNCTIONS))),
+        ('yout(3) > 1',
+         'for an element of an array declare an input of its own, such as yout_3'),
         ('p & 1', 'write TRUE'),
         ('p & f32', 'compare it with something, as in x > 0'),
         ('p & state', 'compare it with one of its values: IDLE, LANDING, LANDED'),

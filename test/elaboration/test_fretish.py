@@ -20,10 +20,9 @@ from pathlib import Path
 from random import Random
 
 from fret.sentences import formalise, INPUTS, parse, sentence_for
-from fret_monitor.bundle.reader import read_bundle
 from fret_monitor.cli.main import main
 from fret_monitor.elaboration.durations import steps_of
-from fret_monitor.elaboration.elaborate import elaborate, scope_of, specify
+from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.elaboration.formalize import formalize, scope_by_use
 from fret_monitor.elaboration.fretish import is_not_yet
 from fret_monitor.language.cocospec import parse_cocospec
@@ -40,6 +39,7 @@ import golden
 from hypothesis import given, strategies as st
 from oracle import KEYS
 import pytest
+from stages import elaborate, read_bundle, scope_of
 
 _HEAD = 'format: 1\ninputs: {m: {type: bool}, p: {type: bool}, q: {type: bool}}\n'
 

@@ -19,7 +19,7 @@ import time
 
 from fret_monitor.bundle.reader import parse_bundle, survey_bundle
 from fret_monitor.elaboration.elaborate import specify
-from fret_monitor.elaboration.scope import Declaration, Role, Scope, scope_of
+from fret_monitor.elaboration.scope import Declaration, Role, Scope
 from fret_monitor.elaboration.terms import TypedTerm
 from fret_monitor.logic.formula import (
     ALWAYS, Binary, BinaryOperator, Constant, FALSE, Formula, Historically, Once, postorder,
@@ -27,13 +27,13 @@ from fret_monitor.logic.formula import (
 )
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Specification
-from fret_monitor.messages.definitions import parse_message
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import CompileError, Problems, Source, Span
 from fret_monitor.model.policies import Policy, Report, Severity
 from fret_monitor.model.values import ValueType
 import golden
 import pytest
+from stages import parse_message, scope_of
 
 DEFINITIONS = {
     'std_msgs/msg/Bool': 'bool data',

@@ -24,6 +24,7 @@ from fret_monitor.explain.report import explain, shown
 from fret_monitor.explain.svg import to_svg
 from fret_monitor.explain.timeline import drawn, timeline
 from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.traces import search
 import golden
 import pytest
 
@@ -138,7 +139,10 @@ def test_traces_of_any_length_that_change_often_fit_a_page() -> None:
     assert max(len(text) for text in drawn(timeline('t', ['p'], [truth], truth, None))) < 250
 
 
-def test_deep_and_wide_requirements_are_explained(tmp_path: Path) -> None:
+def test_deep_and_wide_requirements_are_explained(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(search, '_LARGE', 30_000)  # steps: no recovery is found in any number
     deep = 'Y ' * 2000 + 'p'
     wide = ' & '.join(f'(O[0,{bound}] p -> q)' for bound in range(1, 1000))
     nested = '(' * 1500 + 'p' + ' S q)' * 1500

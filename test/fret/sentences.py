@@ -16,13 +16,14 @@
 """A sentence for each of FRET's template keys, and ways to its formula."""
 
 from fret_monitor.elaboration.fretish import sentence_term
-from fret_monitor.elaboration.scope import Scope, scope_of
+from fret_monitor.elaboration.scope import Scope
 from fret_monitor.elaboration.terms import formula_of
 from fret_monitor.language.fretish import parse_fretish
 from fret_monitor.language.sentence import Sentence
 from fret_monitor.logic.formula import Formula, Variable
 from fret_monitor.model.diagnostics import Problems, Source, Text
 from fret_monitor.model.values import ValueType
+from stages import scope_of
 
 INPUTS = tuple(Variable(name, ValueType.BOOL) for name in 'mcrs')
 _SCOPES = {

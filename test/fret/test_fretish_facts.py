@@ -21,15 +21,15 @@ from typing import Any
 
 import facts
 from fret.sentences import formalise, INPUTS, parse, sentence_for
-from fret_monitor.elaboration.elaborate import elaborate
 from fret_monitor.elaboration.formalize import scope_by_use
-from fret_monitor.elaboration.scope import Scope, scope_of
+from fret_monitor.elaboration.scope import Scope
 from fret_monitor.language.smv import parse_smv
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Formula, postorder, Variable
 from fret_monitor.model.diagnostics import CompileError, Source, Text
 from fret_monitor.model.values import ValueType
 import pytest
+from stages import elaborate, scope_of
 
 # Sentences that FRET accepts and formalises wrongly, and what we say of them.
 _FRETS_BUGS = {

@@ -18,11 +18,11 @@ from pathlib import Path
 
 from facts import FOLDER, path as facts_path
 from fret_monitor.bundle.bundle import Language
-from fret_monitor.bundle.reader import read_bundle
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.importing import import_bundles, Imported, write_bundles
 from fret_monitor.model.diagnostics import CompileError
 import pytest
+from stages import read_bundle
 
 FSM = ('fret/exports/fsm_reqts_and_vars.json', 'fret/exports/FSMSpec.json',
        'fret/exports/FSMSpec.lus')

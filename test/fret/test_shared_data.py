@@ -30,9 +30,7 @@ from typing import Any
 
 from differential.compiled import Compiled
 from fret_monitor.bundle.bundle import Language
-from fret_monitor.elaboration.elaborate import elaborate
 from fret_monitor.elaboration.languages import read_formula
-from fret_monitor.elaboration.scope import scope_of
 from fret_monitor.language.expression import (
     Boolean, Call, children, Conditional, Expression, Infix, Name, Number, postorder, Prefix,
 )
@@ -41,6 +39,7 @@ from fret_monitor.logic.formula import Formula, Variable
 from fret_monitor.model.diagnostics import CompileError, Source, Text
 from fret_monitor.model.values import ValueType
 import pytest
+from stages import elaborate, scope_of
 from strategies import property_of, specification_of, Trace
 
 ROOT = Path(__file__).resolve().parent.parent.parent

@@ -12,11 +12,10 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-// Changes messages at random for some seconds, reads them with generated readers, and feeds an
-// evaluator with what was read: `messages FILE SECONDS SEED`. The file holds messages one after
-// the other, each behind the number of its topic and its length (uint32, of the machine). Made to
-// be run under sanitizers: every message ends where its memory ends. A topic's inputs follow one
-// another, as those of the topics do.
+// Changes messages at random, reads them with generated readers and stores the values in an
+// evaluator: `messages FILE SECONDS SEED`. In the file each message follows the number of its topic
+// and its length (uint32, native byte order). For sanitizers: each message ends where its memory
+// ends. Inputs are numbered by topic.
 
 #define _POSIX_C_SOURCE 199309L
 
@@ -89,7 +88,7 @@ static bool read_seeds(const char * name)
   return n_messages > 0u;
 }
 
-// A length, or a part of one, that is too much for any message, or just enough.
+// A length that is too large for any message, or close to the right one.
 static uint32_t strange(uint32_t size)
 {
   static const uint32_t lengths[] = {
@@ -208,7 +207,7 @@ int main(int argc, char ** argv)
     for (uint32_t times = below(4u); times > 0u && size > 0u; --times) {
       size = change(copy, size);
     }
-    // Memory of its own that ends with the message; now and then another topic's.
+    // A separate allocation that ends with the message. Sometimes read as another topic.
     const uint32_t shift = below(9u);
     uint8_t * const memory = malloc(shift + size);
     if (memory == NULL && shift + size != 0u) {

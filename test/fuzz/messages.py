@@ -41,7 +41,7 @@ from strategies import as_term, property_of
 
 HERE = Path(__file__).resolve().parent
 SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-g', '-O1')
-# Besides those that the tests write: what robots send, with strings and arrays before numbers.
+# Common types, with strings and arrays before numbers, beside those that the tests define.
 TYPES = ('nav_msgs/msg/Odometry', 'sensor_msgs/msg/BatteryState', 'sensor_msgs/msg/JointState',
          'sensor_msgs/msg/LaserScan', 'geometry_msgs/msg/PoseWithCovarianceStamped',
          'diagnostic_msgs/msg/DiagnosticArray', 'std_msgs/msg/String', 'std_msgs/msg/Float32')
@@ -49,17 +49,17 @@ MOST_INPUTS = 20
 
 
 def fuzz(folder: Path, seconds: float, seed: int) -> 'subprocess.CompletedProcess[str]':
-    """Fuzz for some seconds; what the program says, and a status other than 0 for a bug."""
+    """Fuzz for some seconds; return the output, and a status other than 0 for a bug."""
     program = build(folder, topics(folder))
     return subprocess.run(
         [program, folder / 'seeds', str(seconds), str(seed)], capture_output=True, text=True,
         check=False, timeout=seconds + 60,
-        # What it allocates once it gives back by ending.
+        # It does not free what it allocates once.
         env={**os.environ, 'ASAN_OPTIONS': 'detect_leaks=0'})
 
 
 def topics(folder: Path) -> list[Topic]:
-    """Return topics with messages that are written here, and of those types that there are."""
+    """Return topics with messages defined here, and with those `TYPES` that are installed."""
     for name, fields in WRITTEN.items():
         path = folder / 'share' / f'{name}.msg'
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -96,7 +96,7 @@ def _relation(item: Variable) -> Formula:
 
 
 def build(folder: Path, chosen: Sequence[Topic], csrc: Path = CSRC) -> Path:
-    """Write messages to begin with, and the program; sanitized where that is possible."""
+    """Write the seed messages and build the program, with sanitizers if possible."""
     (folder / 'seeds').write_bytes(b''.join(
         struct.pack('<II', number, len(message)) + message
         for number, topic in enumerate(chosen) for tree in examples(topic.layout, 12)

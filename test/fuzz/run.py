@@ -15,10 +15,10 @@
 """
 Fuzz for a bounded time: `python -m fuzz.run --seconds N [TARGET...]`; `make fuzz` does.
 
-Coverage guides it where `atheris` (libFuzzer for Python) is installed; elsewhere what is accepted
-and what is refused with a new message is kept and changed further. Each target has a process of
-its own. An input that shows a bug is written to `fuzz-crashes` in the folder one is in, and
-tells the way it failed; the exit status is 1 if there is one.
+If `atheris` (libFuzzer for Python) is installed, it is guided by coverage; if not, an input that
+is accepted, or refused in a new way, is kept and changed further. Each target has its own process.
+An input that shows a bug is written to `fuzz-crashes` in the working directory, under a name made
+from the failure; the exit status is 1 if there is one.
 """
 
 from argparse import ArgumentParser, Namespace
@@ -42,7 +42,7 @@ GUIDED = importlib.util.find_spec('atheris') is not None
 
 
 def main() -> int:
-    """Fuzz the targets by turns, or one of them in this process."""
+    """Fuzz the targets one after the other, or one of them in this process."""
     parser = ArgumentParser(description=__doc__.splitlines()[1])
     parser.add_argument('targets', metavar='TARGET', nargs='*')
     parser.add_argument('--seconds', type=float, default=60.0, help='for all targets together')
@@ -71,7 +71,7 @@ def _fuzz_all(options: Namespace) -> int:
             _fuzz_apart(name, share, options.seed)
     found = sorted(set(CRASHES.glob('*')) - before)
     for path in found:
-        print(f'{path}: found anew')
+        print(f'{path}: new')
     return 1 if found else 0
 
 
@@ -82,14 +82,14 @@ def _fuzz_apart(name: str, seconds: float, seed: int) -> None:
         done = subprocess.run(command, text=True, capture_output=True, errors='replace',
                               timeout=seconds + 300, check=False)
     except subprocess.TimeoutExpired as error:
-        # A machine that has no time for it, or an input that keeps C code busy for ever.
-        said = error.stderr or b''
+        # The machine is overloaded, or C code does not end on an input.
+        output = error.stderr or b''
         print(f'{name}: the process did not end')
-        _write(name, said[-4000:] if isinstance(said, bytes) else said[-4000:].encode(),
+        _write(name, output[-4000:] if isinstance(output, bytes) else output[-4000:].encode(),
                'the process did not end')
         return
-    told = re.findall(r'^(?:Done|tried) (\d+)', done.stdout + done.stderr, re.MULTILINE)
-    print(f'{name}: {int(told[-1]) if told else 0:,} inputs')
+    counts = re.findall(r'^(?:Done|tried) (\d+)', done.stdout + done.stderr, re.MULTILINE)
+    print(f'{name}: {int(counts[-1]) if counts else 0:,} inputs')
     for line in done.stdout.splitlines():
         if line.startswith('BUG'):
             print(line)
@@ -101,17 +101,17 @@ def _fuzz_messages(seconds: float, seed: int) -> None:
     from fuzz.messages import fuzz
     with tempfile.TemporaryDirectory(prefix='fret_monitor-fuzz-') as name:
         done = fuzz(Path(name), seconds, seed or time.time_ns() % 2 ** 32)
-    told = re.search(r'Done (\d+)', done.stdout)
-    print(f'{MESSAGES}: {int(told[1]) if told else 0:,} messages')
+    count = re.search(r'Done (\d+)', done.stdout)
+    print(f'{MESSAGES}: {int(count[1]) if count else 0:,} messages')
     if done.returncode:
         report = done.stderr[-6000:]
         print(f'BUG in {MESSAGES}: {report}')
-        # Its seed is in it, and what the sanitizer saw.
+        # The arguments hold the seed; the report is the sanitizer's.
         _write(MESSAGES, f'{done.args}\n{report}'.encode(), f'status {done.returncode}')
 
 
 class Recorder:
-    """Gives inputs to a target, and keeps each way to fail once."""
+    """Gives inputs to a target, and keeps one input for each place of failure."""
 
     def __init__(self, name: str) -> None:
         """Take the target of that name."""
@@ -122,10 +122,10 @@ class Recorder:
         self._known: set[str] = set()
 
     def __call__(self, data: bytes) -> str:
-        """Return what became of an input: '' is accepted, else the way it was refused."""
+        """Return the outcome of an input: '' if it was accepted, else how it was refused."""
         try:
             return '' if self._targets.attempt(self._target, data) else 'refused'
-        except Exception as error:  # noqa: B902  any but the documented ones is a bug
+        except Exception as error:  # noqa: B902  an undocumented one is a bug
             place = _place(error)
             if place not in self._known:
                 self._known.add(place)
@@ -165,7 +165,7 @@ def _guided(name: str, options: Namespace) -> int:
     record = Recorder(name)
     atheris.Setup(
         ['fuzz', str(folder), f'-dict={words}', f'-max_total_time={max(1, int(options.seconds))}',
-         f'-max_len={LONGEST}', f'-timeout={4 * targets.PATIENCE}', '-rss_limit_mb=3000',
+         f'-max_len={LONGEST}', f'-timeout={4 * targets.TIMEOUT_S}', '-rss_limit_mb=3000',
          f'-seed={options.seed}', '-verbosity=1'], lambda data: record(data) and None)
     atheris.Fuzz()
     return 0
@@ -177,7 +177,7 @@ def _escaped(word: str) -> str:
 
 
 def inputs_of(name: str) -> list[bytes]:
-    """Return what a target begins with: its seeds, and the inputs kept in the corpus."""
+    """Return the first inputs of a target: its seeds and its corpus."""
     from fuzz.targets import kept, TARGETS
     return [*kept(name).values(), *TARGETS[name].seeds()]
 

@@ -15,8 +15,8 @@
 """
 The fuzz targets: one for each kind of text from outside.
 
-A target takes any bytes. It succeeds, or raises one of its documented errors; any other exception
-is a bug of ours, and so is an input that takes longer than `PATIENCE`.
+A target takes any bytes. It succeeds, or raises one of its documented errors. Any other exception
+is a bug, and so is an input that takes longer than `TIMEOUT_S`.
 """
 
 from collections.abc import Callable, Iterable
@@ -34,17 +34,17 @@ from fret_monitor.build import build, generate_monitor, read
 from fret_monitor.elaboration.formalize import formalize
 from fret_monitor.importing import import_bundles
 from fret_monitor.language.fretish import parse_fretish
-from fret_monitor.messages.definitions import parse_message
 from fret_monitor.model.diagnostics import CompileError, Source, Text
 from fret_monitor.model.manifest import Manifest, ManifestError
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.traces.simulate import simulate
 from importing.examples import DATABASE, DOCUMENT, LUSTRE, SPECIFICATION
+from stages import parse_message
 
 HERE = Path(__file__).resolve().parent
 GOLDEN = HERE.parent / 'golden'
 CORPUS = HERE / 'corpus'
-PATIENCE = 20  # seconds for one input; the machine may be busy
+TIMEOUT_S = 20  # for one input; the machine may be busy
 
 INPUTS = """\
 format: 1
@@ -64,16 +64,16 @@ COLUMNS = 'p,q,i,u,f,x,mode\n'
 
 
 class TookTooLong(Exception):
-    """An input on which a target did not end in `PATIENCE` seconds."""
+    """A target did not end within `TIMEOUT_S`."""
 
 
 class Leaked(Exception):
-    """Text of an input that stands in generated C and is neither a comment nor a literal."""
+    """Text of an input is in generated C outside comments and literals."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """What is done with an input, what it may begin with, and words that matter in it."""
+    """A function of an input, its documented errors, its seeds, and words to insert."""
 
     run: Callable[[bytes], object]
     errors: tuple[type[Exception], ...]
@@ -85,10 +85,10 @@ def attempt(target: Target, data: bytes) -> bool:
     """
     Give an input to a target; return whether it was accepted.
 
-    Raises what the target may not, and `TookTooLong`.
+    Raises undocumented errors of the target, and `TookTooLong`.
     """
     before = signal.signal(signal.SIGALRM, _ring)
-    signal.alarm(PATIENCE)
+    signal.alarm(TIMEOUT_S)
     try:
         target.run(data)
         return True
@@ -106,7 +106,7 @@ def _ring(number: int, frame: FrameType | None) -> None:
 
 
 def kept(name: str) -> dict[str, bytes]:
-    """Return the inputs that are kept for a target; in the file, a character is a byte."""
+    """Return the corpus of a target; each character in its file is a byte."""
     inputs = json.loads((CORPUS / f'{name}.json').read_text(encoding='utf-8'))
     return {label: text.encode('latin-1') for label, text in inputs.items()}
 
@@ -124,11 +124,11 @@ def remove_scratch() -> None:
 
 
 def text_of(data: bytes) -> str:
-    """Return a text from any bytes, as a command line has it."""
+    """Decode bytes as the arguments of a command line are decoded."""
     return data.decode(errors='replace')
 
 
-# -- what is done -----------------------------------------------------------------------------
+# -- the functions ----------------------------------------------------------------------------
 
 
 def bundle(data: bytes) -> None:
@@ -147,7 +147,7 @@ _TOKEN = re.compile(
 
 
 def check_c(text: str) -> None:
-    """Raise for C with a character in it that is in no token we write."""
+    """Raise `Leaked` for C with a character outside the tokens that the generator writes."""
     end = 0
     for found in _TOKEN.finditer(text):
         if found.start() != end:
@@ -156,7 +156,7 @@ def check_c(text: str) -> None:
         comment = found[0].rstrip('\n')
         if comment.startswith('//') and (
                 comment.endswith('\\') or '??/' in comment or not comment.isprintable()):
-            raise Leaked(f'a comment that is none: {comment!r}')
+            raise Leaked(f'the comment does not end with its line: {comment!r}')
     if end != len(text):
         raise Leaked(repr(text[max(0, end - 60):end + 60]))
 

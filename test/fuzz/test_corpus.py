@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Every input of the corpus ends as documented, and fuzzing would detect one that does not."""
+"""The inputs of the corpus end as documented, and fuzzing detects one that does not."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -52,7 +52,7 @@ def test_randomly_changed_inputs_end_as_documented(name: str) -> None:
         attempt(TARGETS[name], mutated(rng, rng.choice(pool), pool, words))
 
 
-# -- the machinery ----------------------------------------------------------------------------
+# -- the fuzzer ----------------------------------------------------------------------------
 
 
 def failing(error: Callable[[], Exception]) -> Callable[[bytes], None]:
@@ -76,7 +76,7 @@ def test_an_error_that_is_not_documented_is_found_once_and_its_input_kept(
 
 
 def test_an_input_that_takes_too_long_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(targets, 'PATIENCE', 1)
+    monkeypatch.setattr(targets, 'TIMEOUT_S', 1)
     target = Target(lambda data: time.sleep(30), (CompileError,), lambda: [b''])
     with pytest.raises(TookTooLong):
         attempt(target, b'')
@@ -90,14 +90,14 @@ def test_text_that_leaks_into_c_is_found(text: str) -> None:
         check_c(text)
 
 
-def test_messages_are_read_and_fed_without_harm(tmp_path: Path) -> None:
+def test_changed_messages_cause_no_sanitizer_error(tmp_path: Path) -> None:
     done = messages.fuzz(tmp_path, 2, 1)
     assert done.returncode == 0, done.stderr
     assert int(done.stdout.split()[1]) > 1000
 
 
 def test_an_extractor_that_reads_past_a_message_is_found(tmp_path: Path) -> None:
-    """Compile it all with a header in which a check is one byte too lenient."""
+    """Compile with a header whose check allows one byte too many."""
     shutil.copytree(CSRC, tmp_path / 'csrc')
     header = tmp_path / 'csrc' / 'fret_cdr.h'
     right = 'size > left - padding'
@@ -111,7 +111,7 @@ def test_an_extractor_that_reads_past_a_message_is_found(tmp_path: Path) -> None
     assert done.returncode != 0 and 'heap-buffer-overflow' in done.stderr
 
 
-def test_it_ends_in_time_and_says_how_much_it_tried(tmp_path: Path) -> None:
+def test_it_ends_in_time_and_prints_how_many_inputs_it_tried(tmp_path: Path) -> None:
     paths = environment()['PYTHONPATH'] + f':{ROOT / "test"}'
     begin = time.monotonic()
     done = subprocess.run(

@@ -12,13 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whole imports: what goes into a bundle, what is left to do, and that our reader takes it."""
+"""Whole imports: the bundle, the manual tasks, and that the reader accepts the bundle."""
 
 from pathlib import Path
 from typing import Any
 
 from fret_monitor.bundle.bundle import Language
-from fret_monitor.bundle.reader import read_bundle
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.importing import bundles, import_bundles, Imported, write_bundles
 from fret_monitor.importing.draft import Draft
@@ -30,10 +29,11 @@ from importing.examples import (
     written,
 )
 import pytest
+from stages import read_bundle
 
 
 def meaning(found: Imported) -> Specification:
-    """Write a bundle and return what it means, by the package's own way."""
+    """Write a bundle, read it again and return its specification."""
     write_bundles([found])
     return specify(read_bundle(found.path))[0]
 
@@ -54,7 +54,7 @@ def test_a_project_becomes_sentences_constants_definitions_and_inputs(tmp_path: 
     assert [item.id for item in meaning(found).properties] == ['R-1', 'R-2', 'R-3']
 
 
-def test_names_in_an_old_export_without_variables_get_types_by_their_use(tmp_path: Path) -> None:
+def test_types_of_undeclared_names_in_an_old_export_are_inferred(tmp_path: Path) -> None:
     old = [requirement('A', 'pump shall always satisfy on => level < 4 & this = other',
                        component='<b><i>pump</i></b>')]
     found = imported(tmp_path, old_json=old)
@@ -66,7 +66,7 @@ def test_names_in_an_old_export_without_variables_get_types_by_their_use(tmp_pat
 
 
 @pytest.mark.timeout(60)
-def test_names_that_nothing_declares_may_be_compared_twice(tmp_path: Path) -> None:
+def test_undeclared_names_may_be_compared_twice(tmp_path: Path) -> None:
     found = imported(tmp_path, old_json=[
         requirement('A', 'rover shall always satisfy speed = speed'),
         requirement('B', 'rover shall always satisfy speed = wheel_speed & wheel_speed = speed')])
@@ -74,12 +74,12 @@ def test_names_that_nothing_declares_may_be_compared_twice(tmp_path: Path) -> No
         'speed': 'float64', 'wheel_speed': 'float64'}
 
 
-def test_html_of_old_exports_is_taken_off(tmp_path: Path) -> None:
+def test_html_in_old_exports_is_removed(tmp_path: Path) -> None:
     old = [requirement('A', '', '(H (<b><i>p</i></b> &amp; (<b><i>x</i></b> &lt; 3)))')]
     assert imported(tmp_path, old_json=old).draft.requirements[0].text == '(H (p & (x < 3)))'
 
 
-def test_a_specification_and_its_database_give_a_bundle_that_is_ready(tmp_path: Path) -> None:
+def test_a_specification_and_its_database_give_a_complete_bundle(tmp_path: Path) -> None:
     found = imported(tmp_path, spec_json=SPECIFICATION, db_json=DATABASE)
     assert found.draft.component == 'rover'
     assert [(item.name, item.topic, item.type, item.field) for item in found.draft.inputs] == [
@@ -94,8 +94,8 @@ def test_a_document_of_ogma_is_read_and_its_results_are_left_out(tmp_path: Path)
     assert found.draft.requirements[0].text == 'level >= 1 && !high'
     assert found.draft.requirements[0].title == 'neither low nor high'
     assert found.draft.definitions[0].text == 'level > 3'
-    told = '\n'.join(item.render() for item in found.warnings)
-    assert "'result_type' and 'result_formula' left out" in told
+    warnings = '\n'.join(item.render() for item in found.warnings)
+    assert "'result_type' and 'result_formula' left out" in warnings
     assert ('level: {topic: ..., type: std_msgs/msg/Int32}   '
             "# db.json connects it to 'cfs', not 'ros/message'") in found.text
     meaning(found)
@@ -124,7 +124,7 @@ def test_files_of_one_component_are_one_bundle(tmp_path: Path) -> None:
     meaning(found)
 
 
-def test_a_list_gives_topics_and_a_guess_of_their_types(tmp_path: Path) -> None:
+def test_a_list_gives_topics_and_their_types_are_guessed(tmp_path: Path) -> None:
     listed = '# signals\nspeed /wheels/speed\narmed, battery std_msgs::msg::Bool data\n'
     found = imported(tmp_path, spec_json=SPECIFICATION, signals_txt=listed)
     assert [(item.topic, item.type) for item in found.draft.inputs] == [
@@ -134,7 +134,7 @@ def test_a_list_gives_topics_and_a_guess_of_their_types(tmp_path: Path) -> None:
     meaning(found)
 
 
-def test_a_type_that_a_file_gives_is_no_guess(tmp_path: Path) -> None:
+def test_a_type_in_a_file_is_not_listed_as_guessed(tmp_path: Path) -> None:
     rover = [requirement('R-1', 'the rover shall always satisfy speed <= 2.0')]
     found = imported(tmp_path, rover_json=rover, list_txt='speed speed std_msgs/msg/Float64\n')
     assert found.draft.todo == ()
@@ -154,7 +154,7 @@ def test_an_unknown_name_in_a_list_is_reported_with_its_line(tmp_path: Path) -> 
     assert (warning.span.source.name, warning.span.line) == (str(tmp_path / 'signals.txt'), 2)
 
 
-def test_a_message_with_several_fields_is_to_be_looked_at(tmp_path: Path) -> None:
+def test_a_message_with_several_fields_is_a_manual_task(tmp_path: Path) -> None:
     listed = 'speed /battery sensor_msgs/msg/BatteryState\n'
     found = imported(tmp_path, spec_json=SPECIFICATION, signals_txt=listed)
     [todo] = found.draft.todo
@@ -162,7 +162,7 @@ def test_a_message_with_several_fields_is_to_be_looked_at(tmp_path: Path) -> Non
     assert 'field: voltage' in todo
 
 
-def test_a_message_that_is_not_installed_here_does_not_stop_an_import(tmp_path: Path) -> None:
+def test_a_message_that_is_not_installed_does_not_stop_an_import(tmp_path: Path) -> None:
     listed = 'speed /speed other_msgs/msg/Speed value\n'
     found = imported(tmp_path, spec_json=SPECIFICATION, signals_txt=listed)
     assert found.draft.inputs[0].type == 'other_msgs/msg/Speed'
@@ -170,7 +170,7 @@ def test_a_message_that_is_not_installed_here_does_not_stop_an_import(tmp_path: 
     assert [item.id for item in found.draft.requirements] == ['R-1']
 
 
-def test_a_definition_may_look_at_its_own_past_and_at_that_of_another(tmp_path: Path) -> None:
+def test_a_definition_may_refer_to_the_past_of_itself_and_of_others(tmp_path: Path) -> None:
     project = {
         'requirements': [requirement('A', 'rover shall always satisfy top >= start & odd')],
         'variables': [
@@ -187,7 +187,7 @@ def test_a_definition_may_look_at_its_own_past_and_at_that_of_another(tmp_path: 
     meaning(found)
 
 
-def test_a_definition_that_cannot_be_used_is_asked_for(tmp_path: Path) -> None:
+def test_a_definition_that_cannot_be_used_is_a_manual_task(tmp_path: Path) -> None:
     project: dict[str, Any] = {**PROJECT, 'variables': [
         variable('speed', 'Input', 'double'), variable('armed', 'Input', 'boolean'),
         variable('top', 'Internal', 'double', 'table(speed)'),
@@ -215,7 +215,7 @@ def test_what_cannot_be_monitored_is_a_comment_and_a_task(tmp_path: Path) -> Non
     meaning(found)
 
 
-def test_a_formula_is_taken_where_the_sentence_is_none(tmp_path: Path) -> None:
+def test_the_formula_is_used_if_the_sentence_is_invalid(tmp_path: Path) -> None:
     project = {'requirements': [
         requirement('A', 'It may not speed', '(H (speed < 3))', 'H(speed < 3)')]}
     found = imported(tmp_path, moon_json=project)
@@ -271,7 +271,7 @@ def test_names_of_fret_keep_their_dots_and_blanks(tmp_path: Path) -> None:
     assert found.traces == ()
 
 
-def test_a_variable_that_no_formula_can_name_is_reported(tmp_path: Path) -> None:
+def test_a_variable_with_an_invalid_name_is_reported(tmp_path: Path) -> None:
     project: dict[str, Any] = {**PROJECT, 'variables': [
         *PROJECT['variables'], variable('H', 'Input', 'double')]}
     found = imported(tmp_path, moon_json=project)
@@ -285,9 +285,9 @@ SEVERAL = {'requirements': [
 
 
 def test_several_components_are_refused_with_their_names(tmp_path: Path) -> None:
-    told = refused(tmp_path, many_json=SEVERAL)
-    assert 'Moon/rover, Moon/lander, Mars/rover' in told
-    assert '--component Moon/rover' in told
+    reason = refused(tmp_path, many_json=SEVERAL)
+    assert 'Moon/rover, Moon/lander, Mars/rover' in reason
+    assert '--component Moon/rover' in reason
 
 
 @pytest.mark.parametrize('name, texts', [
@@ -299,12 +299,12 @@ def test_a_component_is_chosen_by_its_name(tmp_path: Path, name: str, texts: lis
     assert [item.text for item in found.draft.requirements] == texts
 
 
-def test_a_name_that_several_components_have_is_not_enough(tmp_path: Path) -> None:
+def test_an_ambiguous_component_name_is_refused(tmp_path: Path) -> None:
     with pytest.raises(CompileError, match='there are 2 components'):
         import_bundles(written(tmp_path, many_json=SEVERAL), tmp_path / 'b.yaml', 'rover')
 
 
-def test_a_component_that_is_not_there_is_refused_with_what_is(tmp_path: Path) -> None:
+def test_an_unknown_component_is_refused_with_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(CompileError, match="did you mean 'Moon/lander'"):
         import_bundles(written(tmp_path, many_json=SEVERAL), tmp_path / 'b.yaml', 'Moon/landr')
 
@@ -318,7 +318,7 @@ def test_a_folder_takes_a_bundle_of_each_component(tmp_path: Path) -> None:
         specify(read_bundle(item.path))
 
 
-def test_a_bundle_that_is_there_is_not_written_over(tmp_path: Path) -> None:
+def test_an_existing_bundle_is_not_overwritten(tmp_path: Path) -> None:
     found = import_bundles(written(tmp_path, moon_json=PROJECT), tmp_path / 'bundle.yaml')
     found[0].path.write_text('mine')
     with pytest.raises(CompileError, match='--force'):
@@ -329,7 +329,7 @@ def test_a_bundle_that_is_there_is_not_written_over(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ['bundle.yaml', 'moon.json']
 
 
-@pytest.mark.parametrize('content, told', [
+@pytest.mark.parametrize('content, reason', [
     ('{"requirements": [', '1:19: error: this is not JSON'),
     ('{"requirements": [{"reqid": }]}', '1:29: error: this is not JSON'),
     ('[' * 100_000, 'nested too deeply'),
@@ -347,24 +347,24 @@ def test_a_bundle_that_is_there_is_not_written_over(tmp_path: Path) -> None:
     ('contract c (x bool) returns (y: bool);', "',' or ':' was expected"),
     ('(*@contract guarantee "a" x; *)', 'a contract inside a node is not supported')])
 def test_what_cannot_be_imported_is_refused_with_a_reason(tmp_path: Path, content: str,
-                                                          told: str) -> None:
-    assert told in refused(tmp_path, odd_json=content)
+                                                          reason: str) -> None:
+    assert reason in refused(tmp_path, odd_json=content)
 
 
-def test_a_project_of_which_nothing_can_be_monitored_is_refused(tmp_path: Path) -> None:
+def test_a_project_without_usable_requirements_is_refused(tmp_path: Path) -> None:
     project = {'requirements': [requirement('A', 'rover shall always satisfy sin(x) < 1')]}
-    assert "there is no function 'sin'" in refused(tmp_path, moon_json=project)
+    reason = refused(tmp_path, moon_json=project)
+    assert "there is no function 'sin'" in reason and 'did you mean' not in reason
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(CompileError, match='there is no file'):
         import_bundles([tmp_path / 'none.json'], tmp_path / 'b.yaml')
 
 
 @pytest.mark.parametrize('value', [None, 1, 'text', [], {}, [[]], {'reqid': {}}])
 @pytest.mark.parametrize('key', ['fulltext', 'semantics', 'project', 'rationale', '_id'])
-def test_values_of_another_shape_are_as_if_they_were_not_there(tmp_path: Path, key: str,
-                                                               value: object) -> None:
+def test_values_of_another_shape_are_ignored(tmp_path: Path, key: str, value: object) -> None:
     item = {**requirement('A', 'rover shall always satisfy p', '(H p)', 'H(p)'), key: value}
     good = requirement('B', 'rover shall always satisfy p')
     paths = written(tmp_path, odd_json={'requirements': [item, good], 'variables': value})
@@ -388,7 +388,7 @@ def test_the_component_is_the_one_that_sentences_name(tmp_path: Path, name: str,
         Language.FRETISH if sentence else Language.PTLTL)
 
 
-def test_a_broken_definition_that_nothing_reads_is_no_task(tmp_path: Path) -> None:
+def test_a_broken_definition_that_nothing_uses_is_not_a_task(tmp_path: Path) -> None:
     project: dict[str, Any] = {**PROJECT, 'variables': [
         *PROJECT['variables'], variable('odd', 'Internal', 'double', 'table(speed)')]}
     found = imported(tmp_path, moon_json=project)
@@ -420,7 +420,7 @@ def test_a_requirement_without_component_is_a_comment_in_the_only_one(tmp_path: 
         "'must' is not a word that FRETish allows here"]
 
 
-def test_a_requirement_without_component_joins_that_of_its_project_alone(tmp_path: Path) -> None:
+def test_a_stray_requirement_joins_the_only_component_of_its_project(tmp_path: Path) -> None:
     project = {'requirements': [
         requirement('A', 'rover shall always satisfy p'),
         requirement('A', 'rover shall always satisfy q', project='Mars'), STRAY]}
@@ -429,13 +429,13 @@ def test_a_requirement_without_component_joins_that_of_its_project_alone(tmp_pat
         ('Moon_rover.yaml', ['R-3']), ('Mars_rover.yaml', [])]
 
 
-def test_a_requirement_without_component_joins_that_of_a_specification(tmp_path: Path) -> None:
+def test_a_stray_requirement_joins_the_component_of_a_specification(tmp_path: Path) -> None:
     found = imported(tmp_path, moon_json={'requirements': [STRAY]}, spec_json=SPECIFICATION)
     assert [item.id for item in found.draft.requirements] == ['R-1']
     assert [item.id for item, _ in found.draft.left_out] == ['R-3']
 
 
-def test_a_folder_takes_what_can_be_monitored_and_the_rest_is_reported(tmp_path: Path) -> None:
+def test_a_folder_gets_the_usable_components_and_the_rest_is_reported(tmp_path: Path) -> None:
     project = {'requirements': [
         SINE, STRAY, requirement('R-1', 'rover shall always satisfy p'),
         requirement('R-1', 'lander shall always satisfy p', component='lander')]}
@@ -448,7 +448,7 @@ def test_a_folder_takes_what_can_be_monitored_and_the_rest_is_reported(tmp_path:
     assert found[1].warnings == ()
 
 
-def test_a_folder_for_what_cannot_be_monitored_at_all_is_refused(tmp_path: Path) -> None:
+def test_a_folder_without_any_usable_requirement_is_refused(tmp_path: Path) -> None:
     paths = written(tmp_path, many_json={'requirements': [
         SINE, requirement('L', 'lander shall always satisfy cos(x) < 1', component='lander')]})
     with pytest.raises(CompileError) as raised:
@@ -459,7 +459,7 @@ def test_a_folder_for_what_cannot_be_monitored_at_all_is_refused(tmp_path: Path)
 
 
 @pytest.mark.parametrize('is_folder', [True, False])
-def test_what_is_not_of_the_chosen_component_is_reported(tmp_path: Path, is_folder: bool) -> None:
+def test_requirements_of_other_components_are_reported(tmp_path: Path, is_folder: bool) -> None:
     paths = written(tmp_path, many_json={'requirements': [*SEVERAL['requirements'], requirement(
         'B', 'lander shall always satisfy q', component='lander'), STRAY, requirement(
         'L-1', 'lander shall always satisfy r', component='lander')]})
@@ -471,9 +471,9 @@ def test_what_is_not_of_the_chosen_component_is_reported(tmp_path: Path, is_fold
 
 
 def test_components_to_choose_from_have_names(tmp_path: Path) -> None:
-    told = refused(tmp_path, many_json={'requirements': [STRAY, *SEVERAL['requirements']]})
-    assert 'there are 3 components, but a bundle is for one: Moon/rover, Moon/lander' in told
-    assert 'Moon/,' not in told
+    reason = refused(tmp_path, many_json={'requirements': [STRAY, *SEVERAL['requirements']]})
+    assert 'there are 3 components, but a bundle is for one: Moon/rover, Moon/lander' in reason
+    assert 'Moon/,' not in reason
 
 
 def test_requirements_without_any_component_are_a_bundle(tmp_path: Path) -> None:
@@ -486,7 +486,7 @@ def test_requirements_without_any_component_are_a_bundle(tmp_path: Path) -> None
     meaning(found)
 
 
-def test_files_of_a_folder_have_names_of_their_own(tmp_path: Path) -> None:
+def test_files_in_a_folder_have_distinct_names(tmp_path: Path) -> None:
     project = {'requirements': [
         requirement('A', 'it shall always satisfy p', 'H p', component=name)
         for name in ('a b', 'a_b', 'x' * 300, 'x' * 300 + 'y')]}
@@ -502,7 +502,7 @@ def test_modes_of_an_old_export_are_true_or_false(tmp_path: Path) -> None:
     assert {item.type for item in imported(tmp_path, old_json=[old]).draft.inputs} == {'bool'}
 
 
-def test_functions_and_probabilities_of_a_specification_have_no_place(tmp_path: Path) -> None:
+def test_functions_and_probabilities_of_a_specification_are_left_out(tmp_path: Path) -> None:
     specification = {'roverSpec': {
         'Other_variables': [{'name': 'x', 'type': 'real'}],
         'Functions': [{'name': 'sine', 'moduleName': 'math'}],
@@ -516,11 +516,11 @@ def test_a_second_topic_of_an_input_is_reported(tmp_path: Path) -> None:
     found = imported(tmp_path, spec_json=SPECIFICATION, db_json=DATABASE,
                      more_txt='speed /other\n')
     assert found.draft.inputs[0].topic == '/wheels/speed'
-    warning, _ = found.warnings  # and the names that nothing uses
+    warning, _ = found.warnings  # the other one is about unused names
     assert "'speed' has a topic already" in warning.title
 
 
-def test_halves_of_characters_do_not_get_into_a_bundle(tmp_path: Path) -> None:
+def test_lone_surrogates_do_not_get_into_a_bundle(tmp_path: Path) -> None:
     project = {'requirements': [requirement('A\ud800', 'rover shall always satisfy p',
                                             rationale='half \udc00')]}
     found = imported(tmp_path, moon_json=project)
@@ -538,7 +538,7 @@ def test_equations_in_a_specification_keep_their_own_names(tmp_path: Path) -> No
     meaning(found)
 
 
-def test_a_name_that_is_reserved_here_gets_another(tmp_path: Path) -> None:
+def test_a_reserved_name_is_renamed(tmp_path: Path) -> None:
     project = {
         'requirements': [
             requirement('A', 'rover shall always satisfy pre > 3 & (H | speed < pre)',
@@ -581,7 +581,7 @@ def refuse_lander(text: str, whole: Draft, path: Path) -> None:
 
 
 @pytest.mark.parametrize('type', ['', 'enum'])
-def test_a_type_that_fret_does_not_know_is_a_guess(tmp_path: Path, type: str) -> None:
+def test_an_unknown_type_of_fret_is_guessed(tmp_path: Path, type: str) -> None:
     project = {'requirements': [requirement('A', 'rover shall always satisfy speed < 3 & armed')],
                'variables': [variable('speed', 'Input', type), variable('armed', 'Input', 'bool')]}
     found = imported(tmp_path, moon_json=project)
@@ -589,7 +589,7 @@ def test_a_type_that_fret_does_not_know_is_a_guess(tmp_path: Path, type: str) ->
     assert guess.endswith(': speed (float64)')
 
 
-def test_a_mode_without_a_type_is_no_guess(tmp_path: Path) -> None:
+def test_a_mode_without_a_type_is_not_guessed(tmp_path: Path) -> None:
     project = {'requirements': [requirement('A', 'in hold mode rover shall always satisfy armed')],
                'variables': [variable('hold', 'Mode', ''), variable('armed', 'Input', 'boolean')]}
     assert not any('guess' in item for item in imported(tmp_path, moon_json=project).draft.todo)
@@ -597,7 +597,7 @@ def test_a_mode_without_a_type_is_no_guess(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('placeholder', [
     'Meaning not specified', 'No meaning assigned.', 'Under construction.', 'Unhandled.'])
-def test_what_tools_write_in_place_of_a_formula_is_none(tmp_path: Path, placeholder: str) -> None:
+def test_placeholders_of_tools_are_not_read_as_formulas(tmp_path: Path, placeholder: str) -> None:
     sentence = 'rover shall always satisfy speed < 3'
     found = imported(tmp_path, moon_json=[
         requirement('A', sentence, placeholder, 'true'),
@@ -610,24 +610,26 @@ def test_what_tools_write_in_place_of_a_formula_is_none(tmp_path: Path, placehol
         ('C', 'it has no formula')]
 
 
-def test_arrays_are_said_to_be_unsupported(tmp_path: Path) -> None:
+def test_arrays_are_reported_as_unsupported(tmp_path: Path) -> None:
     project = {'requirements': [
         requirement('A', 'rover shall always satisfy wheels(3) < 3'),
         requirement('B', 'rover shall always satisfy length(wheels, 2) < speed'),
-        requirement('C', 'rover shall always satisfy speed < 3')],
+        requirement('C', 'rover shall always satisfy speed < 3'),
+        requirement('D', 'rover shall always satisfy yout(3) < 3')],
         'variables': [variable('wheels', 'Input', 'double'), variable('length', 'Input', '')]}
     found = imported(tmp_path, moon_json=project)
     assert [(item.id, reason) for item, reason in found.draft.left_out] == [
-        ('A', 'arrays are not supported'), ('B', "there is no function 'length'")]
+        ('A', 'arrays are not supported'), ('B', "there is no function 'length'"),
+        ('D', "there is no function 'yout', and arrays are not supported")]
 
 
-def test_names_of_a_database_that_nothing_uses_are_reported(tmp_path: Path) -> None:
+def test_unused_names_of_a_database_are_reported(tmp_path: Path) -> None:
     found = imported(tmp_path, spec_json=SPECIFICATION, db_json=DATABASE)
     titles = [item.title for item in found.warnings]
     assert "db.json: no requirement or variable is called 'level'" in titles
 
 
-def test_free_text_in_quotes_is_not_taken_for_a_formula(tmp_path: Path) -> None:
+def test_free_text_in_quotes_is_not_read_as_a_formula(tmp_path: Path) -> None:
     found = imported(tmp_path, moon_json=[
         requirement('A', 'rover shall always satisfy speed < 3'),
         requirement('B', '"the rover is nice"')])
@@ -635,7 +637,7 @@ def test_free_text_in_quotes_is_not_taken_for_a_formula(tmp_path: Path) -> None:
     assert reason == 'free text cannot be monitored'
 
 
-def test_a_definition_of_its_own_past_shows_types_of_names(tmp_path: Path) -> None:
+def test_types_are_inferred_from_a_definition_of_its_own_past(tmp_path: Path) -> None:
     project = {'requirements': [requirement('A', 'rover shall always satisfy !latched')],
                'variables': [variable('latched', 'Internal', 'boolean',
                                       'tripped or (false -> pre latched)')]}

@@ -16,7 +16,6 @@
 
 from fractions import Fraction
 
-from fret_monitor.elaboration.elaborate import elaborate, scope_of
 from fret_monitor.importing.compare import differences
 from fret_monitor.importing.draft import Comparison
 from fret_monitor.language.smv import parse_smv
@@ -27,6 +26,7 @@ from fret_monitor.model.diagnostics import Source, Text
 from fret_monitor.model.policies import Report, Severity
 from fret_monitor.model.values import ValueType
 import pytest
+from stages import elaborate, scope_of
 
 SCOPE = scope_of([
     Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL),

@@ -19,7 +19,6 @@ import struct
 import time
 
 import facts
-from fret_monitor.elaboration.elaborate import elaborate, scope_of
 from fret_monitor.language.cocospec import parse_cocospec
 from fret_monitor.language.smv import parse_smv
 from fret_monitor.logic.evaluate import Trace, verdicts
@@ -33,6 +32,7 @@ from fret_monitor.model.values import ValueType
 from hypothesis import assume, given
 from hypothesis import strategies as st
 import pytest
+from stages import elaborate, scope_of
 from strategies import formulas, INPUTS, traces
 from trees import text
 

@@ -18,13 +18,14 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from fret_monitor.messages.definitions import parse_message
 from fret_monitor.messages.field_path import resolve_field
-from fret_monitor.messages.installed import find_message, fingerprint, search_path
+from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageLayout
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Source, Text
+from fret_monitor.model.packages import search_path
 from hypothesis import given, strategies
 import pytest
+from stages import parse_message
 
 STATE = """\
 # What the vehicle does
@@ -206,11 +207,12 @@ def test_the_types_on_the_way_are_given(prefix: Path) -> None:
     ('battery.chrg', "pkg_b/msg/Battery has no field 'chrg'", 9, "did you mean 'charge'?"),
     ('charge', "pkg_a/msg/State has no field 'charge'", 1, 'field: battery.charge'),
     ('battery.voltage', "pkg_b/msg/Battery has no field 'voltage'", 9,
-     'field: battery.cells[0].voltage'),
+     'field: "battery.cells[0].voltage"'),
     ('ranges', "'ranges' is an array (float32[])", 1,
-     'field: ranges[0]   # or len(ranges), min(ranges), max(ranges), sum(ranges), mean(ranges), '
+     'field: "ranges[0]"   # or len(ranges), min(ranges), max(ranges), sum(ranges), mean(ranges), '
      'norm(ranges)'),
-    ('wheels.speed', "'wheels' is an array (pkg_a/msg/Wheel[4])", 1, 'field: wheels[0].speed'),
+    ('wheels.speed', "'wheels' is an array (pkg_a/msg/Wheel[4])", 1,
+     'field: "wheels[0].speed"'),
     ('wheels[4].speed', "'wheels' is an array (pkg_a/msg/Wheel[4]): it has no element 4", 7, ''),
     ('limits[5]', "'limits' is an array (float64[<=5]): it has no element 5", 7, ''),
     ('count[0]', "'count' is a uint64, not an array", 6, ''),
@@ -218,7 +220,7 @@ def test_the_types_on_the_way_are_given(prefix: Path) -> None:
     ('battery', "'battery' is a message (pkg_b/msg/Battery)", 1,
      'field: battery.charge   # or battery.cells[0].voltage'),
     ('wheels[0]', "'wheels[0]' is a message (pkg_a/msg/Wheel)", 1,
-     'field: wheels[0].speed   # or wheels[0].locked'),
+     'field: "wheels[0].speed"   # or wheels[0].locked'),
     ('ranges[99999999999999]', 'it has no element 99999999999999', 7, ''),
 ])
 def test_a_path_that_leads_nowhere_is_refused_with_what_there_is(

@@ -148,8 +148,15 @@ def test_a_library_without_the_symbol_is_reported() -> None:
 
 
 def test_a_monitor_is_no_evaluator() -> None:
-    with pytest.raises(LibraryError, match="does not export 'fm_engine_create'"):
+    with pytest.raises(LibraryError, match="does not export 'fm_engine_abi'"):
         load_evaluator(library())
+
+
+def test_an_engine_of_another_interface_is_refused() -> None:
+    sources = {'engine.c': '#include "engine.h"\nuint32_t fm_engine_abi(void)\n'
+               '{\n  return FM_ENGINE_ABI + 1u;\n}\n'}
+    with pytest.raises(LibraryError, match='has interface 3, this version has 2: compile'):
+        load_evaluator(build_library(sources, name='other'))
 
 
 @pytest.mark.parametrize(('old', 'new', 'told'), [

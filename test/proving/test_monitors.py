@@ -25,9 +25,7 @@ from codegen.workbench import specify
 import facts
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read, Reading
 from fret_monitor.bundle.bundle import Language
-from fret_monitor.elaboration.elaborate import elaborate
 from fret_monitor.elaboration.languages import read_formula
-from fret_monitor.elaboration.scope import scope_of
 from fret_monitor.logic.formula import Formula, Variable
 from fret_monitor.model.diagnostics import Source, Text
 from fret_monitor.model.values import ValueType
@@ -37,6 +35,7 @@ from fret_monitor.proving.verification import GroupResult, read_subject, verify_
 from fret_monitor.smt.solver import Answer
 from proving.workbench import exchanged
 import pytest
+from stages import elaborate, scope_of
 from strategies import FormulaMaker, INPUTS
 
 ROOT = Path(__file__).resolve().parent.parent.parent

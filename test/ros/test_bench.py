@@ -28,10 +28,16 @@ SAMPLE = bench.Sample(sent=100, counted=100, answers=100, cpu=10.0, p50=1.0, p99
                       resident=30.0, highest=40.0)
 
 
+@pytest.fixture(scope='module')
+def prepared() -> Iterator[bench.Bench]:
+    with bench.prepared(rounds=1, rate=200.0, seconds=0.5, flood=2000) as made:
+        yield made
+
+
 @pytest.fixture
-def short(domain: int) -> Iterator[bench.Bench]:
-    with bench.prepared(rounds=1, rate=200.0, seconds=0.5, flood=2000) as prepared:
-        yield prepared
+def short(prepared: bench.Bench, domain: int) -> bench.Bench:
+    """Return a short benchmark in a domain of its own; its programs are built once."""
+    return prepared
 
 
 def test_every_subject_counts_and_answers_every_message(short: bench.Bench) -> None:

@@ -107,12 +107,13 @@ def test_parameters_read_by_configure_change_only_before_it_and_then_take_effect
         manager = Manager(partner)
         assert manager.ask(CONFIGURE) == [False]
         node.wait_for('nothing to monitor: name a bundle')
+        node.wait_for('nothing is monitored until the node is active again')
         assert set_to(partner, policy='sometimes')[0] == (
             False, "parameter 'policy' is 'sometimes', and has to be one of every_message, "
                    'relevant_message, all_inputs, periodic')
         assert set_to(partner, spec=str(bundle), policy='periodic', rate=20) == [(True, '')] * 3
         assert set_to(partner, period=0.5)[0] == (
-            False, "parameters 'period' and 'rate' say the same thing: give one of them")
+            False, "parameters 'period' and 'rate' are both given: give one of them")
         assert manager.ask(CONFIGURE) == [True]
         (successful, reason), = set_to(partner, spec='other.yaml')
         assert not successful

@@ -14,7 +14,7 @@
 
 from itertools import product
 
-from fret_monitor.ros.qos import DEFAULT_DEPTH, hears, wanted_profile
+from fret_monitor.ros.qos import DEFAULT_DEPTH, matches, wanted_profile
 import pytest
 from rclpy.qos import (
     DurabilityPolicy, HistoryPolicy, qos_check_compatible, QoSCompatibility, QoSProfile,
@@ -41,9 +41,9 @@ def test_every_publisher_is_received_with_the_best_qos_it_offers(
     offers: tuple[QoSProfile, QoSProfile],
 ) -> None:
     wanted = wanted_profile(offers, {})
-    assert all(hears(wanted, offer) for offer in offers)
+    assert all(matches(wanted, offer) for offer in offers)
     for better in OFFERS:
-        if all(hears(better, offer) for offer in offers):
+        if all(matches(better, offer) for offer in offers):
             # The enumerations are ordered: reliable is 1, best effort 2; transient local is 1.
             assert wanted.reliability.value <= better.reliability.value
             assert wanted.durability.value <= better.durability.value
@@ -54,7 +54,7 @@ def test_compatible_profiles_are_those_that_the_middleware_calls_compatible(
     offer: QoSProfile, request_: QoSProfile,
 ) -> None:
     compatibility, _ = qos_check_compatible(offer, request_)
-    assert hears(request_, offer) is (compatibility != QoSCompatibility.ERROR)
+    assert matches(request_, offer) is (compatibility != QoSCompatibility.ERROR)
 
 
 def test_publishers_do_not_change_what_the_bundle_sets() -> None:

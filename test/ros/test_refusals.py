@@ -19,7 +19,7 @@ from pathlib import Path
 
 import fret_monitor
 from fret_monitor import build
-from fret_monitor.ros.bundle_files import config_folders, find_bundle
+from fret_monitor.model.bundle_files import config_folders, find_bundle
 from fret_monitor.ros.logger_node import LoggerNode
 from fret_monitor.ros.monitor_node import MonitorNode
 from fret_monitor.ros.parameters import Refusal
@@ -121,6 +121,7 @@ def test_a_missing_bundle_is_reported_by_its_name(context: Context, tmp_path: Pa
         f"error: there is no file 'no.yaml' in "
         f'{" nor in ".join(map(str, [Path.cwd(), *config_folders()]))}')
     assert config_folders()[0] == CONFIG
+    assert refusal(context, spec='amr.yaml').endswith("= help: did you mean 'arm.yaml'?")
     deep = '/'.join([str(tmp_path), *['folder'] * 30, 'no.yaml'])
     assert refusal(context, spec=deep) == f"error: there is no file '{deep}'"
 
@@ -146,9 +147,14 @@ def test_a_bundle_of_another_package_is_found_in_its_share_folder(
     assert find_bundle(f'package://my_robot/config/{bundle.name}') == bundle
     assert refusal(context, spec='package://my_robot/no.yaml') == (
         f"error: 'package://my_robot/no.yaml': there is no file 'no.yaml' in {share}")
+    assert refusal(context, spec=f'package://my_robot/config/{bundle.stem}s.yaml').endswith(
+        f"= help: did you mean '{bundle.name}'?")
     assert refusal(context, spec='package://your_robot/no.yaml') == (
         "error: 'package://your_robot/no.yaml': the package 'your_robot' is not installed, or its "
         'workspace is not sourced')
+    (share / 'package.xml').write_text('<package/>', encoding='utf-8')
+    assert refusal(context, spec='package://my_robt/no.yaml').endswith(
+        "= help: did you mean 'my_robot'?")
 
 
 def test_several_bundles_in_one_string_are_refused_with_a_list(context: Context) -> None:
@@ -255,6 +261,7 @@ def test_the_logger_refuses_what_the_monitor_does(context: Context, tmp_path: Pa
 @pytest.mark.parametrize(('arguments', 'told'), [
     (['-p', 'spec:=no.yaml'], 'error: '),
     (['-p', 'spec'], "error: Failed to parse ROS arguments: Couldn't parse parameter"),
+    (['-p', 'spec=no.yaml'], '; write -p spec:=no.yaml\nusage: '),
     (['--', 'bundle.yaml'], "error: unexpected argument 'bundle.yaml'\nusage: "),
     (['--sepc'], "error: unknown ROS arguments ['--sepc']\n"),
     (['spec:=x y'], "error: unknown ROS arguments ['spec:=x y']: a parameter has -p before it: "

@@ -32,8 +32,9 @@ nodes = pytest.mark.parametrize(
     indirect=['hot_path'])
 signals = pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 
-TIMES = 20
 AT_ONCE = 4
+IDLE_ROUNDS = 2  # an idle node has few threads that could meet
+BUSY_ROUNDS = 3
 PATIENCE = 5.0  # s; it takes two on an idle machine, and other nodes start meanwhile
 
 BUNDLE = """
@@ -77,8 +78,8 @@ def flood(partner: Partner) -> Iterator[None]:
     thread.join()
 
 
-def end_all(name: str, number: signal.Signals, parameter: str) -> None:
-    for _ in range(TIMES // AT_ONCE):
+def end_all(name: str, number: signal.Signals, parameter: str, rounds: int) -> None:
+    for _ in range(rounds):
         nodes = [NodeProcess(name, '-p', parameter, '-r', f'__node:=node{place}')
                  for place in range(AT_ONCE)]
         try:
@@ -104,7 +105,7 @@ def end_all(name: str, number: signal.Signals, parameter: str) -> None:
 def test_an_idle_node_ends_quietly(
     name: str, hot_path: str, number: signal.Signals, parameter: str, domain: int,
 ) -> None:
-    end_all(name, number, parameter)
+    end_all(name, number, parameter, IDLE_ROUNDS)
 
 
 @pytest.mark.usefixtures('flood')
@@ -113,7 +114,7 @@ def test_an_idle_node_ends_quietly(
 def test_a_busy_node_ends_quietly(
     name: str, hot_path: str, number: signal.Signals, parameter: str,
 ) -> None:
-    end_all(name, number, parameter)
+    end_all(name, number, parameter, BUSY_ROUNDS)
 
 
 def catches(process: int, number: signal.Signals) -> bool:

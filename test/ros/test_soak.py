@@ -27,10 +27,16 @@ if not any(prefix.glob('include/*/rcl/rcl.h') for prefix in bench.prefixes()) or
     pytest.skip('needs the headers of rcl, and the installed node', allow_module_level=True)
 
 
-@pytest.fixture
-def prepared(domain: int) -> Iterator[bench.Bench]:
+@pytest.fixture(scope='module')
+def built() -> Iterator[bench.Bench]:
     with bench.prepared(1) as made:
         yield made
+
+
+@pytest.fixture
+def prepared(built: bench.Bench, domain: int) -> bench.Bench:
+    """Return the programs, which are built once, with a domain of its own."""
+    return built
 
 
 @pytest.fixture

@@ -20,6 +20,7 @@ from explain.examples import bundle, examined, reference
 import facts
 from fret_monitor.logic.evaluate import verdicts
 from fret_monitor.logic.finality import is_final
+from fret_monitor.traces import search
 from fret_monitor.traces.search import Budget, Examples, find_examples, Recovery
 from fret_monitor.traces.subject import Subject, subjects
 from fret_monitor.traces.trace import length
@@ -31,6 +32,16 @@ FORMULAS = (
     'H (mode = LANDING -> Y (mode = IDLE))', 'H[0,5] (n > 3)', '(Y p) | q', 'H (H[0,300] p -> q)',
     'abs(x - preReal(x, x)) < 0.5', 'p T q', 'FTP | (p xor q)', 'H (O[12,12] p -> O[0,11] q)',
 )
+
+
+@pytest.fixture(autouse=True)
+def small_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    Let a requirement take a tenth of the steps.
+
+    What can be found here is found in these; where there is nothing to find, they are all taken.
+    """
+    monkeypatch.setattr(search, '_LARGE', 30_000)
 
 
 def check(subject: Subject, found: Examples) -> None:
