@@ -78,7 +78,7 @@ class NodeTime:
         self._follow()
 
     def _leave(self) -> None:
-        """Leave `/clock` before it is turned off: from then on, the clock gives the system time."""
+        """Leave `/clock` before it is turned off: the clock then gives the system time."""
         if self._clock.ros_time_is_active:
             self._engine.follow_steady()
 

@@ -62,7 +62,8 @@ static int take(
   struct subscription * self = (struct subscription *)(uintptr_t)subscription;
   (void)message;
   (void)allocation;
-  memset(info, 0, sizeof(struct fm_padded_info));  // a later version of the middleware may write the padding
+  // A later version of the middleware may write the padding.
+  memset(info, 0, sizeof(struct fm_padded_info));
   *taken = self->taken < self->sent;
   self->taken += *taken ? 1u : 0u;
   info->publication_sequence_number = self->taken;
@@ -110,7 +111,8 @@ static void * memory;
 
 static struct fm_engine * make_engine(void)
 {
-  const struct fm_evaluator_options evaluator = {&monitor, topics, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0};
+  const struct fm_evaluator_options evaluator = {
+    &monitor, topics, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0};
   memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   const struct fm_engine_options options = {
     fm_evaluator_init(memory, &evaluator), &monitor, &readers, topics, 1};

@@ -39,6 +39,15 @@ evaluation: {policy: POLICY}
 requirements:
   - {id: R, ptltl: "x < 1.0"}
 """
+TIMEOUT = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32, timeout: 1.0, stale: violate}
+evaluation: {policy: periodic, period: 0.05}
+requirements:
+  - {id: R, ptltl: "x < 1.0"}
+  - {id: ONSET, ptltl: "x < 5.0", report: onset}
+"""
 EXECUTORS: list[Callable[..., Any]] = [
     SingleThreadedExecutor, MultiThreadedExecutor, EventsExecutor]
 
@@ -113,6 +122,27 @@ def test_every_period_is_a_step_in_every_executor(
         partner.wait_for_listener(publisher)
         publisher.publish(Float32(data=2.0))
         wait_until(lambda: partner.heard['R'] > 10, 'a violation each period')
+
+
+@pytest.mark.parametrize('hot_path', ['on', 'off'])
+def test_a_timeout_comes_beside_periods_in_every_executor(
+    partner: Partner, stranger: Partner, executor: Any, tmp_path: Path, hot_path: str,
+) -> None:
+    path = tmp_path / 'bundle.yaml'
+    path.write_text(TIMEOUT, encoding='utf-8')
+    with spun(executor, MonitorNode(context=stranger.context, parameter_overrides=[
+            Parameter('spec', value=str(path)), Parameter('hot_path', value=hot_path)])):
+        publisher = partner.publisher(Float32, 'x')
+        partner.listen('R', 'ONSET')
+        partner.wait_for_listener(publisher)
+        wait_until(lambda: partner.heard['ONSET'] == 1, 'the silence before the first message')
+        timer = partner.node.create_timer(0.05, lambda: publisher.publish(Float32(data=2.0)))
+        before = partner.heard['R']
+        wait_until(lambda: partner.heard['R'] > before + 20, 'a violation each period')
+        sleep(1.5)
+        assert partner.heard['ONSET'] == 1, 'messages come'
+        partner.node.destroy_timer(timer)
+        wait_until(lambda: partner.heard['ONSET'] == 2, 'the silence after the last message')
 
 
 def test_the_logger_logs_in_every_executor(

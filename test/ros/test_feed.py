@@ -239,7 +239,8 @@ def test_a_qos_profile_of_the_bundle_stays_and_incompatible_publishers_are_repor
         sleep(0.3)
         assert (listener.numbers(0), listener.numbers(1)) == ([], list(range(1000, 1030)))
     told = capfd.readouterr().err
-    assert told.count('/partner does not match the subscription to /x: it offers best effort, volatile') == 1
+    assert told.count('/partner does not match the subscription to /x: it offers best effort, '
+                      'volatile') == 1
     assert 'is reliable, volatile: leave `reliability` out there\n' in told
 
 

@@ -18,22 +18,26 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 import gc
 from pathlib import Path
+from threading import Event
 from types import SimpleNamespace
 from typing import Any
 import weakref
 
+from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros import MonitorNode, native_lifetimes
+from fret_monitor.ros.details import Details, DETAILS_TOPIC, read_detail
 from fret_monitor.ros.hot_path import Middleware, Receiver
 from fret_monitor.ros.in_place import KNOWN, loaded_versions, refuse_unknown_versions
 from fret_monitor.ros.loaded import Unavailable
 from fret_monitor.ros.rcl_subscription import RclSubscription
+from fret_monitor.runtime import ViolationDetail
 import pytest
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.utilities import get_rmw_implementation_identifier
-from ros.harness import Partner
+from ros.harness import Partner, wait_until
 from std_msgs.msg import Float32, Int32
 
 BUNDLE = """
@@ -108,6 +112,43 @@ def test_a_subscription_is_read_in_place_only_on_the_hot_path(
     finally:
         node.destroy_node()
         context.try_shutdown()
+
+
+@pytest.mark.parametrize('hot_path', ['on', 'off'])
+def test_a_detail_that_is_not_published_yet_holds_no_message_and_no_violation(
+    partner: Partner, stranger: Partner, tmp_path: Path, hot_path: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE, encoding='utf-8')
+    may_publish = Event()
+    details: list[Any] = []
+    original = Details.publish
+
+    def publish(self: Details, detail: ViolationDetail) -> None:
+        may_publish.wait()
+        original(self, detail)
+
+    monkeypatch.setattr(Details, 'publish', publish)
+    node = MonitorNode(context=stranger.context, parameter_overrides=[
+        Parameter('spec', value=str(bundle)), Parameter('hot_path', value=hot_path)])
+    try:
+        partner.node.create_subscription(DiagnosticArray, DETAILS_TOPIC, details.append, 1000)
+        wait_until(lambda: node.count_subscribers(DETAILS_TOPIC) > 0, 'the discovery')
+        x = partner.publisher(Float32, 'x')
+        partner.listen('R')
+        partner.wait_for_listener(x)
+        for number in range(50):
+            x.publish(Float32(data=2.0))
+            wait_until(lambda: partner.heard['R'] > number, 'its violation')  # noqa: B023
+        assert details == []
+        may_publish.set()
+        wait_until(lambda: len(details) == 50, 'the details')
+        found = [read_detail(array.status[0]) for array in details]
+        assert [item.step for item in found if item is not None] == list(range(50))
+    finally:
+        may_publish.set()
+        node.destroy_node()
 
 
 def test_messages_are_read_in_place_only_with_known_versions() -> None:

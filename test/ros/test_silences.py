@@ -14,7 +14,6 @@
 
 """Silences are logged once when they have begun, and once when they have ended."""
 
-from pathlib import Path
 from typing import Any
 
 from fret_monitor import build

@@ -163,8 +163,9 @@ def test_use_sim_time_may_change_while_the_monitor_runs(
         assert (found['missed'], found['restarts']) == ('0', '0'), 'a change is no jump'
 
 
+@pytest.mark.parametrize('hot_path', ['on', 'off'])
 def test_a_stopped_process_loses_no_period_and_finds_no_silence(
-    partner: Partner, operator: Operator, tmp_path: Path,
+    partner: Partner, operator: Operator, tmp_path: Path, hot_path: str,
 ) -> None:
     details: list[tuple[str, Detail]] = []
 
@@ -174,7 +175,7 @@ def test_a_stopped_process_loses_no_period_and_finds_no_silence(
             assert detail is not None
             details.append((status.name, detail))
 
-    with started('monitor', '-p', write(tmp_path, STOPPED)) as node:
+    with started('monitor', '-p', write(tmp_path, STOPPED), '-p', f'hot_path:={hot_path}') as node:
         partner.node.create_subscription(DiagnosticArray, DETAILS_TOPIC, keep, 1000)
         partner.listen('R', 'X')
         x, p = partner.publisher(Float32, 'x'), partner.publisher(Bool, 'p')

@@ -195,7 +195,7 @@ def test_a_wait_ends_when_a_clock_has_moved(engine: Engine) -> None:
 def test_a_message_received_by_two_subscriptions_is_one_step(engine: Engine) -> None:
     def deliver(number: int, *, is_retired: bool = False) -> Receipt:
         return engine.message(0, a_float(2.0), received=0, sent=number, sequence=number,
-                                 is_retired=is_retired)
+                              is_retired=is_retired)
 
     assert deliver(1) is Receipt.RECEIVED
     assert deliver(1) is Receipt.RECEIVED  # two publishers may use the same sequence number
@@ -217,7 +217,7 @@ def test_a_sender_whose_clock_is_set_back_sends_no_history(engine: Engine) -> No
     assert engine.message(0, a_float(2.0), received=0, sent=10, sequence=1) is Receipt.RECEIVED
     for number in range(2, 12):
         assert engine.message(0, a_float(2.0), received=0, sent=number - 5,
-                                 sequence=number) is Receipt.RECEIVED
+                              sequence=number) is Receipt.RECEIVED
     assert engine.message(0, a_float(2.0), received=0, sent=11, sequence=3) is Receipt.REPEATED
 
 
