@@ -42,7 +42,7 @@ requirements:
 TIMEOUT = """
 format: 1
 inputs:
-  x: {topic: x, type: std_msgs/msg/Float32, timeout: 1.0, stale: violate}
+  x: {topic: x, type: std_msgs/msg/Float32, timeout: 2.0, stale: violate}
 evaluation: {policy: periodic, period: 0.05}
 requirements:
   - {id: R, ptltl: "x < 1.0"}
@@ -139,7 +139,7 @@ def test_a_timeout_comes_beside_periods_in_every_executor(
         timer = partner.node.create_timer(0.05, lambda: publisher.publish(Float32(data=2.0)))
         before = partner.heard['R']
         wait_until(lambda: partner.heard['R'] > before + 20, 'a violation each period')
-        sleep(1.5)
+        sleep(2.5)
         assert partner.heard['ONSET'] == 1, 'messages come'
         partner.node.destroy_timer(timer)
         wait_until(lambda: partner.heard['ONSET'] == 2, 'the silence after the last message')

@@ -131,7 +131,8 @@ def test_an_override_decides_the_qos_of_a_subscription(
                  '-p', 'qos_overrides./y.subscription.durability:=transient_local',
                  '-p', 'qos_overrides./x.subscription.depth:=3') as node:
         wait_until(lambda: x.get_subscription_count() > 0, 'the override beside the bundle')
-        node.wait_for('/partner does not match the subscription to /y: it offers reliable, volatile')
+        node.wait_for('/partner does not match the subscription to /y: it offers reliable, '
+                      'volatile')
         node.wait_for(': leave `durability` out there')
         assert y.get_subscription_count() == 0
         assert "ignored parameter 'qos_overrides./x.subscription.depth': the topic /x is not " \

@@ -54,7 +54,7 @@ requirements:
 STOPPED = """
 format: 1
 inputs:
-  x: {topic: x, type: std_msgs/msg/Float32, timeout: 1.0, stale: violate}
+  x: {topic: x, type: std_msgs/msg/Float32, timeout: 2.0, stale: violate}
   p: {topic: p, type: std_msgs/msg/Bool}
 evaluation: {policy: periodic, period: 0.125}
 requirements:
@@ -226,7 +226,7 @@ def test_switching_use_sim_time_on_and_off_is_no_silence_and_no_jump(
 
 
 def silence(node: NodeProcess) -> int:
-    return node.output.count('no usable value on /x within the timeout of 1 s')
+    return node.output.count('no usable value on /x within the timeout of')
 
 
 def wait_for_log(operator: Operator) -> None:
@@ -251,7 +251,7 @@ def test_an_input_that_falls_silent_violates_its_requirements_in_the_time_of_the
         simulator.go(0.8)
         operator.wait(3)  # a simulation that stands still is no silence
         assert silence(node) == 0
-        simulator.go(0.5)
+        simulator.go(2.0)  # longer, since a timeout that is found late is put off by as long
         # X has a value and XZ waits for z: each is reported at once, and once only.
         partner.expect({'X': 1, 'ONSET': 1, 'XZ': 1})
         wait_for_log(operator)
@@ -282,7 +282,7 @@ def test_an_input_that_falls_silent_violates_its_requirements_in_the_time_of_the
         assert silence(node) == 1
         x.publish(Float32(data=2.5))  # X is violated by its value, ONSET is not
         partner.expect({'X': 3, 'ONSET': 2, 'XZ': 2})
-        simulator.go(1.3)
+        simulator.go(3.0)
         partner.expect({'X': 4, 'ONSET': 3, 'XZ': 3})
 
 
