@@ -455,8 +455,9 @@ class _Subscribed:
         if self._is_news(bytes(publisher.endpoint_gid)):
             self._node.get_logger().error(
                 f'{_who(publisher)} does not match the subscription to '
-                f'{self._current.topic_name}: it offers {qos.describe(publisher.qos_profile)}, and '
-                f'what is requested, by `qos` or `qos_overrides`, is '
+                f'{self._current.topic_name}: it offers '
+                f'{qos.describe(publisher.qos_profile)}, and what is requested, by `qos` or '
+                '`qos_overrides`, is '
                 f'{qos.describe(self._current.qos_profile)}'
                 f'{self._remedy(publisher)}')
 
