@@ -733,6 +733,7 @@ static void begin_time(struct fm_evaluator * evaluator, int64_t now)
   const struct fm_instance * instance = &evaluator->instance;
   instance->time->has_begun = true;
   instance->time->now = now;
+  instance->time->before = now;
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     const int64_t timeout = evaluator->inputs[i].timeout;
     instance->inputs[i].heard_at = now;
@@ -795,18 +796,30 @@ static void violate_readers(
   }
 }
 
+// Whether messages of an input may be waiting whose timeout is found at `now`.
+static bool is_doubtful(const struct fm_evaluator * evaluator, uint32_t i, int64_t now)
+{
+  return evaluator->patience > 0 &&
+         since(evaluator->instance.inputs[i].due, now) > evaluator->patience &&
+         since(evaluator->instance.time->before, now) > evaluator->inputs[i].timeout / 2;
+}
+
 static void take_timeout(
   struct fm_evaluator * evaluator, uint32_t i, int64_t now, struct report * report)
 {
   struct input_cell * input = &evaluator->inputs[i];
   struct fm_instance_input * cell = &evaluator->instance.inputs[i];
-  const int64_t late = since(cell->due, now);
-  if (!cell->is_silent && !cell->is_put_off && evaluator->patience > 0 &&
-    late > evaluator->patience)
-  {
+  if (!cell->is_silent && !cell->is_put_off && is_doubtful(evaluator, i, now)) {
+    const int64_t late = since(cell->due, now);
+    const int64_t least = evaluator->patience > INT64_MAX / 10 ?
+      INT64_MAX : 10 * evaluator->patience;
+    const int64_t longer = late > least ? late : least;
     cell->is_put_off = true;
-    set_due(evaluator, i, fm_later(now, late < input->timeout ? late : input->timeout));
+    set_due(evaluator, i, fm_later(now, longer < input->timeout ? longer : input->timeout));
     return;
+  }
+  if (!cell->is_silent) {
+    report->stamp = fm_later(cell->heard_at, input->timeout);
   }
   input->silences += cell->is_silent ? 0u : 1u;
   cell->is_silent = true;
@@ -864,7 +877,10 @@ uint32_t fm_evaluator_advance(
     evaluator->counts.restarts += 1;
     fm_evaluator_shift(evaluator, -since(now, time->now));
   }
-  time->now = now;
+  if (now != time->now) {
+    time->before = time->now;
+    time->now = now;
+  }
   if (evaluator->wake > now) {
     return 0;
   }

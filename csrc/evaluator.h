@@ -208,10 +208,11 @@ FM_EXPORT int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator);
 /// stored, a group that is not ready counts as satisfied again; one that is ready keeps its
 /// verdict until its next step.
 ///
-/// With `patience`, a timeout found more than that after its instant is put off, once a silence,
-/// until as long again has passed, at most its own length: the process did not run, and messages
-/// may be waiting to be received. That is one call, without a violation; the new instant is the
-/// stamp.
+/// With `patience`, a timeout that is found more than that late, by a time that has moved by more
+/// than half of it at once, is put off, once a silence: the process did not run, or the clock has
+/// jumped, and messages may be waiting to be received. It is looked at again when as long again
+/// has passed, at least ten times `patience` and at most its own length. That is one call, without
+/// a violation. The stamp remains the end of the timeout.
 ///
 /// O(operations) for a period, O(inputs + groups that read the input, and their requirements) for
 /// a timeout, O(1) if nothing is due.

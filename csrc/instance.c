@@ -233,6 +233,7 @@ void fm_instance_shift(const struct fm_instance * instance, int64_t by)
 {
   struct fm_instance_time * time = instance->time;
   time->now = fm_later(time->now, by);
+  time->before = fm_later(time->before, by);
   time->next_period = moved(time->next_period, by);
   for (uint32_t i = 0; i < instance->monitor->n_inputs; ++i) {
     instance->inputs[i].heard_at = fm_later(instance->inputs[i].heard_at, by);

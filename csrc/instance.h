@@ -63,6 +63,7 @@ struct fm_instance_group
 struct fm_instance_time
 {
   int64_t now;
+  int64_t before;        // the time from which it moved to `now`
   int64_t next_period;
   uint64_t stores;       // values stored so far
   uint32_t n_waiting;    // groups that read an input without a value
