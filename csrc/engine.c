@@ -65,6 +65,10 @@ struct fm_engine
   enum source source;
   int64_t system_ahead;  // of the steady clock, ns
   int64_t wakes_at;      // a thread in fm_engine_take waits until then; INT64_MIN: none does
+  int64_t round;         // the time of the round
+  bool has_rounds;       // messages are taken in rounds
+  bool has_round;        // there is a time, of the round
+  bool is_outdated;      // the clock, until fm_engine_wake
   bool has_begun;        // the time
   bool is_new_source;    // its time was not read yet
   bool is_closed;
@@ -248,24 +252,26 @@ static int64_t system_ahead_locked(struct fm_engine * engine)
 }
 
 // Read the time of the source; returns false if it has none. `told`: the time if it is told.
-static bool read_time_locked(struct fm_engine * engine, int64_t told, int64_t * now)
+static bool read_source_locked(struct fm_engine * engine, int64_t told, int64_t * now)
 {
-  struct fm_evaluator * evaluator = engine->options.evaluator;
   *now = told;
-  if (!engine->has_begun) {
-    return false;
-  }
   if (engine->source == STEADY) {
     *now = read_clock(CLOCK_MONOTONIC);
-  } else if (engine->source == CLOCK && (engine->now(engine->clock, now) != 0 || *now <= 0)) {
-    return false;
+  } else if (engine->source == CLOCK) {
+    return !engine->is_outdated && engine->now(engine->clock, now) == 0 && *now > 0;
   }
-  if (engine->is_new_source) {
-    fm_evaluator_shift(evaluator, fm_between(fm_evaluator_now(evaluator), *now));
+  return true;
+}
+
+// Shift the evaluator's times to a source that is read for the first time.
+static void join_source_locked(struct fm_engine * engine, int64_t now)
+{
+  struct fm_evaluator * evaluator = engine->options.evaluator;
+  if (engine->is_new_source && engine->has_begun) {
+    fm_evaluator_shift(evaluator, fm_between(fm_evaluator_now(evaluator), now));
     engine->is_new_source = false;
   }
   FM_PAUSE();
-  return true;
 }
 
 static void take_due_locked(struct fm_engine * engine, int64_t now)
@@ -285,19 +291,36 @@ static void take_due_before_locked(struct fm_engine * engine, int64_t now)
   take_due_locked(engine, is_here ? now : fm_later(now, -1));
 }
 
-// Take what is due by a clock that is followed.
+// Take what is due by a clock that is followed, unless that is left to the end of a round.
 static void take_due_now_locked(struct fm_engine * engine)
 {
   int64_t now;
-  if (engine->source != TOLD && !engine->is_closed && read_time_locked(engine, 0, &now)) {
+  if (engine->has_begun && engine->source != TOLD && !engine->has_rounds && !engine->is_closed &&
+    read_source_locked(engine, 0, &now))
+  {
+    join_source_locked(engine, now);
     take_due_locked(engine, now);
   }
+}
+
+// The time of a message; false if there is none.
+static bool read_for_message_locked(struct fm_engine * engine, int64_t received, int64_t * now)
+{
+  if (engine->has_rounds && engine->source != TOLD) {
+    *now = engine->round;
+    return engine->has_round;
+  }
+  if (!read_source_locked(engine, received, now)) {
+    return false;
+  }
+  join_source_locked(engine, *now);
+  return true;
 }
 
 // A deadline may now come before the end of a wait in fm_engine_take.
 static void end_wait_if_earlier_locked(struct fm_engine * engine)
 {
-  if (engine->source == STEADY &&
+  if (engine->source == STEADY && !engine->has_rounds &&
     fm_evaluator_wake(engine->options.evaluator) < engine->wakes_at)
   {
     pthread_cond_signal(&engine->violation_queued);
@@ -316,15 +339,16 @@ void fm_engine_advance(struct fm_engine * engine, int64_t now)
 
 static void follow(
   struct fm_engine * engine, enum source source,
-  int (* now)(void * clock, int64_t * nanoseconds), void * clock)
+  int (* now)(void * clock, int64_t * nanoseconds), void * clock, bool is_outdated)
 {
   fm_engine_lock(engine);
   take_due_now_locked(engine);  // brings the time up to date, for the shift
   engine->source = source;
   engine->now = now;
   engine->clock = clock;
-  engine->is_new_source = engine->has_begun;
-  engine->has_begun = true;
+  engine->is_outdated = is_outdated;
+  engine->is_new_source = true;
+  engine->has_round = false;
   take_due_now_locked(engine);
   pthread_cond_signal(&engine->violation_queued);
   fm_engine_unlock(engine);
@@ -332,18 +356,65 @@ static void follow(
 
 void fm_engine_follow_steady(struct fm_engine * engine)
 {
-  follow(engine, STEADY, NULL, NULL);
+  follow(engine, STEADY, NULL, NULL, false);
 }
 
 void fm_engine_follow_clock(
-  struct fm_engine * engine, int (* now)(void * clock, int64_t * nanoseconds), void * clock)
+  struct fm_engine * engine, int (* now)(void * clock, int64_t * nanoseconds), void * clock,
+  bool is_outdated)
 {
-  follow(engine, CLOCK, now, clock);
+  follow(engine, CLOCK, now, clock, is_outdated);
+}
+
+void fm_engine_begin(struct fm_engine * engine)
+{
+  fm_engine_lock(engine);
+  if (!engine->has_begun && engine->source != TOLD) {
+    engine->has_begun = true;
+    engine->is_new_source = false;  // the evaluator has no times yet
+    take_due_now_locked(engine);
+    pthread_cond_signal(&engine->violation_queued);
+  }
+  fm_engine_unlock(engine);
+}
+
+void fm_engine_begin_round(struct fm_engine * engine)
+{
+  fm_engine_lock(engine);
+  engine->has_rounds = true;
+  engine->has_round = !engine->is_closed && read_source_locked(engine, 0, &engine->round);
+  if (engine->has_round) {
+    join_source_locked(engine, engine->round);
+  }
+  fm_engine_unlock(engine);
+}
+
+void fm_engine_end_round(struct fm_engine * engine)
+{
+  fm_engine_lock(engine);
+  if (engine->has_begun && engine->has_round && engine->source != TOLD && !engine->is_closed) {
+    take_due_locked(engine, engine->round);
+  }
+  fm_engine_unlock(engine);
+}
+
+int64_t fm_engine_time_left(struct fm_engine * engine, int64_t most)
+{
+  int64_t left = most;
+  fm_engine_lock(engine);
+  if (engine->has_begun && engine->source == STEADY) {
+    const int64_t now = read_clock(CLOCK_MONOTONIC);
+    const int64_t deadline = fm_evaluator_deadline(engine->options.evaluator);
+    left = deadline <= now ? 0 : fm_between(now, deadline);
+  }
+  fm_engine_unlock(engine);
+  return left < most ? left : most;
 }
 
 void fm_engine_wake(struct fm_engine * engine)
 {
   fm_engine_lock(engine);
+  engine->is_outdated = false;
   pthread_cond_signal(&engine->violation_queued);
   fm_engine_unlock(engine);
 }
@@ -383,7 +454,8 @@ static void wait_for_violation_locked(struct fm_engine * engine, uint32_t millis
   while (engine->outbox.n_violations == 0 && !engine->is_closed && milliseconds > 0 &&
     read_clock(CLOCK_MONOTONIC) < end)
   {
-    const int64_t deadline = engine->source == STEADY ? fm_evaluator_deadline(evaluator) : end;
+    const bool waits = engine->has_begun && engine->source == STEADY && !engine->has_rounds;
+    const int64_t deadline = waits ? fm_evaluator_deadline(evaluator) : end;
     engine->wakes_at = deadline < end ? deadline : end;
     FM_PAUSE();
     wait_until_locked(engine, &engine->violation_queued, engine->wakes_at);
@@ -541,16 +613,16 @@ uint32_t fm_engine_deliver_locked(
     fm_evaluator_undecodable(evaluator, topic);
     return FM_UNDECODABLE;
   }
-  const bool has_time = read_time_locked(engine, origin->received, &now);
-  if (has_time) {
-    take_due_before_locked(engine, now);
-  } else {
+  const bool has_time = read_for_message_locked(engine, origin->received, &now);
+  const int64_t stamp = has_time && engine->source == CLOCK ? now : origin->received;
+  if (!has_time || !engine->has_begun) {
     now = fm_evaluator_now(evaluator);
+  } else if (!engine->has_rounds) {
+    take_due_before_locked(engine, now);
   }
   if (!store_locked(engine, topic, reading->fields, now)) {
     keep_evidence(cell, reading->message, reading->size);
   }
-  const int64_t stamp = has_time && engine->source == CLOCK ? now : origin->received;
   announce_locked(engine, fm_evaluator_message(evaluator, topic, stamp, engine->found), 0);
   end_wait_if_earlier_locked(engine);
   return FM_RECEIVED;
@@ -574,8 +646,9 @@ uint32_t fm_engine_message(
 void fm_engine_reset(struct fm_engine * engine)
 {
   fm_engine_lock(engine);
+  take_due_now_locked(engine);
   fm_evaluator_reset(engine->options.evaluator);
-  end_wait_if_earlier_locked(engine);
+  take_due_now_locked(engine);
   fm_engine_unlock(engine);
 }
 

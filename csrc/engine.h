@@ -23,8 +23,7 @@
 ///
 /// The time comes from one of three sources. At first it is told, by fm_engine_advance and the
 /// times of reception (a recording). A node follows a steady clock, or the clock of a simulation.
-/// It begins with the first call of fm_engine_advance, _follow_steady or _follow_clock; before,
-/// nothing is due.
+/// It begins with the first fm_engine_advance, or with fm_engine_begin; before, nothing is due.
 ///
 /// All functions may be called from any thread at any time, except fm_engine_create and
 /// fm_engine_destroy. They wait for nothing except the mutex, unless they have a parameter
@@ -91,7 +90,7 @@ FM_EXPORT uint32_t fm_engine_message(
   struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin);
 
-/// As fm_evaluator_reset.
+/// As fm_evaluator_reset, after what is due, and before what the reset makes due.
 FM_EXPORT void fm_engine_reset(struct fm_engine * engine);
 
 /// While the time is told: move it to `now`, and take what is due by then, each stamped with its
@@ -99,22 +98,36 @@ FM_EXPORT void fm_engine_reset(struct fm_engine * engine);
 FM_EXPORT void fm_engine_advance(struct fm_engine * engine, int64_t now);
 
 /// Follow a clock that nobody sets (CLOCK_MONOTONIC). Stamps are in system time: a message's time
-/// of reception, or the instant of what is due as the system clock counts it now. A wait of
-/// fm_engine_take ends when a deadline has come.
+/// of reception, or the instant of what is due as the system clock counts it now.
 FM_EXPORT void fm_engine_follow_steady(struct fm_engine * engine);
 
 /// Follow a clock that may stand still or jump; stamps are its times. `now` writes nanoseconds and
-/// returns 0. If it fails or writes 0 there is no time: nothing is due, and a message is stamped
-/// with its time of reception. Call fm_engine_wake whenever the clock has moved. The clock must
-/// live until another is followed, or the engine is destroyed.
+/// returns 0. If it fails or writes 0 or less there is no time: nothing is due, and a message is
+/// stamped with its time of reception. So it is before the next fm_engine_wake if the clock
+/// `is_outdated`. Call fm_engine_wake whenever the clock has moved. The clock must live until
+/// another is followed, or the engine is destroyed.
 ///
 /// When one of these functions changes the source of the time, what was to come in a second still
-/// comes in a second.
+/// comes in a second. O(inputs + what is due).
 FM_EXPORT void fm_engine_follow_clock(
-  struct fm_engine * engine, int (* now)(void * clock, int64_t * nanoseconds), void * clock);
+  struct fm_engine * engine, int (* now)(void * clock, int64_t * nanoseconds), void * clock,
+  bool is_outdated);
 
-/// Let fm_engine_take look at the clock.
+/// Begin the time of the clock that is followed, once all messages are received. Later calls do
+/// nothing.
+FM_EXPORT void fm_engine_begin(struct fm_engine * engine);
+
+/// The clock has moved: let fm_engine_take look at it.
 FM_EXPORT void fm_engine_wake(struct fm_engine * engine);
+
+/// For a thread that takes messages itself, all of all topics in a round. The time is read when a
+/// round begins and stands still until the next one; what is due by then is taken when it ends, and
+/// at no other time. So no input is silent whose message is waiting to be taken.
+FM_EXPORT void fm_engine_begin_round(struct fm_engine * engine);
+FM_EXPORT void fm_engine_end_round(struct fm_engine * engine);
+
+/// Nanoseconds until the deadline, 0 to `most`; `most` unless the steady clock is followed.
+FM_EXPORT int64_t fm_engine_time_left(struct fm_engine * engine, int64_t most);
 
 /// As fm_evaluator_deadline: in the time of the source.
 FM_EXPORT int64_t fm_engine_deadline(struct fm_engine * engine);

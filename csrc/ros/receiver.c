@@ -238,7 +238,9 @@ bool fm_receiver_take(struct fm_receiver * receiver, struct fm_record * out)
   }
   out->message = receiver->message.buffer;
   out->size = receiver->message.length;
+  fm_engine_lock(receiver->engine);  // for is_retired
   out->origin = origin_of(receiver);
+  fm_engine_unlock(receiver->engine);
   return result == TAKEN;
 }
 

@@ -202,10 +202,20 @@ class BundleSession:
 
     def _connect_through(self, middleware: Middleware) -> None:
         engine = self._engine
+        feed = Feed(self._node, None if middleware.listens else engine)
+
+        def move() -> None:
+            engine.wake()
+            feed.wake()
+
+        has_deadlines = self.opened.policy is Policy.PERIODIC or any(
+            item.timeout is not None for item in self.manifest.inputs)
+        time = NodeTime(
+            self._node, engine, middleware.clock_now, on_move=move if has_deadlines else None)
+        self._running.callback(time.close)
         announcer = Announcer(engine, middleware, self._handlers.publishers)
         self._running.callback(announcer.join)
         self._running.callback(DetailPublisher(engine, self._details).end)
-        feed = Feed(self._node)
         self._running.callback(feed.close)
         for index, topic in enumerate(self.manifest.topics):
             kind = self._classes[topic.message_type]
@@ -216,12 +226,7 @@ class BundleSession:
                                self._node.resolve_topic_name(topic.name), dict(topic.qos)))
         feed.start()
         self._feed = feed
-        # Begun after the subscriptions, so that no timeout runs while they are made.
-        time = NodeTime(
-            self._node, engine, middleware.clock_now,
-            has_deadlines=self.opened.policy is Policy.PERIODIC
-            or any(item.timeout is not None for item in self.manifest.inputs))
-        self._running.callback(time.close)
+        engine.begin()  # after the subscriptions, so that no timeout runs while they are made
         # Logged after the start, since rclpy needs 0.1 s for its first log line.
         self._node.get_logger().info(f'messages are taken {self._way}', once=True)
 

@@ -27,6 +27,7 @@ from collections.abc import Mapping, Set
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from heapq import merge
+from itertools import islice
 from threading import Event, Thread
 from time import monotonic, time_ns
 from typing import Any, NamedTuple, Protocol
@@ -104,6 +105,19 @@ class Topic(Protocol):
         """Messages lost: sent, and not received by any subscription of the topic."""
 
 
+class Rounds(Protocol):
+    """Is told of each round in which the feed takes all waiting messages."""
+
+    def begin_round(self) -> None:
+        """Note that a round begins: all messages received until now are taken in it."""
+
+    def end_round(self) -> None:
+        """Note that the messages of the round were delivered."""
+
+    def time_left(self, most: int) -> int:
+        """Return for how many nanoseconds the feed may wait for messages, at most `most`."""
+
+
 _WAIT_NS = 200_000_000  # a wait without a timeout could outlast a shutdown
 _REVIEW_PERIOD = 0.25  # s between two checks of the publishers
 _REVIEWED_AT_ONCE = 50  # topics per check, 50 us each: at most 1 % of a processor
@@ -113,6 +127,7 @@ _ASSURED = 0.5  # s until it is closed if the new one has matched all publishers
 _GRACE = 1.0  # s after it was closed, during which duplicates are still recognised
 _NAMED = 2.0  # s until a publisher is logged without the name of its node
 _UNNAMED = '_NODE_NAME_UNKNOWN_'
+_MOST_AT_ONCE = 1000  # messages taken of a subscription before others have their turn
 _LOSSES_S = 10.0  # between two log lines about lost messages of a topic
 
 
@@ -138,15 +153,21 @@ class PublisherStatus:
 class Feed:
     """Delivers the messages of any number of topics, one at a time, in a thread of its own."""
 
-    def __init__(self, node: Node) -> None:
-        """Prepare a feed for a node; nothing is delivered before `start`."""
+    def __init__(self, node: Node, rounds: Rounds | None = None) -> None:
+        """
+        Prepare a feed for a node; nothing is delivered before `start`.
+
+        `rounds` is told of the rounds in which messages are taken, unless C listens.
+        """
         self._node = node
+        self._rounds = rounds
         self._topics: list[_Subscribed] = []
         self._next_reviewed = 0
         self._closing = Event()
         self._thread = Thread(target=self._run, name='feed', daemon=True)
         self._guard = _rclpy.GuardCondition(node.context.handle)
         self._held: list[_Taken] = []
+        self._is_behind = False  # more messages wait than were taken in the last round
         self._waited: list[Any] = []  # the handles of all subscriptions
         self._wait_set: Any = None
         self._kept = ErrorKeeper()
@@ -185,6 +206,11 @@ class Feed:
             topic.open()
         native_lifetimes.keep(self)
         self._thread.start()
+
+    def wake(self) -> None:
+        """End a wait for messages."""
+        if not self._closing.is_set():
+            self._guard.trigger_guard_condition()
 
     def end(self) -> None:
         """
@@ -230,15 +256,28 @@ class Feed:
                 self._review()
                 next_review = monotonic() + _REVIEW_PERIOD
             if self._topics and not self._topics[0].topic.listens:
-                self._wait(0 if self._held else _WAIT_NS)
-                self._deliver()
+                self._take_round()
             else:
                 self._closing.wait(_REVIEW_PERIOD)
+
+    def _take_round(self) -> None:
+        is_busy = self._held or self._is_behind
+        self._is_behind = False
+        if self._rounds is None:
+            self._wait(0 if is_busy else _WAIT_NS)
+            self._deliver()
+        else:
+            self._wait(0 if is_busy else self._rounds.time_left(_WAIT_NS))
+            self._rounds.begin_round()
+            self._deliver()
+            if not self._closing.is_set() and not self._is_behind:
+                self._rounds.end_round()
 
     def _review(self) -> None:
         begin = self._next_reviewed
         for topic in self._topics[begin:begin + _REVIEWED_AT_ONCE]:
             topic.review()
+            self._held += [(topic, record) for record in topic.rest()]
         self._next_reviewed = begin + _REVIEWED_AT_ONCE
         if self._next_reviewed >= len(self._topics):
             self._next_reviewed = 0
@@ -263,7 +302,7 @@ class Feed:
         have been set back.
         """
         now = time_ns()
-        # At most one message per subscription is held, so sorting keeps the order of a topic.
+        # Sorting is stable, so it keeps the order of a topic.
         batches = [sorted(self._held, key=_received)]
         self._held = []
         for topic in self._topics:
@@ -277,11 +316,12 @@ class Feed:
 
     def _take_all(self, topic: '_Subscribed', receiver: Receiver, now: int) -> list[_Taken]:
         batch: list[_Taken] = []
-        while (record := receiver.take()) is not None:
+        for record in islice(iter(receiver.take, None), _MOST_AT_ONCE):
             if record.received > now:
                 self._held.append((topic, record))
                 break
             batch.append((topic, record))
+        self._is_behind = self._is_behind or len(batch) == _MOST_AT_ONCE
         return batch
 
 
@@ -316,6 +356,7 @@ class _Subscribed:
         self._known: set[bytes] = set()
         self._unnamed: dict[bytes, float] = {}  # publishers without a known node, and since when
         self._retired: list[tuple[RclSubscription, Receiver | None, float]] = []
+        self._rest: list[Record] = []  # taken from a subscription that was replaced
         self._overlaps_until: float | None = None
         self._current = self._subscribe(qos.wanted_profile((), fixed))
         self._receiver: Receiver | None = None
@@ -346,14 +387,13 @@ class _Subscribed:
             last.callback(subscription.close)
             if receiver is not None:
                 last.callback(receiver.stop)
-                self._drain(receiver)
+                if self.topic.listens:
+                    receiver.drain()
 
-    def _drain(self, receiver: Receiver) -> None:
-        if self.topic.listens:
-            receiver.drain()
-        else:
-            while (record := receiver.take()) is not None:
-                self.topic.deliver(record)
+    def rest(self) -> list[Record]:
+        """Return what was waiting in subscriptions that were replaced, and is to be delivered."""
+        rest, self._rest = self._rest, []
+        return rest
 
     def review(self) -> None:
         """Check the publishers, log mismatches, and replace the subscription if due."""
@@ -423,6 +463,8 @@ class _Subscribed:
                 self._current.handle.get_publisher_count() >= self.status.publishers
             if now >= until or is_assured:
                 self._retired.remove(retired)
+                if receiver is not None and not self.topic.listens:
+                    self._rest += islice(iter(receiver.take, None), _MOST_AT_ONCE)
                 self._destroy(item, receiver)
                 self._overlaps_until = now + _GRACE
         if self._retired or self._overlaps_until is None:

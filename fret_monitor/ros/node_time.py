@@ -22,6 +22,7 @@ Python only passes on that the clock has moved, or was changed for the other one
 
 from collections.abc import Callable
 from contextlib import ExitStack
+from threading import RLock
 from time import monotonic
 from typing import Any
 
@@ -33,8 +34,8 @@ from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from rclpy.node import Node
 
-PATIENCE_S = 0.01
-"""A timeout that is found later than this is put off once: the process did not run."""
+PATIENCE_S = 0.001
+"""A timeout found later than this may be put off once: the process did not run (`evaluator.h`)."""
 
 _NO_TIME_S = 5.0  # until a missing `/clock` is logged
 _PERIODS_S = 60.0  # between two log lines about late periods
@@ -45,26 +46,31 @@ _FEWEST_LATE = 3  # late periods are worth reading
 class NodeTime:
     """Lets an engine follow a node's time, from its creation until `close`."""
 
-    def __init__(self, node: Node, engine: Engine, clock_now: Any, *, has_deadlines: bool) -> None:
+    def __init__(self, node: Node, engine: Engine, clock_now: Any, *,
+                 on_move: Callable[[], None] | None) -> None:
         """
-        Begin the time of the engine.
+        Follow the clock.
 
-        `clock_now` is the address of `rcl_clock_get_now`. Without deadlines, the engine does not
-        have to be woken when `/clock` has moved.
+        `clock_now` is the address of `rcl_clock_get_now`. `on_move` is called when `/clock` has
+        moved; None if the engine has no deadlines.
         """
         self._engine = engine
         self._clock_now = clock_now
+        self._on_move = on_move
         self._clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
+        self._lock = RLock()
         self._held = ExitStack()
         handle: Any = self._clock.handle
         self._held.enter_context(handle)
         self._pointer = ffi.cast('void *', handle.pointer)
-        self._listen(JumpThreshold(min_forward=None, min_backward=None), self._leave, self._follow)
-        if has_deadlines:
+        self._listen(JumpThreshold(min_forward=None, min_backward=None), self._leave, self._change)
+        if on_move is not None:
             self._listen(JumpThreshold(
                 min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1),
-                on_clock_change=False), None, self._engine.wake)
-        self._begin()
+                on_clock_change=False), None, on_move)
+        with self._lock:
+            self._engine.follow_steady()
+            self._follow(is_outdated=False)
 
     def _listen(self, threshold: JumpThreshold, before: Callable[[], None] | None,
                 after: Callable[[], None]) -> None:
@@ -72,19 +78,20 @@ class NodeTime:
             threshold, pre_callback=before, post_callback=lambda _: after())
         self._held.callback(jumps.unregister)
 
-    def _begin(self) -> None:
-        if not self._clock.ros_time_is_active:
-            self._engine.follow_steady()
-        self._follow()
-
     def _leave(self) -> None:
-        """Leave `/clock` before it is turned off: the clock then gives the system time."""
-        if self._clock.ros_time_is_active:
-            self._engine.follow_steady()
+        """Leave `/clock` before it is turned off: from then on, the clock gives the system time."""
+        with self._lock:
+            if self._clock.ros_time_is_active:
+                self._engine.follow_steady()
 
-    def _follow(self) -> None:
+    def _change(self) -> None:
+        # rcl still has the time at which /clock was turned off.
+        with self._lock:
+            self._follow(is_outdated=self._on_move is not None)
+
+    def _follow(self, *, is_outdated: bool) -> None:
         if self._clock.ros_time_is_active:
-            self._engine.follow_clock(self._clock_now, self._pointer)
+            self._engine.follow_clock(self._clock_now, self._pointer, is_outdated=is_outdated)
 
     def close(self) -> None:
         """Stop following; the engine must not be used with this clock any more."""

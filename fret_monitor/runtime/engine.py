@@ -151,18 +151,34 @@ class Engine:
         """Follow a clock that nobody sets; stamps are in system time."""
         self._library.fm_engine_follow_steady(self.pointer)
 
-    def follow_clock(self, now: Any, clock: Any) -> None:
+    def follow_clock(self, now: Any, clock: Any, *, is_outdated: bool = False) -> None:
         """
         Follow a clock in C that may stand still or jump; stamps are its times.
 
         The clock must live as long as this object, or until another is followed. Call `wake`
-        whenever it has moved.
+        whenever it has moved; if it `is_outdated`, there is no time before.
         """
-        self._library.fm_engine_follow_clock(self.pointer, now, clock)
+        self._library.fm_engine_follow_clock(self.pointer, now, clock, is_outdated)
+
+    def begin(self) -> None:
+        """Begin the time of the clock that is followed; timeouts and periods run from now on."""
+        self._library.fm_engine_begin(self.pointer)
 
     def wake(self) -> None:
-        """Let the thread in `take` look at the clock."""
+        """Let the thread in `take` look at the clock, which has moved."""
         self._library.fm_engine_wake(self.pointer)
+
+    def begin_round(self) -> None:
+        """Read the time, which then stands still, before all waiting messages are taken."""
+        self._library.fm_engine_begin_round(self.pointer)
+
+    def end_round(self) -> None:
+        """Take what was due when the round began, after its messages were delivered."""
+        self._library.fm_engine_end_round(self.pointer)
+
+    def time_left(self, most: int) -> int:
+        """Return the nanoseconds until the deadline by the steady clock, at most `most`."""
+        return int(self._library.fm_engine_time_left(self.pointer, most))
 
     @property
     def deadline(self) -> int:
