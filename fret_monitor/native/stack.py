@@ -34,6 +34,7 @@ INDIRECT = '__indirect_call'
 _NODE = re.compile(r'node: \{ title: "([^"]*)" label: "((?:[^"\\]|\\.)*)"')
 _EDGE = re.compile(r'edge: \{ sourcename: "([^"]*)" targetname: "([^"]*)"')
 _FRAME = re.compile(r'(\d+) bytes \((.*?)\)')
+_EVALUATOR = ('evaluator.c', 'instance.c')
 
 
 class StackError(Exception):
@@ -103,10 +104,11 @@ def worst_stack(sources: Mapping[str, str]) -> WorstStack | None:
     and `call_graph`.
     """
     files = {**runtime_headers(), **sources}
-    files['evaluator.c'] = (csrc_directory() / 'evaluator.c').read_text(encoding='utf-8')
+    for name in _EVALUATOR:
+        files[name] = (csrc_directory() / name).read_text(encoding='utf-8')
     compiler = find_compiler()
     monitor = call_graph(compiler, files, [name for name in sources if name.endswith('.c')])
-    evaluator = call_graph(compiler, files, ['evaluator.c'])
+    evaluator = call_graph(compiler, files, _EVALUATOR)
     if monitor is None or evaluator is None:
         return None
     below = max(map(monitor.depth, monitor.frames))

@@ -143,7 +143,7 @@ static void feed(
         abort();
       }
       if (fields[i].outcome == FM_FIELD_READ) {
-        fm_evaluator_store(evaluator, first[topic] + i, fields[i].value);
+        fm_evaluator_store(evaluator, first[topic] + i, fields[i].value, 0);
       } else {
         fm_evaluator_unusable(evaluator, first[topic] + i);
       }

@@ -105,7 +105,8 @@ def build(folder: Path, chosen: Sequence[Topic], csrc: Path = CSRC) -> Path:
     program = folder / 'messages'
     gcc = shutil.which('gcc') or 'cc'
     command = [gcc, '-std=c99', f'-I{csrc}', f'-I{folder}', *map(str, sources),
-               str(csrc / 'evaluator.c'), str(HERE / 'messages.c'), '-lm', '-o', str(program)]
+               str(csrc / 'evaluator.c'), str(csrc / 'instance.c'), str(HERE / 'messages.c'),
+               '-lm', '-o', str(program)]
     for flags in (SANITIZERS, ('-O1',)):
         done = subprocess.run([*command, *flags], capture_output=True, text=True, check=False)
         if done.returncode == 0:

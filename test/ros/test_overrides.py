@@ -69,7 +69,7 @@ def test_an_override_beats_the_bundle_and_leaves_other_topics_alone() -> None:
     ('/x.subscription.depth', 2**40, 'has to be a number of messages'),
     ('/x.subscription.reliabilty', 'reliable', "is none: did you mean 'reliability' or"),
     ('/x.subscription.colour', 'red', 'is none: there are reliability, durability, history, de'),
-    ('/x.subscription.deadline', 10**9, 'say `timeout` in the bundle'),
+    ('/x.subscription.deadline', 10**9, 'use the `timeout` of the input'),
     ('/x.subscription_left.depth', 1, "subscriptions here have no id, write '.subscription.'"),
     ('x.subscription.depth', 1, "is none; write 'qos_overrides./TOPIC.subscription.POLICY'"),
     ('/x.depth', 1, "is none; write 'qos_overrides./TOPIC.subscription.POLICY'"),
