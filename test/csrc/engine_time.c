@@ -263,12 +263,25 @@ static void a_timeout_that_is_found_late_is_put_off_once(void)
   deliver(engine, true, 0);
   CHECK(fm_engine_silence(engine, 0).count == 0 && take(engine) == 1);
   clock.now += TIMEOUT + PATIENCE + 1;
-  CHECK(take(engine) == 0 && fm_engine_deadline(engine) == clock.now + PATIENCE + 1);
+  CHECK(take(engine) == 0 && fm_engine_deadline(engine) == clock.now + 10 * PATIENCE);
   clock.now += 5 * TIMEOUT;  // not put off twice
-  CHECK(take(engine) == 1 && is_taken(0, FED, clock.now - 5 * TIMEOUT + PATIENCE + 1));
+  CHECK(take(engine) == 1 && is_taken(0, FED, clock.now - 5 * TIMEOUT - PATIENCE - 1));
   deliver(engine, true, 0);
   clock.now += TIMEOUT + PATIENCE;
   CHECK(take(engine) == 2 && is_taken(1, FED, clock.now - PATIENCE));
+  destroy(engine);
+}
+
+static void a_timeout_that_a_coarse_clock_finds_late_is_not_put_off(void)
+{
+  struct clock clock = {100, false};
+  struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, PATIENCE);
+  fm_engine_follow_clock(engine, read_clock, &clock);
+  for (; clock.now < 100 + TIMEOUT; clock.now += 2 * TIMEOUT / 5) {
+    CHECK(take(engine) == 0);
+  }
+  CHECK(clock.now > 100 + TIMEOUT + PATIENCE);
+  CHECK(take(engine) == 1 && is_taken(0, FED, 100 + TIMEOUT));
   destroy(engine);
 }
 
@@ -422,6 +435,7 @@ int main(void)
   a_clock_without_time_lets_nothing_be_due();
   a_message_at_the_instant_of_a_deadline_comes_first();
   a_timeout_that_is_found_late_is_put_off_once();
+  a_timeout_that_a_coarse_clock_finds_late_is_not_put_off();
   another_source_of_the_time_puts_nothing_off();
   a_reset_finds_a_silent_input_anew();
   a_closed_engine_takes_nothing();

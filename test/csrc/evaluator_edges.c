@@ -335,6 +335,18 @@ static void check_that_a_silence_lasts_at_most_the_greatest_number(void)
   free(evaluator);
 }
 
+static void check_that_a_long_patience_puts_off_by_no_more_than_the_timeout(void)
+{
+  const int64_t timeout = INT64_MAX / 2;
+  const struct times times = {timeout, 0, INT64_MAX / 9};
+  struct fm_evaluator * const evaluator = make(FM_PERIODIC, times);
+  CHECK(advance(evaluator, INT64_MIN) == 0u && advance(evaluator, 0) == 0u);
+  CHECK(advance(evaluator, 0) == 0u && fm_evaluator_deadline(evaluator) == timeout);
+  CHECK(!fm_evaluator_silence(evaluator, 0).is_silent);
+  CHECK(advance(evaluator, timeout) == 2u && announced[0].stamp == INT64_MIN + timeout);
+  free(evaluator);
+}
+
 static void check_that_all_periods_there_are_can_be_missed(void)
 {
   struct fm_evaluator * const evaluator = begun_at(INT64_MIN, 0, 1);
@@ -437,6 +449,7 @@ static void check_times(void)
   check_what_is_due_at_the_last_times();
   check_the_longest_timeout();
   check_that_a_silence_lasts_at_most_the_greatest_number();
+  check_that_a_long_patience_puts_off_by_no_more_than_the_timeout();
   check_that_all_periods_there_are_can_be_missed();
   check_the_longest_period();
   check_long_ways_back();

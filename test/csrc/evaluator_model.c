@@ -188,7 +188,7 @@ static void make_times(void)
   options.timeouts = random_below(8) == 0 ? NULL : timeouts;
   options.violates = random_below(8) == 0 ? NULL : violates;
   options.period = random_below(4) == 0 ? 0 : 1 + random_below(random_below(2) == 0 ? 6 : 40);
-  options.patience = random_below(2) == 0 ? 0 : 1 + random_below(20);
+  options.patience = random_below(2) == 0 ? 0 : 1 + random_below(random_below(2) == 0 ? 4 : 20);
 }
 
 static void make_monitor(void)
@@ -228,6 +228,7 @@ struct instance
   bool verdicts[MAX_REQUIREMENTS];
   bool has_begun;  // the time
   int64_t now;
+  int64_t before;  // the last time that was another than `now`
   int64_t next_period;
 };
 
@@ -471,6 +472,7 @@ static void model_begin(int64_t now)
 {
   model.has_begun = true;
   model.now = now;
+  model.before = now;
   model.next_period = now + options.period;
   for (uint32_t i = 0; i < monitor.n_inputs; ++i) {
     model_begin_timeout(i, now);
@@ -483,6 +485,7 @@ static void model_shift(int64_t by)
     return;
   }
   model.now += by;
+  model.before += by;
   model.next_period += by;
   for (uint32_t i = 0; i < monitor.n_inputs; ++i) {
     model.last_value[i] += by;
@@ -502,17 +505,33 @@ static void model_violate_readers(uint32_t i, int64_t stamp)
   }
 }
 
+// Whether a timeout that is found so late is put off.
+static bool model_waits(uint32_t i, int64_t late)
+{
+  return options.patience > 0 && late > options.patience && !model.was_put_off[i] &&
+         2 * (model.now - model.before) > timeout_of(i);
+}
+
+static void model_put_off(uint32_t i, int64_t late)
+{
+  int64_t by = late;
+  by = by < 10 * options.patience ? 10 * options.patience : by;
+  by = by > timeout_of(i) ? timeout_of(i) : by;
+  model.was_put_off[i] = true;
+  model.due[i] = model.now + by;
+}
+
 // After a reset an input is due that is silent already: no new silence, and not put off.
 static void model_timeout(uint32_t i)
 {
-  const int64_t instant = model.due[i];
+  int64_t instant = model.due[i];
   const int64_t late = model.now - instant;
   if (!model.is_silent[i]) {
-    if (options.patience > 0 && late > options.patience && !model.was_put_off[i]) {
-      model.was_put_off[i] = true;
-      model.due[i] = model.now + (late < timeout_of(i) ? late : timeout_of(i));
+    if (model_waits(i, late)) {
+      model_put_off(i, late);
       return;
     }
+    instant = model.last_value[i] + timeout_of(i);
     model.is_silent[i] = true;
     counters.silences[i] += 1;
   }
@@ -552,7 +571,10 @@ static void model_advance(int64_t now)
     counters.time.restarts += 1;
     model_shift(now - model.now);
   }
-  model.now = now;
+  if (now != model.now) {
+    model.before = model.now;
+    model.now = now;
+  }
   model_miss_periods();
   for (uint32_t i = 0; i < monitor.n_inputs && model_deadline() <= now; ++i) {
     if (model.due[i] == model_deadline()) {

@@ -788,49 +788,148 @@ static void a_reset_leaves_other_timeouts_alone(void)
 
 // ---- patience ----------------------------------------------------------------------------------
 
-static struct fm_evaluator * with_patience_of_10(void)
+static struct fm_evaluator * with_patience(int64_t patience, const int64_t * timeouts)
 {
-  struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
-  options.patience = 10;
+  struct fm_evaluator_options options = timed(FM_PERIODIC, timeouts);
+  options.patience = patience;
   return begun_at_1000(&options);
 }
 
-static void a_timeout_found_late_is_put_off_once_by_as_much(void)
+static void a_timeout_found_late_after_a_stop_is_put_off_once_by_as_much(void)
 {
-  struct fm_evaluator * evaluator = with_patience_of_10();
-  CHECK(advance(evaluator, 1061) == 0 && !silence_of_flag(evaluator).is_silent);
-  CHECK(fm_evaluator_deadline(evaluator) == 1072 && advance(evaluator, 1071) == 0);
-  CHECK(advance(evaluator, 1100) == 2 && is_violation(0, A, 0, 1072));
-  CHECK(silence_of_flag(evaluator).count == 1 && silence_of_flag(evaluator).lasted == 100);
+  struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
+  CHECK(advance(evaluator, 1080) == 0 && !silence_of_flag(evaluator).is_silent);
+  CHECK(fm_evaluator_deadline(evaluator) == 1110 && advance(evaluator, 1109) == 0);
+  CHECK(advance(evaluator, 1200) == 2 && silence_of_flag(evaluator).is_silent);
+  CHECK(silence_of_flag(evaluator).count == 1 && silence_of_flag(evaluator).lasted == 200);
+}
+
+static void a_timeout_that_was_put_off_is_stamped_with_its_end_however_late(void)
+{
+  for (int64_t late = 0; late < 4000; late += 1000) {
+    struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
+    store_flag(evaluator, true, 1020);
+    CHECK(advance(evaluator, 1100) == 0 && fm_evaluator_deadline(evaluator) == 1130);
+    CHECK(advance(evaluator, 1130 + late) == 2);
+    CHECK(is_violation(0, A, 0, 1070) && is_violation(1, C, 0, 1070));
+  }
+}
+
+static void a_timeout_is_put_off_by_ten_times_the_patience_at_least(void)
+{
+  struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
+  CHECK(advance(evaluator, 1053) == 0 && fm_evaluator_deadline(evaluator) == 1073);
+  CHECK(advance(evaluator, 1072) == 0 && !silence_of_flag(evaluator).is_silent);
+  CHECK(advance(evaluator, 1073) == 2 && is_violation(0, A, 0, 1050));
+}
+
+static void a_timeout_is_put_off_by_its_own_length_at_most(void)
+{
+  struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
+  CHECK(advance(evaluator, 9000) == 0 && fm_evaluator_deadline(evaluator) == 9050);
+  evaluator = with_patience(10, FLAG_50);
+  CHECK(advance(evaluator, 1061) == 0 && fm_evaluator_deadline(evaluator) == 1111);
 }
 
 static void a_timeout_found_within_the_patience_is_not_put_off(void)
 {
-  struct fm_evaluator * evaluator = with_patience_of_10();
-  CHECK(advance(evaluator, 1060) == 2 && is_violation(0, A, 0, 1050));
+  struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
+  CHECK(advance(evaluator, 1052) == 2 && is_violation(0, A, 0, 1050));
 }
 
-static void a_timeout_is_put_off_at_most_by_its_own_length(void)
+static void without_patience_a_stop_puts_nothing_off(void)
 {
-  struct fm_evaluator * evaluator = with_patience_of_10();
-  CHECK(advance(evaluator, 9000) == 0 && fm_evaluator_deadline(evaluator) == 9050);
+  struct fm_evaluator * evaluator = with_patience(0, FLAG_50);
+  CHECK(advance(evaluator, 9000) == 2 && is_violation(0, A, 0, 1050));
+}
+
+// As by a simulated clock: what is found late has not been waiting.
+static void a_coarse_clock_puts_nothing_off(void)
+{
+  for (int64_t tick = 1; tick <= 25; ++tick) {
+    struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
+    int64_t now = 1000;
+    while (now + tick < 1050) {
+      now += tick;
+      CHECK(advance(evaluator, now) == 0);
+    }
+    CHECK(advance(evaluator, now + tick) == 2 && is_violation(0, A, 0, 1050));
+  }
+}
+
+static void time_that_moves_by_more_than_half_of_a_timeout_at_once_puts_it_off(void)
+{
+  struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
+  CHECK(advance(evaluator, 1028) == 0);
+  CHECK(advance(evaluator, 1053) == 2 && is_violation(0, A, 0, 1050));
+  evaluator = with_patience(2, FLAG_50);
+  CHECK(advance(evaluator, 1027) == 0 && advance(evaluator, 1053) == 0);
+  CHECK(!silence_of_flag(evaluator).is_silent && fm_evaluator_deadline(evaluator) == 1073);
+}
+
+static void a_stop_puts_off_all_that_is_found_after_it(void)
+{
+  struct fm_evaluator * evaluator = with_patience(2, BOTH_50);
+  CHECK(advance(evaluator, 1080) == 0 && fm_evaluator_deadline(evaluator) == 1050);
+  CHECK(advance(evaluator, 1080) == 0 && fm_evaluator_deadline(evaluator) == 1110);
+}
+
+static void what_is_due_before_a_timeout_that_was_put_off_comes_first(void)
+{
+  struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
+  options.patience = 2;
+  options.period = 100;
+  struct fm_evaluator * evaluator = begun_at_1000(&options);
+  store_level(evaluator, 50.0, 1000);
+  CHECK(advance(evaluator, 1080) == 0 && fm_evaluator_deadline(evaluator) == 1100);
+  CHECK(advance(evaluator, 1120) == 1 && is_violation(0, B, 0, 1100));
+  CHECK(advance(evaluator, 1120) == 2 && is_violation(0, A, 0, 1050));
+}
+
+static void a_changed_clock_is_no_stop(void)
+{
+  struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
+  CHECK(advance(evaluator, 1040) == 0);
+  fm_evaluator_shift(evaluator, 5000);
+  CHECK(advance(evaluator, 6055) == 2 && is_violation(0, A, 0, 6050));
+  evaluator = with_patience(2, FLAG_50);
+  CHECK(advance(evaluator, 1040) == 0 && advance(evaluator, 40) == 0);
+  CHECK(advance(evaluator, 55) == 2 && is_violation(0, A, 0, 50));
+}
+
+static void a_stop_remains_one_when_the_clock_is_changed(void)
+{
+  struct fm_evaluator * evaluator = with_patience(2, BOTH_50);
+  CHECK(advance(evaluator, 1080) == 0);
+  fm_evaluator_shift(evaluator, 5000);
+  CHECK(advance(evaluator, 6080) == 0 && fm_evaluator_deadline(evaluator) == 6110);
+  CHECK(advance(evaluator, 6110) == 2 && is_violation(0, A, 0, 6050));
+  evaluator = with_patience(2, BOTH_50);
+  CHECK(advance(evaluator, 1080) == 0);
+  CHECK(advance(evaluator, 80) == 0 && fm_evaluator_deadline(evaluator) == 110);
+  CHECK(advance(evaluator, 110) == 2 && is_violation(0, A, 0, 50));
 }
 
 static void after_a_value_a_timeout_may_be_put_off_again(void)
 {
-  struct fm_evaluator * evaluator = with_patience_of_10();
-  CHECK(advance(evaluator, 1061) == 0 && fm_evaluator_deadline(evaluator) == 1072);
+  struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
+  CHECK(advance(evaluator, 1061) == 0 && fm_evaluator_deadline(evaluator) == 1081);
   store_flag(evaluator, true, 1065);
-  CHECK(fm_evaluator_deadline(evaluator) == 1115 && advance(evaluator, 1130) == 0);
-  CHECK(fm_evaluator_deadline(evaluator) == 1145 && advance(evaluator, 1145) == 2);
+  CHECK(fm_evaluator_deadline(evaluator) == 1115 && advance(evaluator, 1145) == 0);
+  CHECK(fm_evaluator_deadline(evaluator) == 1175 && advance(evaluator, 1175) == 2);
+  CHECK(is_violation(0, A, 0, 1115));
 }
 
 static void what_a_reset_made_due_is_not_put_off(void)
 {
-  struct fm_evaluator * evaluator = with_patience_of_10();
-  CHECK(advance(evaluator, 1055) == 2);
+  struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
+  CHECK(advance(evaluator, 1051) == 2);
   fm_evaluator_reset(evaluator);
-  CHECK(advance(evaluator, 5000) == 2 && is_violation(0, A, 0, 1055));
+  CHECK(advance(evaluator, 5000) == 2 && is_violation(0, A, 0, 1051));
+  evaluator = with_patience(2, FLAG_50);
+  CHECK(advance(evaluator, 1080) == 0 && advance(evaluator, 1110) == 2);
+  fm_evaluator_reset(evaluator);
+  CHECK(advance(evaluator, 5000) == 2 && is_violation(0, A, 0, 1110));
 }
 
 static void a_period_found_late_is_not_put_off(void)
@@ -1477,9 +1576,18 @@ static const struct scenario SCENARIOS[] = {
   SCENARIO(a_reset_makes_a_stale_input_due_at_once),
   SCENARIO(after_a_reset_a_step_violates_what_is_stale_and_its_timeout_not_again),
   SCENARIO(a_reset_leaves_other_timeouts_alone),
-  SCENARIO(a_timeout_found_late_is_put_off_once_by_as_much),
+  SCENARIO(a_timeout_found_late_after_a_stop_is_put_off_once_by_as_much),
+  SCENARIO(a_timeout_that_was_put_off_is_stamped_with_its_end_however_late),
+  SCENARIO(a_timeout_is_put_off_by_ten_times_the_patience_at_least),
+  SCENARIO(a_timeout_is_put_off_by_its_own_length_at_most),
   SCENARIO(a_timeout_found_within_the_patience_is_not_put_off),
-  SCENARIO(a_timeout_is_put_off_at_most_by_its_own_length),
+  SCENARIO(without_patience_a_stop_puts_nothing_off),
+  SCENARIO(a_coarse_clock_puts_nothing_off),
+  SCENARIO(time_that_moves_by_more_than_half_of_a_timeout_at_once_puts_it_off),
+  SCENARIO(a_stop_puts_off_all_that_is_found_after_it),
+  SCENARIO(what_is_due_before_a_timeout_that_was_put_off_comes_first),
+  SCENARIO(a_changed_clock_is_no_stop),
+  SCENARIO(a_stop_remains_one_when_the_clock_is_changed),
   SCENARIO(after_a_value_a_timeout_may_be_put_off_again),
   SCENARIO(what_a_reset_made_due_is_not_put_off),
   SCENARIO(a_period_found_late_is_not_put_off),

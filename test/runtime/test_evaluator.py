@@ -239,12 +239,12 @@ def test_requirements_on_a_silent_input_are_violated_until_its_next_message() ->
     assert evaluator.message(FLAG, 8) == [] and evaluator.verdicts == [True, True]
 
 
-def test_a_silence_found_later_than_the_patience_is_put_off_once() -> None:
+def test_a_silence_found_after_a_stop_is_put_off_once_and_stamped_with_its_end() -> None:
     monitor = load(toy_library(), with_timeout(toys.with_initial(True, 0)))
     evaluator = Evaluator(monitor, patience=0.01, library=evaluator_library())
     evaluator.advance(0)
     assert evaluator.advance(5 * SECOND) == [] and evaluator.deadline == 6 * SECOND
-    assert [item.stamp for item in evaluator.advance(60 * SECOND)] == [6 * SECOND] * 2
+    assert [item.stamp for item in evaluator.advance(60 * SECOND)] == [SECOND] * 2
 
 
 def test_each_period_is_stamped_with_its_own_instant_however_late_it_is_taken() -> None:
