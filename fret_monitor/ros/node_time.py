@@ -34,7 +34,7 @@ from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from rclpy.node import Node
 
-PATIENCE_S = 0.001
+PATIENCE_S = 0.0005
 """A timeout found later than this may be put off once: the process did not run (`evaluator.h`)."""
 
 _NO_TIME_S = 5.0  # until a missing `/clock` is logged

@@ -229,9 +229,11 @@ static void * change_clocks(void * engine)
     sleep_ms(CHANGE_MS);
     const int64_t begin = steady();
     if (changes % 2 == 0) {
-      fm_engine_follow_clock(engine, other_clock, NULL);
+      fm_engine_follow_clock(engine, other_clock, NULL, false);
+      fm_engine_begin(engine);
     } else {
       fm_engine_follow_steady(engine);
+      fm_engine_begin(engine);
     }
     lost += steady() - begin;
     changes += 1;
@@ -343,6 +345,7 @@ static void threads_share_an_engine_that_follows_clocks(void)
   struct fm_engine * engine = make(&memory, FED_MS);
   const int64_t begin = steady();
   fm_engine_follow_steady(engine);
+  fm_engine_begin(engine);
   const int64_t begun = steady();
   for (int k = 0; k < N_THREADS; ++k) {
     pthread_create(&threads[k], NULL, functions[k], engine);
@@ -367,6 +370,7 @@ static void a_process_that_did_not_run_loses_no_period_and_finds_no_silence(void
   void * memory;
   struct fm_engine * engine = make(&memory, 3 * PERIOD_MS);
   fm_engine_follow_steady(engine);
+  fm_engine_begin(engine);
   sleep_ms(30 * PERIOD_MS);
   deliver(engine, 0);  // it was waiting
   CHECK(fm_engine_silence(engine, 0).count == 0);
@@ -400,6 +404,7 @@ static void an_engine_may_be_closed_in_the_middle_of_a_wait(void)
     n_taken = 0;
     pthread_create(&taker, NULL, take, engine);
     fm_engine_follow_steady(engine);
+    fm_engine_begin(engine);
     sleep_ms(k % 3 * PERIOD_MS / 2);
     fm_engine_wake(engine);
     fm_engine_close(engine);

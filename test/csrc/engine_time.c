@@ -168,7 +168,8 @@ static void of_very_many_periods_the_last_are_taken(void)
 {
   struct clock clock = {PERIOD, false};
   struct fm_engine * engine = make(FM_PERIODIC, 0, 0);
-  fm_engine_follow_clock(engine, read_clock, &clock);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
   clock.now = 3001 * PERIOD;
   CHECK(take(engine) == FM_MOST_PERIODS_BEHIND && are_counted(engine, 1000, 2000, 0));
   for (uint32_t k = 0; k < FM_MOST_PERIODS_BEHIND; ++k) {
@@ -181,7 +182,8 @@ static void a_clock_that_goes_back_loses_no_period_and_adds_none(void)
 {
   struct clock clock = {1000000, false};
   struct fm_engine * engine = make(FM_PERIODIC, TIMEOUT, 0);
-  fm_engine_follow_clock(engine, read_clock, &clock);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
   clock.now += 30;
   CHECK(take(engine) == 0);
   clock.now = 5;
@@ -204,7 +206,8 @@ static void a_clock_without_time_lets_nothing_be_due(void)
 {
   struct clock clock = {0, false};
   struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, 0);
-  fm_engine_follow_clock(engine, read_clock, &clock);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
   deliver(engine, false, 77);
   CHECK(take(engine) == 2 && is_taken(0, BEAT, 77) && is_taken(1, FED, 77));
   clock.now = 500;
@@ -234,7 +237,8 @@ static void a_message_at_the_instant_of_a_deadline_comes_first(void)
     if (is_told) {
       fm_engine_advance(engine, 100);
     } else {
-      fm_engine_follow_clock(engine, read_clock, &clock);
+      fm_engine_follow_clock(engine, read_clock, &clock, false);
+      fm_engine_begin(engine);
     }
     for (int64_t now = 100 + TIMEOUT; now < 100 + 10 * TIMEOUT; now += TIMEOUT) {
       clock.now = now;
@@ -256,7 +260,8 @@ static void a_timeout_that_is_found_late_is_put_off_once(void)
 {
   struct clock clock = {100, false};
   struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, PATIENCE);
-  fm_engine_follow_clock(engine, read_clock, &clock);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
   clock.now += 5 * TIMEOUT;  // the process was stopped, and a message is waiting
   CHECK(take(engine) == 0 && fm_engine_silence(engine, 0).count == 0);
   CHECK(fm_engine_deadline(engine) == clock.now + TIMEOUT);
@@ -276,7 +281,8 @@ static void a_timeout_that_a_coarse_clock_finds_late_is_not_put_off(void)
 {
   struct clock clock = {100, false};
   struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, PATIENCE);
-  fm_engine_follow_clock(engine, read_clock, &clock);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
   for (; clock.now < 100 + TIMEOUT; clock.now += 2 * TIMEOUT / 5) {
     CHECK(take(engine) == 0);
   }
@@ -293,16 +299,19 @@ static void another_source_of_the_time_puts_nothing_off(void)
   struct fm_engine * engine = make(FM_PERIODIC, TIMEOUT, 0);
   fm_engine_advance(engine, -50);
   fm_engine_advance(engine, -20);  // 70 are left
-  fm_engine_follow_clock(engine, read_clock, &one);
+  fm_engine_follow_clock(engine, read_clock, &one, false);
+  fm_engine_begin(engine);
   CHECK(fm_engine_deadline(engine) == one.now + 70);
   fm_engine_advance(engine, INT64_MAX);  // ignored: the time is not told
   one.now += 30;
-  fm_engine_follow_clock(engine, read_clock, &other);
+  fm_engine_follow_clock(engine, read_clock, &other, false);
+  fm_engine_begin(engine);
   CHECK(fm_engine_deadline(engine) == other.now + 40);
   other.now += 40;
   CHECK(take(engine) == 1 && is_taken(0, BEAT, 45));
   other.now += 10;
-  fm_engine_follow_clock(engine, read_clock, &none);
+  fm_engine_follow_clock(engine, read_clock, &none, false);
+  fm_engine_begin(engine);
   CHECK(take(engine) == 0);
   none.now = 7000;
   CHECK(take(engine) == 0 && fm_engine_deadline(engine) == 7090);
@@ -314,7 +323,8 @@ static void a_reset_finds_a_silent_input_anew(void)
 {
   struct clock clock = {100, false};
   struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, 0);
-  fm_engine_follow_clock(engine, read_clock, &clock);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
   clock.now += TIMEOUT;
   CHECK(take(engine) == 1 && is_taken(0, FED, 100 + TIMEOUT));
   fm_engine_reset(engine);
@@ -327,7 +337,8 @@ static void a_closed_engine_takes_nothing(void)
 {
   struct clock clock = {100, false};
   struct fm_engine * engine = make(FM_PERIODIC, TIMEOUT, 0);
-  fm_engine_follow_clock(engine, read_clock, &clock);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
   fm_engine_close(engine);
   clock.now += 10 * TIMEOUT;
   deliver(engine, true, 0);
@@ -412,7 +423,8 @@ static void times_at_the_ends_of_the_range_are_times(void)
   struct fm_engine * engine = make(FM_PERIODIC, TIMEOUT, PATIENCE);
   fm_engine_advance(engine, INT64_MIN);
   fm_engine_advance(engine, INT64_MIN + 10);
-  fm_engine_follow_clock(engine, read_clock, &clock);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
   CHECK(take(engine) <= FM_MOST_PERIODS_BEHIND);
   clock.now = 1;
   CHECK(take(engine) <= FM_MOST_PERIODS_BEHIND && fm_engine_time_counts(engine).restarts == 1);

@@ -148,6 +148,7 @@ def test_nothing_is_due_before_the_time_has_begun(engine: Engine) -> None:
 
 def test_waiting_for_a_violation_takes_a_timeout_at_its_instant(engine: Engine) -> None:
     engine.follow_steady()
+    engine.begin()
     begin = monotonic()
     assert len(engine.take(30_000)) == 2
     assert 1.0 <= monotonic() - begin + 0.01 < 10.0
@@ -160,6 +161,7 @@ def test_a_wait_ends_earlier_for_a_deadline_that_came_meanwhile(
     engine: Engine, is_reset: bool,
 ) -> None:
     engine.follow_steady()
+    engine.begin()
     assert len(engine.take(30_000)) == 2 and engine.deadline == NEVER
     taken: list[int] = []
     thread = in_background(
@@ -182,6 +184,7 @@ def test_a_wait_ends_when_a_clock_has_moved(engine: Engine) -> None:
         return 0
 
     engine.follow_clock(now, ffi.NULL)
+    engine.begin()
     assert engine.deadline == 6 * SECOND
     taken: list[int] = []
     thread = in_background(lambda: taken.extend(item.stamp for item in engine.take(60_000)))
@@ -190,6 +193,7 @@ def test_a_wait_ends_when_a_clock_has_moved(engine: Engine) -> None:
     thread.join(30)
     assert taken == [6 * SECOND] * 2
     engine.follow_steady()  # before the callback is gone
+    engine.begin()
 
 
 def test_a_message_received_by_two_subscriptions_is_one_step(engine: Engine) -> None:
