@@ -166,6 +166,8 @@ class BundleSession:
     def reset(self) -> int:
         """Reset all step groups between two steps; return how many there are."""
         self._engine.reset()
+        if self._feed is not None:
+            self._feed.wake()
         return len(self.manifest.groups)
 
     # Publishers and subscriptions are closed in reverse order of creation, so the threads that

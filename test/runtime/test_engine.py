@@ -14,7 +14,7 @@
 
 """The engine: the time, queues of violations and details, repeated messages, evidence."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 import struct
 from threading import Thread
@@ -175,25 +175,91 @@ def test_a_wait_ends_earlier_for_a_deadline_that_came_meanwhile(
     assert taken == [0, 1]
 
 
-def test_a_wait_ends_when_a_clock_has_moved(engine: Engine) -> None:
-    times = [5 * SECOND]
+class SetClock:
+    """A clock that the test sets; C calls `now`."""
 
-    @ffi.callback('int(void *, int64_t *)')
-    def now(_: Any, nanoseconds: Any) -> int:
-        nanoseconds[0] = times[0]
+    def __init__(self) -> None:
+        self.time = 5 * SECOND
+        self.now = ffi.callback('int(void *, int64_t *)', self._read)
+
+    def _read(self, _: Any, nanoseconds: Any) -> int:
+        nanoseconds[0] = self.time
         return 0
 
-    engine.follow_clock(now, ffi.NULL)
+
+@pytest.fixture
+def clock(engine: Engine) -> Iterator[SetClock]:
+    """Let the engine follow a clock, without having begun."""
+    clock = SetClock()
+    engine.follow_clock(clock.now, ffi.NULL)
+    yield clock
+    engine.close()
+    engine.follow_steady()  # before the callback is gone
+
+
+def test_a_wait_ends_when_a_clock_has_moved(engine: Engine, clock: SetClock) -> None:
     engine.begin()
     assert engine.deadline == 6 * SECOND
     taken: list[int] = []
     thread = in_background(lambda: taken.extend(item.stamp for item in engine.take(60_000)))
-    times[0] = 6 * SECOND
+    clock.time = 6 * SECOND
     engine.wake()
     thread.join(30)
     assert taken == [6 * SECOND] * 2
-    engine.follow_steady()  # before the callback is gone
+
+
+def test_messages_have_the_time_of_a_clock_before_the_time_begins(
+    engine: Engine, clock: SetClock,
+) -> None:
+    engine.message(0, a_float(2.0), received=1)
+    assert [item.stamp for item in engine.take(0)] == [5 * SECOND]
+    clock.time = 50 * SECOND
+    assert engine.deadline == NEVER and engine.take(0) == []
     engine.begin()
+    assert engine.deadline == 51 * SECOND
+
+
+def test_an_outdated_clock_gives_no_time_before_it_moves(
+    engine: Engine, clock: SetClock,
+) -> None:
+    engine.begin()
+    engine.follow_clock(clock.now, ffi.NULL, is_outdated=True)
+    clock.time = 100 * SECOND
+    assert engine.take(0) == [] and engine.deadline == 6 * SECOND
+    engine.wake()
+    assert engine.take(0) == [] and engine.deadline == 101 * SECOND
+
+
+def test_what_is_due_is_taken_at_the_end_of_a_round(engine: Engine, clock: SetClock) -> None:
+    engine.begin()
+    engine.begin_round()
+    engine.end_round()
+    clock.time = 7 * SECOND  # the timeout is over, and a message waits to be taken
+    engine.begin_round()
+    assert engine.take(0) == []
+    engine.message(0, a_float(0.5), received=1)
+    engine.end_round()
+    assert engine.take(0) == [] and engine.silence(0) == Silence(0, 0, False)
+    clock.time = 8 * SECOND
+    engine.begin_round()
+    assert engine.take(0) == []
+    engine.end_round()
+    assert [item.stamp for item in engine.take(0)] == [8 * SECOND] * 2
+
+
+def test_a_reset_is_in_time(engine: Engine, clock: SetClock) -> None:
+    engine.begin()
+    clock.time = 7 * SECOND
+    engine.reset()
+    # What was due before, at its instant; then what the reset makes due.
+    assert [item.stamp for item in engine.take(0)] == [6 * SECOND] * 2 + [7 * SECOND] * 2
+
+
+def test_the_steady_clock_tells_the_time_left(engine: Engine) -> None:
+    engine.follow_steady()
+    assert engine.time_left(5) == 5
+    engine.begin()
+    assert 0 < engine.time_left(SECOND) <= SECOND and engine.time_left(7) == 7
 
 
 def test_a_message_received_by_two_subscriptions_is_one_step(engine: Engine) -> None:
