@@ -50,7 +50,7 @@ class RawTopic:
         return _RawReceiver(subscription)
 
     def deliver(self, record: Record) -> None:
-        """Call the callback, unless this message was received before, by the other subscription."""
+        """Call the callback, unless the message was received before during this handover."""
         if self._received is not None and self._received.has_or_adds(record):
             return
         self._gaps.note(record.sequence)
