@@ -93,7 +93,8 @@ FM_EXPORT uint32_t fm_engine_message(
   struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin);
 
-/// As fm_evaluator_reset, after what is due, and before what the reset makes due.
+/// As fm_evaluator_reset, after what is due, and before what the reset makes due. O(inputs + state
+/// bytes + what is due).
 FM_EXPORT void fm_engine_reset(struct fm_engine * engine);
 
 /// While the time is told: move it to `now`, and take what is due by then, each stamped with its
@@ -118,19 +119,21 @@ FM_EXPORT void fm_engine_follow_clock(
   bool is_outdated);
 
 /// Begin the time of the clock that is followed, once all messages are received. Later calls do
-/// nothing.
+/// nothing. O(inputs).
 FM_EXPORT void fm_engine_begin(struct fm_engine * engine);
 
 /// The clock has moved: let fm_engine_take look at it.
 FM_EXPORT void fm_engine_wake(struct fm_engine * engine);
 
 /// For a thread that takes messages itself, all of all topics in a round. The time is read when a
-/// round begins and stands still until the next one; what is due by then is taken when it ends, and
-/// at no other time. So no input is silent whose message is waiting to be taken.
+/// round begins and stands still until the next one; what is due by then is taken when it ends,
+/// and at no other time. So no input is silent whose message is waiting to be taken. O(inputs),
+/// and O(what is due) for the end.
 FM_EXPORT void fm_engine_begin_round(struct fm_engine * engine);
 FM_EXPORT void fm_engine_end_round(struct fm_engine * engine);
 
 /// Nanoseconds until the deadline, 0 to `most`; `most` unless the steady clock is followed.
+/// O(inputs).
 FM_EXPORT int64_t fm_engine_time_left(struct fm_engine * engine, int64_t most);
 
 /// As fm_evaluator_deadline: in the time of the source. O(inputs).
