@@ -28,9 +28,11 @@
 /// All functions may be called from any thread at any time, except fm_engine_create and
 /// fm_engine_destroy. They wait for nothing except the mutex, unless they have a parameter
 /// `milliseconds`, and release the mutex before they return or wait. The only foreign function
-/// that they call with the mutex held is the clock, which must not block. Without a stated
-/// complexity a function is O(1). An index out of range is ignored, or gives zeros. An engine that
-/// is closed takes no message and nothing that is due.
+/// that they call with the mutex held is the clock, which must not block. A receiver (ros/) also
+/// takes messages from the middleware with it held. Without a stated complexity a function is
+/// O(1). What is due, where a function takes it: up to FM_MOST_PERIODS_BEHIND periods and the
+/// timeouts of all inputs, at the costs of fm_evaluator_advance. An index out of range is ignored,
+/// or gives zeros. An engine that is closed takes no message and nothing that is due.
 
 #ifndef ENGINE_H_
 #define ENGINE_H_
@@ -84,13 +86,15 @@ FM_EXPORT void fm_engine_destroy(struct fm_engine * engine);
 FM_EXPORT void fm_engine_close(struct fm_engine * engine);
 FM_EXPORT bool fm_engine_is_closed(struct fm_engine * engine);
 
-/// Deliver a message: read, store, step, queue the violations. Returns enum fm_receipt.
-/// O(fields to read + operations of the groups that step); allocates when a queue grows.
+/// Deliver a message: read, take what is due before it, store, step, queue the violations.
+/// Returns enum fm_receipt. O(fields to read + operations of the groups that step + what is due);
+/// allocates when a queue grows.
 FM_EXPORT uint32_t fm_engine_message(
   struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin);
 
-/// As fm_evaluator_reset, after what is due, and before what the reset makes due.
+/// As fm_evaluator_reset, after what is due, and before what the reset makes due. O(inputs + state
+/// bytes + what is due).
 FM_EXPORT void fm_engine_reset(struct fm_engine * engine);
 
 /// While the time is told: move it to `now`, and take what is due by then, each stamped with its
@@ -98,7 +102,8 @@ FM_EXPORT void fm_engine_reset(struct fm_engine * engine);
 FM_EXPORT void fm_engine_advance(struct fm_engine * engine, int64_t now);
 
 /// Follow a clock that nobody sets (CLOCK_MONOTONIC). Stamps are in system time: a message's time
-/// of reception, or the instant of what is due as the system clock counts it now.
+/// of reception, or the instant of what is due as the system clock counts it now. fm_engine_take
+/// takes what is due when a deadline comes during its wait.
 FM_EXPORT void fm_engine_follow_steady(struct fm_engine * engine);
 
 /// Follow a clock that may stand still or jump; stamps are its times. `now` writes nanoseconds and
@@ -114,22 +119,24 @@ FM_EXPORT void fm_engine_follow_clock(
   bool is_outdated);
 
 /// Begin the time of the clock that is followed, once all messages are received. Later calls do
-/// nothing.
+/// nothing. O(inputs).
 FM_EXPORT void fm_engine_begin(struct fm_engine * engine);
 
 /// The clock has moved: let fm_engine_take look at it.
 FM_EXPORT void fm_engine_wake(struct fm_engine * engine);
 
 /// For a thread that takes messages itself, all of all topics in a round. The time is read when a
-/// round begins and stands still until the next one; what is due by then is taken when it ends, and
-/// at no other time. So no input is silent whose message is waiting to be taken.
+/// round begins and stands still until the next one; what is due by then is taken when it ends,
+/// and at no other time. So no input is silent whose message is waiting to be taken. O(inputs),
+/// and O(what is due) for the end.
 FM_EXPORT void fm_engine_begin_round(struct fm_engine * engine);
 FM_EXPORT void fm_engine_end_round(struct fm_engine * engine);
 
 /// Nanoseconds until the deadline, 0 to `most`; `most` unless the steady clock is followed.
+/// O(inputs).
 FM_EXPORT int64_t fm_engine_time_left(struct fm_engine * engine, int64_t most);
 
-/// As fm_evaluator_deadline: in the time of the source.
+/// As fm_evaluator_deadline: in the time of the source. O(inputs).
 FM_EXPORT int64_t fm_engine_deadline(struct fm_engine * engine);
 
 /// As fm_arrivals_begin_handover and fm_arrivals_end_handover, of a topic.
@@ -141,7 +148,7 @@ FM_EXPORT void fm_engine_end_handover(struct fm_engine * engine, uint32_t topic)
 /// to `milliseconds` (0: does not wait). While a clock is followed, takes what is due first, and
 /// when its time comes during the wait. Returns their number; 0 if the time is over, or the
 /// engine is closed and the queue empty. One thread at a time, which keeps the violations in
-/// order. O(room).
+/// order. O(room + inputs + what is due).
 FM_EXPORT uint32_t fm_engine_take(
   struct fm_engine * engine, struct fm_violation * out, uint32_t room, uint32_t milliseconds);
 
@@ -176,7 +183,7 @@ FM_EXPORT struct fm_input_counts fm_engine_input_counts(
 FM_EXPORT struct fm_topic_counts fm_engine_topic_counts(
   struct fm_engine * engine, uint32_t topic);
 FM_EXPORT struct fm_time_counts fm_engine_time_counts(struct fm_engine * engine);
-/// Takes what is due first, while a clock is followed.
+/// Takes what is due first, while a clock is followed. O(what is due).
 FM_EXPORT struct fm_silence fm_engine_silence(struct fm_engine * engine, uint32_t input);
 FM_EXPORT bool fm_engine_value(struct fm_engine * engine, uint32_t input, void * out);
 

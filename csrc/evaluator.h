@@ -227,10 +227,10 @@ FM_EXPORT void fm_evaluator_shift(struct fm_evaluator * evaluator, int64_t by);
 FM_EXPORT int64_t fm_evaluator_now(const struct fm_evaluator * evaluator);
 
 /// Take many rows of a trace at once: for each, store a value of every input that has a column,
-/// then fm_evaluator_step, both at the evaluator's time. `columns` holds n_inputs pointers, each to n_rows values of the input's
-/// type (bool: bytes), or NULL: the input keeps its value. `verdicts` has room for n_requirements
-/// flags for each row, row after row, or is NULL. Returns how many violations were announced.
-/// O(n_rows x operations).
+/// then fm_evaluator_step, both at the evaluator's time. `columns` holds n_inputs pointers, each
+/// to n_rows values of the input's type (bool: bytes), or NULL: the input keeps its value.
+/// `verdicts` has room for n_requirements flags for each row, row after row, or is NULL. Returns
+/// how many violations were announced. O(n_rows x operations).
 FM_EXPORT uint64_t fm_evaluator_rows(
   struct fm_evaluator * evaluator, const void * const * columns, uint64_t n_rows,
   bool * verdicts);

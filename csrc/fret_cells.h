@@ -31,7 +31,7 @@
 #include "fret_monitor.h"
 
 #if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0
-#error "fret_monitor needs float arithmetic without excess precision (on i386: -msse2 -mfpmath=sse)"
+#error "fret_monitor needs float arithmetic without excess precision (i386: -msse2 -mfpmath=sse)"
 #endif
 #if defined(__FAST_MATH__)
 #error "fret_monitor needs IEEE 754 arithmetic, with NaN and infinities (leave out -ffast-math)"

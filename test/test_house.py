@@ -176,6 +176,13 @@ def test_every_page_that_is_cited_exists() -> None:
     assert wrong == []
 
 
+def test_no_line_of_a_header_is_longer_than_99_columns() -> None:
+    long = [f'{path.relative_to(ROOT)}:{number}' for path in committed() if path.suffix == '.h'
+            for number, line in enumerate(path.read_text(encoding='utf-8').splitlines(), start=1)
+            if len(line) > 99]
+    assert long == []
+
+
 def test_lines_end_with_a_newline_without_carriage_return() -> None:
     wrong = [path.relative_to(ROOT) for path in committed()
              if (text := path.read_bytes()) and (not text.endswith(b'\n') or b'\r\n' in text)]

@@ -65,13 +65,14 @@ FM_EXPORT struct fm_receiver * fm_receiver_start(
 /// the middleware failed.
 FM_EXPORT bool fm_receiver_take(struct fm_receiver * receiver, struct fm_record * out);
 
-/// Take and deliver the queued messages of a receiver that listens, at most 1000. Callbacks that come meanwhile take nothing,
-/// which keeps the messages in order.
+/// Take and deliver the queued messages of a receiver that listens, at most 1000. Callbacks that
+/// come meanwhile take nothing, which keeps the messages in order.
 FM_EXPORT void fm_receiver_drain(struct fm_receiver * receiver);
 
-/// Poll a receiver that listens; to be called a few times a second. Drains if the last callback or drain stopped at its
-/// limit. Recovers messages whose notification was lost: the next callback takes more messages
-/// than its notification counts, and every 16th poll without a callback drains.
+/// Poll a receiver that listens; to be called a few times a second. Drains if the last callback or
+/// drain stopped at its limit. Recovers messages whose notification was lost: the next callback
+/// takes more messages than its notification counts, and every 16th poll without a callback
+/// drains.
 FM_EXPORT void fm_receiver_poll(struct fm_receiver * receiver);
 
 /// A new subscription replaces this one: see fm_origin.is_retired. O(1).

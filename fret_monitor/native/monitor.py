@@ -177,20 +177,26 @@ class CompiledMonitor:
         return load(self.library, self.manifest)
 
 
-def load_evaluator(library: Path) -> CData:
+def load_evaluator(library: Path, *, origin: Path | None = None) -> CData:
     """
     Load the evaluator's library; the result has its functions as attributes.
+
+    Errors name `origin` if `library` is a copy of it.
 
     Raises
     ------
     LibraryError
         if it cannot be loaded, or is not an evaluator of this version.
     """
-    opened = Library(library)
-    found = ffi.cast('uint32_t (*)(void)', opened.find('fm_engine_abi'))()
-    if found != (wanted := ffi.integer_const('FM_ENGINE_ABI')):
-        raise LibraryError(f"the engine in '{library}' has interface {found}, this version has "
-                           f'{wanted}: compile the bundle again')
+    opened = Library(library, origin=origin)
+    try:
+        number = ffi.cast('uint32_t (*)(void)', opened.find('fm_engine_abi'))
+    except LibraryError:
+        raise LibraryError(f'{opened.path} was compiled by an earlier version of fret_monitor: '
+                           'compile the bundle again') from None
+    if (found := number()) != (wanted := ffi.integer_const('FM_ENGINE_ABI')):
+        raise LibraryError(f"the engine in '{opened.path}' has interface {found}, this version "
+                           f'has {wanted}: compile the bundle again')
     # Never unloaded: at exit a thread of the middleware may still run its code.
     return ffi.dlopen(os.path.abspath(library), _FLAGS | ffi.RTLD_NODELETE)
 

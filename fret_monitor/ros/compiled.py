@@ -30,7 +30,7 @@ from fret_monitor.model.bundle_files import refuse_missing
 from fret_monitor.model.diagnostics import CompileError, Problems
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.model.policies import Policy
-from fret_monitor.native import load, Monitor, NativeError
+from fret_monitor.native import load, load_evaluator, Monitor, NativeError
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
 from fret_monitor.ros.parameters import Origin, Refusal, Settings
 
@@ -179,6 +179,7 @@ def _open_library(settings: Settings, origin: Origin, directory: Path) -> Opened
     policy = _policy_of(settings, folder.manifest)
     private = folder.private()  # so that replacing the folder does no harm
     monitor = load(private.library, folder.manifest, origin=folder.library)
+    load_evaluator(private.evaluator, origin=folder.evaluator)  # refuses another version
     return Opened(monitor, private.evaluator, policy, folder.manifest.period,
                   f'compiled before, in {directory}', ())
 

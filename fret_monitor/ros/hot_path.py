@@ -62,12 +62,13 @@ class Middleware:
         rcl, rcutils = loaded_library('librcl.so'), loaded_library('librcutils.so')
         self.functions: Any = ffi.new('struct fm_middleware *')
         self._in_place: InPlaceTypes | None = None
-        for field, library, name in (
-                ('take', rmw, 'rmw_take_serialized_message_with_info'),
-                ('listen', rmw, 'rmw_subscription_set_on_new_message_callback'),
-                ('publish', rmw, 'rmw_publish'),
-                ('forget_error', rcutils, 'rcutils_reset_error'),
-                ('has_error', rcutils, 'rcutils_error_is_set')):
+        wanted = [('take', rmw, 'rmw_take_serialized_message_with_info'),
+                  ('publish', rmw, 'rmw_publish'),
+                  ('forget_error', rcutils, 'rcutils_reset_error'),
+                  ('has_error', rcutils, 'rcutils_error_is_set')]
+        if listens:
+            wanted.append(('listen', rmw, 'rmw_subscription_set_on_new_message_callback'))
+        for field, library, name in wanted:
             kind = ffi.typeof(getattr(self.functions, field))
             setattr(self.functions, field, find_symbol(library, name, kind))
         self._of_subscription = find_symbol(

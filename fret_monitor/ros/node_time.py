@@ -41,6 +41,7 @@ _NO_TIME_S = 5.0  # until a missing `/clock` is logged
 _PERIODS_S = 60.0  # between two log lines about late periods
 _MOST_LATE = 0.01  # of all periods, and
 _FEWEST_LATE = 3  # late periods are worth reading
+_FEWEST_JUDGED = _FEWEST_LATE / _MOST_LATE  # periods; of fewer, three are too many
 
 
 class NodeTime:
@@ -110,8 +111,9 @@ class TimeLog:
         self._began = monotonic()
         self._is_missing_logged = False
         self._restarts = 0
-        self._logged = engine.time_counts()
+        self._logged = self._judged = engine.time_counts()  # when last logged; a minute ago
         self._throttle = Throttle(_PERIODS_S)
+        self._minutes = Throttle(_PERIODS_S)
 
     def review(self) -> None:
         """Log what is new."""
@@ -122,13 +124,19 @@ class TimeLog:
             self._node.get_logger().warning(
                 f'time went back, to {self._now() / 1e9:.3f} s: periods and timeouts continue '
                 'from there; values and past of the requirements are kept')
-        if self._period is not None and are_worth_reading(self._logged, counts) \
-                and self._throttle.passes():
-            missed, late = counts.missed - self._logged.missed, counts.late - self._logged.late
-            self._logged = counts
-            self._node.get_logger().warning(
-                f'periods of {self._period:g} s since the last such message: {missed} missed (no '
-                f'step), {late} late by more than half a period')
+        if self._period is not None:
+            self._review_periods(self._period, counts)
+
+    def _review_periods(self, period: float, counts: TimeCounts) -> None:
+        if are_worth_reading(self._judged, counts):
+            if self._throttle.passes():
+                missed, late = counts.missed - self._logged.missed, counts.late - self._logged.late
+                self._logged = self._judged = counts
+                self._node.get_logger().warning(
+                    f'periods of {period:g} s since the last such message: {missed} missed (no '
+                    f'step), {late} late by more than half a period')
+        elif counts.periods - self._judged.periods > _FEWEST_JUDGED and self._minutes.passes():
+            self._judged = counts  # else a long good run would hide many late ones after it
 
     def _now(self) -> int:
         return int(self._clock.now().nanoseconds)

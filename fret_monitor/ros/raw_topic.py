@@ -19,6 +19,7 @@ rclpy does not give the publisher of a message. Losses, which show as gaps in th
 are therefore counted only while there is one publisher.
 """
 
+from collections import OrderedDict
 from collections.abc import Callable, Set
 from time import time_ns
 from typing import Any
@@ -26,6 +27,7 @@ from typing import Any
 from fret_monitor.ros.feed import Record
 from fret_monitor.ros.rcl_subscription import RclSubscription
 
+_MOST_KEYS = 4096  # of the last messages in a handover
 _NONE = 2**64 - 1  # RMW_MESSAGE_INFO_SEQUENCE_NUMBER_UNSUPPORTED
 
 # Takes a serialized message, its reception time and its sender's time (ns), in the feed's thread.
@@ -41,13 +43,16 @@ class RawTopic:
         """Take the callback."""
         self._deliver = deliver
         self._gaps = Gaps()
+        self._received: Keys | None = None  # during a handover
 
     def open(self, subscription: RclSubscription) -> '_RawReceiver':
         """Start taking the messages of a subscription."""
         return _RawReceiver(subscription)
 
     def deliver(self, record: Record) -> None:
-        """Call the callback."""
+        """Call the callback, unless the message was received before during this handover."""
+        if self._received is not None and self._received.has_or_adds(record):
+            return
         self._gaps.note(record.sequence)
         self._deliver(record.data, record.received, record.sent)
 
@@ -56,11 +61,13 @@ class RawTopic:
         self._gaps.confirm(gids)
 
     def begin_handover(self, *, has_history: bool) -> None:
-        """Treat the next message as the first."""
+        """Drop duplicates from now on, but no history; treat the next message as the first."""
+        self._received = self._received or Keys()
         self._gaps.restart()
 
     def end_handover(self) -> None:
-        """Do nothing."""
+        """Expect no duplicates any more: the old subscription is closed."""
+        self._received = None
 
     @property
     def lost(self) -> int:
@@ -86,6 +93,29 @@ class _RawReceiver:
         """Do nothing: C does not listen."""
 
     poll = retire = stop = drain
+
+
+class Keys:
+    """
+    What identifies the last messages of a topic: the time and number that its publisher gave it.
+
+    Without the publisher's gid the number alone is not enough.
+    """
+
+    def __init__(self) -> None:
+        """Start without a message."""
+        self._keys: OrderedDict[tuple[int, int], None] = OrderedDict()
+
+    def has_or_adds(self, record: Record) -> bool:
+        """Return whether the message is among them, and add it; False if it has no time."""
+        key = record.sent, record.sequence
+        if key in self._keys:
+            return True
+        if record.sent:
+            self._keys[key] = None
+        if len(self._keys) > _MOST_KEYS:
+            self._keys.popitem(last=False)
+        return False
 
 
 class Gaps:

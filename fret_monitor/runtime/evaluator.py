@@ -177,9 +177,11 @@ class Evaluator:
         """The `struct fm_evaluator_options` of this evaluator."""
         return self._options.pointer
 
-    def store(self, index: int, value: bool | int | float, now: int = 0) -> None:
+    def store(self, index: int, value: bool | int | float, now: int | None = None) -> None:
         """
-        Store a value of an input, received `now`; a step happens only with `message` or `step`.
+        Store a value of an input; a step happens only with `message` or `step`.
+
+        It was received `now`; None: at the time of the last `advance`.
 
         Raises
         ------
@@ -192,6 +194,8 @@ class Evaluator:
         """
         place = self._next[index]
         place[0] = value
+        if now is None:
+            now = self._library.fm_evaluator_now(self.pointer)
         self._library.fm_evaluator_store_from(self.pointer, index, place, now)
 
     def unusable(self, index: int) -> None:

@@ -147,16 +147,25 @@ def test_a_library_without_the_symbol_is_reported() -> None:
         load(evaluator_library(), toys.manifest())
 
 
-def test_a_monitor_is_no_evaluator() -> None:
-    with pytest.raises(LibraryError, match="does not export 'fm_engine_abi'"):
-        load_evaluator(library())
+def test_an_engine_without_an_interface_number_is_refused_as_of_an_earlier_version() -> None:
+    expected = (r'^/folder/lib\.so was compiled by an earlier version of fret_monitor: '
+                'compile the bundle again$')
+    with pytest.raises(LibraryError, match=expected):
+        load_evaluator(library(), origin=Path('/folder/lib.so'))
+
+
+def test_a_missing_engine_is_reported_under_the_name_of_the_original(tmp_path: Path) -> None:
+    with pytest.raises(LibraryError, match=r'cannot load /folder/lib\.so: '):
+        load_evaluator(tmp_path / 'libgone.so', origin=Path('/folder/lib.so'))
 
 
 def test_an_engine_of_another_interface_is_refused() -> None:
     sources = {'engine.c': '#include "engine.h"\nuint32_t fm_engine_abi(void)\n'
                '{\n  return FM_ENGINE_ABI + 1u;\n}\n'}
-    with pytest.raises(LibraryError, match='has interface 3, this version has 2: compile'):
-        load_evaluator(build_library(sources, name='other'))
+    expected = (r"^the engine in '/folder/lib\.so' has interface 3, this version has 2: "
+                'compile the bundle again$')
+    with pytest.raises(LibraryError, match=expected):
+        load_evaluator(build_library(sources, name='other'), origin=Path('/folder/lib.so'))
 
 
 @pytest.mark.parametrize(('old', 'new', 'told'), [

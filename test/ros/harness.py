@@ -20,6 +20,7 @@ from contextlib import contextmanager
 from functools import partial
 import os
 from pathlib import Path
+import shutil
 import signal
 import subprocess
 import sys
@@ -29,6 +30,7 @@ from time import monotonic, sleep
 from typing import Any
 
 import fret_monitor
+from fret_monitor.native import build_library
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 import rclpy.node
@@ -55,6 +57,12 @@ def wait_until(is_true: Callable[[], bool], what: str, patience: float = PATIENC
     while not is_true():
         assert monotonic() < end, f'waited in vain: {what}'
         sleep(0.01)
+
+
+def without_interface_number(engine: Path) -> None:
+    """Replace the engine of a compiled folder by one of an earlier version."""
+    source = 'int old(void);\nint old(void) {return 0;}\n'
+    shutil.copyfile(build_library({'old.c': source}, name='old'), engine)
 
 
 HOT_PATH: str | None = None

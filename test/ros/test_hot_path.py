@@ -29,7 +29,8 @@ from fret_monitor.ros import MonitorNode, native_lifetimes
 from fret_monitor.ros.details import Details, DETAILS_TOPIC, read_detail
 from fret_monitor.ros.hot_path import Middleware, Receiver
 from fret_monitor.ros.in_place import KNOWN, loaded_versions, refuse_unknown_versions
-from fret_monitor.ros.loaded import Unavailable
+from fret_monitor.ros.loaded import find_symbol, Unavailable
+from fret_monitor.ros.parameters import Refusal
 from fret_monitor.ros.rcl_subscription import RclSubscription
 from fret_monitor.runtime import ViolationDetail
 import pytest
@@ -149,6 +150,38 @@ def test_a_detail_that_is_not_published_yet_holds_no_message_and_no_violation(
     finally:
         may_publish.set()
         node.destroy_node()
+
+
+def test_a_middleware_without_a_callback_for_new_messages_is_used_from_python(
+    partner: Partner, stranger: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE, encoding='utf-8')
+
+    def find(library: Any, name: str, kind: Any) -> Any:
+        if name == 'rmw_subscription_set_on_new_message_callback':
+            raise Unavailable(f'the middleware has no {name}')
+        return find_symbol(library, name, kind)
+
+    monkeypatch.setattr('fret_monitor.ros.hot_path.find_symbol', find)
+
+    def start(way: str) -> MonitorNode:
+        return MonitorNode(context=stranger.context, parameter_overrides=[
+            Parameter('spec', value=str(bundle)), Parameter('hot_path', value=way)])
+
+    with pytest.raises(Refusal, match='hot_path is on, and C cannot take the messages'):
+        start('on')
+    node = start('auto')
+    try:
+        x = partner.publisher(Float32, 'x')
+        partner.listen('R')
+        partner.wait_for_listener(x)
+        x.publish(Float32(data=2.0))
+        partner.expect({'R': 1})
+    finally:
+        node.destroy_node()
+    assert 'messages are taken in Python: ' in capfd.readouterr().err
 
 
 def test_messages_are_read_in_place_only_with_known_versions() -> None:

@@ -30,7 +30,9 @@ from lifecycle_msgs.srv import ChangeState, GetState
 import pytest
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from ros.harness import NodeProcess, Partner, PATIENCE, RELIABLE, started, wait_until
+from ros.harness import (
+    NodeProcess, Partner, PATIENCE, RELIABLE, started, wait_until, without_interface_number,
+)
 from std_msgs.msg import Empty, Float32
 from std_srvs.srv import Trigger
 
@@ -183,6 +185,21 @@ def test_a_bundle_that_is_refused_fails_the_transition_and_the_process_goes_on(
         bundle.write_text(BUNDLE, encoding='utf-8')
         assert manager.ask(CONFIGURE, ACTIVATE) == [True, True]
         node.wait_for('watching 2 requirements')
+
+
+def test_a_folder_of_an_earlier_version_fails_the_transition(
+    partner: Partner, bundle: Path, tmp_path: Path,
+) -> None:
+    folder = tmp_path / 'compiled'
+    build.write(build.generate_monitor(build.read(bundle)), folder)
+    engine = folder / 'libfm_evaluator.so'
+    without_interface_number(engine)
+    with waiting('-p', f'library:={folder}') as node:
+        manager = Manager(partner)
+        assert manager.ask(CONFIGURE) == [False]
+        assert manager.state == State.PRIMARY_STATE_UNCONFIGURED
+        node.wait_for(f'{engine} was compiled by an earlier version of fret_monitor')
+        assert 'Traceback' not in node.output
 
 
 def test_a_changed_bundle_is_read_by_the_next_configure(partner: Partner, bundle: Path) -> None:

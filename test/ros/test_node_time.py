@@ -90,6 +90,40 @@ def test_late_periods_are_logged_at_intervals_with_their_total(
         'than half a period']
 
 
+@pytest.mark.parametrize(('per_s', 'late'), [(10.0, 20), (1000.0, 700), (0.01, 3)])
+def test_a_burst_of_late_periods_is_logged_after_a_long_good_run(
+    monkeypatch: pytest.MonkeyPatch, per_s: float, late: int,
+) -> None:
+    time = [0.0]
+    monkeypatch.setattr('fret_monitor.ros.throttle.monotonic', lambda: time[0])
+    recorder: Any = Recorder()
+    log = TimeLog(recorder, recorder, 1 / per_s)
+    for second in range(0, 36000, 7):
+        time[0] = float(second)
+        recorder.counts = TimeCounts(int(second * per_s), 2, 0, 0)
+        log.review()
+    assert recorder.lines == []
+    recorder.counts = TimeCounts(recorder.counts.periods + late, 2 + late, 0, 0)
+    log.review()
+    assert recorder.lines == [
+        f'periods of {1 / per_s:g} s since the last such message: 0 missed (no step), '
+        f'{2 + late} late by more than half a period']
+
+
+def test_slow_periods_that_are_often_late_are_logged(monkeypatch: pytest.MonkeyPatch) -> None:
+    time = [0.0]
+    monkeypatch.setattr('fret_monitor.ros.throttle.monotonic', lambda: time[0])
+    recorder: Any = Recorder()
+    log = TimeLog(recorder, recorder, 30.0)
+    for second in range(1500):
+        time[0] = float(second)
+        recorder.counts = TimeCounts(second // 30, second // 300, 0, 0)  # one in ten
+        log.review()
+    assert recorder.lines == [
+        'periods of 30 s since the last such message: 0 missed (no step), 3 late by more than '
+        'half a period']
+
+
 def test_without_periods_only_time_that_goes_back_is_logged() -> None:
     recorder: Any = Recorder()
     log = TimeLog(recorder, recorder, None)

@@ -17,13 +17,14 @@
 from pathlib import Path
 import signal
 from threading import Event
+from time import monotonic, sleep
 
-from fret_monitor.ros.feed import Feed
+from fret_monitor.ros.feed import Feed, Record
 from fret_monitor.ros.raw_topic import Gaps, RawTopic
 import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from ros.harness import BEST_EFFORT, Partner, started, wait_until
+from ros.harness import BEST_EFFORT, Partner, RELIABLE, started, wait_until
 from ros.operators import Operator
 from std_msgs.msg import Int32
 
@@ -70,6 +71,63 @@ def test_without_sequence_numbers_no_loss_is_counted() -> None:
         gaps.note(number)
     gaps.confirm(ONE)
     assert gaps.lost == 0
+
+
+def test_a_message_that_arrives_twice_is_delivered_once_during_a_handover_only() -> None:
+    got: list[bytes] = []
+    topic = RawTopic(lambda data, received, sent: got.append(data))
+
+    def deliver(data: bytes, sent: int, sequence: int) -> None:
+        topic.deliver(Record(data, 0, sent, sequence))
+
+    def all_twice() -> list[bytes]:
+        got.clear()
+        for _ in range(2):
+            deliver(b'one', 5, 1)
+            deliver(b'two', 5, 2)
+            deliver(b'two of another', 6, 2)
+            deliver(b'without number', 7, 2**64 - 1)
+            deliver(b'of unknown origin', 0, 2**64 - 1)
+        return got
+
+    assert len(all_twice()) == 10
+    topic.begin_handover(has_history=False)
+    assert all_twice() == [b'one', b'two', b'two of another', b'without number',
+                           b'of unknown origin', b'of unknown origin']
+    topic.begin_handover(has_history=False)  # of a third subscription
+    assert all_twice() == [b'of unknown origin'] * 2
+    for number in range(5000):
+        deliver(b'', 8, number + 3)
+    assert len(all_twice()) == 6, 'forgotten, and then delivered once'
+    topic.end_handover()
+    assert len(all_twice()) == 10
+    topic.begin_handover(has_history=False)
+    assert len(all_twice()) == 6
+
+
+def test_a_subscription_is_replaced_without_repetition(
+    partner: Partner, capfd: pytest.CaptureFixture[str],
+) -> None:
+    got: list[bytes] = []
+    node = Node('fret_monitor', context=partner.context)
+    feed = Feed(node)
+    feed.subscribe('x', 'std_msgs/msg/Int32', Int32,
+                   RawTopic(lambda data, received, sent: got.append(data)), {'depth': 1000})
+    feed.start()
+    try:
+        publisher = partner.publisher(Int32, 'x', RELIABLE)
+        end = monotonic() + 4  # longer than the handover
+        number = 0
+        while monotonic() < end:
+            publisher.publish(Int32(data=number))
+            number += 1
+            sleep(0.005)
+    finally:
+        feed.close()
+        node.destroy_node()
+    assert 'subscribed anew to /x' in capfd.readouterr().err
+    assert len(got) > number / 2
+    assert len(got) == len(set(got))
 
 
 def test_a_queue_that_overflows_is_reported(

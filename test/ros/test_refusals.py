@@ -26,7 +26,7 @@ from fret_monitor.ros.parameters import Refusal
 import pytest
 from rclpy.context import Context
 from rclpy.parameter import Parameter
-from ros.harness import NodeProcess, Partner, started
+from ros.harness import NodeProcess, Partner, started, without_interface_number
 
 BUNDLE = """
 format: 1
@@ -234,6 +234,20 @@ def test_a_library_that_does_not_fit_its_manifest_is_refused(
     manifest = library / 'manifest.json'
     manifest.write_text(manifest.read_text().replace('"id": "R1"', '"id": "R2"'))
     assert "requirement 0 is 'R1' instead of 'R2'" in refusal(context, library=str(library))
+
+
+def test_folders_compiled_by_an_earlier_version_are_refused_together(
+    context: Context, tmp_path: Path,
+) -> None:
+    folders = []
+    for name in ('first', 'second'):
+        (tmp_path / name).mkdir()
+        folder = compiled(tmp_path / name, BUNDLE.replace('R1', name))
+        without_interface_number(Path(folder) / 'libfm_evaluator.so')
+        folders.append(folder)
+    assert refusal(context, library=folders).splitlines() == [
+        f'error: {folder}/libfm_evaluator.so was compiled by an earlier version of '
+        'fret_monitor: compile the bundle again' for folder in folders]
 
 
 def test_changes_that_need_a_new_compilation_are_refused(context: Context, tmp_path: Path) -> None:

@@ -239,6 +239,17 @@ def test_requirements_on_a_silent_input_are_violated_until_its_next_message() ->
     assert evaluator.message(FLAG, 8) == [] and evaluator.verdicts == [True, True]
 
 
+def test_a_value_without_a_time_is_received_at_the_time_of_the_evaluator() -> None:
+    evaluator = toy(with_timeout(toys.with_initial(True, 0)))
+    assert evaluator.advance(100 * SECOND) == []
+    assert evaluator.advance(100 * SECOND + 5) == []
+    evaluator.store(FLAG, True)
+    assert evaluator.deadline == 101 * SECOND + 5
+    assert evaluator.advance(101 * SECOND + 4) == [] and not evaluator.is_stale(FLAG)
+    evaluator.store(FLAG, True, 0)
+    assert evaluator.advance(101 * SECOND + 4) != [], 'received at 0'
+
+
 def test_a_silence_found_after_a_stop_is_put_off_once_and_stamped_with_its_end() -> None:
     monitor = load(toy_library(), with_timeout(toys.with_initial(True, 0)))
     evaluator = Evaluator(monitor, patience=0.01, library=evaluator_library())
