@@ -226,9 +226,9 @@ static int64_t read_clock(clockid_t clock)
   return (int64_t)now.tv_sec * SECOND_NS + (int64_t)now.tv_nsec;
 }
 
-// How much the system time is ahead of the steady clock. Readings may be far apart if the thread is
-// preempted, so that they only give limits. What was found before holds while it is within them:
-// the stamps of periods are then exactly a period apart.
+// How much the system time is ahead of the steady clock. Readings may be far apart if the thread
+// is preempted, so that they only give limits. What was found before holds while it is within
+// them: the stamps of periods are then exactly a period apart.
 static int64_t system_ahead_locked(struct fm_engine * engine)
 {
   int64_t before;

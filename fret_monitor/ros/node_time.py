@@ -80,7 +80,7 @@ class NodeTime:
         self._held.callback(jumps.unregister)
 
     def _leave(self) -> None:
-        """Leave `/clock` before it is turned off: from then on, the clock gives the system time."""
+        """Leave `/clock` before it is turned off: the clock then gives the system time."""
         with self._lock:
             if self._clock.ros_time_is_active:
                 self._engine.follow_steady()
