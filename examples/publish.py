@@ -18,8 +18,9 @@ Publish test messages where there is no `ros2` command.
 
     python3 publish.py odom nav_msgs/msg/Odometry twist.twist.linear.x=1.5
 
-It waits for a subscription, publishes `--count` messages at `--rate` Hz, and ends when they have
-been delivered. Fields that are not named keep their defaults.
+It waits until the subscriptions of the topic have stayed the same for half a second, publishes
+`--count` messages at `--rate` Hz, and ends when the reliable subscriptions have acknowledged them.
+Fields that are not named keep their defaults.
 """
 
 import argparse
@@ -33,9 +34,12 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.publisher import Publisher
 import yaml
 
 POLL_S = 0.05
+STABLE_S = 0.5
 DELIVERY_S = 5
 
 
@@ -125,12 +129,30 @@ def _publish(arguments: argparse.Namespace, message: Any) -> None:
         raise ValueError(f"'{arguments.topic}' is not a name of a topic") from None
     if publisher.get_subscription_count() == 0:
         print(f'waiting for a subscription to {publisher.topic_name}', file=sys.stderr)
-    while publisher.get_subscription_count() == 0:
-        rclpy.spin_once(node, timeout_sec=POLL_S)
+    _wait_until_matched(node, publisher)
     for _ in range(arguments.count):
         publisher.publish(message)
         time.sleep(1 / arguments.rate)
     publisher.wait_for_all_acked(Duration(seconds=DELIVERY_S))
+
+
+def _wait_until_matched(node: Node, publisher: Publisher) -> None:
+    """
+    Wait until there are subscriptions, and they have stayed the same for a while.
+
+    A subscription that this publisher has just discovered may not have discovered the publisher,
+    and a monitor that then does replaces its subscription by one of the publisher's reliability.
+    """
+    before = None
+    since = time.monotonic()
+    while before is None or time.monotonic() - since < STABLE_S:
+        rclpy.spin_once(node, timeout_sec=POLL_S)
+        count = publisher.get_subscription_count()
+        ids = {tuple(item.endpoint_gid)
+               for item in node.get_subscriptions_info_by_topic(publisher.topic_name)}
+        now = (count, ids) if count else None
+        if now != before:
+            before, since = now, time.monotonic()
 
 
 if __name__ == '__main__':

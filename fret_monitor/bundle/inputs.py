@@ -124,6 +124,10 @@ def _values(node: Node | None, problems: Problems) -> Iterator[ValueEntry]:
 
 def _value(key: YamlScalar, node: Node, problems: Problems) -> ValueEntry | None:
     """Read one name of a value; a value in quotes, or that is not a number, is a string."""
+    if is_integer(key.value) and isinstance(node, YamlScalar) and not name_fault(node.value):
+        problems.error('a name of a value comes before its number', key.span, 'this is the number',
+                       f'{node.value}: {key.value}')
+        return None
     report_fault(name_fault(key.value), key.text, problems)
     if isinstance(node, YamlScalar) and node.style:
         return ValueEntry(key.text, node.text, is_string=True)

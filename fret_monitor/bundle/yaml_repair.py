@@ -23,6 +23,7 @@ from collections.abc import Iterator
 import re
 
 from fret_monitor.model.diagnostics import Problems, Source, Span
+from fret_monitor.model.names import index_fault
 import yaml
 
 _MAX_REPAIRS = 50
@@ -37,6 +38,15 @@ _FLOW_KEY = re.compile(r'[{,][ \t]*[A-Za-z_]\w*[ \t]*:[ \t]+(?=\S)')
 _OPEN_INDEX = re.compile(r'\[[0-9]+$')
 _NEXT_KEY = re.compile(r',[ \t]*[A-Za-z_]\w*[ \t]*:(?:[ \t]|$)')
 
+_LACKS_COMMA = re.compile(
+    r"""(?:"[^"]*"|'[^']*'|[^\s,:{}"']+)(?P<gap>\s+)"""
+    r'(?P<key>topic|type|field|initial|values|qos|timeout|stale'
+    r'|fretish|ptltl|cocospec|title|report|severity):\s')
+_BRACE_KEY = re.compile(r'[{,]\s*[A-Za-z_]\w*[ \t]*:[ \t]+(?=\S)')
+# Their values have no space, so that a word after one is a key.
+_KEY_BEFORE = re.compile(
+    r'\b(?:topic|type|field|initial|timeout|stale|id|report|severity)[ \t]*:[ \t]+$')
+
 _MARKS = {
     '!': 'starts a tag', '&': 'starts an anchor', '*': 'starts an alias', '#': 'starts a comment',
     '|': 'starts a block of lines', '>': 'starts a folded block', '[': 'starts a list',
@@ -46,7 +56,7 @@ _MARKS = {
 }
 
 
-LACKS_SPACE = re.compile(r'[ ]*(?:-[ ]+)*([A-Za-z_]\w*):(?=[^\s/:])[^\r\n]*')
+LACKS_SPACE = re.compile(r'[ ]*(?:-[ ]+)*([A-Za-z_]\w*):(?=[^\s/:]|/[^/])[^\r\n]*')
 """A line with a key and a value, but no space between them."""
 _KEY_LINE = re.compile(r'[ ]+([A-Za-z_]\w*)(?=:(?:[ ]|$))')
 
@@ -61,6 +71,11 @@ def report_lacking_space(match: re.Match[str], span: Span, problems: Problems) -
 def report_misread(source: Source, start: int, problems: Problems) -> None:
     """Report that the value that starts at `start` needs quotes, with the line to paste."""
     written = _OPEN_INDEX.sub(r'\g<0>]', value_as_written(source, start))
+    fault = index_fault(written)
+    if fault is not None and re.search(r'\bfield[ \t]*:[ \t]*$', source.text[:start][-99:]):
+        problems.error(fault.reason, Span(source, start, start + len(written)), 'not supported',
+                       quoted_line(source, start, fault.help))
+        return
     first = source.text[start]
     quotes = first in '"\''
     if quotes:
@@ -175,7 +190,8 @@ class Repair:
     def mend(self, error: yaml.YAMLError, last_scalar: int) -> bool:
         """Report an error of YAML; return whether the changed text can be read again."""
         place = min(self._place(error), max(len(self._source.text) - 1, 0))
-        if self._is_tab(place) or self._lacks_space(error, place):
+        if (self._is_tab(place) or self._lacks_space(error, place)
+                or self._lacks_comma_above(error)):
             return False
         starts = self._value_starts(error, place, last_scalar)
         start = next((item for item in starts if item not in self.unread), None)
@@ -183,7 +199,8 @@ class Repair:
         if start is None or len(self.unread) >= limit:
             self._report(error, place)
             return False
-        self._report_value(error, start, place)
+        if not self._lacks_comma(start):
+            self._report_value(error, start, place)
         self._blank(start)
         return True
 
@@ -214,6 +231,30 @@ class Repair:
         start = self._source.line_start(number)
         place = Span(self._source, start + match.start(1), start + match.end())
         report_lacking_space(match, place, self._problems)
+        return True
+
+    def _lacks_comma_above(self, error: yaml.YAMLError) -> bool:
+        """Report a missing comma at the end of a line within braces."""
+        opened, place = (getattr(error, name, None) for name in ('context_mark', 'problem_mark'))
+        if not opened or not place or "',' or '}'" not in str(error):
+            return False
+        keys = [*_BRACE_KEY.finditer(self._source.text, opened.index + self._shift,
+                                     place.index + self._shift)]
+        match = _LACKS_COMMA.match(self._source.text, keys[-1].end()) if keys else None
+        return match is not None and '\n' in match['gap'] and self._lacks_comma(keys[-1].end())
+
+    def _lacks_comma(self, start: int) -> bool:
+        """Report a key of an input within braces that follows a value without a comma."""
+        match = _LACKS_COMMA.match(self._source.text, start)
+        before = _KEY_BEFORE.search(self._source.text, max(start - _MAX_PASTED, 0), start)
+        if match is None or before is None or not _is_in_braces(self._source, start):
+            return False
+        self.swallowing |= {start}
+        self._problems.error(f"a comma is missing before '{match["key"]}'",
+                             Span(self._source, match.start('key'), match.end('key')),
+                             'the key after a value in braces',
+                             f'{before[0]}{match[0][:match.start("gap") - start]}, '
+                             f'{match["key"]}: ...')
         return True
 
     def _value_starts(self, error: yaml.YAMLError, place: int,

@@ -25,6 +25,7 @@ import sys
 from threading import current_thread, main_thread
 from types import FrameType
 
+from fret_monitor import __version__
 from fret_monitor.cli import bench, check, explain, formalize, import_, prove, simulate
 from fret_monitor.cli import compile as compile_verb
 from fret_monitor.model.diagnostics import CompileError
@@ -121,6 +122,7 @@ def _drop_output() -> None:
 def _parser() -> ArgumentParser:
     parser = ArgumentParser(
         'fret-monitor', description='Check, compile and run monitors of requirements.')
+    parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
     verbs = parser.add_subparsers(
         metavar='VERB', title='verbs (details: fret-monitor VERB --help)')
     for verb in _VERBS:

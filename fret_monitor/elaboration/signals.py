@@ -188,7 +188,9 @@ def _value(item: ValueEntry, kind: ValueType) -> int:
     """Return the number of a name of values."""
     title = f"'{item.name}' cannot be a value of type {kind.value}"
     if item.is_string:
-        refuse(title, item.value.span, 'this is text', 'write the number without quotes')
+        refuse(title, item.value.span, 'this is text',
+               'write the number without quotes' if looks_like_number(item.value.value) else
+               'write a number, such as 1')
     try:
         literal = parse_number(item.value.value)
         stored(literal, kind)

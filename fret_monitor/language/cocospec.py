@@ -25,6 +25,7 @@ Lustre's spelling it takes `&`, `&&`, `|`, `||`, `!`, `~`, `==`, `!=`.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 import re
 from typing import Any
 
@@ -233,11 +234,20 @@ def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
                               'join them with and, or name each: a = p; b = a and q;')
         case _, 'COMMA' if before.type in _lalr.OPERAND_ENDS:
             return Diagnostic("unexpected ','", found.span, 'not among the arguments of a '
-                              'function', f'write {_TAKES["OT"]}, or H(p) without a bound')
+                              'function', _bound_help(lexemes[:index]))
         case 'TEL' | 'DOT', _ if found.type in ('NODE', 'FUNCTION'):
             return Diagnostic('one node is expected', found.span, 'a second one',
                               'put its equations into the first one')
     return None
+
+
+def _bound_help(lexemes: Sequence[Lexeme]) -> str:
+    """Return what to write for `O(5, p)`, of which the lexemes before the comma are given."""
+    opened = _lalr.open_brackets(lexemes)[-1:]
+    names = [lexeme.text for lexeme, after in pairwise(lexemes)
+             if after in opened and lexeme.type == 'PAST']
+    name = names[0] if names else 'O'
+    return f'write {_TAKES[name + "T"]}, or {name}(p) without a bound'
 
 
 _SYNTAX = _lalr.Syntax('cocospec.lark', _CocospecBuilder(PRECEDENCE), ('formula', 'program'),

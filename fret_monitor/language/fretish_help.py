@@ -272,6 +272,8 @@ def _check_order(misfit: Misfit) -> None:
     """Report a timing or a condition after the response, with the sentence to write."""
     found = misfit.found
     kinds = [lexeme.type for lexeme in misfit.lexemes[:misfit.index]]
+    if kinds[-1:] == ['SATISFY'] and found.type in _TIMINGS and not _is_compared(misfit):
+        _refuse_misplaced_timing(misfit)
     if 'SHALL' not in kinds or 'SATISFY' not in kinds or 'INFIX' not in misfit.fitting:
         return
     if found.type in _TIMINGS:
@@ -281,6 +283,25 @@ def _check_order(misfit: Misfit) -> None:
         sentence = f'{whole[found.start:].strip()} {whole[:found.start].strip()}'
         refuse('the condition must come before the component', found.span, 'after the response',
                _to_write(misfit, sentence))
+
+
+def _is_compared(misfit: Misfit) -> bool:
+    """Whether an operator follows, so that the word is meant as a name."""
+    following = misfit.lexemes[misfit.index + 1:misfit.index + 2]
+    return any(item.type in ('RELATION', 'INFIX', 'MINUS') for item in following)
+
+
+def _refuse_misplaced_timing(misfit: Misfit) -> NoReturn:
+    """Refuse `satisfy always p`."""
+    found, whole, lexemes = misfit.found, misfit.text.value, misfit.lexemes
+    end = misfit.index + (1 if found.type == 'PLAIN' else 3)
+    kinds = [item.type for item in lexemes[misfit.index:end]]
+    help_ = _EXAMPLE
+    if kinds in (['PLAIN'], ['SPAN', 'NUMBER', 'UNIT']) and end < len(lexemes):
+        satisfy, response = lexemes[misfit.index - 1].start, lexemes[end].start
+        help_ = _to_write(misfit, f'{whole[:satisfy]}{whole[found.start:response].strip()} '
+                                  f'satisfy {whole[response:]}')
+    refuse("the timing must come before 'satisfy'", found.span, "after 'satisfy'", help_)
 
 
 def _refuse_late_timing(misfit: Misfit, kinds: Sequence[str]) -> NoReturn:
@@ -409,7 +430,7 @@ def _help(misfit: Misfit) -> str:
     if found.type == 'THE' and _wants_operand(misfit):
         return _EXAMPLE
     if _is_word(found) and _wants_operand(misfit):
-        return f'write "{misfit.written(found)}", in quotes, if it is a name'
+        return _quoted_name(misfit)
     if 'SHALL' in misfit.fitting or {'THE', 'NAME'} <= misfit.fitting:
         return _EXAMPLE
     if misfit.fitting <= {'SATISFY', 'COMMA'} and found.type in OPERAND_STARTS:
@@ -417,6 +438,19 @@ def _help(misfit: Misfit) -> str:
     if 'NUMBER' in misfit.fitting and 'LPAR' not in misfit.fitting:
         return 'write the number in digits, as FRET requires: 3 ticks'
     return ''
+
+
+def _quoted_name(misfit: Misfit) -> str:
+    """Return the advice to write a keyword in quotes, with the comparison that it begins."""
+    name = f'"{misfit.written(misfit.found)}"'
+    following = misfit.lexemes[misfit.index + 1:misfit.index + 3]
+    if [item.type for item in following] in (['RELATION', 'NAME'], ['RELATION', 'NUMBER']):
+        help_ = f"write {' '.join([name, *map(misfit.written, following)])} if it is a name"
+    else:
+        help_ = f'write {name}, in quotes, if it is a name'
+    start = misfit.text.span.start
+    is_in_quotes = misfit.text.source.text[max(start - 1, 0):start] == '"'
+    return f'{help_}, and put the sentence in single quotes' if is_in_quotes else help_
 
 
 def _point(misfit: Misfit) -> str:

@@ -29,7 +29,7 @@ from fret_monitor.messages.installed import check_complete, listed, nested_layou
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, refuse, Span, Text
 from fret_monitor.model.manifest import REDUCTIONS, SECONDS
-from fret_monitor.model.names import shown
+from fret_monitor.model.names import index_fault, shown
 from fret_monitor.model.values import ValueType
 
 _STRINGS = ('string', 'wstring')
@@ -101,6 +101,9 @@ def resolve_field(layout: MessageLayout, path_text: Text | None,
     """
     if path_text is None:
         return _only_field(layout, type_text)
+    fault = index_fault(path_text.value)
+    if fault is not None:
+        refuse(fault.reason, path_text.span, 'not supported', _help([fault.help]))
     call = _CALL.fullmatch(path_text.value) if '(' in path_text.value else None
     if call is not None:
         return _reduced(layout, path_text, call)

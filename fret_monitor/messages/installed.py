@@ -45,6 +45,11 @@ _COMMON = frozenset({
     'control_msgs', 'diagnostic_msgs', 'geometry_msgs', 'nav2_msgs', 'nav_msgs', 'sensor_msgs',
     'std_msgs', 'tf2_msgs', 'trajectory_msgs', 'vision_msgs', 'visualization_msgs'})
 
+# The wheels of `ros-jazzy-common-interfaces`. Other messages may have no wheels.
+_WHEELS = frozenset({
+    'actionlib_msgs', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs', 'sensor_msgs', 'shape_msgs',
+    'std_msgs', 'std_srvs', 'stereo_msgs', 'trajectory_msgs', 'visualization_msgs'})
+
 _INTERFACE = re.compile(
     r'(?P<package>[A-Za-z][A-Za-z0-9_]*)/(?:(?P<folder>msg|srv|action)/)?'
     r'(?P<name>[A-Z][A-Za-z0-9]*)(?P<part>(?:_[A-Za-z]+)*)')
@@ -139,16 +144,24 @@ def _list(folder: Path, pattern: str) -> list[Path]:
 def _no_package(package: str, packages: set[str]) -> str:
     if not packages:
         return 'no messages are installed: source ROS, such as /opt/ros/jazzy/setup.bash'
-    return f'install it ({_command(package)}), or source the workspace that has it'
+    command = _command(package)
+    return (f'install it ({command}), or source the workspace that has it' if command else
+            'source the workspace that has it')
 
 
 def _command(package: str) -> str:
-    """Return what installs a package of ROS: pip if ROS itself came as wheels, else apt."""
+    """
+    Return what installs a package of ROS: pip if ROS itself came as wheels, else apt.
+
+    It is empty if there may be no wheel of the package.
+    """
     distribution = os.environ.get('ROS_DISTRO') or 'jazzy'
     name = f'ros-{distribution}-{package.replace("_", "-")}'
     has_wheels = (Path(sys.prefix) / 'share' / 'rclpy').is_dir()
     is_sourced = bool(os.environ.get('AMENT_PREFIX_PATH'))
-    return f'sudo apt install {name}' if is_sourced and not has_wheels else pip_install(name)
+    if is_sourced and not has_wheels:
+        return f'sudo apt install {name}'
+    return pip_install(name) if package in _WHEELS else ''
 
 
 def listed(names: Sequence[str]) -> str:

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 import logging
 from pathlib import Path
+import re
 import shlex
 import sys
 from textwrap import fill
@@ -26,6 +27,7 @@ from fret_monitor.ros.parameters import LOGGER_PARAMETERS, MONITOR_PARAMETERS, R
 from fret_monitor.ros.signals import StopRequest
 
 import rclpy
+from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
@@ -71,6 +73,9 @@ def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:
         print('error: ROS cannot make its folder of logs: set HOME, or ROS_LOG_DIR to a folder '
               f'that can be written ({reason})', file=sys.stderr)
         return 1
+    except InvalidParameterTypeException as error:
+        print(f'error: {_wrong_type(str(error))}', file=sys.stderr)
+        return 1
     except Refusal as refusal:
         print(refusal, file=sys.stderr)
         return 1
@@ -106,6 +111,15 @@ def _no_colon() -> str:
     found = next((value for flag, value in pairwise(sys.argv)
                   if flag in ('-p', '--param') and '=' in value and ':=' not in value), None)
     return f"; write -p {shlex.quote(found.replace('=', ':=', 1))}" if found else ''
+
+
+def _wrong_type(reason: str) -> str:
+    """Return what is wrong with a parameter that rclpy itself declares, such as use_sim_time."""
+    match = re.match(r"Trying to set parameter '(.*?)' to '(.*)' of type .*'BOOL'", reason,
+                     re.DOTALL)
+    if match is None:
+        return reason
+    return f"parameter '{match[1]}' is {match[2]}, and has to be true or false"
 
 
 def _print_usage(name: str, argument: str) -> int:

@@ -17,12 +17,15 @@
 from collections.abc import Callable
 import os
 from pathlib import Path
+import re
 import signal
 import subprocess
 import sys
 from time import monotonic, sleep
 
 from cli.command import command, environment, HEADING, Here, PUMP, run
+import fret_monitor
+from fret_monitor import __version__
 import pytest
 
 BAD = PUMP.replace('n < 5', 'N < 5').replace('x > 0.1', 'x > true')
@@ -83,6 +86,15 @@ def test_without_a_verb_the_verbs_are_listed(here: Here) -> None:
     assert told[:3] == ['check', 'formalize', 'print']  # a long name is on a line of its own
     assert set(VERBS) | {'import', 'explain'} <= set(told)
     assert done.err.endswith('error: a verb is missing\n')
+
+
+def test_the_version_is_that_of_the_package(here: Here) -> None:
+    done = here.run('--version')
+    assert (done.status, done.out, done.err) == (0, f'fret-monitor {__version__}\n', '')
+    for name, pattern in {'setup.py': "version='(.*)',", 'package.xml': '<version>(.*)</'}.items():
+        path = Path(fret_monitor.__file__).resolve().parents[1] / name
+        if path.is_file():
+            assert re.findall(pattern, path.read_text(encoding='utf-8')) == [__version__]
 
 
 def test_running_the_package_runs_the_command_line() -> None:

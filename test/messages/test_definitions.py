@@ -274,14 +274,16 @@ def test_a_message_within_itself_ends(prefix: Path) -> None:
     ('pkg_a/msg/Stat', "the package 'pkg_a' has no message 'Stat'", "did you mean 'State'?"),
     ('pkg_b/msg/Zzz', "the package 'pkg_b' has no message 'Zzz'", 'one of Battery, Cell'),
     ('pkgg_a/msg/State', "no messages of a package 'pkgg_a' were found", "did you mean 'pkg_a'"),
-    ('no_such/msg/X', "no messages of a package 'no_such' were found", 'ros-jazzy-no-such'),
+    ('no_such/msg/X', "no messages of a package 'no_such' were found",
+     'source the workspace that has it'),
     ('../pkg_a/msg/State', 'is not the name of a message type', 'std_msgs/msg/Float32'),
     ('pkg_a/srv/State', 'is not the name of a message type', 'std_msgs/msg/Float32'),
     ('pkg_a/msg/State_Event', 'is not the name of a message type', 'std_msgs/msg/Float32'),
     ('pkg_b/srv/Swich_Event', "the package 'pkg_b' has no service 'Swich'", "mean 'Switch'?"),
     ('pkg_b/srv/Switch_Evnt', "'Switch_Evnt' is not a message of 'Switch'",
      "mean 'Switch_Event' or"),
-    ('pkg_a/action/Go_Goal', "no actions of a package 'pkg_a' were found", 'ros-jazzy-pkg-a'),
+    ('pkg_a/action/Go_Goal', "no actions of a package 'pkg_a' were found",
+     'source the workspace that has it'),
     ('pkg_a', 'is not the name of a message type', 'std_msgs/msg/Float32'),
 ])
 def test_a_type_that_is_not_installed_is_refused_with_what_is(
@@ -409,6 +411,19 @@ def test_a_package_that_is_not_installed_is_installed_as_ros_itself_was(
         find_message('nav_msgs/msg/Odometry')
     assert [item.help for item in found.value.diagnostics] == [
         f'install it ({command}), or source the workspace that has it']
+
+
+@pytest.mark.parametrize(('package', 'is_proposed'), [
+    ('trajectory_msgs', True), ('px4_msgs', False), ('nav2_msgs', False)])
+def test_pip_is_proposed_only_for_packages_that_have_wheels(
+        prefix: Path, monkeypatch: pytest.MonkeyPatch, package: str, is_proposed: bool) -> None:
+    monkeypatch.setenv('AMENT_PREFIX_PATH', '')
+    monkeypatch.setenv('ROS_DISTRO', '')
+    with pytest.raises(CompileError) as found:
+        find_message(f'{package}/msg/X', [prefix])
+    (error,) = found.value.diagnostics
+    assert ('pip install' in error.help) is is_proposed
+    assert 'source the workspace that has it' in error.help
 
 
 def test_the_first_prefix_that_has_a_message_wins(

@@ -20,11 +20,12 @@ import re
 import shlex
 import subprocess
 import sys
-from time import monotonic
+from time import monotonic, sleep
 
 import pytest
-
-from ros.harness import started
+from rclpy.qos import QoSProfile, QoSReliabilityPolicy
+from ros.harness import Partner, started, wait_until
+from std_msgs.msg import Bool
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / 'README.md'
@@ -60,6 +61,30 @@ def test_the_logger_prints_what_the_readme_says(domain: int, tmp_path: Path) -> 
             for each in messages:
                 done = publish(each)
                 assert (done.returncode, 'Traceback' in done.stderr) == (0, False)
+
+
+def test_a_message_is_published_when_the_subscriptions_have_stayed_the_same(
+    partner: Partner, domain: int,
+) -> None:
+    received: list[Bool] = []
+    first = partner.node.create_subscription(
+        Bool, 'brake', received.append, QoSProfile(
+            depth=1, reliability=QoSReliabilityPolicy.BEST_EFFORT))
+    process = subprocess.Popen([sys.executable, ROOT / 'examples' / 'publish.py', 'brake',
+                                'std_msgs/msg/Bool', 'data=true'])
+    try:
+        # As a monitor does, which subscribes anew when it discovers a publisher
+        wait_until(lambda: partner.node.count_publishers('brake') > 0, 'the publisher')
+        sleep(0.15)
+        partner.node.destroy_subscription(first)
+        received.clear()
+        partner.node.create_subscription(Bool, 'brake', received.append, 10)
+        assert process.wait(TIMEOUT_S) == 0
+        wait_until(lambda: bool(received), 'the message')
+        assert [item.data for item in received] == [True]
+    finally:
+        process.kill()
+        process.wait()
 
 
 @pytest.mark.parametrize('arguments, reason', [

@@ -277,6 +277,10 @@ def test_the_logger_refuses_what_the_monitor_does(context: Context, tmp_path: Pa
     (['-p', 'spec'], "error: Failed to parse ROS arguments: Couldn't parse parameter"),
     (['-p', 'spec=no.yaml'], '; write -p spec:=no.yaml\nusage: '),
     (['--', 'bundle.yaml'], "error: unexpected argument 'bundle.yaml'\nusage: "),
+    (['-p', 'use_sim_time:=1'], "error: parameter 'use_sim_time' is 1, and has to be true or "
+                                'false\n'),
+    (['-p', 'use_sim_time:=a b'], "error: parameter 'use_sim_time' is a b, and has to be true "
+                                  'or false\n'),
     (['--sepc'], "error: unknown ROS arguments ['--sepc']\n"),
     (['spec:=x y'], "error: unknown ROS arguments ['spec:=x y']: a parameter has -p before it: "
                     "-p 'spec:=x y'\n"),
