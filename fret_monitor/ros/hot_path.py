@@ -126,7 +126,7 @@ def why_not_listening(hot_path: str) -> str | None:
     return None
 
 
-class Receiver:
+class EngineReceiver:
     """Takes the messages of one subscription for an engine, in C."""
 
     def __init__(self, engine: Engine, middleware: Middleware,
@@ -221,9 +221,9 @@ class EngineTopic:
         """Whether C delivers the messages; otherwise `deliver` has to be called."""
         return self._middleware.listens
 
-    def open(self, subscription: RclSubscription) -> Receiver:
+    def open(self, subscription: RclSubscription) -> EngineReceiver:
         """Start taking the messages of a subscription; raises `Unavailable`."""
-        return Receiver(self._engine, self._middleware, subscription, self._topic)
+        return EngineReceiver(self._engine, self._middleware, subscription, self._topic)
 
     def deliver(self, record: Record) -> None:
         """Deliver a message that was taken, where C does not listen; one thread at a time."""

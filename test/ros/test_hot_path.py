@@ -27,7 +27,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros import MonitorNode, native_lifetimes
 from fret_monitor.ros.details import Details, DETAILS_TOPIC, read_detail
-from fret_monitor.ros.hot_path import Middleware, Receiver
+from fret_monitor.ros.hot_path import EngineReceiver, Middleware
 from fret_monitor.ros.in_place import KNOWN, loaded_versions, refuse_unknown_versions
 from fret_monitor.ros.loaded import find_symbol, Unavailable
 from fret_monitor.ros.parameters import Refusal
@@ -228,7 +228,7 @@ def test_a_receiver_that_could_not_be_stopped_keeps_its_objects(
         functions=None, subscription=lambda _: None, taking=lambda _: 0)
     evaluator: Any = SimpleNamespace(library=library, pointer=None)
     subscription: Any = Subscription()
-    receiver = Receiver(evaluator, middleware, subscription, 0)
+    receiver = EngineReceiver(evaluator, middleware, subscription, 0)
     for _ in range(2):
         receiver.end()
         receiver.stop()
