@@ -244,17 +244,17 @@ class Repair:
         return match is not None and '\n' in match['gap'] and self._lacks_comma(keys[-1].end())
 
     def _lacks_comma(self, start: int) -> bool:
-        """Report a key of an input within braces that follows a value without a comma."""
+        """Report a key within braces that follows a value without a comma."""
         match = _LACKS_COMMA.match(self._source.text, start)
         before = _KEY_BEFORE.search(self._source.text, max(start - _MAX_PASTED, 0), start)
         if match is None or before is None or not _is_in_braces(self._source, start):
             return False
         self.swallowing |= {start}
-        self._problems.error(f"a comma is missing before '{match["key"]}'",
+        value, key = match[0][:match.start('gap') - start], match['key']
+        self._problems.error(f"a comma is missing before '{key}'",
                              Span(self._source, match.start('key'), match.end('key')),
                              'the key after a value in braces',
-                             f'{before[0]}{match[0][:match.start("gap") - start]}, '
-                             f'{match["key"]}: ...')
+                             f'{before[0]}{value}, {key}: ...')
         return True
 
     def _value_starts(self, error: yaml.YAMLError, place: int,

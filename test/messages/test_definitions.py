@@ -222,6 +222,9 @@ def test_the_types_on_the_way_are_given(prefix: Path) -> None:
     ('wheels[0]', "'wheels[0]' is a message (pkg_a/msg/Wheel)", 1,
      'field: "wheels[0].speed"   # or wheels[0].locked'),
     ('ranges[99999999999999]', 'it has no element 99999999999999', 7, ''),
+    ('ranges[-1]', 'an index is a number from 0', 1, 'field: "ranges[0]"'),
+    ('ranges[:3]', 'slices are not supported', 1, 'field: "ranges[0]"'),
+    ('min(ranges[0:90])', 'slices are not supported', 1, 'field: min(ranges)'),
 ])
 def test_a_path_that_leads_nowhere_is_refused_with_what_there_is(
         prefix: Path, path: str, title: str, column: int, help: str) -> None:
@@ -232,7 +235,7 @@ def test_a_path_that_leads_nowhere_is_refused_with_what_there_is(
     assert error.help == help
 
 
-@pytest.mark.parametrize('path', ['', '.', 'a.', '.a', 'a..b', 'a[', 'a[]', 'a[-1]', 'a[x]', 'a b',
+@pytest.mark.parametrize('path', ['', '.', 'a.', '.a', 'a..b', 'a[', 'a[]', 'a[x]', 'a b',
                                   'a[1][2]', 'ä', 'a[1]b', 'a/b', 'count\n'])
 def test_a_text_that_is_no_path_is_refused(prefix: Path, path: str) -> None:
     error = _refused(find_message('pkg_a/msg/State', [prefix]), path)
