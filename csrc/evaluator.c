@@ -456,7 +456,7 @@ static void end_silence(struct fm_evaluator * evaluator, uint32_t i, int64_t now
   struct input_cell * input = &evaluator->inputs[i];
   struct fm_instance_input * cell = &evaluator->instance.inputs[i];
   const bool was_stale = cell->is_stale;
-  input->last_silence = since(cell->heard_at, now);
+  input->last_silence = since(cell->stored_at, now);
   cell->is_silent = false;
   cell->is_stale = false;
   for (uint32_t k = 0; was_stale && k < input->n_readers; ++k) {
@@ -489,7 +489,7 @@ static void note_receipt(struct fm_evaluator * evaluator, uint32_t i, int64_t no
       end_silence(evaluator, i, now);
     }
     cell->is_put_off = false;
-    cell->heard_at = now;
+    cell->stored_at = now;
     set_due(evaluator, i, fm_later(now, input->timeout));
   }
   if (evaluator->policy == FM_ALL_INPUTS) {
@@ -736,7 +736,7 @@ static void begin_time(struct fm_evaluator * evaluator, int64_t now)
   instance->time->before = now;
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     const int64_t timeout = evaluator->inputs[i].timeout;
-    instance->inputs[i].heard_at = now;
+    instance->inputs[i].stored_at = now;
     instance->inputs[i].due = timeout > 0 ? fm_later(now, timeout) : FM_NEVER;
   }
   if (evaluator->period > 0) {
@@ -819,7 +819,7 @@ static void take_timeout(
     return;
   }
   if (!cell->is_silent) {
-    report->stamp = fm_later(cell->heard_at, input->timeout);
+    report->stamp = fm_later(cell->stored_at, input->timeout);
   }
   input->silences += cell->is_silent ? 0u : 1u;
   cell->is_silent = true;
@@ -977,8 +977,8 @@ struct fm_silence fm_evaluator_silence(const struct fm_evaluator * evaluator, ui
     const struct fm_instance_input * cell = &evaluator->instance.inputs[input];
     silence.count = evaluator->inputs[input].silences;
     silence.is_silent = cell->is_silent;
-    silence.lasted = cell->is_silent ?
-      since(cell->heard_at, evaluator->instance.time->now) : evaluator->inputs[input].last_silence;
+    silence.lasted = !cell->is_silent ? evaluator->inputs[input].last_silence :
+      since(cell->stored_at, evaluator->instance.time->now);
   }
   return silence;
 }

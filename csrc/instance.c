@@ -236,7 +236,7 @@ void fm_instance_shift(const struct fm_instance * instance, int64_t by)
   time->before = fm_later(time->before, by);
   time->next_period = moved(time->next_period, by);
   for (uint32_t i = 0; i < instance->monitor->n_inputs; ++i) {
-    instance->inputs[i].heard_at = fm_later(instance->inputs[i].heard_at, by);
+    instance->inputs[i].stored_at = fm_later(instance->inputs[i].stored_at, by);
     instance->inputs[i].due = moved(instance->inputs[i].due, by);
   }
 }

@@ -42,7 +42,7 @@ uint64_t fm_block_append(struct fm_block * block, uint64_t count, uint64_t size)
 struct fm_instance_input
 {
   uint64_t received_at;  // the clock of stores at its last one; 0 before the first
-  int64_t heard_at;      // the time of its last store, or the time at which time began
+  int64_t stored_at;     // the time of its last store, or the time at which time began
   int64_t due;           // when it times out
   bool has_value;
   bool is_silent;

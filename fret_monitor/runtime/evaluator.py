@@ -120,7 +120,7 @@ class Evaluator:
         period
             of the policy periodic, in seconds; the manifest's when None.
         patience
-            in seconds: a timeout that is found later than this is put off once. 0: never.
+            in seconds: see `fm_evaluator_advance`; 0 puts no timeout off.
         library
             the evaluator's library; when None it is built, or taken from the cache.
 

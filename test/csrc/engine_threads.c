@@ -12,7 +12,6 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-
 /// engine_threads.c: the hot path under load, for the thread sanitizer.
 ///
 /// Real middleware cannot be built with it. So this has one of its own, which locks as Fast DDS
@@ -32,20 +31,10 @@
 #include <string.h>
 #include <time.h>
 
+#include "check.h"
+
 enum { N_TOPICS = 2, N_SENDERS = 4,
   N_MESSAGES = 20000, N_RENEWALS = 12, MESSAGE = 5, MOST_WAITING = 200 };
-
-static int failures = 0;
-
-#define CHECK(condition) check((condition), #condition, __LINE__)
-
-static void check(bool condition, const char * text, int line)
-{
-  if (!condition) {
-    printf("line %d: not so: %s\n", line, text);
-    failures += 1;
-  }
-}
 
 // ---- the middleware ----------------------------------------------------------------------------
 

@@ -21,19 +21,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "check.h"
+
 enum { BEAT, FED, N_REQUIREMENTS, PERIOD = 100, TIMEOUT = 1000, PATIENCE = 10, MOST = 4096 };
-
-static int failures = 0;
-
-#define CHECK(condition) check((condition), #condition, __LINE__)
-
-static void check(bool condition, const char * text, int line)
-{
-  if (!condition) {
-    printf("line %d: not so: %s\n", line, text);
-    failures += 1;
-  }
-}
 
 // ---- a monitor ---------------------------------------------------------------------------------
 

@@ -12,7 +12,6 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-
 /// A receiver with a long queue, and a middleware that does not remove its callback.
 
 #include "receiver.h"
@@ -21,17 +20,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static int failures = 0;
-
-#define CHECK(condition) check((condition), #condition, __LINE__)
-
-static void check(bool condition, const char * text, int line)
-{
-  if (!condition) {
-    printf("line %d: not so: %s\n", line, text);
-    failures += 1;
-  }
-}
+#include "check.h"
 
 // ---- a middleware with one subscription --------------------------------------------------------
 

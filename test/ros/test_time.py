@@ -251,7 +251,7 @@ def test_an_input_that_falls_silent_violates_its_requirements_in_the_time_of_the
         simulator.go(0.8)
         operator.wait(3)  # a simulation that stands still is no silence
         assert silence(node) == 0
-        simulator.go(2.0)  # longer, since a timeout that is found late is put off by as long
+        simulator.go(2.0)  # longer, since a timeout may be put off after the clock has jumped
         # X has a value and XZ waits for z: each is reported at once, and once only.
         partner.expect({'X': 1, 'ONSET': 1, 'XZ': 1})
         wait_for_log(operator)
