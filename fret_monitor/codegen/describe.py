@@ -52,6 +52,8 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         source_hash=module.source_hash,
         sources=tuple(module.files),
         readers=module.readers,
+        stamp=program.stamp,
+        reorder=program.reorder,
     )
 
 
@@ -59,7 +61,7 @@ def _input(signal: Signal) -> ManifestInput:
     return ManifestInput(signal.name, signal.type, signal.topic, signal.message_type,
                          signal.path, signal.values, signal.initial,
                          timeout=signal.timeout, stale=signal.stale,
-                         reduction=signal.reduction)
+                         reduction=signal.reduction, source=signal.source)
 
 
 def _topics(signals: tuple[Signal, ...]) -> tuple[ManifestTopic, ...]:

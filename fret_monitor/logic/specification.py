@@ -27,7 +27,7 @@ from fret_monitor.language.sentence import Sentence
 from fret_monitor.logic.formula import Feedback, Formula, postorder, Variable
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import Span
-from fret_monitor.model.policies import Policy, Report, Severity, Stale
+from fret_monitor.model.policies import InputSource, Policy, Report, Severity, Stale, Stamp
 from fret_monitor.model.values import ValueType
 
 
@@ -39,8 +39,9 @@ class Signal:
     `values` are pairs (name, number or string). A string input has type INT32: its value is the
     index of the string in `values`. `initial` is None or a value of the type. `topic` and
     `message_type` are None for an input without ROS. `timeout` is in seconds; `reduction` is as in
-    `ManifestInput`. `layout` is that of the message; None if the specification was not made from
-    a bundle, and messages cannot be decoded.
+    `ManifestInput`. `max_rate` is the greatest number of messages a second. `layout` is that of
+    the message; None if the specification was not made from a bundle, and messages cannot be
+    decoded.
     """
 
     name: str
@@ -55,6 +56,8 @@ class Signal:
     stale: Stale = Stale.WARN
     reduction: str = ''
     layout: MessageLayout | None = field(default=None, repr=False)
+    max_rate: Fraction | None = None
+    source: InputSource = InputSource.FIELD
 
     @property
     def is_string(self) -> bool:
@@ -102,7 +105,10 @@ class Specification:
     """
     An elaborated bundle; `signals` and `properties` are in the bundle's order.
 
-    `definitions` are the formulas of the bundle's definitions, for printing.
+    `definitions` are the formulas of the bundle's definitions, for printing. Under the policy
+    timed all windows are in ticks of a nanosecond; `unit` is how many seconds a plain count stands
+    for (None: plain counts are refused), and `reorder` how many nanoseconds a message waits for
+    messages with earlier stamps.
     """
 
     name: str
@@ -112,3 +118,6 @@ class Specification:
     policy: Policy
     period: Fraction | None
     definitions: tuple[tuple[str, Formula], ...] = ()
+    unit: Fraction | None = None
+    stamp: Stamp = Stamp.RECEIVED
+    reorder: int = 0

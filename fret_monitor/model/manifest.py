@@ -28,10 +28,10 @@ import math
 import re
 from typing import NoReturn, TypeVar
 
-from fret_monitor.model.policies import Policy, Report, Severity, Stale
+from fret_monitor.model.policies import InputSource, Policy, Report, Severity, Stale, Stamp
 from fret_monitor.model.values import ValueType
 
-FORMAT = 2
+FORMAT = 3
 
 SECONDS = 'seconds'  # of a builtin_interfaces/msg/Time or Duration
 REDUCTIONS = ('len', 'min', 'max', 'sum', 'mean', 'any', 'all', 'norm')
@@ -54,7 +54,8 @@ class ManifestInput:
     `initial` is its value before the first message, as stored, or None. `path` is the field path
     within the message: field names and indices. `reduction` is the function applied to the array,
     string or message at the end of the path: one of `REDUCTIONS`, or `SECONDS`; '' for the field's
-    own value. `timeout` is the longest time without a message, in seconds; None: no limit.
+    own value. `timeout` is the longest time without a message, in seconds; None: no limit. With
+    the source `received`, `path` is empty; with `age`, it leads to the stamp.
     """
 
     name: str
@@ -67,6 +68,7 @@ class ManifestInput:
     reduction: str = ''
     timeout: float | None = None
     stale: Stale = Stale.WARN
+    source: InputSource = InputSource.FIELD
 
     @property
     def is_string(self) -> bool:
@@ -118,7 +120,7 @@ class Manifest:
     is the SHA-256 of what was compiled (bundle, signals files, message definitions),
     `source_hash` of the C text; `sources` are the file names of the generated C. `period` is in
     seconds. `readers` is the exported function that returns the extractors of the topics, '' if
-    there are none.
+    there are none. `stamp` and `reorder` (nanoseconds) belong to the policy timed.
     """
 
     name: str
@@ -135,6 +137,8 @@ class Manifest:
     source_hash: str
     sources: tuple[str, ...]
     readers: str = ''
+    stamp: Stamp = Stamp.RECEIVED
+    reorder: int = 0
 
     def to_json(self) -> str:
         """Return the JSON text; equal manifests give equal texts."""
@@ -234,6 +238,10 @@ class _Value:
         number = self.whole('a whole number from 0')
         return number if number >= 0 else self.refuse('a whole number from 0')
 
+    def nanoseconds(self) -> int:
+        number = self.natural()
+        return number if number < 2 ** 62 else self.refuse('a whole number of nanoseconds')
+
     def text_or_whole(self) -> str | int:
         return self.text() if isinstance(self.found, str) else self.whole('a text or whole number')
 
@@ -305,6 +313,8 @@ def _manifest(content: _Value) -> Manifest:
         source_hash=content['source_hash'].text(),
         sources=tuple(item.text() for item in content['sources'].items()),
         readers=content['readers'].symbol_or_empty(),
+        stamp=content['stamp'].choice(Stamp),
+        reorder=content['reorder'].nanoseconds(),
     )
 
 
@@ -322,6 +332,7 @@ def _input(item: _Value) -> ManifestInput:
         reduction=item['reduction'].one_of(('', SECONDS, *REDUCTIONS)),
         timeout=item['timeout'].seconds(),
         stale=item['stale'].choice(Stale),
+        source=item['source'].choice(InputSource),
     )
 
 

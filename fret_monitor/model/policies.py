@@ -24,13 +24,39 @@ class Policy(Enum):
     RELEVANT_MESSAGE = 'relevant_message'
     ALL_INPUTS = 'all_inputs'
     PERIODIC = 'periodic'
+    TIMED = 'timed'
 
 
 class Report(Enum):
-    """Which violating steps of a requirement are announced."""
+    """
+    Which violations of a requirement are announced.
+
+    `OCCURRENCE`: for a requirement `H p`, each time p becomes false; for others, as `ONSET`.
+    """
 
     EVERY_STEP = 'every_step'
     ONSET = 'onset'
+    OCCURRENCE = 'occurrence'
+
+
+class Stamp(Enum):
+    """Under the policy timed: which time of a message counts, its reception or its header's."""
+
+    RECEIVED = 'received'
+    HEADER = 'header'
+
+
+class InputSource(Enum):
+    """
+    What an input is fed by.
+
+    `FIELD`: a field of the message. `RECEIVED`: the fact that a message came, true at its step
+    alone. `AGE`: the seconds between a stamp in the message and its reception.
+    """
+
+    FIELD = 'field'
+    RECEIVED = 'received'
+    AGE = 'age'
 
 
 class Stale(Enum):

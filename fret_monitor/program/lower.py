@@ -81,6 +81,8 @@ def lower(specification: Specification) -> MonitorProgram:
         tuple(_lower_group(signals, numbers, specification, index)
               for signals, numbers in groups.items()),
         specification.definitions,
+        specification.stamp,
+        specification.reorder,
     )
 
 

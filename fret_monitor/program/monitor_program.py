@@ -25,7 +25,7 @@ from typing import TypeAlias
 
 from fret_monitor.logic.formula import BinaryOperator, Formula, UnaryOperator
 from fret_monitor.logic.specification import Property, Signal
-from fret_monitor.model.policies import Policy
+from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.model.values import ValueType
 
 
@@ -277,6 +277,8 @@ class MonitorProgram:
     properties: tuple[Property, ...]
     groups: tuple[StepGroup, ...]
     definitions: tuple[tuple[str, Formula], ...]
+    stamp: Stamp = Stamp.RECEIVED
+    reorder: int = 0
 
 
 def operands(operation: Operation) -> tuple[Operand, ...]:

@@ -22,7 +22,7 @@ from typing import Any
 from fret_monitor.model.manifest import (
     Manifest, ManifestError, ManifestGroup, ManifestInput, ManifestRequirement, ManifestTopic,
 )
-from fret_monitor.model.policies import Policy, Report, Severity, Stale
+from fret_monitor.model.policies import InputSource, Policy, Report, Severity, Stale, Stamp
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import LibraryError
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
@@ -34,14 +34,16 @@ MANIFEST = Manifest(
             ManifestInput('mode', ValueType.INT32, '/m', 'm/msg/M', ('modes', 3),
                           (('A', 'a'), ('B', 'b')), 1),
             ManifestInput('level', ValueType.FLOAT64, None, None, (), (('FULL', 9),), -2.5,
-                          'mean', 0.25, Stale.VIOLATE)),
-    topics=(ManifestTopic('/on', 'std_msgs/msg/Bool', (0,), ()),
+                          'mean', 0.25, Stale.VIOLATE),
+            ManifestInput('heard', ValueType.BOOL, '/on', 'std_msgs/msg/Bool', (), (), None,
+                          source=InputSource.RECEIVED)),
+    topics=(ManifestTopic('/on', 'std_msgs/msg/Bool', (0, 3), ()),
             ManifestTopic('/m', 'm/msg/M', (1,), (('depth', 5), ('reliability', 'reliable')))),
     groups=(ManifestGroup((0, 1, 2), (0,), 8, 3),),
     requirements=(ManifestRequirement('R', 'handlerpropR', 'text', '', 'on', Report.ONSET,
                                       Severity.WARN, 0, (0, 2)),),
     state_bytes=8, bundle_hash='b', source_hash='s', sources=('pump.h', 'pump.c'),
-    readers='fm_pump_readers')
+    readers='fm_pump_readers', stamp=Stamp.HEADER, reorder=50_000_000)
 
 HUGE = 7 * 10 ** 400
 ANYTHING: list[Any] = [None, True, -1, 0.5, float('nan'), HUGE, 'x\ud800', [], {}, [[]], [None]]
@@ -52,9 +54,11 @@ ALLOWED: dict[str, list[Any]] = {
     'inputs[0].timeout': [None, 0.5],
     'inputs[1].timeout': [None, 0.5],
     'inputs[2].timeout': [None, 0.5],
+    'inputs[3].timeout': [None, 0.5],
     'inputs[0].initial': [None, True],
     'inputs[1].initial': [None, -1],
     'inputs[2].initial': [None, -1, 0.5, float('nan')],
+    'inputs[3].initial': [None, True],
     'inputs[1].values[0][1]': [-1, HUGE],
     'inputs[1].values[1][1]': [-1, HUGE],
     'inputs[2].values[0][1]': [-1, HUGE],
@@ -71,7 +75,7 @@ EMPTY = ('path', 'values', 'qos', 'sources', 'topics')  # lists that may be empt
 EMPTY_INDICES = ('topics[0].inputs', 'topics[1].inputs', 'groups[0].inputs',
                  'groups[0].requirements', 'requirements[0].inputs', 'requirements')
 OPTIONAL = ('.topic', 'inputs[0].message_type', 'inputs[1].message_type',
-            'inputs[2].message_type')
+            'inputs[2].message_type', 'inputs[3].message_type')
 
 
 def places(content: Any, key: str = '') -> list[tuple[str, list[str | int]]]:
@@ -111,7 +115,8 @@ def is_allowed(key: str, value: object) -> bool:
 
 
 def test_a_manifest_is_read_as_it_was_written() -> None:
-    for item in (MANIFEST, replace(MANIFEST, policy=Policy.ALL_INPUTS, period=None)):
+    for item in (MANIFEST, replace(MANIFEST, policy=Policy.ALL_INPUTS, period=None),
+                 replace(MANIFEST, policy=Policy.TIMED, period=None)):
         assert Manifest.from_json(item.to_json()) == item
         assert Manifest.from_json(item.to_json()).to_json() == item.to_json()
 
@@ -136,7 +141,7 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
 @pytest.mark.parametrize(('key', 'value', 'expected'), [
     ('source_hash', None, '(source_hash must be a text, not None)'),
     ('format', True, '(format must be a whole number from 0, not True)'),
-    ('format', 1, 'manifest has format 1, this version reads 2: compile the bundle again'),
+    ('format', 1, 'manifest has format 1, this version reads 3: compile the bundle again'),
     ('period', 0, '(period must be a number of seconds above 0, not 0)'),
     ('period', float('inf'), '(period must be a number of seconds above 0, not inf)'),
     ('symbol', '../x', "(symbol must be a name in C, not '../x')"),
@@ -145,11 +150,11 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
     ('inputs[2].reduction', 'median', '(inputs[2].reduction must be one of seconds, len, min, '),
     ('policy', 'never', '(policy must be one of every_message, '),
     ('inputs[1].initial', 2 ** 31, '(inputs[1].initial must be a number of int32'),
-    ('topics[0].inputs[0]', 3, '(topics[0].inputs[0] must be an index below 3'),
-    ('groups[0].inputs[0]', 3, '(groups[0].inputs[0] must be an index below 3'),
+    ('topics[0].inputs[0]', 4, '(topics[0].inputs[0] must be an index below 4'),
+    ('groups[0].inputs[0]', 4, '(groups[0].inputs[0] must be an index below 4'),
     ('groups[0].requirements[0]', 1, '(groups[0].requirements[0] must be an index below 1'),
     ('requirements[0].group', 1, '(requirements[0].group must be an index below 1'),
-    ('requirements[0].inputs[1]', 3, '(requirements[0].inputs[1] must be an index below 3'),
+    ('requirements[0].inputs[1]', 4, '(requirements[0].inputs[1] must be an index below 4'),
     ('topics[1].qos[0]', ['depth'], '(topics[1].qos[0] must be a list of two'),
 ])
 def test_the_error_says_what_is_wrong(key: str, value: object, expected: str) -> None:
