@@ -145,11 +145,11 @@ static void since_group(void * state, const void * inputs, bool * verdicts)
   const struct fm_monitor * floor_ ## name(void) \
   { \
     static const struct fm_group groups[] = { \
-      {NULL, 0u, NULL, 0u, reset_function, step_function}, \
+      {NULL, 0u, NULL, 0u, reset_function, step_function, NULL}, \
     }; \
     static const struct fm_monitor monitor = { \
       FM_ABI, 0u, 1u, 0u, copies * sizeof(state_type), copies * sizeof(inputs_type), \
-      NULL, groups, NULL, #name, "", step_function \
+      NULL, groups, NULL, #name, "", step_function, NULL, 0u \
     }; \
     return &monitor; \
   }

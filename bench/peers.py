@@ -191,9 +191,11 @@ static void adapter_step(void * state, const void * inputs, bool * verdicts)
 FM_EXPORT const struct fm_monitor * adapter(void);
 const struct fm_monitor * adapter(void)
 {{
-  static const struct fm_group groups[] = {{{{NULL, 0u, NULL, 0u, adapter_reset, adapter_step}}}};
+  static const struct fm_group groups[] = {{{{
+    NULL, 0u, NULL, 0u, adapter_reset, adapter_step, NULL}}}};
   static const struct fm_monitor monitor = {{
-    FM_ABI, 0u, 1u, 0u, 8u, {inputs_bytes}u, NULL, groups, NULL, "{name}", "", adapter_step
+    FM_ABI, 0u, 1u, 0u, 8u, {inputs_bytes}u, NULL, groups, NULL, "{name}", "", adapter_step,
+    NULL, 0u
   }};
   return &monitor;
 }}

@@ -46,9 +46,6 @@ enum fm_policy
   FM_PERIODIC = 3           // every period: all ready groups
 };
 
-/// A time that does not come.
-#define FM_NEVER INT64_MAX
-
 /// Periods that are taken after the fact, after the process was stopped or the clock has jumped.
 /// Those before them are missed. No more than what the queue of a violation's topic holds.
 #define FM_MOST_PERIODS_BEHIND 1000

@@ -49,7 +49,10 @@
 #endif
 
 /// Version of the layout of the structs below. A module with another one is refused.
-#define FM_ABI 1u
+#define FM_ABI 2u
+
+/// A time or tick that does not come.
+#define FM_NEVER INT64_MAX
 
 /// How an input is stored in the struct of inputs.
 enum fm_type
@@ -95,10 +98,21 @@ struct fm_group
   /// O(state bytes of the group); cannot fail.
   void (* reset)(void * state);
   /// Take one step on the current inputs. Writes the verdict of each of the group's requirements
-  /// to verdicts[index of the requirement] (true: satisfied); writes no other verdict.
+  /// to verdicts[index of the requirement] (true: satisfied), and what fm_monitor.occurrences
+  /// names; writes no other verdict. NULL with the policy `timed`.
   /// O(operations of the group), independent of all bounds; cannot fail.
   void (* step)(void * state, const void * inputs, bool * verdicts);
+  /// The step at a tick, with the policy `timed`; otherwise NULL. A tick is a nanosecond since the
+  /// group's start, from 0 to FM_LAST_TICK, and later than that of the call before; the first
+  /// after a reset is 0. The inputs are those of all ticks from this one to the one before the
+  /// next call. Returns the next tick at which a value of the group can change although its inputs
+  /// stay as they are, or FM_NEVER: step there, or at an earlier tick at which an input changes.
+  /// Nothing is to be done for the ticks in between. Writes and complexity as `step`.
+  int64_t (* step_at)(void * state, const void * inputs, bool * verdicts, int64_t tick);
 };
+
+/// The last tick that a group can step at, 146 years after its start.
+#define FM_LAST_TICK (INT64_MAX / 2)
 
 /// A requirement: its id in the bundle, and the index of its group.
 struct fm_requirement
@@ -122,8 +136,13 @@ struct fm_monitor
   const char * name;
   const char * source_hash;  // SHA-256 of the generated C, as in the manifest, or ""
   /// Step all groups: the same result as their step functions, called in order, in less time.
-  /// NULL if there is no such function. O(operations of all groups); cannot fail.
+  /// NULL if there is no such function, and with the policy `timed`. O(operations of all groups);
+  /// cannot fail.
   void (* step)(void * state, const void * inputs, bool * verdicts);
+  /// For each requirement the index of a verdict whose change to false is an occurrence: its own,
+  /// or for `H p` one of n_more_verdicts after n_requirements, which holds p. NULL: all their own.
+  const uint32_t * occurrences;
+  uint32_t n_more_verdicts;
 };
 
 #endif  // FRET_MONITOR_H_

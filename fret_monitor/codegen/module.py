@@ -207,7 +207,7 @@ class _ModuleWriter:
         yield ''
         yield '#include "fret_cells.h"'
         yield ''
-        yield '#if FM_ABI != 1'
+        yield '#if FM_ABI != 2'
         yield '#error "this file was generated for another version of fret_monitor.h"'
         yield '#endif'
         yield ''
@@ -338,7 +338,7 @@ class _ModuleWriter:
         yield f'    "{_HASH_FIELD}",'
         together = f'{names.prefix}_step_any' if self._is_many \
             else names.group_function(0, 'step')
-        yield f'    {together}'
+        yield f'    {together}, NULL, 0u'
         yield '  };'
         yield '  return &monitor;'
         yield '}'
@@ -364,7 +364,7 @@ class _ModuleWriter:
             yield f'    {{{inputs}, {len(group.signals)}u, ' \
                   f'requirements_{number}, {len(group.properties)}u,'
             yield f'      {self._names.group_function(number, "reset")}, ' \
-                  f'{self._names.group_function(number, "step")}}},'
+                  f'{self._names.group_function(number, "step")}, NULL}},'
         yield '  };'
 
     def _requirement_table(self) -> Iterator[str]:

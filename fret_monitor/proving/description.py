@@ -114,7 +114,7 @@ def _wanted(code: CProgram, program: MonitorProgram, layouts: tuple[GroupLayout,
         yield f'requirements_{number}', list(group.properties)
         groups.append([reads, len(group.signals), ('name', f'requirements_{number}'),
                        len(group.properties), ('name', f'{prefix}_group_{number}_reset'),
-                       ('name', f'{prefix}_group_{number}_step')])
+                       ('name', f'{prefix}_group_{number}_step'), 0])
     yield 'groups', groups
     owner = {index: number for number, layout in enumerate(layouts)
              for index in layout.group.properties}
@@ -122,10 +122,10 @@ def _wanted(code: CProgram, program: MonitorProgram, layouts: tuple[GroupLayout,
                            for place, item in enumerate(program.properties)]
     together = f'{prefix}_step_any' if len(layouts) > 1 else f'{prefix}_group_0_step'
     yield 'monitor', [
-        1, len(program.signals), len(layouts), len(program.properties),
+        2, len(program.signals), len(layouts), len(program.properties),
         code.size(Struct(f'{prefix}_state')), code.size(Struct(f'{prefix}_inputs')),
         ('name', 'inputs') if program.signals else 0, ('name', 'groups'),
-        ('name', 'requirements'), prefix.encode(), source_hash.encode(), ('name', together)]
+        ('name', 'requirements'), prefix.encode(), source_hash.encode(), ('name', together), 0, 0]
 
 
 def _value(node: Any, code: CProgram) -> Any:

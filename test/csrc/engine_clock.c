@@ -119,12 +119,12 @@ static void step_quiet(void * state, const void * inputs, bool * verdicts)
 static const uint32_t numbers[] = {0, 1, 2};
 static const struct fm_input inputs[] = {{"fed", 0, FM_BOOL}, {"quiet", 1, FM_BOOL}};
 static const struct fm_group groups[] = {
-  {NULL, 0, &numbers[BEAT], 1, reset, step_beat},
-  {&numbers[0], 1, &numbers[FED], 1, reset, step_fed},
-  {&numbers[1], 1, &numbers[QUIET], 1, reset, step_quiet}};
+  {NULL, 0, &numbers[BEAT], 1, reset, step_beat, NULL},
+  {&numbers[0], 1, &numbers[FED], 1, reset, step_fed, NULL},
+  {&numbers[1], 1, &numbers[QUIET], 1, reset, step_quiet, NULL}};
 static const struct fm_requirement requirements[] = {{"BEAT", 0}, {"FED", 1}, {"QUIET", 2}};
 static const struct fm_monitor monitor = {
-  FM_ABI, 2, 3, N_REQUIREMENTS, 8, 8, inputs, groups, requirements, "m", "", NULL};
+  FM_ABI, 2, 3, N_REQUIREMENTS, 8, 8, inputs, groups, requirements, "m", "", NULL, NULL, 0};
 static const struct fm_topic topics[] = {{&numbers[0], 1}, {&numbers[1], 1}};
 
 static bool read_message(const uint8_t * message, size_t size, struct fm_field * fields)

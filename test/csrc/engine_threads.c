@@ -198,11 +198,12 @@ static void step_1(void * state, const void * inputs, bool * verdicts)
 static const uint32_t numbers[] = {0, 1};
 static const struct fm_input inputs[] = {{"a", 0, FM_BOOL}, {"b", 1, FM_BOOL}};
 static const struct fm_group groups[] = {
-  {&numbers[0], 1, &numbers[0], 1, reset, step_0},
-  {&numbers[1], 1, &numbers[1], 1, reset, step_1}};
+  {&numbers[0], 1, &numbers[0], 1, reset, step_0, NULL},
+  {&numbers[1], 1, &numbers[1], 1, reset, step_1, NULL}};
 static const struct fm_requirement requirements[] = {{"A", 0}, {"B", 1}};
 static const struct fm_monitor monitor = {
-  FM_ABI, N_TOPICS, 2, 2, 8, sizeof(struct inputs), inputs, groups, requirements, "m", "", NULL};
+  FM_ABI, N_TOPICS, 2, 2, 8, sizeof(struct inputs), inputs, groups, requirements, "m", "",
+  NULL, NULL, 0};
 static const struct fm_topic fed[] = {{&numbers[0], 1}, {&numbers[1], 1}};
 
 static bool read_message(const uint8_t * message, size_t size, struct fm_field * fields)

@@ -67,13 +67,13 @@ static const struct fm_input INPUTS[] = {
 static const uint32_t BOTH[] = {0, 1};
 static const uint32_t SECOND[] = {1};
 static const struct fm_group GROUPS[] = {
-  {BOTH, 1, BOTH, 1, keep, step_first},
-  {BOTH, 2, SECOND, 1, start, step_second},
+  {BOTH, 1, BOTH, 1, keep, step_first, NULL},
+  {BOTH, 2, SECOND, 1, start, step_second, NULL},
 };
 static const struct fm_requirement REQUIREMENTS[] = {{"R0", 0}, {"R1", 1}};
 static const struct fm_monitor MONITOR = {
   FM_ABI, N_INPUTS, N_GROUPS, N_REQUIREMENTS, sizeof(struct state), sizeof(struct inputs),
-  INPUTS, GROUPS, REQUIREMENTS, "edges", "", NULL
+  INPUTS, GROUPS, REQUIREMENTS, "edges", "", NULL, NULL, 0
 };
 static const struct fm_topic TOPICS[] = {{BOTH, 1}, {SECOND, 1}};
 static const bool ONSET[] = {true, false};

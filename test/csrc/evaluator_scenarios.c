@@ -110,14 +110,14 @@ static const uint32_t A_AND_C[] = {A, C};
 static const uint32_t B_ONLY[] = {B};
 static const uint32_t D_ONLY[] = {D};
 static const struct fm_group GROUPS[] = {
-  {BOTH, 2, A_AND_C, 2, reset_0, step_0},
-  {LEVEL_ONLY, 1, B_ONLY, 1, reset_1, step_1},
-  {NULL, 0, D_ONLY, 1, reset_2, step_2},
+  {BOTH, 2, A_AND_C, 2, reset_0, step_0, NULL},
+  {LEVEL_ONLY, 1, B_ONLY, 1, reset_1, step_1, NULL},
+  {NULL, 0, D_ONLY, 1, reset_2, step_2, NULL},
 };
 static const struct fm_requirement REQUIREMENTS[] = {{"A", 0}, {"B", 1}, {"C", 0}, {"D", 2}};
 static const struct fm_monitor MONITOR = {
   FM_ABI, N_INPUTS, 3, N_REQUIREMENTS, sizeof(struct state), sizeof(struct inputs),
-  INPUTS, GROUPS, REQUIREMENTS, "scenarios", "", step_all
+  INPUTS, GROUPS, REQUIREMENTS, "scenarios", "", step_all, NULL, 0
 };
 
 static const uint32_t FEEDS_FLAG[] = {FLAG};
@@ -1263,7 +1263,7 @@ static const struct fm_input TYPED[] = {
   INPUT(i64, FM_INT64), INPUT(u8, FM_UINT8), INPUT(u16, FM_UINT16), INPUT(u32, FM_UINT32),
   INPUT(u64, FM_UINT64), INPUT(f32, FM_FLOAT32), INPUT(f64, FM_FLOAT64)};
 static const struct fm_monitor TYPES = {
-  FM_ABI, 11, 0, 0, 0, sizeof(struct all_types), TYPED, NULL, NULL, "types", "", NULL};
+  FM_ABI, 11, 0, 0, 0, sizeof(struct all_types), TYPED, NULL, NULL, "types", "", NULL, NULL, 0};
 
 static struct fm_evaluator * with_types(void)
 {
@@ -1423,11 +1423,11 @@ static void groups_with_wrong_indices_are_refused(void)
   const uint32_t too_far[] = {FLAG, N_INPUTS};
   const uint32_t twice[] = {A, A};
   const uint32_t of_another_group[] = {A, B};
-  const struct fm_group missing_one = {BOTH, 2, A_AND_C, 1, reset_0, step_0};
-  const struct fm_group far_input = {too_far, 2, A_AND_C, 2, reset_0, step_0};
-  const struct fm_group double_input = {twice, 2, A_AND_C, 2, reset_0, step_0};
-  const struct fm_group double_requirement = {BOTH, 2, twice, 2, reset_0, step_0};
-  const struct fm_group stranger = {BOTH, 2, of_another_group, 2, reset_0, step_0};
+  const struct fm_group missing_one = {BOTH, 2, A_AND_C, 1, reset_0, step_0, NULL};
+  const struct fm_group far_input = {too_far, 2, A_AND_C, 2, reset_0, step_0, NULL};
+  const struct fm_group double_input = {twice, 2, A_AND_C, 2, reset_0, step_0, NULL};
+  const struct fm_group double_requirement = {BOTH, 2, twice, 2, reset_0, step_0, NULL};
+  const struct fm_group stranger = {BOTH, 2, of_another_group, 2, reset_0, step_0, NULL};
   CHECK(!is_refused_with_group(GROUPS[0]));
   CHECK(is_refused_with_group(missing_one) && is_refused_with_group(far_input));
   CHECK(is_refused_with_group(double_input) && is_refused_with_group(double_requirement));

@@ -169,7 +169,7 @@ def test_an_engine_of_another_interface_is_refused() -> None:
 
 
 @pytest.mark.parametrize(('old', 'new', 'told'), [
-    ('FM_ABI, 2', '7, 2', 'compiled for interface 7, this version has 1'),
+    ('FM_ABI, 2', '7, 2', 'compiled for interface 7, this version has 2'),
     ('return &MONITOR', '(void)MONITOR; return NULL', 'describes no monitor'),
     ('"HASH"', '"0123456789abcdef"', 'made of other sources, 0123456789ab instead of unknown'),
     ('{"flag"', '{"lamp"', "input 0 is 'lamp' instead of 'flag'"),

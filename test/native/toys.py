@@ -71,13 +71,13 @@ static const struct fm_input INPUTS[] = {
 };
 static const uint32_t FIRST_TWO[] = {0, 1};
 static const struct fm_group GROUPS[] = {
-  {FIRST_TWO, 1, FIRST_TWO, 1, reset_0, step_0},
-  {FIRST_TWO, 2, FIRST_TWO + 1, 1, reset_1, step_1},
+  {FIRST_TWO, 1, FIRST_TWO, 1, reset_0, step_0, NULL},
+  {FIRST_TWO, 2, FIRST_TWO + 1, 1, reset_1, step_1, NULL},
 };
 static const struct fm_requirement REQUIREMENTS[] = {{"LAMP", 0}, {"COOL", 1}};
 static const struct fm_monitor MONITOR = {
   FM_ABI, 2, 2, 2, sizeof(struct state), sizeof(struct inputs),
-  INPUTS, GROUPS, REQUIREMENTS, "toy", "HASH", NULL
+  INPUTS, GROUPS, REQUIREMENTS, "toy", "HASH", NULL, NULL, 0
 };
 
 FM_EXPORT const struct fm_monitor * fm_toy_monitor(void);

@@ -156,7 +156,7 @@ def test_a_counter_that_is_too_narrow_is_not_proved(
     ('FM_BOOL', 'FM_INT8', 'description: inputs'),
     ('"R-0"', '"R-1"', 'description: requirements'),
     ('small_group_0_reset, small', 'small_group_1_reset, small', 'description: groups'),
-    ('small_step_any\n', 'small_group_0_step\n', 'description: monitor'),
+    ('small_step_any, NULL', 'small_group_0_step, NULL', 'description: monitor'),
 ])
 def test_a_wrong_description_is_reported(old: str, new: str, said: str, tmp_path: Path) -> None:
     found = settled(bundle(tmp_path, 'O[0,5] p', 'q'), old, new)
