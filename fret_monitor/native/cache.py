@@ -54,7 +54,8 @@ from fret_monitor.native.monitor import is_cut_short, Library
 
 #: The sources of the library with the evaluator, the engine and the receivers.
 EVALUATOR_SOURCES = (
-    'instance.c', 'evaluator.c', 'handover.c', 'outbox.c', 'engine.c',
+    'instance.c', 'tables.c', 'steps.c', 'deadlines.c', 'evaluator.c', 'handover.c', 'outbox.c',
+    'engine.c',
     'ros/receiver.c', 'ros/in_place.c', 'ros/announcer.c',
 )
 

@@ -34,7 +34,7 @@ INDIRECT = '__indirect_call'
 _NODE = re.compile(r'node: \{ title: "([^"]*)" label: "((?:[^"\\]|\\.)*)"')
 _EDGE = re.compile(r'edge: \{ sourcename: "([^"]*)" targetname: "([^"]*)"')
 _FRAME = re.compile(r'(\d+) bytes \((.*?)\)')
-_EVALUATOR = ('evaluator.c', 'instance.c')
+_EVALUATOR = ('evaluator.c', 'deadlines.c', 'steps.c', 'tables.c', 'instance.c')
 
 
 class StackError(Exception):

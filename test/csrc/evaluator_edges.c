@@ -15,11 +15,11 @@
 /// evaluator_edges.c: counters and times at their limits.
 ///
 /// An evaluator whose counters begin just below a power of two does what one does that begins at
-/// 0, and counts on from there. Includes evaluator.c to access its private structures. Times near
+/// 0, and counts on from there. Includes tables.h for the structures. Times near
 /// INT64_MIN and INT64_MAX do not overflow; what would come after the last time does not come.
 /// Prints the first difference, if there is one.
 
-#include "evaluator.c"  // NOLINT
+#include "tables.h"
 
 #include <inttypes.h>
 #include <stdio.h>

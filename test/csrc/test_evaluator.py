@@ -36,9 +36,9 @@ SCENARIOS = re.findall(
 WARNINGS = ('-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Wswitch-enum',
             '-Werror')
 SANITIZERS = ('-g', '-fsanitize=address,undefined', '-fno-sanitize-recover=all')
-SOURCES = ('evaluator', 'instance')
+SOURCES = ('evaluator', 'deadlines', 'steps', 'tables', 'instance')
 PROGRAMS = ('evaluator_scenarios', 'evaluator_model')
-EDGES = 'evaluator_edges'  # includes evaluator.c
+EDGES = 'evaluator_edges'  # includes tables.h
 
 
 @cache
@@ -85,8 +85,7 @@ def build(folder: Path, *flags: str) -> 'subprocess.CompletedProcess[str]':
     done = compile_all(folder, gcc(), sources() + programs_in_c(), '-std=c99', '-O1', *flags)
     for program in (*PROGRAMS, EDGES):
         if done.returncode == 0:
-            parts = ['instance'] if program == EDGES else SOURCES
-            objects = [folder / f'{name}.o' for name in (*parts, program)]
+            objects = [folder / f'{name}.o' for name in (*SOURCES, program)]
             done = run(*gcc(), *flags, *objects, '-o', folder / program)
     return done
 
@@ -138,7 +137,8 @@ def test_it_compiles_with_clang_without_warnings(tmp_path: Path, standard: str) 
         assert (done.returncode, done.stdout) == (0, '')
 
 
-@pytest.mark.parametrize('header', ['fret_monitor.h', 'evaluator.h', 'instance.h'])
+@pytest.mark.parametrize('header', [
+    'fret_monitor.h', 'evaluator.h', 'instance.h', 'tables.h', 'steps.h', 'deadlines.h'])
 @pytest.mark.parametrize('language', ['c', 'c++'])
 def test_a_header_compiles_alone_in_c_and_cpp(header: str, language: str) -> None:
     command = gcc() if language == 'c' else (shutil.which('g++') or 'g++',)

@@ -1,0 +1,209 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// deadlines.c: see deadlines.h, and fm_evaluator_advance in evaluator.h.
+
+#include "deadlines.h"
+
+#include "steps.h"
+
+int64_t fm_since(int64_t from, int64_t to)
+{
+  return to > from ? fm_between(from, to) : 0;
+}
+
+void fm_set_due(struct fm_evaluator * evaluator, uint32_t i, int64_t due)
+{
+  struct fm_instance_input * cell = &evaluator->instance.inputs[i];
+  evaluator->is_exact = evaluator->is_exact && cell->due > evaluator->wake;
+  cell->due = due;
+  if (due < evaluator->wake) {
+    evaluator->wake = due;
+  }
+}
+
+void fm_forget_deadline(struct fm_evaluator * evaluator)
+{
+  evaluator->wake = INT64_MIN;
+  evaluator->is_exact = false;
+}
+
+static void begin_time(struct fm_evaluator * evaluator, int64_t now)
+{
+  const struct fm_instance * instance = &evaluator->instance;
+  instance->time->has_begun = true;
+  instance->time->now = now;
+  instance->time->before = now;
+  for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
+    const int64_t timeout = evaluator->inputs[i].timeout;
+    instance->inputs[i].stored_at = now;
+    instance->inputs[i].due = timeout > 0 ? fm_later(now, timeout) : FM_NEVER;
+  }
+  if (evaluator->period > 0) {
+    instance->time->next_period = fm_later(now, evaluator->period);
+  }
+  evaluator->is_exact = false;
+}
+
+int64_t fm_evaluator_deadline(struct fm_evaluator * evaluator)
+{
+  const struct fm_instance * instance = &evaluator->instance;
+  if (!evaluator->is_exact && instance->time->has_begun) {
+    evaluator->wake = instance->time->next_period;
+    for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
+      if (instance->inputs[i].due < evaluator->wake) {
+        evaluator->wake = instance->inputs[i].due;
+      }
+    }
+    evaluator->is_exact = true;
+  }
+  return instance->time->has_begun ? evaluator->wake : INT64_MIN;
+}
+
+int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator)
+{
+  return evaluator->wake;
+}
+
+int64_t fm_evaluator_now(const struct fm_evaluator * evaluator)
+{
+  return evaluator->instance.time->now;
+}
+
+void fm_evaluator_shift(struct fm_evaluator * evaluator, int64_t by)
+{
+  if (evaluator->instance.time->has_begun) {
+    fm_instance_shift(&evaluator->instance, by);
+    fm_forget_deadline(evaluator);
+  }
+}
+
+static void violate_readers(
+  struct fm_evaluator * evaluator, uint32_t i, struct fm_report * report)
+{
+  const struct fm_input_cell * input = &evaluator->inputs[i];
+  const struct fm_instance * instance = &evaluator->instance;
+  const bool is_news = !instance->inputs[i].is_stale;
+  instance->inputs[i].is_stale = true;
+  for (uint32_t k = 0; k < input->n_readers; ++k) {
+    struct fm_instance_group * group = &instance->groups[input->readers[k]];
+    group->stale += is_news ? 1u : 0u;
+    if (!group->knows_stale) {
+      fm_overrule(evaluator, input->readers[k]);
+      fm_judge_group(evaluator, input->readers[k], report);
+    }
+  }
+}
+
+// Whether messages of an input may be waiting whose timeout is found at `now`.
+static bool is_doubtful(const struct fm_evaluator * evaluator, uint32_t i, int64_t now)
+{
+  return evaluator->patience > 0 &&
+         fm_since(evaluator->instance.inputs[i].due, now) > evaluator->patience &&
+         fm_since(evaluator->instance.time->before, now) > evaluator->inputs[i].timeout / 2;
+}
+
+static void take_timeout(
+  struct fm_evaluator * evaluator, uint32_t i, int64_t now, struct fm_report * report)
+{
+  struct fm_input_cell * input = &evaluator->inputs[i];
+  struct fm_instance_input * cell = &evaluator->instance.inputs[i];
+  if (!cell->is_silent && !cell->is_put_off && is_doubtful(evaluator, i, now)) {
+    const int64_t late = fm_since(cell->due, now);
+    const int64_t least = evaluator->patience > INT64_MAX / 10 ?
+      INT64_MAX : 10 * evaluator->patience;
+    const int64_t longer = late > least ? late : least;
+    cell->is_put_off = true;
+    fm_set_due(evaluator, i, fm_later(now, longer < input->timeout ? longer : input->timeout));
+    return;
+  }
+  if (!cell->is_silent) {
+    report->stamp = fm_later(cell->stored_at, input->timeout);
+  }
+  input->silences += cell->is_silent ? 0u : 1u;
+  cell->is_silent = true;
+  fm_set_due(evaluator, i, FM_NEVER);
+  if (input->violates) {
+    violate_readers(evaluator, i, report);
+  }
+}
+
+// Leave out the first of more than FM_MOST_PERIODS_BEHIND due periods.
+static void miss_periods(struct fm_evaluator * evaluator)
+{
+  struct fm_instance_time * time = evaluator->instance.time;
+  if (time->next_period <= time->now && time->next_period != FM_NEVER) {
+    const uint64_t period = (uint64_t)evaluator->period;
+    const uint64_t due = ((uint64_t)time->now - (uint64_t)time->next_period) / period + 1;
+    if (due > FM_MOST_PERIODS_BEHIND) {
+      const uint64_t missed = due - FM_MOST_PERIODS_BEHIND;
+      evaluator->counts.missed += missed;
+      time->next_period = (int64_t)((uint64_t)time->next_period + missed * period);
+      evaluator->is_exact = false;
+    }
+  }
+}
+
+static void take_period(struct fm_evaluator * evaluator, int64_t now, struct fm_report * report)
+{
+  struct fm_instance_time * time = evaluator->instance.time;
+  evaluator->counts.periods += 1;
+  evaluator->counts.late += fm_since(time->next_period, now) > evaluator->period / 2 ? 1u : 0u;
+  time->next_period = fm_later(time->next_period, evaluator->period);
+  evaluator->is_exact = false;
+  fm_step_ready_groups(evaluator, report);
+}
+
+// The input that is due at an instant, n_inputs if none is.
+static uint32_t find_due(const struct fm_evaluator * evaluator, int64_t instant)
+{
+  uint32_t i = 0;
+  while (i < evaluator->monitor->n_inputs && evaluator->instance.inputs[i].due != instant) {
+    i += 1;
+  }
+  return i;
+}
+
+uint32_t fm_evaluator_advance(
+  struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out)
+{
+  struct fm_instance_time * time = evaluator->instance.time;
+  if (!time->has_begun) {
+    begin_time(evaluator, now);
+    return 0;
+  }
+  if (now < time->now) {
+    evaluator->counts.restarts += 1;
+    fm_evaluator_shift(evaluator, -fm_since(now, time->now));
+  }
+  if (now != time->now) {
+    time->before = time->now;
+    time->now = now;
+  }
+  if (evaluator->wake > now) {
+    return 0;
+  }
+  miss_periods(evaluator);
+  const int64_t deadline = fm_evaluator_deadline(evaluator);
+  struct fm_report report = {out, deadline, 0};
+  if (deadline <= now && deadline != FM_NEVER) {
+    const uint32_t input = find_due(evaluator, deadline);
+    if (input < evaluator->monitor->n_inputs) {
+      take_timeout(evaluator, input, now, &report);
+    } else {
+      take_period(evaluator, now, &report);
+    }
+  }
+  return report.n;
+}

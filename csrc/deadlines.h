@@ -1,0 +1,34 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// deadlines.h: what is due without a message. For the files of the evaluator only.
+///
+/// `wake` is never after the deadline. A message puts off timeouts without looking for the
+/// earliest one; that is done when `wake` has come.
+
+#ifndef DEADLINES_H_
+#define DEADLINES_H_
+
+#include "tables.h"
+
+/// Set when an input times out. O(1).
+void fm_set_due(struct fm_evaluator * evaluator, uint32_t i, int64_t due);
+
+/// Look for the deadline anew: times of the instance have changed. O(1).
+void fm_forget_deadline(struct fm_evaluator * evaluator);
+
+/// The nanoseconds from one time to a later one; 0 if it is not later. O(1).
+int64_t fm_since(int64_t from, int64_t to);
+
+#endif  // DEADLINES_H_

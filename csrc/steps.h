@@ -1,0 +1,45 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// steps.h: the steps of groups, and the violations that they report. For the files of the
+/// evaluator only. Complexity as the functions of evaluator.h that use them; none fails.
+
+#ifndef STEPS_H_
+#define STEPS_H_
+
+#include "tables.h"
+
+/// Collects announced violations. With `out` NULL they are only counted.
+struct fm_report
+{
+  struct fm_violation * out;
+  int64_t stamp;
+  uint32_t n;
+};
+
+/// Step the groups that are ready: all; those that read a topic; those of a topic whose inputs
+/// were all received anew.
+void fm_step_ready_groups(struct fm_evaluator * evaluator, struct fm_report * report);
+void fm_step_ready_groups_of(
+  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic, struct fm_report * report);
+void fm_step_complete_groups_of(
+  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic, struct fm_report * report);
+
+/// Count and report the verdicts of a group.
+void fm_judge_group(struct fm_evaluator * evaluator, uint32_t g, struct fm_report * report);
+
+/// Set the verdicts of a stale group to false: its formulas were evaluated on old values.
+void fm_overrule(struct fm_evaluator * evaluator, uint32_t g);
+
+#endif  // STEPS_H_

@@ -1,0 +1,292 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// tables.c: see tables.h. Makes an evaluator. Only `lay_out` computes the offsets.
+
+#include "tables.h"
+
+#include <string.h>
+
+#define NO_TOPIC UINT32_MAX
+
+// ---- layout ------------------------------------------------------------------------------------
+
+// Offsets of the parts of the block, in bytes.
+struct layout
+{
+  uint64_t inputs;
+  uint64_t requirements;
+  uint64_t topics;
+  uint64_t steps_before;
+  uint64_t readers;
+  uint64_t topic_groups;
+  uint64_t instance;
+  struct fm_block block;
+};
+
+static uint64_t count_readings(const struct fm_monitor * monitor)
+{
+  uint64_t count = 0;
+  for (uint32_t g = 0; g < monitor->n_groups; ++g) {
+    count += monitor->groups[g].n_inputs;
+  }
+  return count;
+}
+
+static uint32_t count_groups_without_inputs(const struct fm_monitor * monitor)
+{
+  uint32_t count = 0;
+  for (uint32_t g = 0; g < monitor->n_groups; ++g) {
+    count += monitor->groups[g].n_inputs == 0 ? 1u : 0u;
+  }
+  return count;
+}
+
+static struct layout lay_out(const struct fm_evaluator_options * options)
+{
+  const struct fm_monitor * monitor = options->monitor;
+  const uint64_t readings = count_readings(monitor);
+  const uint64_t without_inputs = count_groups_without_inputs(monitor);
+  const uint64_t instance_bytes = fm_instance_bytes(monitor);
+  struct layout layout = {0};
+  layout.block.fits = instance_bytes > 0;
+  (void)fm_block_append(&layout.block, 1, sizeof(struct fm_evaluator));
+  layout.inputs = fm_block_append(&layout.block, monitor->n_inputs, sizeof(struct fm_input_cell));
+  layout.requirements =
+    fm_block_append(&layout.block, monitor->n_requirements, sizeof(struct fm_requirement_cell));
+  layout.topics = fm_block_append(&layout.block, options->n_topics, sizeof(struct fm_topic_cell));
+  layout.steps_before = fm_block_append(&layout.block, monitor->n_groups, sizeof(uint64_t));
+  layout.readers = fm_block_append(&layout.block, readings, sizeof(uint32_t));
+  // An input has at most one topic, so each input that a group reads puts the group on at most one
+  // topic's list. A group that reads no input is on the lists of all topics.
+  layout.topic_groups = fm_block_append(&layout.block, readings, sizeof(uint32_t));
+  (void)fm_block_append(&layout.block, without_inputs * options->n_topics, sizeof(uint32_t));
+  layout.instance = fm_block_append(&layout.block, instance_bytes, 1);
+  return layout;
+}
+
+uint64_t fm_evaluator_bytes(const struct fm_evaluator_options * options)
+{
+  if (options->monitor == NULL || options->monitor->abi != FM_ABI) {
+    return 0;
+  }
+  const struct layout layout = lay_out(options);
+  return layout.block.fits ? layout.block.bytes : 0;
+}
+
+// ---- checks ------------------------------------------------------------------------------------
+
+static bool inputs_are_sound(const struct fm_monitor * monitor)
+{
+  for (uint32_t i = 0; i < monitor->n_inputs; ++i) {
+    const struct fm_input * input = &monitor->inputs[i];
+    const uint32_t size = fm_instance_value_bytes((enum fm_type)input->type);
+    if (size == 0 || (uint64_t)input->offset + size > monitor->inputs_bytes) {
+      return false;
+    }
+  }
+  return true;
+}
+
+static bool ascend_below(uint32_t limit, const uint32_t * indices, uint32_t n)
+{
+  for (uint32_t k = 0; k < n; ++k) {
+    if (indices[k] >= limit || (k > 0 && indices[k] <= indices[k - 1])) {
+      return false;
+    }
+  }
+  return true;
+}
+
+static bool holds_its_own(const struct fm_monitor * monitor, uint32_t g)
+{
+  const struct fm_group * group = &monitor->groups[g];
+  for (uint32_t k = 0; k < group->n_requirements; ++k) {
+    if (monitor->requirements[group->requirements[k]].group != g) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// Each requirement must be listed once, by the group it names: a step that judged it twice would
+// announce it twice.
+static bool groups_are_sound(const struct fm_monitor * monitor)
+{
+  uint64_t placed = 0;
+  for (uint32_t g = 0; g < monitor->n_groups; ++g) {
+    const struct fm_group * group = &monitor->groups[g];
+    if (!ascend_below(monitor->n_inputs, group->inputs, group->n_inputs) ||
+      !ascend_below(monitor->n_requirements, group->requirements, group->n_requirements) ||
+      !holds_its_own(monitor, g))
+    {
+      return false;
+    }
+    placed += group->n_requirements;
+  }
+  return placed == monitor->n_requirements;
+}
+
+static bool times_are_sound(const struct fm_evaluator_options * options)
+{
+  for (uint32_t i = 0; options->timeouts != NULL && i < options->monitor->n_inputs; ++i) {
+    if (options->timeouts[i] < 0) {
+      return false;
+    }
+  }
+  return options->period >= 0 && options->patience >= 0;
+}
+
+static bool options_are_sound(const struct fm_evaluator_options * options)
+{
+  const struct fm_monitor * monitor = options->monitor;
+  return monitor != NULL && monitor->abi == FM_ABI && options->policy <= FM_PERIODIC &&
+         inputs_are_sound(monitor) && groups_are_sound(monitor) && times_are_sound(options) &&
+         lay_out(options).block.fits;
+}
+
+// ---- making one --------------------------------------------------------------------------------
+
+static void place_parts(
+  struct fm_evaluator * evaluator, char * memory, const struct layout * layout)
+{
+  evaluator->inputs = (struct fm_input_cell *)(void *)(memory + layout->inputs);
+  evaluator->requirements = (struct fm_requirement_cell *)(void *)(memory + layout->requirements);
+  evaluator->topics = (struct fm_topic_cell *)(void *)(memory + layout->topics);
+  evaluator->steps_before = (uint64_t *)(void *)(memory + layout->steps_before);
+  evaluator->instance = fm_instance_make(evaluator->monitor, memory + layout->instance);
+}
+
+static void make_inputs(
+  struct fm_evaluator * evaluator, const struct fm_evaluator_options * options)
+{
+  for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
+    struct fm_input_cell * input = &evaluator->inputs[i];
+    input->topic = NO_TOPIC;
+    input->timeout = options->timeouts == NULL ? 0 : options->timeouts[i];
+    input->violates = options->violates != NULL && options->violates[i];
+  }
+}
+
+static void make_requirements(struct fm_evaluator * evaluator, const bool * report_onset)
+{
+  for (uint32_t r = 0; r < evaluator->monitor->n_requirements; ++r) {
+    evaluator->requirements[r].onset = report_onset != NULL && report_onset[r];
+  }
+}
+
+// Build each input's list of the groups that read it. Groups are visited in order, so that each
+// list is ascending.
+static void list_readers(struct fm_evaluator * evaluator, uint32_t * pool)
+{
+  const struct fm_monitor * monitor = evaluator->monitor;
+  for (uint32_t g = 0; g < monitor->n_groups; ++g) {
+    for (uint32_t k = 0; k < monitor->groups[g].n_inputs; ++k) {
+      evaluator->inputs[monitor->groups[g].inputs[k]].n_readers += 1;
+    }
+  }
+  for (uint32_t i = 0; i < monitor->n_inputs; ++i) {
+    evaluator->inputs[i].readers = pool;
+    pool += evaluator->inputs[i].n_readers;
+    evaluator->inputs[i].n_readers = 0;
+  }
+  for (uint32_t g = 0; g < monitor->n_groups; ++g) {
+    for (uint32_t k = 0; k < monitor->groups[g].n_inputs; ++k) {
+      struct fm_input_cell * input = &evaluator->inputs[monitor->groups[g].inputs[k]];
+      input->readers[input->n_readers] = g;
+      input->n_readers += 1;
+    }
+  }
+}
+
+// Assign the inputs to their topics, and reserve each topic's list of groups. Returns false if an
+// index is out of range or an input has two topics.
+static bool make_topics(
+  struct fm_evaluator * evaluator, const struct fm_topic * topics, uint32_t * pool)
+{
+  const uint32_t without_inputs = count_groups_without_inputs(evaluator->monitor);
+  for (uint32_t t = 0; t < evaluator->n_topics; ++t) {
+    evaluator->topics[t].groups = pool;
+    pool += without_inputs;
+    for (uint32_t k = 0; k < topics[t].n_inputs; ++k) {
+      const uint32_t i = topics[t].inputs[k];
+      if (i >= evaluator->monitor->n_inputs || evaluator->inputs[i].topic != NO_TOPIC) {
+        return false;
+      }
+      evaluator->inputs[i].topic = t;
+      pool += evaluator->inputs[i].n_readers;
+    }
+  }
+  return true;
+}
+
+static void add_group(struct fm_topic_cell * topic, uint32_t g)
+{
+  if (topic->n_groups == 0 || topic->groups[topic->n_groups - 1] != g) {
+    topic->groups[topic->n_groups] = g;
+    topic->n_groups += 1;
+  }
+}
+
+static void add_group_to_all_topics(struct fm_evaluator * evaluator, uint32_t g)
+{
+  for (uint32_t t = 0; t < evaluator->n_topics; ++t) {
+    add_group(&evaluator->topics[t], g);
+  }
+}
+
+static void list_groups_of_topics(struct fm_evaluator * evaluator)
+{
+  for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
+    const struct fm_group * group = &evaluator->monitor->groups[g];
+    if (group->n_inputs == 0) {
+      add_group_to_all_topics(evaluator, g);
+    }
+    for (uint32_t k = 0; k < group->n_inputs; ++k) {
+      const uint32_t t = evaluator->inputs[group->inputs[k]].topic;
+      if (t != NO_TOPIC) {
+        add_group(&evaluator->topics[t], g);
+      }
+    }
+  }
+}
+
+struct fm_evaluator * fm_evaluator_init(
+  void * memory, const struct fm_evaluator_options * options)
+{
+  if (!options_are_sound(options)) {
+    return NULL;
+  }
+  const struct layout layout = lay_out(options);
+  struct fm_evaluator * evaluator = memory;
+  char * block = memory;
+  uint32_t * readers = (uint32_t *)(void *)(block + layout.readers);
+  uint32_t * topic_groups = (uint32_t *)(void *)(block + layout.topic_groups);
+  memset(memory, 0, (size_t)layout.block.bytes);
+  evaluator->monitor = options->monitor;
+  evaluator->n_topics = options->n_topics;
+  evaluator->policy = (enum fm_policy)options->policy;
+  evaluator->period = evaluator->policy == FM_PERIODIC ? options->period : 0;
+  evaluator->patience = options->patience;
+  evaluator->wake = INT64_MIN;
+  place_parts(evaluator, block, &layout);
+  make_inputs(evaluator, options);
+  make_requirements(evaluator, options->report_onset);
+  list_readers(evaluator, readers);
+  if (!make_topics(evaluator, options->topics, topic_groups)) {
+    return NULL;
+  }
+  list_groups_of_topics(evaluator);
+  return evaluator;
+}

@@ -1,0 +1,71 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// tables.h: the parts of an evaluator: what the monitor and the options determine, and counters.
+/// For the files of the evaluator only.
+///
+/// One block of memory holds everything: these tables, and the instance (instance.h), which is all
+/// that steps depend on. tables.c lays the block out, checks the options and fills the tables;
+/// afterwards only the counters and the instance change.
+
+#ifndef TABLES_H_
+#define TABLES_H_
+
+#include "evaluator.h"
+#include "instance.h"
+
+struct fm_input_cell
+{
+  uint32_t * readers;    // the groups that read it, ascending
+  struct fm_input_counts counts;
+  uint64_t silences;
+  int64_t last_silence;  // how long the last one lasted, ns
+  int64_t timeout;       // ns; 0: none
+  uint32_t n_readers;
+  uint32_t topic;
+  bool violates;
+};
+
+struct fm_requirement_cell
+{
+  uint64_t violations;
+  uint64_t announced;
+  bool onset;
+};
+
+struct fm_topic_cell
+{
+  uint32_t * groups;  // those that read an input of this topic, or no input at all; ascending
+  struct fm_topic_counts counts;
+  uint32_t n_groups;
+};
+
+struct fm_evaluator
+{
+  const struct fm_monitor * monitor;
+  struct fm_instance instance;
+  struct fm_input_cell * inputs;
+  struct fm_requirement_cell * requirements;
+  struct fm_topic_cell * topics;
+  uint64_t * steps_before;  // a group: steps that its instance no longer counts
+  struct fm_time_counts counts;
+  int64_t period;           // ns; 0: none
+  int64_t patience;         // ns; 0: none
+  int64_t wake;             // not after the deadline
+  bool is_exact;            // wake is the deadline
+  uint32_t n_topics;
+  enum fm_policy policy;
+};
+
+#endif  // TABLES_H_
