@@ -32,6 +32,7 @@ from fret_monitor.logic.formula import (
     Variable, WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.specification import Property, Signal, Specification
+from fret_monitor.logic.timed import TimedTrace
 from fret_monitor.model.floats import to_float32
 from fret_monitor.model.policies import Policy, Report, Severity
 from fret_monitor.model.values import ValueType
@@ -297,6 +298,16 @@ def random_trace(rng: Random, inputs: Sequence[Variable], steps: int) -> Trace:
     return make_trace(rng.randrange, inputs, steps)
 
 
+def make_timed_trace(draw: Draw, inputs: Sequence[Variable], rows: int,
+                     gaps: Sequence[int]) -> TimedTrace:
+    """Return rows of values some `gaps` apart; the trace ends none or one of them later."""
+    ticks = [0]
+    while len(ticks) < rows:
+        ticks.append(ticks[-1] + gaps[draw(len(gaps))])
+    end = ticks[-1] + (0, *gaps)[draw(len(gaps) + 1)]
+    return TimedTrace(ticks, make_trace(draw, inputs, rows), end)
+
+
 def _column(draw: Draw, kind: ValueType, steps: int) -> list[Any]:
     """
     Return values that change now at every step, now after a long while.
@@ -379,3 +390,10 @@ def formulas(draw: st.DrawFn, inputs: Sequence[Variable] = INPUTS, *, size: int 
 def traces(draw: st.DrawFn, inputs: Sequence[Variable] = INPUTS, *, longest: int = 60) -> Trace:
     """Draw a trace of at most `longest` steps; shrinks to short ones of simple values."""
     return make_trace(_below(draw), inputs, draw(st.integers(1, longest)))
+
+
+@st.composite
+def timed_traces(draw: st.DrawFn, inputs: Sequence[Variable] = INPUTS, *, longest: int = 12,
+                 gaps: Sequence[int] = (1, 2, 3, 5, 9)) -> TimedTrace:
+    """Draw a timed trace of at most `longest` rows; shrinks to short ones of simple values."""
+    return make_timed_trace(_below(draw), inputs, draw(st.integers(1, longest)), gaps)

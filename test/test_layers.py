@@ -225,8 +225,9 @@ def test_a_robot_loads_a_monitor_without_parser_and_compiler(face: str) -> None:
     assert {name for name in reached if LEVELS[name] not in LEAN_LEVELS} == set()
 
 
-def test_the_reference_semantics_and_the_lowering_are_independent() -> None:
-    evaluate, lower = 'fret_monitor.logic.evaluate', 'fret_monitor.program.lower'
+@pytest.mark.parametrize('reference', ['evaluate', 'timed', 'pointwise'])
+def test_the_reference_semantics_and_the_lowering_are_independent(reference: str) -> None:
+    evaluate, lower = f'fret_monitor.logic.{reference}', 'fret_monitor.program.lower'
     assert lower not in reached_from(evaluate)
     assert evaluate not in reached_from(lower)
 

@@ -26,8 +26,9 @@ from itertools import islice
 from random import Random
 
 from fret_monitor.importing.draft import Comparison
-from fret_monitor.logic.evaluate import evaluate_all, Value
+from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Feedback, Formula, postorder, Variable
+from fret_monitor.logic.pointwise import Value
 from fret_monitor.logic.propositions import bounds, horizon
 from fret_monitor.logic.specification import Property
 from fret_monitor.traces.boundary import boundary_values, constants

@@ -21,14 +21,13 @@ import math
 import struct
 from typing import Any
 
-from fret_monitor.logic.evaluate import (
-    Equations, evaluate, evaluate_all, Trace, TraceError, verdicts,
-)
+from fret_monitor.logic.evaluate import Equations, evaluate, evaluate_all, Trace, verdicts
 from fret_monitor.logic.formula import (
     ALWAYS, Binary, BinaryOperator, Choice, Constant, Conversion, FALSE, Feedback, Formula, FTP,
     Historically, Once, Previous, Since, Triggered, TRUE, Unary, UnaryOperator, Variable,
     WeakYesterday, Window, Yesterday,
 )
+from fret_monitor.logic.pointwise import TraceError
 from fret_monitor.model.values import ValueType
 from hypothesis import given, settings
 from hypothesis import strategies as st

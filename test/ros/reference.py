@@ -19,7 +19,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fret_monitor import build
-from fret_monitor.logic.evaluate import Value, verdicts
+from fret_monitor.logic.evaluate import verdicts
+from fret_monitor.logic.pointwise import Value
 from fret_monitor.logic.specification import Property
 from fret_monitor.model.policies import Policy, Report
 

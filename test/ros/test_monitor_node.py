@@ -24,7 +24,7 @@ from time import sleep
 from typing import Any
 
 from fret_monitor import build
-from fret_monitor.logic.evaluate import Value
+from fret_monitor.logic.pointwise import Value
 from fret_monitor.model.policies import Policy
 import pytest
 from rclpy.publisher import Publisher
