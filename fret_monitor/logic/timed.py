@@ -173,16 +173,15 @@ def _since(window: Window, p: _Spans, q: _Spans, end: int) -> _Spans:
     if window.is_empty:
         return []
     # With k = t no p is asked for. Otherwise k+1 and t lie in one interval of p, and k in one of
-    # q. Each such k reaches the ticks from k + low to k + high within the interval of p, from k+1
-    # at the earliest. Those of all k together have no gap, as those of k and k+1 have none.
-    low = max(window.low, 1)
+    # q. Each such k reaches the ticks from k + low to k + high up to the end of the interval of
+    # p. Those of all k together have no gap, because those of k and k+1 have none.
     high = end if window.high is None else window.high
     found = list(q) if window.low == 0 else []
     for first, last in p:
         for q_first, q_last in q:
             k_first, k_last = max(q_first, first - 1), min(q_last, last - 1)
-            if k_first <= k_last and low <= high:
-                found.append((k_first + low, min(k_last + high, last)))
+            if k_first <= k_last:
+                found.append((k_first + window.low, min(k_last + high, last)))
     return found
 
 
@@ -206,7 +205,7 @@ def _history(spans: _Spans, end: int) -> History:
     """Return the history that is true in the union of some intervals, cut off at the end."""
     pieces: History = [(0, False)]
     reached = -1
-    for first, last in sorted((first, min(last, end)) for first, last in spans):
+    for first, last in sorted(spans):
         if last <= reached or first > last:
             continue
         pieces += [(max(first, reached + 1), True), (last + 1, False)]
