@@ -35,7 +35,7 @@ from fret_monitor.logic.specification import Specification
 from fret_monitor.messages.installed import fingerprint
 from fret_monitor.model.diagnostics import by_place, CompileError, Diagnostic, Problems
 from fret_monitor.model.manifest import FORMAT, Manifest
-from fret_monitor.model.policies import Policy
+from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.native.cache import build_library, runtime_headers
 from fret_monitor.native.folder import check_writable, write_folder
 from fret_monitor.native.monitor import CompiledMonitor
@@ -125,6 +125,8 @@ def _with_policy(bundle: Bundle, policy: Policy | None, period: Fraction | None,
         problems.error(
             f'a period or a rate goes with the policy periodic, not with {policy.value}',
             help='policy: periodic; as a parameter of the node, -p policy:=periodic')
+    if policy is not Policy.TIMED:
+        bundle = replace(bundle, unit=None, stamp=Stamp.RECEIVED, reorder=0)
     return replace(bundle, policy=policy, period=period)
 
 

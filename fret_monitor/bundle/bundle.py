@@ -23,7 +23,7 @@ from enum import Enum
 from fractions import Fraction
 
 from fret_monitor.model.diagnostics import Source, Span, Text
-from fret_monitor.model.policies import Policy, Report, Severity, Stale
+from fret_monitor.model.policies import Policy, Report, Severity, Stale, Stamp
 
 
 class Language(Enum):
@@ -69,6 +69,7 @@ class InputEntry:
     qos: tuple[tuple[Text, Text], ...]
     timeout: Fraction | None
     stale: Stale | None
+    max_rate: Fraction | None = None
     damaged: frozenset[str] = frozenset()
     places: tuple[tuple[str, Span], ...] = ()
 
@@ -84,14 +85,18 @@ class Definition:
 
 @dataclass(frozen=True, eq=False)
 class Requirement:
-    """A requirement; `report` and `severity` include the defaults of the bundle."""
+    """
+    A requirement; `report` and `severity` include the defaults of the bundle.
+
+    `report` is None for the default of the policy.
+    """
 
     id: Text
     language: Language
     text: Text
     title: str
     rationale: str
-    report: Report
+    report: Report | None
     severity: Severity
 
     @property
@@ -112,6 +117,8 @@ class Bundle:
     A whole bundle. `sources` are the files it was read from, the bundle itself first.
 
     `name` is the file's stem. `period` is in seconds, exact; None unless the policy is periodic.
+    `unit` (seconds that a plain count stands for), `stamp` and `reorder` (nanoseconds) apply to
+    the policy timed.
     `unreadable` are declared names that cannot be used (see `survey_bundle`); `inputs` contains
     such inputs, too, with the parts that could be read.
     """
@@ -128,3 +135,6 @@ class Bundle:
     period: Fraction | None
     requirements: tuple[Requirement, ...]
     unreadable: frozenset[str] = frozenset()
+    unit: Fraction | None = None
+    stamp: Stamp = Stamp.RECEIVED
+    reorder: int = 0

@@ -25,7 +25,7 @@ from fractions import Fraction
 from fret_monitor.bundle.bundle import InputEntry, ValueEntry
 from fret_monitor.bundle.declared_name import DeclaredName
 from fret_monitor.bundle.yaml_shape import (
-    line_of, mapping_of, report_choice, report_fault, SECONDS, Shape, text_of,
+    line_of, mapping_of, MESSAGES_A_SECOND, report_choice, report_fault, SECONDS, Shape, text_of,
 )
 from fret_monitor.bundle.yaml_tree import Node, Unread, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import Problems, Text
@@ -35,9 +35,11 @@ from fret_monitor.model.names import (
 )
 from fret_monitor.model.policies import Stale
 
-INPUT_KEYS = ('topic', 'type', 'field', 'initial', 'values', 'qos', 'timeout', 'stale')
+INPUT_KEYS = ('topic', 'type', 'field', 'initial', 'values', 'qos', 'timeout', 'stale',
+              'max_rate')
 _SHORTEST_TIMEOUT_S = Fraction(1, 10 ** 3)
 _LONGEST_TIMEOUT_S = Fraction(10 ** 9)
+_RATES_HZ = (Fraction(1, 10 ** 9), Fraction(10 ** 9))
 _QOS = {
     'reliability': ('reliable', 'best_effort'),
     'durability': ('volatile', 'transient_local'),
@@ -58,8 +60,9 @@ def read_input(name: DeclaredName, mapping: YamlMapping, problems: Problems) -> 
         initial=shape.text('initial'),
         values=tuple(_values(shape.node('values'), faults['values'])),
         qos=tuple(_qos(shape.node('qos'), faults['qos'])),
-        timeout=shape.positive('timeout', SECONDS, _SHORTEST_TIMEOUT_S, _LONGEST_TIMEOUT_S),
-        stale=_stale(shape, problems),
+        timeout=shape.number('timeout', SECONDS, _SHORTEST_TIMEOUT_S, _LONGEST_TIMEOUT_S),
+        stale=shape.choice('stale', Stale),
+        max_rate=shape.number('max_rate', MESSAGES_A_SECOND, *_RATES_HZ),
     )
     damaged = {key for key in INPUT_KEYS if shape.is_cut or not shape.lacks(key) and (
         shape.key(key) is None or getattr(entry, key) is None)}
@@ -99,15 +102,6 @@ def _check_input(entry: InputEntry, shape: Shape, problems: Problems) -> set[str
         problems.error("'stale' needs a 'timeout'", stale.span,
                        'without a timeout it is never stale', 'timeout: 0.5   # seconds')
     return damaged
-
-
-def _stale(shape: Shape, problems: Problems) -> Stale | None:
-    text = shape.text('stale')
-    words = [stale.value for stale in Stale]
-    if text is not None and text.value not in words:
-        report_choice(text, 'stale', words, problems)
-        return None
-    return Stale(text.value) if text else None
 
 
 def _values(node: Node | None, problems: Problems) -> Iterator[ValueEntry]:
@@ -219,4 +213,5 @@ _TOPIC_ASPECTS: tuple[tuple[str, Callable[[InputEntry], object]], ...] = (
     ('qos', _qos_of),
     ('timeout', lambda item: item.timeout),
     ('stale', lambda item: item.stale or Stale.WARN),
+    ('max_rate', lambda item: item.max_rate),
 )

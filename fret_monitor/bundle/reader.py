@@ -33,8 +33,7 @@ from fret_monitor.bundle.inputs import check_topics, INPUT_KEYS, read_input
 from fret_monitor.bundle.requirements import read_requirements
 from fret_monitor.bundle.source_file import read_source
 from fret_monitor.bundle.yaml_shape import (
-    HERTZ, is_empty, kind_of, line_of, mapping_of, report_choice, SECONDS, Shape,
-    text_of,
+    HERTZ, is_empty, kind_of, line_of, mapping_of, SECONDS, Shape, text_of,
 )
 from fret_monitor.bundle.yaml_tree import (
     Node, read_tree, Unread, YamlList, YamlMapping, YamlScalar,
@@ -43,7 +42,7 @@ from fret_monitor.model.diagnostics import CompileError, Problems, Source, Span,
 from fret_monitor.model.names import (
     fret_name, LONGEST_PATH, name_fault, number_fault, quoted_name_fault, shown,
 )
-from fret_monitor.model.policies import Policy
+from fret_monitor.model.policies import Policy, Stamp
 
 FORMAT = '1'
 
@@ -53,9 +52,16 @@ _SIGNALS_KEYS = ('format', 'title', 'description', 'constants', 'inputs')
 _BUNDLE_KEYS = (
     'format', 'component', 'title', 'description', 'signals', 'constants', 'inputs',
     'definitions', 'evaluation', 'report', 'severity', 'requirements')
-_ELSEWHERE = dict.fromkeys(
-    ('policy', 'period', 'rate'),
-    'it belongs under evaluation, as in\nevaluation: {policy: periodic, period: 0.1}')
+_LONGEST_REORDER_S = Fraction(3600)
+_TIMED_KEYS = ('unit', 'stamp', 'reorder')
+_EVALUATION_KEYS = ('policy', 'period', 'rate', *_TIMED_KEYS)
+_ELSEWHERE = {
+    **dict.fromkeys(
+        ('policy', 'period', 'rate'),
+        'it belongs under evaluation, as in\nevaluation: {policy: periodic, period: 0.1}'),
+    **dict.fromkeys(
+        _TIMED_KEYS, 'it belongs under evaluation, as in\nevaluation: {policy: timed, unit: 1}'),
+}
 _EXAMPLE = """\
 format: 1
 inputs:
@@ -159,8 +165,7 @@ class _BundleReader:
 
     def _contents(self, source: Source, shape: Shape) -> Bundle:
         """Read all but signals, definitions and requirements."""
-        policy, period = self._evaluation(shape)
-        return Bundle(
+        return self._evaluation(shape, Bundle(
             name=Path(source.name).stem,
             sources=(source,),
             component=shape.text('component'),
@@ -169,31 +174,49 @@ class _BundleReader:
             constants=tuple(self._constants(shape)),
             inputs=tuple(self._inputs(shape)),
             definitions=(),
-            policy=policy,
-            period=period,
+            policy=Policy.EVERY_MESSAGE,
+            period=None,
             requirements=(),
-        )
+        ))
 
-    def _evaluation(self, shape: Shape) -> tuple[Policy, Fraction | None]:
+    def _evaluation(self, shape: Shape, bundle: Bundle) -> Bundle:
+        """Return the bundle with what stands under `evaluation`."""
         node = shape.node('evaluation')
         mapping = mapping_of(node, "'evaluation'", self._problems, 'policy: every_message')
         if mapping is None:
-            return Policy.EVERY_MESSAGE, None
-        part = Shape(mapping, "'evaluation'", ('policy', 'period', 'rate'), self._problems)
-        text = part.text('policy')
-        words = [policy.value for policy in Policy]
-        if text is not None and text.value not in words:
-            report_choice(text, 'policy', words, self._problems)
-        is_known = part.lacks('policy') or text is not None and text.value in words
-        policy = Policy(text.value) if text and is_known else Policy.EVERY_MESSAGE
-        key = shape.key('evaluation')
-        return policy, self._period(part, key.span if key else part.span, policy, is_known)
+            return bundle
+        part = Shape(mapping, "'evaluation'", _EVALUATION_KEYS, self._problems)
+        choice = part.choice('policy', Policy)
+        policy = choice or Policy.EVERY_MESSAGE
+        is_known = part.lacks('policy') or choice is not None
+        place = shape.key('evaluation')
+        bundle = replace(bundle, policy=policy, period=self._period(
+            part, place.span if place else part.span, policy, is_known))
+        return self._timed(part, bundle, is_known)
+
+    def _timed(self, part: Shape, bundle: Bundle, is_known: bool) -> Bundle:
+        """Return the bundle with the keys of the policy timed; all are read, to be checked."""
+        unit = part.number('unit', SECONDS, _SHORTEST_PERIOD_S, _LONGEST_PERIOD_S)
+        stamp = part.choice('stamp', Stamp) or Stamp.RECEIVED
+        reorder = part.number('reorder', SECONDS, Fraction(0), _LONGEST_REORDER_S) or Fraction(0)
+        nanoseconds = reorder * 10 ** 9
+        if nanoseconds.denominator != 1 and (text := part.text('reorder')):
+            self._problems.error("'reorder' must be a whole number of nanoseconds", text.span,
+                                 'at most nine digits behind the point')
+        if bundle.policy is Policy.TIMED:
+            return replace(bundle, unit=unit, stamp=stamp, reorder=int(nanoseconds))
+        for key in (part.key(name) for name in _TIMED_KEYS):
+            if key is not None and is_known:
+                self._problems.error(
+                    f"'{key.value}' applies to the policy timed only", key.span,
+                    f'the policy is {bundle.policy.value}', 'policy: timed')
+        return bundle
 
     def _period(self, part: Shape, place: Span, policy: Policy,
                 is_known: bool) -> Fraction | None:
         """Read `period` or `rate`; both are read so that both are checked."""
-        period = part.positive('period', SECONDS, _SHORTEST_PERIOD_S, _LONGEST_PERIOD_S)
-        rate = part.positive('rate', HERTZ, 1 / _LONGEST_PERIOD_S, 1 / _SHORTEST_PERIOD_S)
+        period = part.number('period', SECONDS, _SHORTEST_PERIOD_S, _LONGEST_PERIOD_S)
+        rate = part.number('rate', HERTZ, 1 / _LONGEST_PERIOD_S, 1 / _SHORTEST_PERIOD_S)
         keys = [key for key in (part.key('period'), part.key('rate')) if key]
         if len(keys) == 2:
             self._problems.error("'period' and 'rate' are both given", keys[1].span,
@@ -201,7 +224,9 @@ class _BundleReader:
         elif keys and is_known and policy is not Policy.PERIODIC:
             self._problems.error(
                 f"'{keys[0].value}' applies to the policy periodic only", keys[0].span,
-                f'the policy is {policy.value}', 'policy: periodic')
+                f'the policy is {policy.value}',
+                'remove it: a step is one nanosecond' if policy is Policy.TIMED else
+                'policy: periodic')
         elif (part.lacks('period', 'rate') and policy is Policy.PERIODIC
               and self._needs_period):
             self._problems.error("the policy periodic needs a 'period' or a 'rate'", place,

@@ -30,8 +30,8 @@ _NO_TEXT = Text('', Source('', ''), [0])
 
 def read_requirements(shape: Shape, problems: Problems) -> Iterator[Requirement]:
     node = shape.node('requirements')
-    report = shape.choice('report', Report, Report.EVERY_STEP)
-    severity = shape.choice('severity', Severity, Severity.ERROR)
+    report = shape.choice('report', Report)
+    severity = shape.choice('severity', Severity) or Severity.ERROR
     ids: dict[str, Requirement] = {}
     handlers: dict[str, Requirement] = {}
     for item in _requirement_nodes(shape, node, problems):
@@ -82,7 +82,7 @@ def _requirement_node(node: Node, problems: Problems) -> YamlMapping | None:
                       '- id: R1\n  ptltl: "H (speed <= 2.0)"')
 
 
-def _requirement(mapping: YamlMapping, report: Report, severity: Severity,
+def _requirement(mapping: YamlMapping, report: Report | None, severity: Severity,
                  problems: Problems) -> Requirement | None:
     """
     Read a requirement; `report` and `severity` are the defaults of the bundle.
@@ -100,8 +100,8 @@ def _requirement(mapping: YamlMapping, report: Report, severity: Severity,
         text=text or _NO_TEXT,
         title=shape.free_text('title'),
         rationale=shape.free_text('rationale'),
-        report=shape.choice('report', Report, report),
-        severity=shape.choice('severity', Severity, severity),
+        report=shape.choice('report', Report) or report,
+        severity=shape.choice('severity', Severity) or severity,
     )
     return found if name else None
 
@@ -115,6 +115,6 @@ def _id(shape: Shape, problems: Problems) -> Text | None:
     if not text.value.isprintable() or text.value != text.value.strip():
         problems.error('an id must be one line, without spaces at its ends', text.span)
         return None
-    found = Requirement(text, Language.PTLTL, text, '', '', Report.EVERY_STEP, Severity.ERROR)
+    found = Requirement(text, Language.PTLTL, text, '', '', None, Severity.ERROR)
     report_fault(handler_fault(found.handler), text, problems)
     return text

@@ -56,7 +56,9 @@ SECONDS = Quantity('seconds', '0.5', {
     **dict.fromkeys(('min', 'minute', 'minutes'), Fraction(60)),
     **dict.fromkeys(('h', 'hour', 'hours'), Fraction(3600)),
 })
-HERTZ = Quantity('steps a second (Hz)', '10', {'hz': Fraction(1), 'khz': Fraction(1000)})
+_HERTZ = {'hz': Fraction(1), 'khz': Fraction(1000)}
+HERTZ = Quantity('steps a second (Hz)', '10', _HERTZ)
+MESSAGES_A_SECOND = Quantity('messages a second (Hz)', '100', _HERTZ)
 
 
 class Shape:
@@ -129,20 +131,20 @@ class Shape:
         text = text_of(node, f"'{key}'", self._problems)
         return text.value if text else ''
 
-    def choice(self, key: str, kind: type[_Choice], default: _Choice) -> _Choice:
+    def choice(self, key: str, kind: type[_Choice]) -> _Choice | None:
         """Return one of the values of an enumeration."""
         text = self.text(key)
         if text is None:
-            return default
+            return None
         words = [item.value for item in kind]
         if text.value in words:
             return kind(text.value)
         report_choice(text, key, words, self._problems)
-        return default
+        return None
 
-    def positive(self, key: str, quantity: Quantity, least: Fraction,
-                 most: Fraction) -> Fraction | None:
-        """Return an exact positive number, between `least` and `most`."""
+    def number(self, key: str, quantity: Quantity, least: Fraction,
+               most: Fraction) -> Fraction | None:
+        """Return an exact number between `least`, which is at least 0, and `most`."""
         text = self.text(key)
         if text is None:
             return None
@@ -152,7 +154,9 @@ class Shape:
             self._problems.error(
                 f"'{key}' must be a number of {quantity.unit}: {fault.reason}", text.span,
                 help=fault.help or f'{key}: {_without_unit(text.value, quantity)}')
-        elif value is not None and value <= 0:
+        elif value is not None and value < 0 and not least:
+            self._problems.error(f"'{key}' cannot be negative", text.span)
+        elif value is not None and value <= 0 and least:
             self._problems.error(f"'{key}' must be greater than 0", text.span)
         elif value is None or not least <= value <= most:
             self._problems.error(

@@ -37,6 +37,7 @@ _STEPS = {
     Policy.ALL_INPUTS: ("a step is a round in which each of the requirement's inputs came anew",
                         'rounds'),
     Policy.PERIODIC: ('a step is a period of {period} s', 'steps'),
+    Policy.TIMED: ('a step is a nanosecond', 'ns'),
 }
 _MANY = 4
 _FORMULA_WIDTH = 2000

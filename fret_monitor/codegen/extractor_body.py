@@ -72,7 +72,15 @@ class ExtractorWriter:
 
     def lines(self, layout: MessageLayout, need: Need) -> Iterator[str]:
         """Yield the body, indented."""
-        yield from _indented(self._message(layout, need, '', is_last=True))
+        yield from _indented(self._received(need.whole))
+        if need.fields:
+            yield from _indented(self._message(layout, need, '', is_last=True))
+
+    def _received(self, whole: Sequence[tuple[int, Signal]]) -> Iterator[str]:
+        """Set the inputs that are fed by the fact that a message came."""
+        for place, signal in whole:
+            yield from comment(f'{signal.name}: received()')
+            yield f'fields[{place}] = fm_field_i(1);'
 
     def _message(self, layout: MessageLayout, need: Need, path: str,
                  is_last: bool) -> Iterator[str]:

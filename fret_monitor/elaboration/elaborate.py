@@ -31,7 +31,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TypeAlias
 
-from fret_monitor.bundle.bundle import Bundle, Definition, Language, Requirement
+from fret_monitor.bundle.bundle import Bundle, Definition, InputEntry, Language, Requirement
 from fret_monitor.elaboration.durations import SECONDS, steps_help
 from fret_monitor.elaboration.elaborator import Elaborator, FindVocabulary, references
 from fret_monitor.elaboration.equations import equations_term
@@ -50,8 +50,9 @@ from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.messages.installed import find_message as find_installed
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Problems, Source, Span, Text
 from fret_monitor.model.names import fret_name
-from fret_monitor.model.policies import Policy
+from fret_monitor.model.policies import Policy, Stamp
 
+_HEADER = 'std_msgs/msg/Header'
 _MANY = 8
 _MEANT = 3
 _Trees: TypeAlias = Mapping[str, Expression | Equations | None]
@@ -85,6 +86,9 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None,
         policy=bundle.policy,
         period=bundle.period,
         definitions=reading.shown(bundle.definitions),
+        unit=bundle.unit,
+        stamp=bundle.stamp,
+        reorder=bundle.reorder,
     )
     return specification, reading.problems.warnings
 
@@ -135,10 +139,23 @@ class _Reading:
         signals = []
         for entry in bundle.inputs:
             signal, declaration = input_declaration(entry, find_message, self.problems)
+            if bundle.stamp is Stamp.HEADER and signal is not None:
+                self._check_header(entry, signal)
             if 'name' not in entry.damaged:
                 self._scope.declare(entry.name.value, declaration)
             signals.append(signal)
         return signals
+
+    def _check_header(self, entry: InputEntry, signal: Signal) -> None:
+        """Refuse an input whose message has no stamp, with `stamp: header`."""
+        if signal.layout is None or entry.type is None:
+            return
+        field = signal.layout.find_field('header')
+        if field is None or str(field.type) != _HEADER:
+            self.problems.error(
+                f"'{entry.name}' has no stamp: {signal.layout.name} has no field 'header' of the "
+                f'type {_HEADER}', entry.type.span, 'stamp: header needs one',
+                'write stamp: received under evaluation, or take a stamped message')
 
     def read_definitions(self, definitions: Iterable[Definition]) -> None:
         """Declare all definitions in the order of their dependencies; report cycles."""
@@ -208,7 +225,7 @@ class _Reading:
             text=' '.join(item.text.value.split()),
             title=item.title,
             formula=formula,
-            report=item.report,
+            report=item.report or self._bundle.policy.default_report,
             severity=item.severity,
             feedback=self._reached(formula),
             place=item.text.span,

@@ -32,7 +32,7 @@ from fret_monitor.messages.field_path import check_reachable, resolve_field, Res
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse, Text
 from fret_monitor.model.names import looks_like_number
-from fret_monitor.model.policies import Stale
+from fret_monitor.model.policies import InputSource, Stale
 from fret_monitor.model.values import ValueType
 
 FindMessage = Callable[[str], MessageLayout]
@@ -79,6 +79,10 @@ def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) ->
     if _is_type_damaged(entry, find_message):
         return None
     kind, layout, field = _type(entry, find_message)
+    source = field.source if field else InputSource.FIELD
+    if source is InputSource.AGE and entry.values:
+        refuse('an age has no names for its values', entry.values[0].name.span,
+               'it is a number of seconds', "remove 'values'")
     values = None if 'values' in entry.damaged else _values(entry, kind, problems)
     stored_as = ValueType.INT32 if kind is None else kind
     if values is None:
@@ -89,6 +93,9 @@ def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) ->
     initial = None
     try:
         initial = _initial(entry, stored_as, values)
+        if source is InputSource.RECEIVED and initial and entry.initial:
+            refuse(f"'{entry.name}' cannot be true at first", entry.initial.span,
+                   'no message has come then', 'initial: false')
     except CompileError as error:
         # Continue: the type is known, so that formulas with this input can be checked.
         problems.extend(error.diagnostics)
@@ -105,6 +112,8 @@ def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) ->
         stale=entry.stale or Stale.WARN,
         reduction=field.reduction if field else '',
         layout=layout,
+        max_rate=entry.max_rate,
+        source=source,
     )
 
 

@@ -17,7 +17,9 @@ Field paths: the part of a message that an input reads.
 
 A path such as `pose.position.z` or `ranges[3]` leads to a scalar; a time, such as `header.stamp`,
 is read in seconds. A reduction such as `max(ranges)` or `norm(velocity)` computes one value from
-an array or a message. `resolve_field` returns the steps of the path and the type of the value.
+an array or a message. `received()` is true at the step of a message, and `age(header.stamp)` is
+the seconds between a stamp in the message and its reception. `resolve_field` returns the steps of
+the path and the type of the value.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,10 +32,15 @@ from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, Mes
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, refuse, Span, Text
 from fret_monitor.model.manifest import REDUCTIONS, SECONDS
 from fret_monitor.model.names import index_fault, shown
+from fret_monitor.model.policies import InputSource
 from fret_monitor.model.values import ValueType
 
 _STRINGS = ('string', 'wstring')
-_TIMES = ('builtin_interfaces/msg/Time', 'builtin_interfaces/msg/Duration')
+_TIME = 'builtin_interfaces/msg/Time'
+_TIMES = (_TIME, 'builtin_interfaces/msg/Duration')
+_RECEIVED = InputSource.RECEIVED.value
+_AGE = InputSource.AGE.value
+_FUNCTIONS = (*REDUCTIONS, _RECEIVED, _AGE)
 _MAX_LISTED = 12
 _MAX_DEPTH = 8
 _MAX_INDEX = 2 ** 31 - 1
@@ -54,13 +61,14 @@ class ResolvedField:
 
     `path` holds names and indices; `type_name` is the type of the value, with `byte` and `char` as
     `uint8`; `types` are the types of the fields on the way, one for each name in the path.
-    `reduction` is as in `ManifestInput`.
+    `reduction` and `source` are as in `ManifestInput`.
     """
 
     path: tuple[str | int, ...]
     type_name: str
     types: tuple[FieldType, ...]
     reduction: str = ''
+    source: InputSource = InputSource.FIELD
 
 
 @dataclass(frozen=True)
@@ -141,16 +149,31 @@ def _reduced(layout: MessageLayout, text: Text, call: re.Match[str]) -> Resolved
     start, stop = call.span('path')
     path_text = Text(text.value[start:stop], text.source, text.offsets[start:stop + 1])
     function, place = call['function'], text.at(*call.span('function'))
-    if function not in REDUCTIONS:
+    if function not in _FUNCTIONS:
         refuse(f'{shown(function)} is not a function of a field', place, 'unknown function',
-               did_you_mean(function, REDUCTIONS) or 'one of ' + ', '.join(REDUCTIONS))
+               did_you_mean(function, _FUNCTIONS) or 'one of ' + ', '.join(_FUNCTIONS))
+    if function == _RECEIVED:
+        return _received(path_text)
     if not path_text.value:
         refuse(f"'{function}' needs a field", text.span, 'no field is given',
                _help([f'{function}({path})' for path in _paths_for(layout, function)]))
     end = _follow(layout, path_text)
+    if function == _AGE and _has_age(end):
+        return ResolvedField(end.path, 'float64', end.types, SECONDS, InputSource.AGE)
     if function not in _functions(end):
         _refuse_function(layout, end, path_text, function, place)
     return ResolvedField(end.path, _type_of(function, end.type.base), end.types, function)
+
+
+def _received(path_text: Text) -> ResolvedField:
+    if path_text.value:
+        refuse("'received' takes no field", path_text.span, 'remove this', _help(['received()']))
+    return ResolvedField((), 'bool', (), source=InputSource.RECEIVED)
+
+
+def _has_age(end: _End) -> bool:
+    """Whether a path leads to a stamp."""
+    return end.type.base == _TIME and not end.is_array
 
 
 def _type_of(function: str, base: str) -> str:
@@ -210,7 +233,7 @@ def _paths_for(layout: MessageLayout, function: str) -> list[str]:
         for item in inside.fields:
             end = _End((item.name,), (item.type,), inside)
             try:
-                if function in _functions(end):
+                if function in _functions(end) or function == _AGE and _has_age(end):
                     found.append(prefix + item.name)
             except CompileError:
                 continue  # not installed: this is only a hint

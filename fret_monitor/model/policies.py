@@ -26,6 +26,11 @@ class Policy(Enum):
     PERIODIC = 'periodic'
     TIMED = 'timed'
 
+    @property
+    def default_report(self) -> 'Report':
+        """The report of a requirement for which the bundle names none."""
+        return Report.OCCURRENCE if self is Policy.TIMED else Report.EVERY_STEP
+
 
 class Report(Enum):
     """

@@ -197,7 +197,8 @@ def _refuse_other_bundle(spec: Path | None, directory: Path, manifest: Manifest)
 def _policy_of(settings: Settings, manifest: Manifest) -> Policy:
     """Return the policy to run; refuse what contradicts the durations that are compiled in."""
     policy = settings.policy or manifest.policy
-    if Policy.PERIODIC in (policy, manifest.policy) and policy is not manifest.policy:
+    has_time = {Policy.PERIODIC, Policy.TIMED} & {policy, manifest.policy}
+    if has_time and policy is not manifest.policy:
         raise Refusal(
             f'the compiled bundle counts steps of the policy {manifest.policy.value}; to run it '
             f'with {policy.value}, compile it with that policy in the bundle')

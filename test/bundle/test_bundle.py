@@ -23,7 +23,7 @@ from fret_monitor.bundle.bundle import Bundle, Language
 from fret_monitor.bundle.reader import parse_bundle, survey_bundle
 from fret_monitor.bundle.source_file import MAX_BYTES
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Problems, Source
-from fret_monitor.model.policies import Policy, Report, Severity, Stale
+from fret_monitor.model.policies import Policy, Report, Severity, Stale, Stamp
 import golden
 from hypothesis import example, given, settings, strategies
 import pytest
@@ -145,6 +145,37 @@ def test_a_word_in_a_folded_formula_has_its_place() -> None:
 def test_a_period_is_exact(part: str, period: Fraction) -> None:
     bundle = _parse(_with(f'evaluation: {{policy: periodic, {part}}}'))
     assert (bundle.policy, bundle.period) == (Policy.PERIODIC, period)
+
+
+def test_the_policy_timed_has_its_keys() -> None:
+    bundle = _parse(_with(
+        'evaluation: {policy: timed, unit: 1, stamp: received, reorder: 0.05}'))
+    assert (bundle.policy, bundle.period, bundle.unit, bundle.stamp, bundle.reorder) == (
+        Policy.TIMED, None, 1, Stamp.RECEIVED, 50_000_000)
+    bundle = _parse(_with('evaluation: {policy: timed, unit: 0.1, stamp: header}'))
+    assert (bundle.unit, bundle.stamp, bundle.reorder) == (Fraction(1, 10), Stamp.HEADER, 0)
+    bundle = _parse(_with('evaluation: {policy: timed}'))
+    assert (bundle.unit, bundle.stamp, bundle.reorder) == (None, Stamp.RECEIVED, 0)
+
+
+def test_the_report_is_that_of_the_policy_unless_it_is_given() -> None:
+    reports = [item.report for item in _parse(RUNNING_EXAMPLE).requirements]
+    assert reports == [Report.ONSET, Report.EVERY_STEP, Report.ONSET]
+    given = RUNNING_EXAMPLE.replace('report: every_step', 'report: occurrence')
+    assert [item.report for item in _parse(given).requirements] == [
+        Report.ONSET, Report.OCCURRENCE, Report.ONSET]
+    assert [item.report for item in _parse(SMALL).requirements] == [None]
+
+
+def test_a_greatest_rate_is_exact_and_agrees_on_a_topic() -> None:
+    text = SMALL.replace('p: {type: bool}', """
+  p: {topic: p, type: pkg/msg/P, field: a, max_rate: 0.1}
+  q: {topic: p, type: pkg/msg/P, field: b, max_rate: RATE}""")
+    assert [item.max_rate for item in _parse(text.replace('RATE', '1e-1')).inputs] == [
+        Fraction(1, 10)] * 2
+    (error,) = _errors(text.replace('RATE', '5'))
+    assert error.title == "inputs on one topic must agree in 'max_rate'"
+    assert 'has 0.1' in error.label and 'has 5' in error.label
 
 
 def test_the_details_of_an_input_are_read() -> None:

@@ -244,6 +244,16 @@ def test_any_byte_but_0_is_true() -> None:
     assert read_one(layout, 'y[2]', message) == FieldReading(Outcome.READ, True)
 
 
+def test_received_is_true_of_every_message_and_age_reads_the_stamp() -> None:
+    layout = parse_message('uint32 n\nstring[] names\nuint64 z', 'a')
+    message = message_of(5, 2 ** 32 - 1)
+    assert read_one(layout, 'received()', message) == FieldReading(Outcome.READ, True)
+    assert read_one(layout, 'received()', b'') is None
+    stamped = parse_message('builtin_interfaces/Time stamp\nstring name', 'a')
+    assert read_one(stamped, 'age(stamp)', message_of(3, 500_000_000)) == FieldReading(
+        Outcome.READ, 3.5)
+
+
 def test_sums_of_integers_wrap() -> None:
     top = 2 ** 63 - 1
     message = message_of(3, top, top, 5, size=8)
