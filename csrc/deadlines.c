@@ -23,13 +23,35 @@ int64_t fm_since(int64_t from, int64_t to)
   return to > from ? fm_between(from, to) : 0;
 }
 
+static void replace_due(struct fm_evaluator * evaluator, int64_t * due, int64_t by)
+{
+  evaluator->is_exact = evaluator->is_exact && *due > evaluator->wake;
+  *due = by;
+  if (by < evaluator->wake) {
+    evaluator->wake = by;
+  }
+}
+
 void fm_set_due(struct fm_evaluator * evaluator, uint32_t i, int64_t due)
 {
-  struct fm_instance_input * cell = &evaluator->instance.inputs[i];
-  evaluator->is_exact = evaluator->is_exact && cell->due > evaluator->wake;
-  cell->due = due;
-  if (due < evaluator->wake) {
-    evaluator->wake = due;
+  replace_due(evaluator, &evaluator->instance.inputs[i].due, due);
+}
+
+void fm_set_group_due(struct fm_evaluator * evaluator, uint32_t g, int64_t due)
+{
+  replace_due(evaluator, &evaluator->instance.groups[g].due, due);
+}
+
+void fm_begin_ready_groups(struct fm_evaluator * evaluator)
+{
+  const struct fm_instance * instance = &evaluator->instance;
+  for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
+    const struct fm_instance_group * cell = &instance->groups[g];
+    if (evaluator->policy == FM_TIMED && instance->time->has_begun && cell->unset == 0 &&
+      cell->steps == 0)
+    {
+      fm_set_group_due(evaluator, g, instance->time->now);
+    }
   }
 }
 
@@ -45,6 +67,7 @@ static void begin_time(struct fm_evaluator * evaluator, int64_t now)
   instance->time->has_begun = true;
   instance->time->now = now;
   instance->time->before = now;
+  instance->time->clock = now;
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     const int64_t timeout = evaluator->inputs[i].timeout;
     instance->inputs[i].stored_at = now;
@@ -53,6 +76,7 @@ static void begin_time(struct fm_evaluator * evaluator, int64_t now)
   if (evaluator->period > 0) {
     instance->time->next_period = fm_later(now, evaluator->period);
   }
+  fm_begin_ready_groups(evaluator);
   evaluator->is_exact = false;
 }
 
@@ -64,6 +88,11 @@ int64_t fm_evaluator_deadline(struct fm_evaluator * evaluator)
     for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
       if (instance->inputs[i].due < evaluator->wake) {
         evaluator->wake = instance->inputs[i].due;
+      }
+    }
+    for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
+      if (instance->groups[g].due < evaluator->wake) {
+        evaluator->wake = instance->groups[g].due;
       }
     }
     evaluator->is_exact = true;
@@ -81,6 +110,16 @@ int64_t fm_evaluator_now(const struct fm_evaluator * evaluator)
   return evaluator->instance.time->now;
 }
 
+int64_t fm_evaluator_arrival(struct fm_evaluator * evaluator, int64_t now)
+{
+  struct fm_instance_time * time = evaluator->instance.time;
+  if (evaluator->policy != FM_TIMED || !time->has_begun || now < time->clock) {
+    return now;
+  }
+  time->clock = now;
+  return now > time->taken ? now : fm_later(time->taken, 1);
+}
+
 void fm_evaluator_shift(struct fm_evaluator * evaluator, int64_t by)
 {
   if (evaluator->instance.time->has_begun) {
@@ -90,7 +129,7 @@ void fm_evaluator_shift(struct fm_evaluator * evaluator, int64_t by)
 }
 
 static void violate_readers(
-  struct fm_evaluator * evaluator, uint32_t i, struct fm_report * report)
+  struct fm_evaluator * evaluator, uint32_t i, struct fm_findings * report)
 {
   const struct fm_input_cell * input = &evaluator->inputs[i];
   const struct fm_instance * instance = &evaluator->instance;
@@ -115,7 +154,7 @@ static bool is_doubtful(const struct fm_evaluator * evaluator, uint32_t i, int64
 }
 
 static void take_timeout(
-  struct fm_evaluator * evaluator, uint32_t i, int64_t now, struct fm_report * report)
+  struct fm_evaluator * evaluator, uint32_t i, int64_t now, struct fm_findings * report)
 {
   struct fm_input_cell * input = &evaluator->inputs[i];
   struct fm_instance_input * cell = &evaluator->instance.inputs[i];
@@ -155,14 +194,16 @@ static void miss_periods(struct fm_evaluator * evaluator)
   }
 }
 
-static void take_period(struct fm_evaluator * evaluator, int64_t now, struct fm_report * report)
+static void take_period(struct fm_evaluator * evaluator, int64_t now, struct fm_findings * report)
 {
   struct fm_instance_time * time = evaluator->instance.time;
   evaluator->counts.periods += 1;
   evaluator->counts.late += fm_since(time->next_period, now) > evaluator->period / 2 ? 1u : 0u;
   time->next_period = fm_later(time->next_period, evaluator->period);
   evaluator->is_exact = false;
+  fm_end_receptions(evaluator);
   fm_step_ready_groups(evaluator, report);
+  time->are_receptions_over = evaluator->n_receptions > 0;
 }
 
 // The input that is due at an instant, n_inputs if none is.
@@ -175,6 +216,34 @@ static uint32_t find_due(const struct fm_evaluator * evaluator, int64_t instant)
   return i;
 }
 
+static void restart_time(struct fm_evaluator * evaluator, int64_t now)
+{
+  struct fm_instance_time * time = evaluator->instance.time;
+  evaluator->counts.restarts += 1;
+  fm_evaluator_shift(evaluator, -fm_since(now, time->now));
+  time->clock = now;
+  if (evaluator->policy == FM_TIMED) {
+    time->taken = INT64_MIN;
+    fm_evaluator_reset(evaluator);
+  }
+}
+
+// Under FM_TIMED the time may be ahead of the clock: messages that came at one time.
+static void move_time(struct fm_evaluator * evaluator, int64_t now)
+{
+  struct fm_instance_time * time = evaluator->instance.time;
+  if (now < time->now && now < time->clock) {
+    restart_time(evaluator, now);
+  }
+  if (now > time->now) {
+    time->before = time->now;
+    time->now = now;
+    time->clock = now > time->clock ? now : time->clock;
+    time->are_receptions_over =
+      time->are_receptions_over || (evaluator->policy == FM_TIMED && evaluator->n_receptions > 0);
+  }
+}
+
 uint32_t fm_evaluator_advance(
   struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out)
 {
@@ -183,24 +252,20 @@ uint32_t fm_evaluator_advance(
     begin_time(evaluator, now);
     return 0;
   }
-  if (now < time->now) {
-    evaluator->counts.restarts += 1;
-    fm_evaluator_shift(evaluator, -fm_since(now, time->now));
-  }
-  if (now != time->now) {
-    time->before = time->now;
-    time->now = now;
-  }
+  move_time(evaluator, now);
+  now = time->now;
   if (evaluator->wake > now) {
     return 0;
   }
   miss_periods(evaluator);
   const int64_t deadline = fm_evaluator_deadline(evaluator);
-  struct fm_report report = {out, deadline, 0};
+  struct fm_findings report = {out, deadline, 0};
   if (deadline <= now && deadline != FM_NEVER) {
     const uint32_t input = find_due(evaluator, deadline);
     if (input < evaluator->monitor->n_inputs) {
       take_timeout(evaluator, input, now, &report);
+    } else if (evaluator->policy == FM_TIMED) {
+      fm_evaluate_due_groups(evaluator, deadline, &report);
     } else {
       take_period(evaluator, now, &report);
     }

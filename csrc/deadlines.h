@@ -25,6 +25,12 @@
 /// Set when an input times out. O(1).
 void fm_set_due(struct fm_evaluator * evaluator, uint32_t i, int64_t due);
 
+/// Set when a group is to be evaluated. O(1).
+void fm_set_group_due(struct fm_evaluator * evaluator, uint32_t g, int64_t due);
+
+/// Under FM_TIMED: let the groups that are ready and have not begun, begin now. O(groups).
+void fm_begin_ready_groups(struct fm_evaluator * evaluator);
+
 /// Look for the deadline anew: times of the instance have changed. O(1).
 void fm_forget_deadline(struct fm_evaluator * evaluator);
 

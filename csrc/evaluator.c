@@ -37,6 +37,7 @@ void fm_evaluator_reset(struct fm_evaluator * evaluator)
     evaluator->steps_before[g] += instance->groups[g].steps;
   }
   fm_instance_reset(instance);
+  fm_begin_ready_groups(evaluator);
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     if (instance->inputs[i].is_stale) {
       instance->inputs[i].due = instance->time->now;
@@ -118,8 +119,10 @@ static void end_violation(struct fm_evaluator * evaluator, uint32_t g)
   const struct fm_instance * instance = &evaluator->instance;
   instance->groups[g].knows_stale = false;
   for (uint32_t k = 0; instance->groups[g].unset > 0 && k < group->n_requirements; ++k) {
-    instance->previous[group->requirements[k]] = true;
-    instance->verdicts[group->requirements[k]] = true;
+    const uint32_t r = group->requirements[k];
+    instance->previous[r] = true;
+    instance->verdicts[r] = true;
+    instance->verdicts[evaluator->requirements[r].occurrence] = true;
   }
 }
 
@@ -163,6 +166,7 @@ void fm_evaluator_store(
   struct fm_evaluator * evaluator, uint32_t input, union fm_value value, int64_t now)
 {
   if (input < evaluator->monitor->n_inputs) {
+    fm_end_receptions(evaluator);
     fm_instance_write(&evaluator->instance, input, value);
     note_receipt(evaluator, input, now);
   }
@@ -172,6 +176,7 @@ void fm_evaluator_store_from(
   struct fm_evaluator * evaluator, uint32_t input, const void * value, int64_t now)
 {
   if (input < evaluator->monitor->n_inputs) {
+    fm_end_receptions(evaluator);
     fm_instance_write_from(&evaluator->instance, input, value);
     note_receipt(evaluator, input, now);
   }
@@ -182,6 +187,7 @@ void fm_evaluator_initial(struct fm_evaluator * evaluator, uint32_t input, union
   if (input < evaluator->monitor->n_inputs) {
     fm_instance_write(&evaluator->instance, input, value);
     note_value(evaluator, input);
+    fm_begin_ready_groups(evaluator);
   }
 }
 
@@ -191,6 +197,7 @@ void fm_evaluator_initial_from(
   if (input < evaluator->monitor->n_inputs) {
     fm_instance_write_from(&evaluator->instance, input, value);
     note_value(evaluator, input);
+    fm_begin_ready_groups(evaluator);
   }
 }
 
@@ -213,12 +220,13 @@ void fm_evaluator_undecodable(struct fm_evaluator * evaluator, uint32_t topic)
 uint32_t fm_evaluator_message(
   struct fm_evaluator * evaluator, uint32_t topic, int64_t now, struct fm_violation * out)
 {
-  struct fm_report report = {out, now, 0};
+  struct fm_findings report = {out, now, 0};
   if (topic >= evaluator->n_topics) {
     return 0;
   }
   struct fm_topic_cell * cell = &evaluator->topics[topic];
   cell->counts.messages += 1;
+  fm_end_receptions(evaluator);
   switch (evaluator->policy) {
     case FM_EVERY_MESSAGE:
       fm_step_ready_groups(evaluator, &report);
@@ -229,30 +237,42 @@ uint32_t fm_evaluator_message(
     case FM_ALL_INPUTS:
       fm_step_complete_groups_of(evaluator, cell, &report);
       break;
-    case FM_PERIODIC:
+    case FM_TIMED:
+      if (!evaluator->instance.time->has_begun) {
+        return 0;
+      }
+      fm_evaluate_groups_of(evaluator, topic, now, &report);
       break;
+    case FM_PERIODIC:
+      return 0;
   }
+  evaluator->instance.time->are_receptions_over = cell->tells_receptions;
   return report.n;
 }
 
 uint32_t fm_evaluator_step(
   struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out)
 {
-  struct fm_report report = {out, now, 0};
-  fm_step_ready_groups(evaluator, &report);
+  struct fm_findings report = {out, now, 0};
+  fm_end_receptions(evaluator);
+  if (evaluator->policy == FM_TIMED) {
+    fm_evaluate_ready_groups(evaluator, now, &report);
+  } else {
+    fm_step_ready_groups(evaluator, &report);
+  }
+  evaluator->instance.time->are_receptions_over = evaluator->n_receptions > 0;
   return report.n;
 }
 
 static void store_row(
-  struct fm_evaluator * evaluator, const void * const * columns, uint64_t row)
+  struct fm_evaluator * evaluator, const void * const * columns, uint64_t row, int64_t now)
 {
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     if (columns[i] != NULL) {
       const enum fm_type type = (enum fm_type)evaluator->monitor->inputs[i].type;
       const char * column = columns[i];
       fm_evaluator_store_from(
-        evaluator, i, column + (size_t)row * fm_instance_value_bytes(type),
-        evaluator->instance.time->now);
+        evaluator, i, column + (size_t)row * fm_instance_value_bytes(type), now);
     }
   }
 }
@@ -264,8 +284,9 @@ uint64_t fm_evaluator_rows(
   const uint32_t n_requirements = evaluator->monitor->n_requirements;
   uint64_t announced = 0;
   for (uint64_t row = 0; row < n_rows; ++row) {
-    store_row(evaluator, columns, row);
-    announced += fm_evaluator_step(evaluator, evaluator->instance.time->now, NULL);
+    const int64_t now = evaluator->instance.time->now;
+    store_row(evaluator, columns, row, now);
+    announced += fm_evaluator_step(evaluator, now, NULL);
     if (verdicts != NULL && n_requirements > 0) {
       memcpy(verdicts, evaluator->instance.verdicts, n_requirements * sizeof(bool));
       verdicts += n_requirements;
@@ -274,11 +295,67 @@ uint64_t fm_evaluator_rows(
   return announced;
 }
 
+// ---- rows of a timed trace ---------------------------------------------------------------------
+
+// Take all that is due at the next instant.
+static void take_instant(struct fm_evaluator * evaluator, int64_t instant)
+{
+  while (fm_evaluator_deadline(evaluator) <= instant && instant != FM_NEVER) {
+    (void)fm_evaluator_advance(evaluator, instant, NULL);
+  }
+}
+
+static void take_timed_row(struct fm_evaluator * evaluator, const struct fm_timed_rows * rows)
+{
+  const int64_t now = fm_evaluator_arrival(evaluator, rows->times[rows->next]);
+  store_row(evaluator, rows->columns, rows->next, now);
+  (void)fm_evaluator_step(evaluator, now, NULL);
+  take_instant(evaluator, now);
+}
+
+uint64_t fm_evaluator_timed_rows(
+  struct fm_evaluator * evaluator, struct fm_timed_rows * rows, uint64_t room, int64_t * times,
+  bool * verdicts)
+{
+  const bool * present = evaluator->instance.verdicts;
+  const size_t bytes = evaluator->monitor->n_requirements * sizeof(bool);
+  uint64_t n = 0;
+  if (rows->next < rows->n_rows && !evaluator->instance.time->has_begun) {
+    (void)fm_evaluator_advance(evaluator, rows->times[rows->next], NULL);
+  }
+  while (n < room) {
+    const bool has_row = rows->next < rows->n_rows;
+    const int64_t end = has_row ? rows->times[rows->next] : fm_later(rows->until, 1);
+    const int64_t due = fm_evaluator_deadline(evaluator);
+    const bool is_due = due < end && due != FM_NEVER;
+    bool * out = verdicts + n * evaluator->monitor->n_requirements;
+    if (!is_due && !has_row) {
+      break;
+    }
+    memcpy(out, present, bytes);
+    times[n] = is_due ? due : end;
+    if (is_due) {
+      take_instant(evaluator, due);
+    } else {
+      take_timed_row(evaluator, rows);
+      rows->next += 1;
+    }
+    n += !is_due || memcmp(out, present, bytes) != 0 ? 1u : 0u;
+    memcpy(out, present, bytes);
+  }
+  return n;
+}
+
 // ---- answers -----------------------------------------------------------------------------------
 
 bool fm_evaluator_ready(const struct fm_evaluator * evaluator, uint32_t group)
 {
   return group < evaluator->monitor->n_groups && evaluator->instance.groups[group].unset == 0;
+}
+
+bool fm_evaluator_is_timed(const struct fm_evaluator * evaluator)
+{
+  return evaluator->policy == FM_TIMED;
 }
 
 uint64_t fm_evaluator_steps(const struct fm_evaluator * evaluator, uint32_t group)

@@ -21,7 +21,7 @@
 /// order: what is due before it (fm_evaluator_advance with now - 1 until fm_evaluator_wake is not
 /// before `now`; not if the evaluator's time is `now` already), its fields (fm_evaluator_store),
 /// then fm_evaluator_message. A message at the very instant of a deadline thus comes before what
-/// is due at that instant.
+/// is due at that instant. Under FM_TIMED, `now` is what fm_evaluator_arrival returns.
 ///
 /// The caller owns all memory: it passes a block of fm_evaluator_bytes bytes, aligned to 16.
 /// Not thread-safe: callers that share an evaluator hold a mutex around each call.
@@ -43,7 +43,37 @@ enum fm_policy
   FM_EVERY_MESSAGE = 0,     // every message: all ready groups
   FM_RELEVANT_MESSAGE = 1,  // every message: the ready groups that read an input of its topic
   FM_ALL_INPUTS = 2,        // a group once all its inputs were received anew since its last step
-  FM_PERIODIC = 3           // every period: all ready groups
+  FM_PERIODIC = 3,          // every period: all ready groups
+  FM_TIMED = 4              // every nanosecond: see below
+};
+
+// FM_TIMED means what FM_PERIODIC with a period of 1 ns would say, without taking these steps. A
+// group is evaluated when a message of a topic that it reads comes, and at its deadlines: the
+// instants at which one of its values can change although no input does. In between nothing is
+// done. Its tick 0 is the message that makes it ready, or the begin of the time if it is ready by
+// then. Each evaluation is at its own instant and is stamped with it, however late it is made.
+// A message at the instant of a deadline and the deadline are one evaluation.
+//
+// No two messages take effect at one instant: of two at one time the later takes effect 1 ns
+// later. So the evaluator's time may be ahead of the clock, by as many ns as messages came at one
+// time. A group that would be evaluated after FM_LAST_TICK starts afresh.
+
+/// Which violations of a requirement are announced.
+enum fm_report
+{
+  FM_EVERY_STEP = 0,  // each violating step; under FM_TIMED each violating evaluation
+  FM_ONSET = 1,       // when the verdict turns false
+  FM_OCCURRENCE = 2   // when the verdict that fm_monitor.occurrences names turns false
+};
+
+/// What an input is fed by.
+enum fm_source
+{
+  FM_FIELD = 0,      // a field
+  FM_RECEPTION = 1,  // a bool: a message came. True at the message alone: until the steps of that
+                     // message are taken; under FM_PERIODIC those of a period; under FM_TIMED for
+                     // one tick
+  FM_AGE = 2         // a float64: seconds from a stamp in the message to its reception
 };
 
 /// Periods that are taken after the fact, after the process was stopped or the clock has jumped.
@@ -66,27 +96,30 @@ struct fm_evaluator_options
   const struct fm_topic * topics;
   uint32_t n_topics;
   uint32_t policy;             // enum fm_policy
-  const bool * report_onset;   // a requirement: announce only when the verdict turns false
+  const uint8_t * reports;     // a requirement: enum fm_report
   const int64_t * timeouts;    // an input: ns without a value until it is silent; 0: never
   const bool * violates;       // an input: while it is silent, what reads it is violated
   int64_t period;              // ns, with FM_PERIODIC; 0: steps come from fm_evaluator_step alone
   int64_t patience;            // ns, 0: none; see fm_evaluator_advance
+  const uint8_t * sources;     // an input: enum fm_source
+  bool reports_recoveries;     // also report when what was announced is over
 };
 
-/// One announced violation.
+/// One announced violation, or the recovery from one: what its report compares is true again.
 struct fm_violation
 {
-  uint64_t step;         // of its group, from 0 since start or reset
-  int64_t stamp;         // the time of the message, row, period or timeout
+  uint64_t step;         // of its group, from 0 since start or reset; under FM_TIMED the tick
+  int64_t stamp;         // the time of the message, row, period, deadline or timeout
   uint32_t requirement;  // index
+  bool is_recovery;      // only with fm_evaluator_options.reports_recoveries
 };
 
 /// Counters of a requirement. They count on through a reset.
 struct fm_requirement_counts
 {
-  uint64_t steps;
+  uint64_t steps;        // under FM_TIMED evaluations
   uint64_t violations;   // steps whose verdict was false, and timeouts that violated
-  uint64_t announced;    // those that were reported (all, or onsets)
+  uint64_t announced;    // those that were reported (all, onsets, or occurrences)
   bool verdict;          // of the last step or timeout; true before the first
 };
 
@@ -131,10 +164,16 @@ FM_EXPORT uint64_t fm_evaluator_bytes(const struct fm_evaluator_options * option
 /// Make an evaluator in `memory` (aligned to 16, fm_evaluator_bytes long): no input has a value,
 /// and every group is at its start. Returns it, or NULL if an index in the options or the monitor
 /// is out of range or out of order, an input has two topics, a requirement is not listed once, by
-/// the group it names, a time is negative, or the ABI is not FM_ABI. `report_onset` NULL: every
-/// violation is announced; `timeouts` NULL: none; `violates` NULL: none does. O(bytes).
+/// the group it names, a time is negative, a group has no function for the policy, an input's type
+/// does not fit its source, or the ABI is not FM_ABI. `reports` NULL: every violation is announced;
+/// `timeouts` NULL: none; `violates` NULL: none does; `sources` NULL: all are fields. O(bytes).
 FM_EXPORT struct fm_evaluator * fm_evaluator_init(
   void * memory, const struct fm_evaluator_options * options);
+
+/// When a message that comes `now` takes effect: `now`, or under FM_TIMED, if something was
+/// evaluated at that instant already, 1 ns later than the last evaluation. To be used in place of
+/// `now` in all calls for this message.
+FM_EXPORT int64_t fm_evaluator_arrival(struct fm_evaluator * evaluator, int64_t now);
 
 /// Store a value of an input, received at `now`: a silence of the input ends, and its timeout runs
 /// from then. No step happens: the call of fm_evaluator_message with the input's
@@ -164,8 +203,9 @@ FM_EXPORT void fm_evaluator_undecodable(struct fm_evaluator * evaluator, uint32_
 /// A message of a topic has been stored: take the steps that the policy requires.
 /// Writes the violations to announce to `out`, by group, then requirement; `out` has room for
 /// n_requirements, or is NULL: they are only counted. Returns their number.
-/// A group that reads no input steps with every message, except with FM_PERIODIC. With
-/// FM_ALL_INPUTS a field that cannot be used does not count as received.
+/// A group that reads no input steps with every message, except with FM_PERIODIC and FM_TIMED.
+/// With FM_ALL_INPUTS a field that cannot be used does not count as received. Under FM_TIMED, a
+/// message before the time begins evaluates nothing: its values are those of tick 0.
 /// O(operations of the groups that step), and a comparison for each group that might have.
 FM_EXPORT uint32_t fm_evaluator_message(
   struct fm_evaluator * evaluator, uint32_t topic, int64_t now, struct fm_violation * out);
@@ -175,9 +215,9 @@ FM_EXPORT uint32_t fm_evaluator_message(
 FM_EXPORT uint32_t fm_evaluator_step(
   struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out);
 
-/// The next instant at which something happens though no message comes: a period, or the timeout
-/// of an input. FM_NEVER if there is none; INT64_MIN before the time has begun. O(1), and
-/// O(inputs) when a value has put off what was next.
+/// The next instant at which something happens though no message comes: a period, the timeout of
+/// an input, or under FM_TIMED the deadline of a group. FM_NEVER if there is none; INT64_MIN before
+/// the time has begun. O(1), and O(inputs + groups) when a message has put off what was next.
 FM_EXPORT int64_t fm_evaluator_deadline(struct fm_evaluator * evaluator);
 
 /// A time not after the deadline, without looking for it: it may be too early by what values have
@@ -187,11 +227,15 @@ FM_EXPORT int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator);
 /// Move the time to `now`, and take the first thing that is due by then, stamped with its own
 /// instant, however late this is called. To be called until fm_evaluator_wake is after `now`, or
 /// FM_NEVER: nothing is due then. The violations are as those of fm_evaluator_message. Of one
-/// instant, the timeouts come first, by input, then the period.
+/// instant, the timeouts come first, by input, then the period or the deadlines of groups.
 ///
 /// The first call begins the time: all timeouts run from it, whatever was stored before, and the
 /// first period ends one period later. Time that goes back is counted: what was to come in a
-/// second still comes in a second; values and past are kept.
+/// second still comes in a second; values and past are kept. Under FM_TIMED the past is not: all
+/// groups start afresh, as with fm_evaluator_reset.
+///
+/// The deadlines of groups, under FM_TIMED: all groups that are due at that instant are evaluated,
+/// in one call.
 ///
 /// A period: all ready groups take a step. Of more than FM_MOST_PERIODS_BEHIND due ones the first
 /// are missed, before anything else is taken.
@@ -211,19 +255,21 @@ FM_EXPORT int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator);
 /// has passed, at least ten times `patience` and at most its own length. That is one call, without
 /// a violation. The stamp remains the end of the timeout.
 ///
-/// O(operations) for a period, O(inputs + groups that read the input, and their requirements) for
-/// a timeout, O(1) if nothing is due.
+/// O(operations) for a period, O(inputs + groups + operations of the groups that are due) for
+/// deadlines, O(inputs + groups that read the input, and their requirements) for a timeout, O(1)
+/// if nothing is due.
 FM_EXPORT uint32_t fm_evaluator_advance(
   struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out);
 
 /// The clock was changed: all times are `by` nanoseconds later on the new one. Nothing if the time
-/// has not begun. O(inputs).
+/// has not begun. O(inputs + groups).
 FM_EXPORT void fm_evaluator_shift(struct fm_evaluator * evaluator, int64_t by);
 
-/// The time: the largest `now` of fm_evaluator_advance since it began or went back; 0 before.
+/// The time: the largest `now` of fm_evaluator_advance since it began or went back, or under
+/// FM_TIMED of a later message; 0 before.
 FM_EXPORT int64_t fm_evaluator_now(const struct fm_evaluator * evaluator);
 
-/// Take many rows of a trace at once: for each, store a value of every input that has a column,
+/// Take many rows of a trace at once (not under FM_TIMED): for each, store a value of every input that has a column,
 /// then fm_evaluator_step, both at the evaluator's time. `columns` holds n_inputs pointers, each
 /// to n_rows values of the input's type (bool: bytes), or NULL: the input keeps its value.
 /// `verdicts` has room for n_requirements flags for each row, row after row, or is NULL. Returns
@@ -232,11 +278,32 @@ FM_EXPORT uint64_t fm_evaluator_rows(
   struct fm_evaluator * evaluator, const void * const * columns, uint64_t n_rows,
   bool * verdicts);
 
+/// Rows of a timed trace, and how far they are taken.
+struct fm_timed_rows
+{
+  const void * const * columns;  // as for fm_evaluator_rows
+  const int64_t * times;         // a row: ns, strictly increasing
+  uint64_t n_rows;
+  int64_t until;                 // ns: what is due by then is taken after the last row
+  uint64_t next;                 // the row to take next; 0 at first
+};
+
+/// Take rows of a timed trace: for each, what is due before it; then its values are stored, and all
+/// ready groups are evaluated. Writes a time and n_requirements verdicts for each row, and for each
+/// instant between and after the rows at which a verdict differs from those written before.
+/// `times` has room for `room` times, `verdicts` for as many rows of flags. Returns how many were
+/// written; fewer than `room` once all is taken. Call it again until then. The first row begins the
+/// time. Violations are only counted. O(evaluations x operations).
+FM_EXPORT uint64_t fm_evaluator_timed_rows(
+  struct fm_evaluator * evaluator, struct fm_timed_rows * rows, uint64_t room, int64_t * times,
+  bool * verdicts);
+
 /// Put all groups at their start: temporal state, first time point, step numbers, last verdicts
-/// (for report_onset), and which inputs were received since the last step. The inputs keep their
-/// values, and the counters and periods go on. The verdicts are true until the next step. A
-/// stale input is stale until its next store, and is due at once: its groups that have not stepped
-/// since are violated anew by the next fm_evaluator_advance. O(inputs + state bytes).
+/// (for the reports), and which inputs were received since the last step. The inputs keep their
+/// values, and the counters and periods go on. The verdicts are true until the next step; under
+/// FM_TIMED that of a ready group is due at once, and is its tick 0. A stale input is stale until
+/// its next store, and is due at once: its groups that have not stepped since are violated anew by
+/// the next fm_evaluator_advance. O(inputs + state bytes).
 FM_EXPORT void fm_evaluator_reset(struct fm_evaluator * evaluator);
 
 /// Copy the instance: the values, state, readiness, verdicts and times, in one block that holds no
@@ -251,7 +318,10 @@ FM_EXPORT void fm_evaluator_restore(struct fm_evaluator * evaluator, const void 
 /// Whether every input that the group reads has a value.
 FM_EXPORT bool fm_evaluator_ready(const struct fm_evaluator * evaluator, uint32_t group);
 
-/// Steps a group has taken since start or reset.
+/// Whether the policy is FM_TIMED.
+FM_EXPORT bool fm_evaluator_is_timed(const struct fm_evaluator * evaluator);
+
+/// Steps a group has taken since start or reset; under FM_TIMED evaluations.
 FM_EXPORT uint64_t fm_evaluator_steps(const struct fm_evaluator * evaluator, uint32_t group);
 
 /// Verdicts of the last steps, n_requirements flags, owned by the evaluator; true where a

@@ -55,11 +55,17 @@ static struct layout lay_out(const struct fm_monitor * monitor)
     fm_block_append(&layout.block, monitor->n_inputs, sizeof(struct fm_instance_input));
   layout.groups =
     fm_block_append(&layout.block, monitor->n_groups, sizeof(struct fm_instance_group));
-  layout.verdicts = fm_block_append(&layout.block, monitor->n_requirements, sizeof(bool));
+  layout.verdicts =
+    fm_block_append(&layout.block, fm_instance_verdicts(monitor), sizeof(bool));
   layout.previous = fm_block_append(&layout.block, monitor->n_requirements, sizeof(bool));
   layout.values = fm_block_append(&layout.block, monitor->inputs_bytes, 1);
   layout.state = fm_block_append(&layout.block, monitor->state_bytes, 1);
   return layout;
+}
+
+uint64_t fm_instance_verdicts(const struct fm_monitor * monitor)
+{
+  return (uint64_t)monitor->n_requirements + monitor->n_more_verdicts;
 }
 
 uint64_t fm_instance_bytes(const struct fm_monitor * monitor)
@@ -90,6 +96,7 @@ struct fm_instance fm_instance_make(const struct fm_monitor * monitor, void * bl
     instance.time->n_waiting += monitor->groups[g].n_inputs > 0 ? 1u : 0u;
   }
   instance.time->next_period = INT64_MAX;
+  instance.time->taken = INT64_MIN;
   fm_instance_reset(&instance);
   return instance;
 }
@@ -104,10 +111,13 @@ void fm_instance_reset(const struct fm_instance * instance)
     group->stepped_at = instance->time->stores;
     group->awaited = monitor->groups[g].n_inputs;
     group->knows_stale = false;
+    group->due = INT64_MAX;
   }
   for (uint32_t r = 0; r < monitor->n_requirements; ++r) {
     instance->previous[r] = true;
-    instance->verdicts[r] = true;
+  }
+  for (uint64_t k = 0; k < fm_instance_verdicts(monitor); ++k) {
+    instance->verdicts[k] = true;
   }
 }
 
@@ -235,8 +245,14 @@ void fm_instance_shift(const struct fm_instance * instance, int64_t by)
   time->now = fm_later(time->now, by);
   time->before = fm_later(time->before, by);
   time->next_period = moved(time->next_period, by);
+  time->clock = fm_later(time->clock, by);
+  time->taken = fm_later(time->taken, by);
   for (uint32_t i = 0; i < instance->monitor->n_inputs; ++i) {
     instance->inputs[i].stored_at = fm_later(instance->inputs[i].stored_at, by);
     instance->inputs[i].due = moved(instance->inputs[i].due, by);
+  }
+  for (uint32_t g = 0; g < instance->monitor->n_groups; ++g) {
+    instance->groups[g].start = fm_later(instance->groups[g].start, by);
+    instance->groups[g].due = moved(instance->groups[g].due, by);
   }
 }

@@ -58,6 +58,8 @@ struct fm_instance_group
   uint32_t awaited;      // inputs not received since stepped_at
   uint32_t stale;        // stale inputs
   bool knows_stale;      // its verdicts were set to false for them
+  int64_t start;         // under FM_TIMED: the time of its tick 0
+  int64_t due;           // under FM_TIMED: when it is to be evaluated next; INT64_MAX: never
 };
 
 struct fm_instance_time
@@ -65,9 +67,12 @@ struct fm_instance_time
   int64_t now;
   int64_t before;        // the time from which it moved to `now`
   int64_t next_period;
+  int64_t clock;         // the latest time that was told; under FM_TIMED `now` may be ahead of it
+  int64_t taken;         // under FM_TIMED: the latest instant of a record or evaluation
   uint64_t stores;       // values stored so far
   uint32_t n_waiting;    // groups that read an input without a value
   bool has_begun;
+  bool are_receptions_over;  // inputs that say whether a message came are to become false
 };
 
 /// Where the parts of an instance lie: pointers into its block.
@@ -77,8 +82,8 @@ struct fm_instance
   struct fm_instance_time * time;
   struct fm_instance_input * inputs;
   struct fm_instance_group * groups;
-  bool * verdicts;       // a requirement: of the last step; true before
-  bool * previous;       // a requirement: the verdict of the step before; true before step 0
+  bool * verdicts;       // of the last step, as fm_monitor says; true before
+  bool * previous;       // a requirement: what its report compares; true before step 0
   void * values;         // the struct of inputs
   void * state;
 };
@@ -91,7 +96,11 @@ uint64_t fm_instance_bytes(const struct fm_monitor * monitor);
 /// O(bytes).
 struct fm_instance fm_instance_make(const struct fm_monitor * monitor, void * block);
 
-/// Put all groups at their start, with all verdicts true; values and times stay.
+/// The number of verdicts that the groups write. O(1).
+uint64_t fm_instance_verdicts(const struct fm_monitor * monitor);
+
+/// Put all groups at their start, with all verdicts true and nothing due; values and other times
+/// stay.
 /// O(groups + requirements + state bytes).
 void fm_instance_reset(const struct fm_instance * instance);
 
@@ -105,7 +114,8 @@ void fm_instance_write(
 void fm_instance_write_from(
   const struct fm_instance * instance, uint32_t input, const void * value);
 
-/// Move all times by `by` nanoseconds; one that would leave the range stays at its end. O(inputs).
+/// Move all times by `by` nanoseconds; one that would leave the range stays at its end.
+/// O(inputs + groups).
 void fm_instance_shift(const struct fm_instance * instance, int64_t by);
 
 /// The sum, or the nearest time in range. O(1).

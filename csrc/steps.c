@@ -16,37 +16,55 @@
 
 #include "steps.h"
 
-static void announce(struct fm_report * report, uint32_t requirement, uint64_t step)
+#include "deadlines.h"
+
+// ---- reports -----------------------------------------------------------------------------------
+
+static void announce(
+  struct fm_findings * report, uint32_t requirement, uint64_t step, bool is_recovery)
 {
   if (report->out != NULL) {
     report->out[report->n].step = step;
     report->out[report->n].stamp = report->stamp;
     report->out[report->n].requirement = requirement;
+    report->out[report->n].is_recovery = is_recovery;
   }
   report->n += 1;
 }
 
 static void judge(
-  struct fm_evaluator * evaluator, uint32_t requirement, uint64_t step, struct fm_report * report)
+  struct fm_evaluator * evaluator, uint32_t requirement, uint64_t step, struct fm_findings * report)
 {
   struct fm_requirement_cell * cell = &evaluator->requirements[requirement];
   bool * previous = &evaluator->instance.previous[requirement];
-  const bool verdict = evaluator->instance.verdicts[requirement];
-  if (!verdict) {
-    cell->violations += 1;
-    if (*previous || !cell->onset) {
-      cell->announced += 1;
-      announce(report, requirement, step);
-    }
+  const bool * verdicts = evaluator->instance.verdicts;
+  const bool compared = verdicts[cell->report == FM_OCCURRENCE ? cell->occurrence : requirement];
+  cell->violations += verdicts[requirement] ? 0u : 1u;
+  if (!compared && (*previous || cell->report == FM_EVERY_STEP)) {
+    cell->announced += 1;
+    announce(report, requirement, step, false);
+  } else if (compared && !*previous && evaluator->reports_recoveries) {
+    announce(report, requirement, step, true);
   }
-  *previous = verdict;
+  *previous = compared;
 }
 
-void fm_judge_group(struct fm_evaluator * evaluator, uint32_t g, struct fm_report * report)
+// The number that a violation of a group has at an instant.
+static uint64_t number_of(const struct fm_evaluator * evaluator, uint32_t g, int64_t instant)
+{
+  const struct fm_instance_group * cell = &evaluator->instance.groups[g];
+  if (evaluator->policy != FM_TIMED || cell->steps == 0) {
+    return cell->steps;
+  }
+  return (uint64_t)fm_since(cell->start, instant);
+}
+
+void fm_judge_group(struct fm_evaluator * evaluator, uint32_t g, struct fm_findings * report)
 {
   const struct fm_group * group = &evaluator->monitor->groups[g];
+  const uint64_t number = number_of(evaluator, g, report->stamp);
   for (uint32_t k = 0; k < group->n_requirements; ++k) {
-    judge(evaluator, group->requirements[k], evaluator->instance.groups[g].steps, report);
+    judge(evaluator, group->requirements[k], number, report);
   }
 }
 
@@ -54,13 +72,32 @@ void fm_overrule(struct fm_evaluator * evaluator, uint32_t g)
 {
   const struct fm_group * group = &evaluator->monitor->groups[g];
   for (uint32_t k = 0; k < group->n_requirements; ++k) {
-    evaluator->instance.verdicts[group->requirements[k]] = false;
+    const uint32_t r = group->requirements[k];
+    evaluator->instance.verdicts[r] = false;
+    evaluator->instance.verdicts[evaluator->requirements[r].occurrence] = false;
   }
   evaluator->instance.groups[g].knows_stale = true;
 }
 
+// ---- steps -------------------------------------------------------------------------------------
+
+void fm_end_receptions(struct fm_evaluator * evaluator)
+{
+  const struct fm_instance * instance = &evaluator->instance;
+  const union fm_value no = {.i = 0};
+  if (!instance->time->are_receptions_over) {
+    return;
+  }
+  instance->time->are_receptions_over = false;
+  for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
+    if (evaluator->inputs[i].source == FM_RECEPTION) {
+      fm_instance_write(instance, i, no);
+    }
+  }
+}
+
 // Judge the verdicts of a group's step, and count the step.
-static void account(struct fm_evaluator * evaluator, uint32_t g, struct fm_report * report)
+static void account(struct fm_evaluator * evaluator, uint32_t g, struct fm_findings * report)
 {
   struct fm_instance_group * cell = &evaluator->instance.groups[g];
   if (cell->stale > 0) {
@@ -72,14 +109,14 @@ static void account(struct fm_evaluator * evaluator, uint32_t g, struct fm_repor
   cell->awaited = evaluator->monitor->groups[g].n_inputs;
 }
 
-static void step_group(struct fm_evaluator * evaluator, uint32_t g, struct fm_report * report)
+static void step_group(struct fm_evaluator * evaluator, uint32_t g, struct fm_findings * report)
 {
   const struct fm_instance * instance = &evaluator->instance;
   evaluator->monitor->groups[g].step(instance->state, instance->values, instance->verdicts);
   account(evaluator, g, report);
 }
 
-static void step_all_groups(struct fm_evaluator * evaluator, struct fm_report * report)
+static void step_all_groups(struct fm_evaluator * evaluator, struct fm_findings * report)
 {
   const struct fm_instance * instance = &evaluator->instance;
   evaluator->monitor->step(instance->state, instance->values, instance->verdicts);
@@ -88,7 +125,7 @@ static void step_all_groups(struct fm_evaluator * evaluator, struct fm_report * 
   }
 }
 
-void fm_step_ready_groups(struct fm_evaluator * evaluator, struct fm_report * report)
+void fm_step_ready_groups(struct fm_evaluator * evaluator, struct fm_findings * report)
 {
   if (evaluator->instance.time->n_waiting == 0 && evaluator->monitor->step != NULL) {
     step_all_groups(evaluator, report);
@@ -102,7 +139,7 @@ void fm_step_ready_groups(struct fm_evaluator * evaluator, struct fm_report * re
 }
 
 void fm_step_ready_groups_of(
-  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic, struct fm_report * report)
+  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic, struct fm_findings * report)
 {
   for (uint32_t k = 0; k < topic->n_groups; ++k) {
     if (evaluator->instance.groups[topic->groups[k]].unset == 0) {
@@ -112,11 +149,100 @@ void fm_step_ready_groups_of(
 }
 
 void fm_step_complete_groups_of(
-  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic, struct fm_report * report)
+  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic, struct fm_findings * report)
 {
   for (uint32_t k = 0; k < topic->n_groups; ++k) {
     if (evaluator->instance.groups[topic->groups[k]].awaited == 0) {
       step_group(evaluator, topic->groups[k], report);
     }
   }
+}
+
+// ---- evaluations at ticks ----------------------------------------------------------------------
+
+static void restart_group(struct fm_evaluator * evaluator, uint32_t g)
+{
+  struct fm_instance_group * cell = &evaluator->instance.groups[g];
+  evaluator->steps_before[g] += cell->steps;
+  cell->steps = 0;
+  evaluator->monitor->groups[g].reset(evaluator->instance.state);
+}
+
+// Whether an input of the group says that a message came. It becomes false 1 ns later.
+static bool reads_reception(const struct fm_evaluator * evaluator, uint32_t g)
+{
+  const struct fm_group * group = &evaluator->monitor->groups[g];
+  for (uint32_t k = 0; evaluator->n_receptions > 0 && k < group->n_inputs; ++k) {
+    const uint32_t i = group->inputs[k];
+    const char * place =
+      (const char *)evaluator->instance.values + evaluator->monitor->inputs[i].offset;
+    if (evaluator->inputs[i].source == FM_RECEPTION && *(const bool *)(const void *)place) {
+      return true;
+    }
+  }
+  return false;
+}
+
+void fm_evaluate_group(
+  struct fm_evaluator * evaluator, uint32_t g, int64_t instant, struct fm_findings * report)
+{
+  const struct fm_instance * instance = &evaluator->instance;
+  struct fm_instance_group * cell = &instance->groups[g];
+  if (cell->steps > 0 && fm_between(cell->start, instant) > FM_LAST_TICK) {
+    restart_group(evaluator, g);
+  }
+  if (cell->steps == 0) {
+    cell->start = instant;
+  }
+  const int64_t next = evaluator->monitor->groups[g].step_at(
+    instance->state, instance->values, instance->verdicts, fm_between(cell->start, instant));
+  const int64_t due = next == FM_NEVER ? FM_NEVER : fm_later(cell->start, next);
+  const int64_t after = fm_later(instant, 1);
+  fm_set_group_due(evaluator, g, reads_reception(evaluator, g) && after < due ? after : due);
+  account(evaluator, g, report);
+}
+
+// A message or row takes effect at an instant.
+static void take_record(struct fm_evaluator * evaluator, int64_t instant)
+{
+  struct fm_instance_time * time = evaluator->instance.time;
+  time->taken = instant;
+  time->now = instant > time->now ? instant : time->now;
+}
+
+void fm_evaluate_groups_of(
+  struct fm_evaluator * evaluator, uint32_t topic, int64_t instant, struct fm_findings * report)
+{
+  const struct fm_topic_cell * cell = &evaluator->topics[topic];
+  take_record(evaluator, instant);
+  for (uint32_t k = 0; k < cell->n_groups; ++k) {
+    const uint32_t g = cell->groups[k];
+    if (evaluator->instance.groups[g].unset == 0 && evaluator->monitor->groups[g].n_inputs > 0) {
+      fm_evaluate_group(evaluator, g, instant, report);
+    }
+  }
+}
+
+void fm_evaluate_ready_groups(
+  struct fm_evaluator * evaluator, int64_t instant, struct fm_findings * report)
+{
+  take_record(evaluator, instant);
+  for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
+    if (evaluator->instance.groups[g].unset == 0) {
+      fm_evaluate_group(evaluator, g, instant, report);
+    }
+  }
+}
+
+void fm_evaluate_due_groups(
+  struct fm_evaluator * evaluator, int64_t instant, struct fm_findings * report)
+{
+  fm_end_receptions(evaluator);
+  evaluator->instance.time->taken = instant;
+  for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
+    if (evaluator->instance.groups[g].due <= instant) {
+      fm_evaluate_group(evaluator, g, instant, report);
+    }
+  }
+  evaluator->instance.time->are_receptions_over = evaluator->n_receptions > 0;
 }

@@ -21,7 +21,7 @@
 #include "tables.h"
 
 /// Collects announced violations. With `out` NULL they are only counted.
-struct fm_report
+struct fm_findings
 {
   struct fm_violation * out;
   int64_t stamp;
@@ -30,14 +30,28 @@ struct fm_report
 
 /// Step the groups that are ready: all; those that read a topic; those of a topic whose inputs
 /// were all received anew.
-void fm_step_ready_groups(struct fm_evaluator * evaluator, struct fm_report * report);
+void fm_step_ready_groups(struct fm_evaluator * evaluator, struct fm_findings * report);
 void fm_step_ready_groups_of(
-  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic, struct fm_report * report);
+  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic, struct fm_findings * report);
 void fm_step_complete_groups_of(
-  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic, struct fm_report * report);
+  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic, struct fm_findings * report);
+
+/// Under FM_TIMED: evaluate groups at an instant: one; the ready ones that read a topic; all ready
+/// ones; all that are due by then.
+void fm_evaluate_group(
+  struct fm_evaluator * evaluator, uint32_t g, int64_t instant, struct fm_findings * report);
+void fm_evaluate_groups_of(
+  struct fm_evaluator * evaluator, uint32_t topic, int64_t instant, struct fm_findings * report);
+void fm_evaluate_ready_groups(
+  struct fm_evaluator * evaluator, int64_t instant, struct fm_findings * report);
+void fm_evaluate_due_groups(
+  struct fm_evaluator * evaluator, int64_t instant, struct fm_findings * report);
+
+/// Let the inputs become false that said that a message came, if their time is over.
+void fm_end_receptions(struct fm_evaluator * evaluator);
 
 /// Count and report the verdicts of a group.
-void fm_judge_group(struct fm_evaluator * evaluator, uint32_t g, struct fm_report * report);
+void fm_judge_group(struct fm_evaluator * evaluator, uint32_t g, struct fm_findings * report);
 
 /// Set the verdicts of a stale group to false: its formulas were evaluated on old values.
 void fm_overrule(struct fm_evaluator * evaluator, uint32_t g);

@@ -148,11 +148,49 @@ static bool times_are_sound(const struct fm_evaluator_options * options)
   return options->period >= 0 && options->patience >= 0;
 }
 
+static bool groups_can_step(const struct fm_evaluator_options * options)
+{
+  for (uint32_t g = 0; g < options->monitor->n_groups; ++g) {
+    const struct fm_group * group = &options->monitor->groups[g];
+    if (options->policy == FM_TIMED ? group->step_at == NULL : group->step == NULL) {
+      return false;
+    }
+  }
+  return true;
+}
+
+static bool reports_are_sound(const struct fm_evaluator_options * options)
+{
+  const struct fm_monitor * monitor = options->monitor;
+  for (uint32_t r = 0; r < monitor->n_requirements; ++r) {
+    if ((options->reports != NULL && options->reports[r] > FM_OCCURRENCE) ||
+      (monitor->occurrences != NULL && monitor->occurrences[r] >= fm_instance_verdicts(monitor)))
+    {
+      return false;
+    }
+  }
+  return true;
+}
+
+static bool sources_are_sound(const struct fm_evaluator_options * options)
+{
+  for (uint32_t i = 0; options->sources != NULL && i < options->monitor->n_inputs; ++i) {
+    const uint8_t type = options->monitor->inputs[i].type;
+    if (options->sources[i] > FM_AGE || (options->sources[i] == FM_RECEPTION && type != FM_BOOL) ||
+      (options->sources[i] == FM_AGE && type != FM_FLOAT64))
+    {
+      return false;
+    }
+  }
+  return true;
+}
+
 static bool options_are_sound(const struct fm_evaluator_options * options)
 {
   const struct fm_monitor * monitor = options->monitor;
-  return monitor != NULL && monitor->abi == FM_ABI && options->policy <= FM_PERIODIC &&
-         inputs_are_sound(monitor) && groups_are_sound(monitor) && times_are_sound(options) &&
+  return monitor != NULL && monitor->abi == FM_ABI && options->policy <= FM_TIMED &&
+         inputs_are_sound(monitor) && groups_are_sound(monitor) && groups_can_step(options) &&
+         reports_are_sound(options) && sources_are_sound(options) && times_are_sound(options) &&
          lay_out(options).block.fits;
 }
 
@@ -176,13 +214,19 @@ static void make_inputs(
     input->topic = NO_TOPIC;
     input->timeout = options->timeouts == NULL ? 0 : options->timeouts[i];
     input->violates = options->violates != NULL && options->violates[i];
+    input->source =
+      options->sources == NULL ? FM_FIELD : (enum fm_source)options->sources[i];
+    evaluator->n_receptions += input->source == FM_RECEPTION ? 1u : 0u;
   }
 }
 
-static void make_requirements(struct fm_evaluator * evaluator, const bool * report_onset)
+static void make_requirements(struct fm_evaluator * evaluator, const uint8_t * reports)
 {
+  const uint32_t * occurrences = evaluator->monitor->occurrences;
   for (uint32_t r = 0; r < evaluator->monitor->n_requirements; ++r) {
-    evaluator->requirements[r].onset = report_onset != NULL && report_onset[r];
+    evaluator->requirements[r].report =
+      reports == NULL ? FM_EVERY_STEP : (enum fm_report)reports[r];
+    evaluator->requirements[r].occurrence = occurrences == NULL ? r : occurrences[r];
   }
 }
 
@@ -225,6 +269,8 @@ static bool make_topics(
         return false;
       }
       evaluator->inputs[i].topic = t;
+      evaluator->topics[t].tells_receptions =
+        evaluator->topics[t].tells_receptions || evaluator->inputs[i].source == FM_RECEPTION;
       pool += evaluator->inputs[i].n_readers;
     }
   }
@@ -279,10 +325,11 @@ struct fm_evaluator * fm_evaluator_init(
   evaluator->policy = (enum fm_policy)options->policy;
   evaluator->period = evaluator->policy == FM_PERIODIC ? options->period : 0;
   evaluator->patience = options->patience;
+  evaluator->reports_recoveries = options->reports_recoveries;
   evaluator->wake = INT64_MIN;
   place_parts(evaluator, block, &layout);
   make_inputs(evaluator, options);
-  make_requirements(evaluator, options->report_onset);
+  make_requirements(evaluator, options->reports);
   list_readers(evaluator, readers);
   if (!make_topics(evaluator, options->topics, topic_groups)) {
     return NULL;

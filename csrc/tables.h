@@ -34,6 +34,7 @@ struct fm_input_cell
   int64_t timeout;       // ns; 0: none
   uint32_t n_readers;
   uint32_t topic;
+  enum fm_source source;
   bool violates;
 };
 
@@ -41,7 +42,8 @@ struct fm_requirement_cell
 {
   uint64_t violations;
   uint64_t announced;
-  bool onset;
+  uint32_t occurrence;  // the verdict whose falls are occurrences
+  enum fm_report report;
 };
 
 struct fm_topic_cell
@@ -49,6 +51,7 @@ struct fm_topic_cell
   uint32_t * groups;  // those that read an input of this topic, or no input at all; ascending
   struct fm_topic_counts counts;
   uint32_t n_groups;
+  bool tells_receptions;  // feeds an input whose source is FM_RECEPTION
 };
 
 struct fm_evaluator
@@ -65,7 +68,9 @@ struct fm_evaluator
   int64_t wake;             // not after the deadline
   bool is_exact;            // wake is the deadline
   uint32_t n_topics;
+  uint32_t n_receptions;    // inputs whose source is FM_RECEPTION
   enum fm_policy policy;
+  bool reports_recoveries;
 };
 
 #endif  // TABLES_H_

@@ -21,12 +21,12 @@ Times are in nanoseconds, of any clock that the caller chooses.
 """
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fret_monitor.model.policies import Policy, Report, Stale
+from fret_monitor.model.policies import InputSource, Policy, Report, Stale
 from fret_monitor.native import evaluator_library, LibraryError, load_evaluator, Monitor
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import CData
@@ -35,10 +35,20 @@ NEVER = 2**63 - 1
 """The deadline where nothing will be due."""
 
 _ALIGNMENT = 16
+_TIMED_ROWS = 1024  # rows of verdicts that are taken at once
+
+_REPORTS = {Report.EVERY_STEP: 'FM_EVERY_STEP', Report.ONSET: 'FM_ONSET',
+            Report.OCCURRENCE: 'FM_OCCURRENCE'}
+_SOURCES = {InputSource.FIELD: 'FM_FIELD', InputSource.RECEIVED: 'FM_RECEPTION',
+            InputSource.AGE: 'FM_AGE'}
 
 
 class Violation(NamedTuple):
-    """An announced violation: a requirement (index), the step of its group, its time (ns)."""
+    """
+    An announced violation: a requirement (index), the step of its group, its time (ns).
+
+    Under the policy timed, `step` is the time since the group began, in nanoseconds.
+    """
 
     requirement: int
     step: int
@@ -106,7 +116,7 @@ class Evaluator:
 
     def __init__(
         self, monitor: Monitor, *, policy: Policy | None = None, period: float | None = None,
-        patience: float = 0.0, library: Path | None = None,
+        patience: float = 0.0, reports_recoveries: bool = False, library: Path | None = None,
     ) -> None:
         """
         Make an evaluator, with all groups at their start.
@@ -121,6 +131,8 @@ class Evaluator:
             of the policy periodic, in seconds; the manifest's when None.
         patience
             in seconds: see `fm_evaluator_advance`; 0 puts no timeout off.
+        reports_recoveries
+            for an engine: its details say, too, when what was announced is over.
         library
             the evaluator's library; when None it is built, or taken from the cache.
 
@@ -134,7 +146,8 @@ class Evaluator:
         self._library: Any = load_evaluator(library or evaluator_library())
         try:
             self._options = _Options(
-                monitor, self.policy, period or monitor.manifest.period, patience)
+                monitor, self.policy, period or monitor.manifest.period, patience,
+                reports_recoveries)
             self._make()
             self._make_values()
         except (OverflowError, TypeError) as error:
@@ -197,6 +210,14 @@ class Evaluator:
         if now is None:
             now = self._library.fm_evaluator_now(self.pointer)
         self._library.fm_evaluator_store_from(self.pointer, index, place, now)
+
+    def arrival(self, now: int) -> int:
+        """
+        Return when a message that comes `now` takes effect; to be used in its place.
+
+        Under the policy timed that is a nanosecond after the last evaluation if that was `now`.
+        """
+        return int(self._library.fm_evaluator_arrival(self.pointer, now))
 
     def unusable(self, index: int) -> None:
         """Count a field of an input that cannot be used; the input keeps its value."""
@@ -275,14 +296,62 @@ class Evaluator:
         ValueError
             if a column has another type or length.
         """
+        kept = self._columns(columns, count)
+        verdicts = bytearray(count * len(self.monitor.manifest.requirements))
+        self._library.fm_evaluator_rows(
+            self.pointer, ffi.new('const void *[]', kept), count,
+            ffi.from_buffer('bool[]', verdicts))
+        return verdicts
+
+    def timed_rows(
+        self, columns: Sequence['array[Any] | None'], times: 'array[int]',
+        until: int | None = None,
+    ) -> Iterator[tuple['array[int]', bytes]]:
+        """
+        Take many rows of a timed trace.
+
+        Parameters
+        ----------
+        columns
+            as for `rows`.
+        times
+            when each row takes effect, in nanoseconds; strictly increasing, typecode `q`.
+        until
+            what is due by then is taken after the last row; None: nothing is.
+
+        Yields
+        ------
+        tuple[array[int], bytes]
+            times, and as many rows of verdicts, as `rows` has them: for each row, and for each
+            instant between and after the rows at which a verdict differs from those before it.
+
+        Raises
+        ------
+        ValueError
+            if a column has another type or length.
+        """
+        kept = self._columns(columns, len(times))  # a struct does not keep alive what it points to
+        pointers = ffi.new('const void *[]', kept)
+        given = ffi.from_buffer('int64_t[]', times)
+        rows = ffi.new('struct fm_timed_rows *', {
+            'columns': pointers, 'times': given, 'n_rows': len(times),
+            'until': -2**63 if until is None else until})
+        width = len(self.monitor.manifest.requirements)
+        instants, verdicts = array('q', bytes(8 * _TIMED_ROWS)), bytearray(_TIMED_ROWS * width)
+        count = _TIMED_ROWS
+        while count == _TIMED_ROWS:
+            count = self._library.fm_evaluator_timed_rows(
+                self.pointer, rows, _TIMED_ROWS, ffi.from_buffer('int64_t[]', instants),
+                ffi.from_buffer('bool[]', verdicts))
+            if count:
+                yield instants[:count], bytes(verdicts[:count * width])
+
+    def _columns(self, columns: Sequence['array[Any] | None'], count: int) -> list[CData]:
+        """Return pointers to columns, which they keep alive, and one more that is NULL."""
         if len(columns) != len(self._next):
             raise ValueError(f'{len(columns)} columns for {len(self._next)} inputs')
         kept = [self._column(index, column, count) for index, column in enumerate(columns)]
-        verdicts = bytearray(count * len(self.monitor.manifest.requirements))
-        self._library.fm_evaluator_rows(
-            self.pointer, ffi.new('const void *[]', [*kept, ffi.NULL]), count,
-            ffi.from_buffer('bool[]', verdicts))
-        return verdicts
+        return [*kept, ffi.NULL]
 
     def _column(self, index: int, column: 'array[Any] | None', count: int) -> CData:
         if column is None:
@@ -351,14 +420,16 @@ class _Options:
     """The `struct fm_evaluator_options` of a monitor; keeps alive what the struct points to."""
 
     def __init__(self, monitor: Monitor, policy: Policy, period: float | None,
-                 patience: float) -> None:
+                 patience: float, reports_recoveries: bool) -> None:
         manifest = monitor.manifest
         self._fed = [ffi.new('uint32_t[]', [*topic.inputs, 0]) for topic in manifest.topics]
         self._topics = ffi.new('struct fm_topic[]', max(1, len(manifest.topics)))
         for index, topic in enumerate(manifest.topics):
             self._topics[index] = {'inputs': self._fed[index], 'n_inputs': len(topic.inputs)}
-        self._onset = ffi.new('bool[]', [
-            *(item.report is Report.ONSET for item in manifest.requirements), False])
+        self._reports = ffi.new('uint8_t[]', [
+            *(ffi.integer_const(_REPORTS[item.report]) for item in manifest.requirements), 0])
+        self._sources = ffi.new('uint8_t[]', [
+            *(ffi.integer_const(_SOURCES[item.source]) for item in manifest.inputs), 0])
         self._timeouts = ffi.new('int64_t[]', [
             *(nanoseconds(item.timeout) if item.topic is not None else 0
               for item in manifest.inputs), 0])
@@ -369,11 +440,13 @@ class _Options:
             'topics': self._topics,
             'n_topics': len(manifest.topics),
             'policy': ffi.integer_const(f'FM_{policy.name}'),
-            'report_onset': self._onset,
+            'reports': self._reports,
             'timeouts': self._timeouts,
             'violates': self._violates,
             'period': nanoseconds(period) if policy is Policy.PERIODIC else 0,
             'patience': nanoseconds(patience),
+            'sources': self._sources,
+            'reports_recoveries': reports_recoveries,
         })
 
 

@@ -142,10 +142,10 @@ static struct fm_engine * make(void ** memory, int64_t fed_ms)
 {
   const int64_t timeouts[] = {fed_ms * MS, (int64_t)QUIET_MS * MS};
   const bool violates[] = {true, true};
-  const bool onsets[] = {false, false, true};
+  const uint8_t onsets[] = {FM_EVERY_STEP, FM_EVERY_STEP, FM_ONSET};
   const struct fm_evaluator_options options = {
     &monitor, topics, N_TOPICS, FM_PERIODIC, onsets, timeouts, violates,
-    (int64_t)PERIOD_MS * MS, (int64_t)PATIENCE_MS * MS};
+    (int64_t)PERIOD_MS * MS, (int64_t)PATIENCE_MS * MS, NULL, false};
   *memory = NULL;
   CHECK(posix_memalign(memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
   const struct fm_engine_options made = {
@@ -291,8 +291,8 @@ static uint64_t check_order(void)
   uint64_t beats = 0;
   uint64_t first_steps = 0;
   uint64_t clocks = 0;
-  struct fm_violation last = {0, 0, 0};
-  struct fm_violation beat = {0, 0, 0};
+  struct fm_violation last = {0, 0, 0, false};
+  struct fm_violation beat = {0, 0, 0, false};
   for (uint32_t k = 0; k < n_taken; ++k) {
     const struct fm_violation now = taken[k];
     const bool is_changed = is_other(now.stamp) != is_other(last.stamp);

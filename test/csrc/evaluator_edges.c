@@ -76,7 +76,7 @@ static const struct fm_monitor MONITOR = {
   INPUTS, GROUPS, REQUIREMENTS, "edges", "", NULL, NULL, 0
 };
 static const struct fm_topic TOPICS[] = {{BOTH, 1}, {SECOND, 1}};
-static const bool ONSET[] = {true, false};
+static const uint8_t REPORTS[] = {FM_ONSET, FM_EVERY_STEP};
 static const bool VIOLATES[] = {true, true};
 
 /// The times of an evaluator; both inputs have the same timeout.
@@ -91,7 +91,8 @@ static struct fm_evaluator * make(const uint32_t policy, const struct times time
 {
   static int64_t timeouts[N_INPUTS];
   const struct fm_evaluator_options options = {
-    &MONITOR, TOPICS, 2, policy, ONSET, timeouts, VIOLATES, times.period, times.patience};
+    &MONITOR, TOPICS, 2, policy, REPORTS, timeouts, VIOLATES, times.period, times.patience,
+    NULL, false};
   timeouts[0] = timeouts[1] = times.timeout;
   void * const memory = malloc((size_t)fm_evaluator_bytes(&options));
   struct fm_evaluator * const evaluator =

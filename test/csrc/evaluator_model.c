@@ -54,7 +54,7 @@ static struct fm_requirement requirements[MAX_REQUIREMENTS];
 static struct fm_topic topics[MAX_TOPICS];
 static struct fm_monitor monitor;
 static struct fm_evaluator_options options;
-static bool onset[MAX_REQUIREMENTS];
+static uint8_t reports[MAX_REQUIREMENTS];
 static int64_t timeouts[MAX_INPUTS];
 static bool violates[MAX_INPUTS];
 static uint32_t group_inputs[MAX_GROUPS][MAX_INPUTS];
@@ -158,7 +158,7 @@ static void make_requirements(void)
     requirements[r].id = "";
     requirements[r].group = g;
     group_requirements[g][groups[g].n_requirements++] = r;
-    onset[r] = random_below(2) == 0;
+    reports[r] = (uint8_t)random_below(FM_OCCURRENCE + 1);
   }
 }
 
@@ -208,7 +208,7 @@ static void make_monitor(void)
   options.monitor = &monitor;
   options.topics = topics;
   options.policy = random_below(FM_PERIODIC + 1);
-  options.report_onset = onset;
+  options.reports = reports;
 }
 
 // ---- the model ---------------------------------------------------------------------------------
@@ -382,7 +382,7 @@ static void model_judge(uint32_t r, bool verdict, uint64_t step, int64_t stamp)
   const bool before = model.verdicts[r];
   model.verdicts[r] = verdict;
   counters.requirements[r].violations += !verdict;
-  if (!verdict && (before || !onset[r])) {
+  if (!verdict && (before || reports[r] == FM_EVERY_STEP)) {
     counters.requirements[r].announced += 1;
     expected[n_expected].requirement = r;
     expected[n_expected].step = step;
@@ -415,6 +415,7 @@ static bool steps_with(uint32_t g, uint32_t topic)
     case FM_ALL_INPUTS:
       return is_renewed(g);
     case FM_PERIODIC:
+    case FM_TIMED:
       return false;
   }
   return false;

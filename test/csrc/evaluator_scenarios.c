@@ -123,7 +123,7 @@ static const struct fm_monitor MONITOR = {
 static const uint32_t FEEDS_FLAG[] = {FLAG};
 static const uint32_t FEEDS_LEVEL[] = {LEVEL};
 static const struct fm_topic TOPICS[] = {{FEEDS_FLAG, 1}, {FEEDS_LEVEL, 1}, {NULL, 0}};
-static const bool ONSET_OF_A[] = {true, false, false, false};
+static const uint8_t ONSET_OF_A[] = {FM_ONSET, FM_EVERY_STEP, FM_EVERY_STEP, FM_EVERY_STEP};
 static const bool BOTH_VIOLATE[] = {true, true};
 
 // ---- helpers -----------------------------------------------------------------------------------
@@ -134,7 +134,8 @@ static struct fm_violation out[N_REQUIREMENTS];
 static struct fm_evaluator_options options_of(enum fm_policy policy)
 {
   const struct fm_evaluator_options options = {
-    &MONITOR, TOPICS, N_TOPICS, (uint32_t)policy, ONSET_OF_A, NULL, NULL, 0, 0};
+    &MONITOR, TOPICS, N_TOPICS, (uint32_t)policy, ONSET_OF_A, NULL, NULL, 0, 0, NULL,
+    false};
   return options;
 }
 
@@ -435,7 +436,7 @@ static void without_onset_every_violating_step_is_announced(void)
 static void without_flags_no_requirement_reports_onsets(void)
 {
   struct fm_evaluator_options options = options_of(FM_RELEVANT_MESSAGE);
-  options.report_onset = NULL;
+  options.reports = NULL;
   struct fm_evaluator * evaluator = make(&options);
   (void)level_message(evaluator, 1.0);
   (void)flag_message(evaluator, false);
@@ -1268,7 +1269,7 @@ static const struct fm_monitor TYPES = {
 static struct fm_evaluator * with_types(void)
 {
   const struct fm_evaluator_options options = {
-    &TYPES, NULL, 0, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0};
+    &TYPES, NULL, 0, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false};
   return make(&options);
 }
 

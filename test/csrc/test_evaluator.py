@@ -31,13 +31,14 @@ from fret_monitor.native import csrc_directory
 import pytest
 
 HERE = Path(__file__).resolve().parent
-SCENARIOS = re.findall(
-    r'SCENARIO\((\w+)\),', (HERE / 'evaluator_scenarios.c').read_text(encoding='utf-8'))
+SCENARIOS = [(program, name) for program in ('evaluator_scenarios', 'timed_scenarios')
+             for name in re.findall(
+                 r'SCENARIO\((\w+)\),', (HERE / f'{program}.c').read_text(encoding='utf-8'))]
 WARNINGS = ('-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Wswitch-enum',
             '-Werror')
 SANITIZERS = ('-g', '-fsanitize=address,undefined', '-fno-sanitize-recover=all')
 SOURCES = ('evaluator', 'deadlines', 'steps', 'tables', 'instance')
-PROGRAMS = ('evaluator_scenarios', 'evaluator_model')
+PROGRAMS = ('evaluator_scenarios', 'timed_scenarios', 'evaluator_model')
 EDGES = 'evaluator_edges'  # includes tables.h
 
 
@@ -100,14 +101,15 @@ def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize('scenario', SCENARIOS)
-def test_scenario(programs: Path, scenario: str) -> None:
-    done = run(programs / 'evaluator_scenarios', scenario)
+@pytest.mark.parametrize(('program', 'scenario'), SCENARIOS)
+def test_scenario(programs: Path, program: str, scenario: str) -> None:
+    done = run(programs / program, scenario)
     assert done.returncode == 0, done.stdout
 
 
 def test_every_scenario_of_the_program_is_run(programs: Path) -> None:
-    assert run(programs / 'evaluator_scenarios').stdout.split() == SCENARIOS
+    assert [(program, name) for program in ('evaluator_scenarios', 'timed_scenarios')
+            for name in run(programs / program).stdout.split()] == SCENARIOS
     assert len(SCENARIOS) > 30
 
 

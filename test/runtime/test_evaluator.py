@@ -194,7 +194,7 @@ def test_a_message_steps_the_ready_groups_and_returns_violations() -> None:
 def test_the_policy_is_that_of_the_manifest_unless_given() -> None:
     assert toy(toys.manifest(policy=Policy.PERIODIC)).policy is Policy.PERIODIC
     steps = {}
-    for policy in Policy:
+    for policy in set(Policy) - {Policy.TIMED}:
         evaluator = toy(policy=policy)
         for topic in (LEVEL, FLAG, FLAG):
             evaluator.store(topic, 1)
@@ -203,6 +203,11 @@ def test_the_policy_is_that_of_the_manifest_unless_given() -> None:
     assert steps == {
         Policy.EVERY_MESSAGE: (2, 2), Policy.RELEVANT_MESSAGE: (2, 2),
         Policy.ALL_INPUTS: (2, 1), Policy.PERIODIC: (0, 0)}
+
+
+def test_a_monitor_that_steps_is_refused_under_the_policy_timed() -> None:
+    with pytest.raises(LibraryError, match='refuses'):
+        toy(policy=Policy.TIMED)
 
 
 def test_a_row_steps_the_ready_groups_with_every_policy() -> None:
