@@ -137,6 +137,149 @@ static inline uint32_t fm_next_position(uint32_t position, uint32_t length)
   return position + 1u == length ? 0u : position + 1u;
 }
 
+/// Cells of groups that step at ticks (fm_group.step_at). Between two steps the arguments of a cell
+/// stay as they were at the first of them. `tick` is that of this step; each cell lowers `*next` to
+/// the next tick at which its result can change although its arguments stay. No tick is above
+/// FM_LAST_TICK, and no bound above 2^62.
+static inline void fm_lower(int64_t * next, bool is_due, int64_t tick)
+{
+  *next = is_due && tick < *next ? tick : *next;
+}
+
+/// The state of these is the last tick at which the result is true (always_within: false) if the
+/// arguments change at the next tick: FM_NEVER while the event lasts (once_within: p;
+/// always_within: !p; since_within: q). Starts at head - 1, for the results of the first `head`
+/// ticks; since_within at -1.
+static inline bool fm_once_within_at(
+  int64_t * last, int64_t bound, bool p, int64_t tick, int64_t * next)
+{
+  const int64_t kept = *last == FM_NEVER ? tick - 1 + bound : *last;
+  *last = p ? FM_NEVER : kept;
+  const bool out = p || kept >= tick;
+  fm_lower(next, out && !p, kept + 1);
+  return out;
+}
+
+static inline bool fm_always_within_at(
+  int64_t * last, int64_t bound, bool p, int64_t tick, int64_t * next)
+{
+  return !fm_once_within_at(last, bound, !p, tick, next);
+}
+
+static inline bool fm_since_within_at(
+  int64_t * last, int64_t bound, bool p, bool q, int64_t tick, int64_t * next)
+{
+  const int64_t before = *last == FM_NEVER ? tick - 1 + bound : *last;
+  const int64_t kept = p ? before : -1;
+  *last = q ? FM_NEVER : kept;
+  const bool out = q || kept >= tick;
+  fm_lower(next, out && !q, kept + 1);
+  return out;
+}
+
+/// The state of the last two is the first tick at which the result is true. Starts at FM_NEVER.
+/// While q holds and p does not, every tick is the oldest q: FM_NEVER - 1.
+static inline bool fm_since_before_at(
+  int64_t * first, int64_t bound, bool p, bool q, int64_t tick, int64_t * next)
+{
+  const int64_t kept = *first == FM_NEVER - 1 ? tick - 1 + bound : *first;
+  const int64_t begun = kept == FM_NEVER && q ? tick + bound : kept;
+  *first = p ? begun : q ? FM_NEVER - 1 : FM_NEVER;
+  const bool out = p && begun <= tick;
+  fm_lower(next, p && begun > tick, begun);
+  return out;
+}
+
+static inline bool fm_once_before_at(
+  int64_t * first, int64_t bound, bool p, int64_t tick, int64_t * next)
+{
+  return fm_since_before_at(first, bound, true, p, tick, next);
+}
+
+/// p S[low,high] q, 0 < low <= high: a queue of the intervals of ticks at which it is true if p
+/// lasts. queue[0]: the index of the oldest; queue[1]: how many; queue[2]: the last tick at which
+/// an interval that did not fit is missed. Then the first and last tick of each, for
+/// `capacity` intervals. The newest ends at FM_NEVER while q lasts; it begins at FM_NEVER - 1
+/// while p does not hold, so that every tick is the oldest q. All 0 at the start. With a capacity
+/// of high / (high - low + 2) + 1 everything fits.
+static inline int64_t * fm_interval(int64_t * queue, int64_t capacity, int64_t number)
+{
+  const int64_t place = queue[0] + number;
+  return &queue[3 + 2 * (place < capacity ? place : place - capacity)];
+}
+
+static inline void fm_drop_oldest(int64_t * queue, int64_t capacity)
+{
+  queue[0] = queue[0] + 1 < capacity ? queue[0] + 1 : 0;
+  queue[1] -= 1;
+}
+
+static inline void fm_add_interval(
+  int64_t * queue, int64_t capacity, int64_t begin)
+{
+  if (queue[1] == capacity) {
+    queue[2] = fm_interval(queue, capacity, 0)[1];
+    fm_drop_oldest(queue, capacity);
+  }
+  int64_t * const added = fm_interval(queue, capacity, queue[1]);
+  added[0] = begin;
+  added[1] = FM_NEVER;
+  queue[1] += 1;
+}
+
+static inline bool fm_since_between_at(
+  int64_t * queue, int64_t capacity, int64_t low, int64_t high, bool p, bool q, int64_t tick,
+  int64_t * next)
+{
+  if (queue[1] > 0) {
+    int64_t * const newest = fm_interval(queue, capacity, queue[1] - 1);
+    newest[0] = newest[0] == FM_NEVER - 1 ? tick - 1 + low : newest[0];
+    newest[1] = newest[1] == FM_NEVER && !q ? tick - 1 + high : newest[1];
+    const int64_t * const oldest = fm_interval(queue, capacity, 0);
+    if (oldest[1] < tick) {
+      fm_drop_oldest(queue, capacity);
+    }
+  }
+  queue[1] = p ? queue[1] : 0;
+  if (q) {
+    int64_t * const newest =
+      queue[1] > 0 ? fm_interval(queue, capacity, queue[1] - 1) : NULL;
+    if (newest != NULL && newest[1] >= tick + low - 1) {
+      newest[1] = FM_NEVER;  // lasts, or the next result follows without a gap
+    } else {
+      fm_add_interval(queue, capacity, p ? tick + low : FM_NEVER - 1);
+    }
+  }
+  if (queue[1] == 0) {
+    return false;
+  }
+  const int64_t * const oldest = fm_interval(queue, capacity, 0);
+  const bool out = oldest[0] <= tick;
+  fm_lower(next, out && oldest[1] != FM_NEVER, oldest[1] + 1);
+  fm_lower(next, !out && oldest[0] != FM_NEVER - 1, oldest[0]);
+  return out;
+}
+
+/// Whether the queue may lack an interval at this tick.
+static inline bool fm_overflowed_at(const int64_t * queue, int64_t tick, int64_t * next)
+{
+  fm_lower(next, tick <= queue[2] && queue[2] > 0, queue[2] + 1);
+  return queue[2] > 0 && tick <= queue[2];
+}
+
+/// Whether two numbers are the same bits, so that no operation tells them apart.
+static inline bool fm_same_f32(float a, float b)
+{
+  const union {float number; uint32_t bits;} x = {a}, y = {b};
+  return x.bits == y.bits;
+}
+
+static inline bool fm_same_f64(double a, double b)
+{
+  const union {double number; uint64_t bits;} x = {a}, y = {b};
+  return x.bits == y.bits;
+}
+
 /// The signed number that 64 bits of two's complement represent. A cast of a number above
 /// INT64_MAX would be implementation-defined.
 static inline int64_t fm_signed(uint64_t bits)

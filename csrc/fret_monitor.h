@@ -112,7 +112,7 @@ struct fm_group
 };
 
 /// The last tick that a group can step at, 146 years after its start.
-#define FM_LAST_TICK (INT64_MAX / 2)
+#define FM_LAST_TICK (INT64_MAX / 2 - 2)
 
 /// A requirement: its id in the bundle, and the index of its group.
 struct fm_requirement

@@ -19,7 +19,7 @@ The same program gives the same bytes. Large programs are divided into several f
 size, which can be compiled in parallel.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 import hashlib
 
@@ -28,6 +28,7 @@ from fret_monitor.codegen.comments import comment, safe
 from fret_monitor.codegen.extractors import generate_extractors
 from fret_monitor.codegen.names import field, Names
 from fret_monitor.codegen.step import PartWriter
+from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import GroupLayout, StateField
 from fret_monitor.program.monitor_program import MonitorProgram
@@ -124,9 +125,23 @@ class _ModuleWriter:
             shown = next(comment(f'{item.id}: {item.title or item.text}'))
             yield f'  {self._names.requirements[number]} = {number},  {shown}'
         count = len(self._program.properties)
-        yield f'  {self._names.requirement_count} = {count}  // all of them'
+        end = ',' if self._occurrences else ''
+        yield f'  {self._names.requirement_count} = {count}{end}  // all of them'
+        for place, number in enumerate(self._occurrences):
+            end = ',' if place + 1 < len(self._occurrences) else ''
+            yield f'  {self._names.occurrences[number]} = {count + place}{end}'
         yield '};'
         yield ''
+
+    @property
+    def _occurrences(self) -> list[int]:
+        """The requirements with a verdict of their own for occurrences, ascending."""
+        return sorted(number for layout in self._layouts
+                      for number, _ in layout.group.occurrences)
+
+    @property
+    def _is_timed(self) -> bool:
+        return self._program.policy is Policy.TIMED
 
     def _state(self) -> Iterator[str]:
         for number, layout in enumerate(self._layouts):
@@ -157,20 +172,22 @@ class _ModuleWriter:
         yield '/// Restart all requirements: the next step is the first time point.'
         yield f'FM_EXPORT void {names.prefix}_reset({names.state_struct} * state);'
         yield ''
-        yield '/// Evaluate one step of all requirements; verdicts[i] is true if i is satisfied.'
-        yield f'FM_EXPORT void {names.prefix}_step('
-        yield f'  {names.state_struct} * state, const {names.inputs_struct} * inputs,'
-        yield '  bool * verdicts);'
-        yield ''
+        if not self._is_timed:
+            yield '/// Evaluate one step of all requirements; verdicts[i] is true if i is satisfied.'
+            yield f'FM_EXPORT void {names.prefix}_step('
+            yield f'  {names.state_struct} * state, const {names.inputs_struct} * inputs,'
+            yield '  bool * verdicts);'
+            yield ''
         yield '/// The constant description by which the evaluator runs the monitors.'
         yield f'FM_EXPORT const struct fm_monitor * {names.symbol}(void);'
         yield ''
         yield '// The functions of each step group, for the description.'
         for number, _ in enumerate(self._layouts):
             yield f'void {names.group_function(number, "reset")}(void * state);'
-            yield f'void {names.group_function(number, "step")}('
-            yield '  void * state, const void * inputs, bool * verdicts);'
+            yield f'{self._entry_head(number)};'
         yield ''
+        if self._is_timed:
+            return
         yield '// Functions that step several groups, for the step of all.'
         for groups in self._files():
             for block in self._blocks(groups):
@@ -187,7 +204,7 @@ class _ModuleWriter:
             lines = list(self._opening(number))
             for group in groups:
                 lines.extend(self._group(group))
-            for block in self._blocks(groups):
+            for block in [] if self._is_timed else self._blocks(groups):
                 lines.extend(self._block(block[0], block))
             if number == 0:
                 lines.extend(self._all_groups())
@@ -245,23 +262,40 @@ class _ModuleWriter:
 
     def _function(self, kind: str, name: str, number: int, body: list[str]) -> Iterator[str]:
         """Yield a function with the parameters `s` (a group's state), `in` and `verdicts`."""
-        yield f'{kind} void {name}('
+        yield f'{kind} {"int64_t" if self._is_timed else "void"} {name}('
         yield (f'  {self._names.group_struct(number)} * s, const {self._names.inputs_struct} * in,'
-               ' bool * verdicts)')
+               f' bool * verdicts{", int64_t tick" if self._is_timed else ""})')
         yield '{'
-        for parameter, use in (('s', 's->'), ('in', 'in->'), ('verdicts', 'verdicts[')):
+        uses = [('s', 's->'), ('in', 'in->'), ('verdicts', 'verdicts[')]
+        for parameter, use in uses + [('tick', 'tick')] * self._is_timed:
             if not _mentions(body, use):
                 yield f'  (void){parameter};'
         yield from body[1:] if body[:1] == [''] else body
         yield from ('}', '')
 
     def _entry(self, number: int, functions: tuple[str, ...]) -> Iterator[str]:
-        yield f'void {self._names.group_function(number, "step")}('
-        yield '  void * state, const void * inputs, bool * verdicts)'
+        yield self._entry_head(number)
         yield '{'
         yield from self._locate(number, 'state')
-        yield from (f'  {function}(s, inputs, verdicts);' for function in functions)
+        if not self._is_timed:
+            yield from (f'  {function}(s, inputs, verdicts);' for function in functions)
+        elif len(functions) == 1:
+            yield f'  return {functions[0]}(s, inputs, verdicts, tick);'
+        else:
+            yield '  int64_t next = FM_NEVER;'
+            for function in functions:
+                yield f'  fm_lower(&next, true, {function}(s, inputs, verdicts, tick));'
+            yield '  return next;'
         yield from ('}', '')
+
+    def _entry_head(self, number: int) -> str:
+        """Return the head of the function that steps a group."""
+        if self._is_timed:
+            name = self._names.group_function(number, 'step_at')
+            return f'int64_t {name}(\n' \
+                   '  void * state, const void * inputs, bool * verdicts, int64_t tick)'
+        return f'void {self._names.group_function(number, "step")}(\n' \
+               '  void * state, const void * inputs, bool * verdicts)'
 
     def _step_of_parts(self, number: int, layout: GroupLayout) -> Iterator[str]:
         functions = []
@@ -299,6 +333,8 @@ class _ModuleWriter:
         for number, _ in enumerate(self._layouts):
             yield f'  {names.group_function(number, "reset")}(state);'
         yield from ('}', '')
+        if self._is_timed:
+            return
         yield f'void {names.prefix}_step('
         yield f'  {names.state_struct} * state, const {names.inputs_struct} * inputs,'
         yield '  bool * verdicts)'
@@ -328,6 +364,11 @@ class _ModuleWriter:
         yield from self._input_table()
         yield from self._group_table()
         yield from self._requirement_table()
+        places = [number for number, _ in enumerate(self._program.properties)]
+        for place, number in enumerate(self._occurrences):
+            places[number] = len(places) + place
+        if self._occurrences:
+            yield from _indices('occurrences', places)
         yield '  static const struct fm_monitor monitor = {'
         yield f'    FM_ABI, {len(self._program.signals)}u, {len(self._layouts)}u, ' \
               f'{len(self._program.properties)}u,'
@@ -336,9 +377,10 @@ class _ModuleWriter:
         yield f'    {table}, groups, requirements,'
         yield f'    "{names.prefix}",'
         yield f'    "{_HASH_FIELD}",'
-        together = f'{names.prefix}_step_any' if self._is_many \
+        together = 'NULL' if self._is_timed else f'{names.prefix}_step_any' if self._is_many \
             else names.group_function(0, 'step')
-        yield f'    {together}, NULL, 0u'
+        occurrences = 'occurrences' if self._occurrences else 'NULL'
+        yield f'    {together}, {occurrences}, {len(self._occurrences)}u'
         yield '  };'
         yield '  return &monitor;'
         yield '}'
@@ -363,8 +405,9 @@ class _ModuleWriter:
             inputs = f'inputs_{number}' if group.signals else 'NULL'
             yield f'    {{{inputs}, {len(group.signals)}u, ' \
                   f'requirements_{number}, {len(group.properties)}u,'
-            yield f'      {self._names.group_function(number, "reset")}, ' \
-                  f'{self._names.group_function(number, "step")}, NULL}},'
+            step = self._names.group_function(number, 'step')
+            steps = f'NULL, {step}_at' if self._is_timed else f'{step}, NULL'
+            yield f'      {self._names.group_function(number, "reset")}, {steps}}},'
         yield '  };'
 
     def _requirement_table(self) -> Iterator[str]:
@@ -408,7 +451,7 @@ def _initialisation(item: StateField) -> Iterator[str]:
         yield f'  s->{field(item)} = {c.literal(item.initial, item.type).text};'
 
 
-def _indices(name: str, numbers: tuple[int, ...]) -> Iterator[str]:
+def _indices(name: str, numbers: Sequence[int]) -> Iterator[str]:
     yield f'  static const uint32_t {name}[] = {{'
     for start in range(0, len(numbers), 12):
         yield '    ' + ' '.join(f'{number}u,' for number in numbers[start:start + 12])

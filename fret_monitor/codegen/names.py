@@ -35,9 +35,10 @@ _KEYWORDS = frozenset("""
     static_cast template this throw try typeid typename using virtual wchar_t xor xor_eq
     linux unix i386 errno math_errhandling
 """.split())
-_OURS = frozenset({'s', 'in', 'state', 'inputs', 'verdicts', 'pow', 'fmod', 'fmodf', 'memset'})
+_OURS = frozenset({'s', 'in', 'state', 'inputs', 'verdicts', 'pow', 'fmod', 'fmodf', 'memset', 'tick',
+                   'next', 'unsettled'})
 _GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+$')
-_MODULE = re.compile(r'req_.*|requirements|step|step_any|reset|monitor|readers|groups?_.*')
+_MODULE = re.compile(r'(req|occ)_.*|requirements|step|step_at|step_any|reset|monitor|readers|groups?_.*')
 _LONGEST_PREFIX = 100  # characters; file names begin with the prefix
 
 # Suffixes of the functions in fret_cells.h, by the type of their operands, as in `fm_add_i64`.
@@ -83,8 +84,9 @@ class Names:
         both = distinct([*signals, *definitions], self.prefix)
         self.signals = {name: both[name] for name in signals}
         self.definitions = both
-        words = (re.sub(r'[^A-Za-z0-9_]', '_', item) for item in requirements)
+        words = [re.sub(r'[^A-Za-z0-9_]', '_', item) for item in requirements]
         self.requirements = [f'{self.prefix}_req_{word}' for word in words]
+        self.occurrences = [f'{self.prefix}_occ_{word}' for word in words]
         self.requirement_count = f'{self.prefix}_requirements'
         self.symbol = f'{self.prefix}_monitor'  # the function that returns the description
         self.readers = f'{self.prefix}_readers'  # the function that returns the extractors

@@ -17,7 +17,8 @@ Generate the C statements of one part of a group's step.
 
 Each equation becomes a named constant or, if it is small and used once, is inlined in the
 expression that uses it. State is in the group's struct `s`; words of packed bits are read at the
-start of the part and written at its end.
+start of the part and written at its end. In a group that steps at ticks, `next` is the next tick
+at which a value can change although no input does; `unsettled` says that it is the one after this.
 """
 
 from collections.abc import Iterator
@@ -36,8 +37,8 @@ from fret_monitor.program.layout import (
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, CounterCell, Delay,
     FeedbackRead, FirstStep, Literal, MonitorProgram, OnceBefore, OnceEver, OnceWithin, Operand,
-    operands, Operation, Power, PreviousNumber, Read, SinceBefore, SinceEver, SinceWithin,
-    TriggeredEver,
+    operands, Operation, Overflowed, Power, PreviousNumber, Read, SinceBefore, SinceBetween,
+    SinceEver, SinceWithin, TriggeredEver,
 )
 
 _INLINE_DEPTH = 4
@@ -74,11 +75,15 @@ class PartWriter:
                 for item in operands(self._group.equations[index].operation)}
         if self._is_last:
             used.update(item.next.value for item in self._group.feedback)
-        return used.union(self._layout.verdicts_of)
+        return used.union(self._layout.verdicts_of, self._layout.occurrences_of)
 
     def lines(self) -> Iterator[str]:
         """Yield the statements, indented."""
         words = self._words()
+        if self._group.is_timed:
+            yield '  int64_t next = FM_NEVER;'
+            if self._can_be_unsettled:
+                yield '  bool unsettled = false;'
         for word in words:
             name = field(word)
             yield f'  const {word.type.c_name} {name} = s->{name};'
@@ -88,8 +93,29 @@ class PartWriter:
                   for word in words]
         if self._is_last:
             ending.extend(self._last())
+        if self._group.is_timed:
+            ending = [*self._unsettled_bits(words), *ending]
+            if self._can_be_unsettled:
+                ending.append('  fm_lower(&next, unsettled, tick + 1);')
+            ending.append('  return next;')
         if ending:
             yield from ('', *ending)
+
+    @property
+    def _can_be_unsettled(self) -> bool:
+        """Whether a value of this part can differ at the next tick from what it is at this."""
+        return (self._is_last and bool(self._group.feedback)) or any(
+            _lasts_a_tick(self._group.equations[index].operation) for index in self._range)
+
+    def _unsettled_bits(self, words: list[StateField]) -> Iterator[str]:
+        for word in words:
+            mask = sum(1 << slot.bit for index, slot in self._layout.bits.items()
+                       if slot.word == word.number
+                       and _lasts_a_tick(self._group.equations[index].operation))
+            if mask:
+                suffix = 'u' if mask < 2 ** 32 else ''
+                shown = f'{mask}{suffix}' if suffix else f'UINT64_C({mask})'
+                yield f'  unsettled |= (({field(word)} ^ next_{word.number}) & {shown}) != 0u;'
 
     def _words(self) -> list[StateField]:
         numbers = {slot.word for slot in self._layout.bits.values() if slot.part == self._part}
@@ -238,6 +264,11 @@ class PartWriter:
                 return self._delay(operation, index)
             case OnceWithin() | AlwaysWithin() | OnceBefore() | SinceWithin() | SinceBefore():
                 return self._counter(operation, index)
+            case SinceBetween():
+                return self._queue(operation, index)
+            case Overflowed():
+                queue = c.Atom(f's->queue_{operation.argument.value}')
+                return c.Apply('fm_overflowed_at', (queue, *_AT))
             case PreviousNumber():
                 return c.Atom(f's->number_{index}')
             case FeedbackRead():
@@ -279,22 +310,40 @@ class PartWriter:
                        (c.Atom(f'&s->line_{index}'), c.Atom(f'{delay.steps}u'), argument))
 
     def _counter(self, operation: CounterCell, index: int) -> c.CExpression:
+        arguments = tuple(self._operand(item) for item in operands(operation))
+        if self._group.is_timed:
+            state = (c.Atom(f'&s->counter_{index}'), c.Atom(f'INT64_C({operation.bound})'))
+            return c.Apply(f'fm_{_COUNTERS[type(operation)]}_at', (*state, *arguments, *_AT))
         suffix = SUFFIXES[self._fields[FieldKind.COUNTER, index].type]
-        arguments = (self._operand(item) for item in operands(operation))
         return c.Apply(f'fm_{_COUNTERS[type(operation)]}_{suffix}',
                        (c.Atom(f'&s->counter_{index}'), c.Atom(f'{operation.bound}u'),
                         *arguments))
+
+    def _queue(self, cell: SinceBetween, index: int) -> c.CExpression:
+        numbers = (c.Atom(f'INT64_C({number})') for number in (cell.capacity, cell.low, cell.high))
+        return c.Apply('fm_since_between_at', (
+            c.Atom(f's->queue_{index}'), *numbers, self._operand(cell.left),
+            self._operand(cell.right), *_AT))
 
     # -- what follows an equation ---------------------------------------------------------------
 
     def _after(self, index: int) -> Iterator[str]:
         operation = self._group.equations[index].operation
+        if self._group.is_timed and _lasts_a_tick(operation) and index not in self._layout.bits:
+            yield self._unsettled(index, operation)
         if (FieldKind.FLAG, index) in self._fields:
             yield f'  s->flag_{index} = {c.text(self._next_value(index, operation))};'
         elif index in self._layout.bits and not isinstance(operation, FirstStep):
             yield self._next_bit(index, operation)
         elif isinstance(operation, PreviousNumber):
             yield f'  s->number_{index} = {c.text(self._operand(operation.argument))};'
+
+    def _unsettled(self, index: int, operation: Operation) -> str:
+        if isinstance(operation, PreviousNumber):
+            kind, old = self._group.equations[index].type, c.Atom(f's->number_{index}')
+            return _unless_same(kind, old, self._operand(operation.argument))
+        old = c.Atom(f's->flag_{index}')
+        return _unless_same(ValueType.BOOL, old, self._next_value(index, operation))
 
     def _next_bit(self, index: int, operation: Operation) -> str:
         slot = self._layout.bits[index]
@@ -313,14 +362,18 @@ class PartWriter:
 
     def _verdicts(self, index: int) -> Iterator[str]:
         for number, operand in self._layout.verdicts_of.get(index, ()):
-            yield self._verdict(number, operand)
+            yield self._verdict(self._names.requirements[number], operand)
+        for number, operand in self._layout.occurrences_of.get(index, ()):
+            yield self._verdict(self._names.occurrences[number], operand)
 
-    def _verdict(self, number: int, operand: Operand) -> str:
-        value = c.text(self._operand(operand))
-        return f'  verdicts[{self._names.requirements[number]}] = {value};'
+    def _verdict(self, place: str, operand: Operand) -> str:
+        return f'  verdicts[{place}] = {c.text(self._operand(operand))};'
 
     def _last(self) -> Iterator[str]:
         for number, item in enumerate(self._group.feedback):
+            if self._group.is_timed:
+                yield _unless_same(item.type, c.Atom(f's->feedback_{number}'),
+                                   self._operand(item.next))
             yield f'  s->feedback_{number} = {c.text(self._operand(item.next))};'
         for length in ring_lengths(self._group):
             place = self._fields[FieldKind.POSITION, length]
@@ -331,6 +384,7 @@ class PartWriter:
             yield f'  s->{field(place)} = {shown};'
 
 
+_AT = (c.Atom('tick'), c.Atom('&next'))
 _COUNTERS: dict[type[Operation], str] = {
     OnceWithin: 'once_within', AlwaysWithin: 'always_within', OnceBefore: 'once_before',
     SinceWithin: 'since_within', SinceBefore: 'since_before',
@@ -338,6 +392,7 @@ _COUNTERS: dict[type[Operation], str] = {
 _STEMS: dict[type[Operation], str] = {
     **_COUNTERS, FirstStep: 'first', OnceEver: 'once', AlwaysSoFar: 'always', SinceEver: 'since',
     TriggeredEver: 'triggered', PreviousNumber: 'previous', FeedbackRead: 'feedback',
+    SinceBetween: 'since_between', Overflowed: 'overflowed',
 }
 
 
@@ -345,6 +400,20 @@ def _stem(operation: Operation) -> str:
     if isinstance(operation, Delay):
         return 'yesterday' if operation.steps == 1 else 'delayed'
     return _STEMS.get(type(operation), 'value')
+
+
+def _lasts_a_tick(operation: Operation) -> bool:
+    """Whether the value of a cell at the next tick is what it stores at this one."""
+    return isinstance(operation, FirstStep | PreviousNumber) \
+        or (isinstance(operation, Delay) and operation.steps == 1)
+
+
+def _unless_same(kind: ValueType, old: c.CExpression, new: c.CExpression) -> str:
+    if kind.is_float:
+        differ: c.CExpression = c.negate(c.Apply(f'fm_same_{SUFFIXES[kind]}', (old, new)))
+    else:
+        differ = c.Operation('!=', old, new)
+    return f'  unsettled |= {c.text(differ)};'
 
 
 def _is_shallow(formula: Formula) -> bool:

@@ -18,7 +18,8 @@ The static layout of a group's state: fields, sizes and parts.
 A group's equations are divided into parts, one C function each, because C compilers are slow on
 long functions. If a part has at most eight bits of state, each takes a byte; otherwise they are
 packed into words. Counters have the smallest type that their bounds allow. Fields are ordered by
-size, so that there is no padding between them.
+size, so that there is no padding between them. In a group that steps at ticks a counter is a tick,
+in 64 bits.
 """
 
 from bisect import bisect_right
@@ -29,11 +30,12 @@ from enum import Enum
 from functools import cached_property
 
 from fret_monitor.model.diagnostics import Diagnostic, Problems
+from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, Delay, FirstStep, Literal, MonitorProgram, OnceBefore, OnceEver,
-    OnceWithin, Operand, operands, Operation, PreviousNumber, Read, SinceBefore, SinceEver,
-    SinceWithin, StepGroup, TriggeredEver,
+    OnceWithin, Operand, operands, Operation, PreviousNumber, Read, SinceBefore, SinceBetween,
+    SinceEver, SinceWithin, StepGroup, TriggeredEver,
 )
 
 MAX_STATE_BYTES = 16 * 1024 * 1024
@@ -41,6 +43,9 @@ PART_EQUATIONS = 256
 SHIFT_REGISTER_BITS = 64
 # A byte is faster to read and write than a bit of a word, since it does not depend on other bits.
 FEW_BITS = 8
+
+QUEUE_HEAD = 3  # numbers before the intervals of a queue
+FM_NEVER = 2 ** 63 - 1  # as in csrc/fret_monitor.h
 
 _UNSIGNED = (ValueType.UINT8, ValueType.UINT16, ValueType.UINT32, ValueType.UINT64)
 
@@ -53,6 +58,7 @@ class FieldKind(Enum):
     COUNTER = 'counter'
     LINE = 'line'
     RING = 'ring'
+    QUEUE = 'queue'
     POSITION = 'position'
     NUMBER = 'number'
     FEEDBACK = 'feedback'
@@ -133,8 +139,17 @@ class GroupLayout:
         uses = Counter(item.value for equation in group.equations
                        for item in operands(equation.operation))
         uses.update(item.value for item in group.verdicts)
+        uses.update(item.value for _, item in group.occurrences)
         uses.update(item.next.value for item in group.feedback)
         return uses
+
+    @cached_property
+    def occurrences_of(self) -> dict[int, list[tuple[int, Operand]]]:
+        """The occurrences computed from each value, as `verdicts_of`."""
+        found: dict[int, list[tuple[int, Operand]]] = {}
+        for number, operand in self.group.occurrences:
+            found.setdefault(operand.value, []).append((number, operand))
+        return found
 
     @cached_property
     def verdicts_of(self) -> dict[int, list[tuple[int, Operand]]]:
@@ -173,28 +188,59 @@ def check_bounds(program: MonitorProgram, layouts: tuple[GroupLayout, ...],
     CompileError
         with the place of the requirement that has the longest delay.
     """
+    _check_rates(program, layouts)
     needed = state_bytes(layouts)
     if needed <= limit:
         return
-    steps, index = max(_delays(layouts), default=(0, 0))
+    size, past, index = max(_delays(layouts), default=(0, '', 0))
     item = program.properties[index]
     problems = Problems()
     problems.extend([Diagnostic(
         f'the bundle needs {needed:,} bytes of state; at most {limit:,} are allowed',
         item.place,
-        f'{item.id} looks back {steps:,} steps: {-(-steps // 8):,} bytes' if steps else item.id,
+        f'{item.id} looks back {past}: {size:,} bytes' if size else item.id,
+        'a window [a,b] keeps b/(b-a) intervals; use [0,b], which needs one number, or a smaller a'
+        if program.policy is Policy.TIMED else
         'a window [a,b] keeps its last a values; use [0,b], which needs one counter, '
         'or a smaller a')])
     problems.raise_errors()
 
 
-def _delays(layouts: tuple[GroupLayout, ...]) -> Iterator[tuple[int, int]]:
+def _check_rates(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> None:
+    problems = Problems()
     for layout in layouts:
         group = layout.group
         for index, equation in enumerate(group.equations):
-            if isinstance(equation.operation, Delay):
-                owner = bisect_right(group.first_equations, index) - 1
-                yield equation.operation.steps, group.properties[owner]
+            cell = equation.operation
+            if isinstance(cell, SinceBetween) and cell.capacity is None:
+                item = program.properties[_owner(group, index)]
+                slow = [program.signals[one].name for one in cell.signals
+                        if program.signals[one].max_rate is None]
+                problems.extend([Diagnostic(
+                    f'{item.id} looks back exactly {cell.high / 10 ** 9:g} s, for which each change '
+                    'in between must be stored', item.place,
+                    f'how many there can be is not known without a rate of {", ".join(slow)}',
+                    f'write `max_rate: 100` (Hz) at the input {slow[0]}, or a window '
+                    '[a,b] with a < b, which needs no rate')])
+    problems.raise_errors()
+
+
+def _owner(group: StepGroup, index: int) -> int:
+    """Return the property for which an equation was added."""
+    return group.properties[bisect_right(group.first_equations, index) - 1]
+
+
+def _delays(layouts: tuple[GroupLayout, ...]) -> Iterator[tuple[int, str, int]]:
+    """Yield bytes, length of time and property of each cell that stores past values."""
+    for layout in layouts:
+        group = layout.group
+        for index, equation in enumerate(group.equations):
+            cell = equation.operation
+            if isinstance(cell, Delay):
+                yield -(-cell.steps // 8), f'{cell.steps:,} steps', _owner(group, index)
+            elif isinstance(cell, SinceBetween):
+                size = layout.field_of[FieldKind.QUEUE, index].size
+                yield size, f'{cell.high / 10 ** 9:g} s', _owner(group, index)
 
 
 def _parts(group: StepGroup) -> Iterator[range]:
@@ -283,6 +329,14 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
     for index, equation in enumerate(group.equations):
         operation = equation.operation
         match operation:
+            case OnceWithin() | AlwaysWithin() | SinceWithin() if group.is_timed:
+                head = 0 if isinstance(operation, SinceWithin) else operation.head
+                yield StateField(FieldKind.COUNTER, index, ValueType.INT64, 0, head - 1)
+            case OnceBefore() | SinceBefore() if group.is_timed:
+                yield StateField(FieldKind.COUNTER, index, ValueType.INT64, 0, FM_NEVER)
+            case SinceBetween():
+                length = QUEUE_HEAD + 2 * (operation.capacity or 0)
+                yield StateField(FieldKind.QUEUE, index, ValueType.INT64, length)
             case OnceWithin() | AlwaysWithin() | SinceWithin():
                 kind = _holding(2 * operation.bound + 1)  # an age saturates at the highest bit
                 yield StateField(FieldKind.COUNTER, index, kind, 0, _start(operation))

@@ -33,34 +33,40 @@ FRET's patterns around the first time point (FTP) are simplified:
     O[0,b] p with another initial count   for O[0,b] (FTP | p)
     H[0,b] p with another initial count   for H[0,b] p & H[0,m] !FTP, m <= b   (its persisted)
 
-FRET's `within n` under a condition needs no delay line of n bits, because H stays false:
-    H !(!q S[n,inf) p)   for H (O[n,n] p -> O[0,n-1] q)
-The requirement fails at k + n if p held at k and q at none of the n steps after k. S may become
-true later than k + n; under H the value is already false then, so the result is the same. The
-first step is never after k, so FTP in q can be left out.
+`rewriting.py` has removed the queues of FRET's deadlines before.
+
+Groups that step at ticks (the policy `timed`) have other cells for windows that begin before now:
+queues of intervals, since the ticks between two steps are too many for a bit each.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import assert_never
+from math import ceil
+from typing import assert_never, TypeAlias
 
 from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, Historically, Once,
-    postorder, Previous, Since, Triggered, Unary, UnaryOperator, Variable, WeakYesterday, Window,
-    Yesterday,
+    postorder, Previous, Since, Triggered, Unary, UnaryOperator, Variable, variables,
+    WeakYesterday, Window, Yesterday,
 )
-from fret_monitor.logic.specification import Specification
+from fret_monitor.logic.specification import Signal, Specification
+from fret_monitor.model.policies import Policy, Report
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, Delay, Equation, FALSE,
     FeedbackEquation, FeedbackRead, FirstStep, Literal, MonitorProgram, OnceBefore, OnceEver,
-    OnceWithin, Operand, Operation, Power, PreviousNumber, Read, SinceBefore, SinceEver,
-    SinceWithin, StepGroup, TriggeredEver, TRUE,
+    OnceWithin, Operand, operands, Operation, Overflowed, Power, PreviousNumber, Read,
+    SinceBefore, SinceBetween, SinceEver, SinceWithin, StepGroup, TriggeredEver, TRUE,
 )
 from fret_monitor.program.prune import prune
+from fret_monitor.program.rewriting import without_queues
 
 _BOOL = ValueType.BOOL
 _FACTORING_DEPTH = 8  # `b | c` may have a common factor again
+_LAST = Window(1, 1)
+_SHORT_QUEUE = 16  # ticks that a queue covers without a rate
+_TICKS_PER_S = 10 ** 9
+_Windowed: TypeAlias = Once | Historically | Since | Triggered
 _TURNED = {BinaryOperator.GT: BinaryOperator.LT, BinaryOperator.GE: BinaryOperator.LE}
 
 
@@ -90,30 +96,65 @@ def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Sp
                  index: dict[str, int]) -> StepGroup:
     properties = [specification.properties[number] for number in numbers]
     feedback = {node: equation for item in properties for node, equation in item.feedback}
-    builder = _GroupBuilder(index, {node: i for i, node in enumerate(feedback)})
+    simpler = without_queues([root for item in properties for root in item.roots])
+    is_timed = specification.policy is Policy.TIMED
+    builder = _GroupBuilder(index, {node: i for i, node in enumerate(feedback)},
+                            _Rates(specification.signals, index) if is_timed else None)
     first_equations = []
     for item in properties:
         first_equations.append(len(builder.equations))
-        builder.define(item.roots)
+        builder.define([simpler[root] for root in item.roots])
+    roots = [simpler[item.formula] for item in properties]
+    verdicts = [builder.operand[root] for root in roots]
+    if is_timed:
+        verdicts = [builder.unless_lost(verdict) for verdict in verdicts]
     return prune(StepGroup(
         signals,
         tuple(numbers),
         tuple(builder.equations),
         tuple(first_equations),
-        tuple(builder.operand[item.formula] for item in properties),
-        tuple(FeedbackEquation(node.name, node.type, builder.operand[equation])
+        tuple(verdicts),
+        tuple(FeedbackEquation(node.name, node.type, builder.operand[simpler[equation]])
               for node, equation in feedback.items()),
+        tuple((number, builder.operand[root.argument])
+              for number, item, root in zip(numbers, properties, roots, strict=True)
+              if item.report is Report.OCCURRENCE and isinstance(root, Historically)
+              and root.window.is_unbounded),
+        is_timed,
     ))
+
+
+class _Rates:
+    """How often the inputs of a bundle can change at most."""
+
+    def __init__(self, signals: tuple[Signal, ...], index: dict[str, int]) -> None:
+        self._signals = signals
+        self._index = index
+
+    def inputs(self, node: Formula) -> tuple[int, ...]:
+        """Return the inputs that a formula reads."""
+        return tuple(sorted(self._index[item.name] for item in variables(node)))
+
+    def changes(self, inputs: tuple[int, ...], ticks: int) -> int | None:
+        """Return how many messages feed some inputs in so many ticks; None if unknown."""
+        topics = {self._signals[item].topic or item: self._signals[item].max_rate
+                  for item in inputs}
+        if None in topics.values():
+            return None
+        rates = [rate for rate in topics.values() if rate is not None]
+        return sum(ceil(rate * ticks / _TICKS_PER_S) + 1 for rate in rates) + 1
 
 
 class _GroupBuilder:
     """Builds the equations of one group; `operand` maps each formula to its value."""
 
-    def __init__(self, index: dict[str, int], feedback: dict[Feedback, int]) -> None:
+    def __init__(self, index: dict[str, int], feedback: dict[Feedback, int],
+                 rates: _Rates | None) -> None:
         self.equations: list[Equation] = []
         self.operand: dict[Formula, Operand] = {}
         self._found: dict[tuple[object, ...], Operand] = {}
         self._index = index
+        self._rates = rates
         self._feedback = feedback
         # Operands that are known to equal a conjunction, `t >= m`, or `O[0,b] p`.
         self._conjuncts: dict[Operand, tuple[Operand, Operand]] = {}
@@ -184,18 +225,14 @@ class _GroupBuilder:
             case WeakYesterday():
                 return ~self._delay(1, ~self.operand[node.argument])
             case Once():
-                return self._once(node.window, self.operand[node.argument], False)
+                return self._once(node, self.operand[node.argument], False)
             case Historically():
-                deadline = self._deadline(node)
-                if deadline is not None:
-                    return deadline
-                return ~self._once(node.window, ~self.operand[node.argument], True)
+                return ~self._once(node, ~self.operand[node.argument], True)
             case Since():
-                return self._since(node.window, self.operand[node.left],
-                                   self.operand[node.right], False)
+                return self._since(node, self.operand[node.left], self.operand[node.right], False)
             case Triggered():
-                return ~self._since(node.window, ~self.operand[node.left],
-                                    ~self.operand[node.right], True)
+                return ~self._since(node, ~self.operand[node.left], ~self.operand[node.right],
+                                    True)
             case _:
                 assert_never(node)
 
@@ -436,12 +473,13 @@ class _GroupBuilder:
     def _before(self, steps: int, argument: Operand) -> Operand:
         return self._share(('before', steps, argument), False, OnceBefore(steps, argument))
 
-    def _once(self, window: Window, argument: Operand, dual: bool) -> Operand:
+    def _once(self, node: _Windowed, argument: Operand, dual: bool) -> Operand:
         """
-        Return `O[window] argument`.
+        Return `O[w] argument`, w the window of `node`.
 
         With `dual`, the formula contains its negation, written as H of the negated argument.
         """
+        window = node.window
         if window.is_empty or argument == FALSE:
             return FALSE
         if argument == TRUE:
@@ -449,23 +487,38 @@ class _GroupBuilder:
         if window.high is None:
             return self._before(window.low, argument) if window.low \
                 else self._once_ever(argument, dual)
+        if window.low and self._rates and window != _LAST:
+            return self._between(node, TRUE, argument)
         return self._once_within(window.high - window.low,
                                  self._ago(window.low, argument), dual)
 
-    def _deadline(self, node: Historically) -> Operand | None:
-        """Return `H (O[n,n] p -> O[0,n-1] a)` with one counter; None for anything else."""
-        match node:
-            case Historically(Window(0, None), Binary(
-                    BinaryOperator.IMPLIES, Once(Window(int(low), high), trigger),
-                    Once(Window(0, int(last)), answer))) if low == high == last + 1:
-                pass
-            case _:
-                return None
-        answered = self.operand[answer]
-        answered = self._beside_first_step(answered) or answered
-        late = self._since(Window(low, None), ~answered, self.operand[trigger], False)
-        self._name(late, Since(Window(low, None), Unary(UnaryOperator.NOT, answer), trigger))
-        return ~self._once_ever(late, True)
+    def _between(self, node: _Windowed, left: Operand, right: Operand) -> Operand:
+        """Return `left S[w] right`, w the window of `node`, in a group that steps at ticks."""
+        low, high = node.window.low, node.window.high
+        assert self._rates is not None and high is not None
+        signals = self._rates.inputs(node)
+        # Intervals of `right` whose results do not touch begin at least this many ticks apart.
+        capacity: int | None = high // (high - low + 2) + 1
+        may_overflow = low == high and high > _SHORT_QUEUE
+        if may_overflow:
+            capacity = self._rates.changes(signals, high)
+        return self._share(('between', low, high, left, right), False,
+                           SinceBetween(low, high, left, right, signals, capacity, may_overflow))
+
+    def unless_lost(self, verdict: Operand) -> Operand:
+        """Return a verdict, false while a queue that it depends on has lost what it needs."""
+        seen, stack = set[int](), [verdict.value]
+        while stack:
+            value = stack.pop()
+            if value in seen or value < 0:
+                continue
+            seen.add(value)
+            operation = self.equations[value].operation
+            stack.extend(item.value for item in operands(operation))
+            if isinstance(operation, SinceBetween) and operation.may_overflow:
+                one = self._share(('overflowed', value), False, Overflowed(Operand(value)))
+                verdict = self._connective(BinaryOperator.AND, verdict, ~one)
+        return verdict
 
     def _ago(self, steps: int, argument: Operand) -> Operand:
         return self._delay(steps, argument) if steps else argument
@@ -504,19 +557,22 @@ class _GroupBuilder:
         operand = self._share(key, dual, operation)
         return ~operand if dual else operand
 
-    def _since(self, window: Window, left: Operand, right: Operand, dual: bool) -> Operand:
-        """Return `left S[window] right`; `dual` as for `_once`, with T."""
+    def _since(self, node: _Windowed, left: Operand, right: Operand, dual: bool) -> Operand:
+        """Return `left S[w] right`, w the window of `node`; `dual` as for `_once`, with T."""
+        window = node.window
         if window.is_empty or right == FALSE:
             return FALSE
         if left == TRUE or window.high == 0:
-            return self._once(window, right, dual)
+            return self._once(node, right, dual)
         if left == FALSE or (right == TRUE and window.low == 0):
             return right if window.low == 0 else FALSE
         if window.high is None:
             return self._since_before(window.low, left, right, dual)
+        if window.low and self._rates:
+            return self._between(node, left, right)
         started = self._ago(window.low, right)
         if window.low:
-            held = ~self._once(Window(0, window.low - 1), ~left, True)
+            held = ~self._once_within(window.low - 1, ~left, True)
             started = self._and(BinaryOperator.AND, started, held, False)
         return self._since_within(window.high - window.low, left, started)
 

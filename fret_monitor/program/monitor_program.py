@@ -209,6 +209,32 @@ class SinceBefore:
 
 
 @dataclass(frozen=True)
+class SinceBetween:
+    """
+    `left S[low,high] right`, 0 < low <= high; only in groups that step at ticks.
+
+    A queue of at most `capacity` intervals of ticks at which it is true. `capacity` is None where
+    it is unknown: low equals high, and some input of `signals` has no `max_rate`. With
+    `may_overflow` more intervals than that can come.
+    """
+
+    low: int
+    high: int
+    left: Operand
+    right: Operand
+    signals: tuple[int, ...]
+    capacity: int | None
+    may_overflow: bool
+
+
+@dataclass(frozen=True)
+class Overflowed:
+    """Whether the queue of a SinceBetween, the argument, has lost what it would need now."""
+
+    argument: Operand
+
+
+@dataclass(frozen=True)
 class PreviousNumber:
     """The value of a number at the step before; `initial` at the first step. One number."""
 
@@ -226,7 +252,8 @@ class FeedbackRead:
 Pure: TypeAlias = Read | Literal | Convert | ApplyUnary | ApplyBinary | Power | Choose
 BitCell: TypeAlias = FirstStep | OnceEver | AlwaysSoFar | SinceEver | TriggeredEver
 CounterCell: TypeAlias = OnceWithin | AlwaysWithin | OnceBefore | SinceWithin | SinceBefore
-Cell: TypeAlias = BitCell | CounterCell | Delay | PreviousNumber | FeedbackRead
+Cell: TypeAlias = (BitCell | CounterCell | Delay | SinceBetween | Overflowed | PreviousNumber
+                   | FeedbackRead)
 Operation: TypeAlias = Pure | Cell
 
 
@@ -255,6 +282,10 @@ class StepGroup:
 
     `signals` and `properties` are indices, ascending. `verdicts` are in the order of
     `properties`; `first_equations[i]` is the index of the first equation added for property i.
+    `occurrences` are p for each property `H p` that reports occurrences, by property.
+
+    With `is_timed` the group steps at ticks, of which most are left out (policy `timed`). A bound
+    is a number of ticks, and a counter holds a tick.
     """
 
     signals: tuple[int, ...]
@@ -263,6 +294,8 @@ class StepGroup:
     first_equations: tuple[int, ...]
     verdicts: tuple[Operand, ...]
     feedback: tuple[FeedbackEquation, ...]
+    occurrences: tuple[tuple[int, Operand], ...] = ()
+    is_timed: bool = False
 
 
 @dataclass(frozen=True)

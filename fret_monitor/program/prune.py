@@ -40,11 +40,13 @@ def prune(group: StepGroup) -> StepGroup:
         verdicts=tuple(_operand(item, number) for item in group.verdicts),
         feedback=tuple(replace(item, next=_operand(item.next, number))
                        for item in group.feedback),
+        occurrences=tuple((index, _operand(item, number)) for index, item in group.occurrences),
     )
 
 
 def _live(group: StepGroup) -> list[int]:
-    roots = [*group.verdicts, *(item.next for item in group.feedback)]
+    roots = [*group.verdicts, *(item for _, item in group.occurrences),
+             *(item.next for item in group.feedback)]
     seen: set[int] = set()
     stack = [root.value for root in roots if not root.is_constant]
     while stack:
