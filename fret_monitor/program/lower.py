@@ -136,13 +136,14 @@ class _Rates:
         return tuple(sorted(self._index[item.name] for item in variables(node)))
 
     def changes(self, inputs: tuple[int, ...], ticks: int) -> int | None:
-        """Return how many messages feed some inputs in so many ticks; None if unknown."""
+        """Return how many intervals inputs can begin in so many ticks; None if unknown."""
         topics = {self._signals[item].topic or item: self._signals[item].max_rate
                   for item in inputs}
         if None in topics.values():
             return None
         rates = [rate for rate in topics.values() if rate is not None]
-        return sum(ceil(rate * ticks / _TICKS_PER_S) + 1 for rate in rates) + 1
+        # A message may begin an interval when it comes, and another when a window in it ends.
+        return 2 * sum(ceil(rate * ticks / _TICKS_PER_S) + 1 for rate in rates) + 4
 
 
 class _GroupBuilder:
