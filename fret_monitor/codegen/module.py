@@ -173,7 +173,8 @@ class _ModuleWriter:
         yield f'FM_EXPORT void {names.prefix}_reset({names.state_struct} * state);'
         yield ''
         if not self._is_timed:
-            yield '/// Evaluate one step of all requirements; verdicts[i] is true if i is satisfied.'
+            yield '/// Evaluate one step of all requirements; verdicts[i] is true if i is '\
+                  'satisfied.'
             yield f'FM_EXPORT void {names.prefix}_step('
             yield f'  {names.state_struct} * state, const {names.inputs_struct} * inputs,'
             yield '  bool * verdicts);'

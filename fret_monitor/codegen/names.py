@@ -35,10 +35,11 @@ _KEYWORDS = frozenset("""
     static_cast template this throw try typeid typename using virtual wchar_t xor xor_eq
     linux unix i386 errno math_errhandling
 """.split())
-_OURS = frozenset({'s', 'in', 'state', 'inputs', 'verdicts', 'pow', 'fmod', 'fmodf', 'memset', 'tick',
-                   'next', 'unsettled'})
+_OURS = frozenset({'s', 'in', 'state', 'inputs', 'verdicts', 'pow', 'fmod', 'fmodf', 'memset',
+                   'tick', 'next', 'unsettled'})
 _GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+$')
-_MODULE = re.compile(r'(req|occ)_.*|requirements|step|step_at|step_any|reset|monitor|readers|groups?_.*')
+_MODULE = re.compile(
+    r'(req|occ)_.*|requirements|step|step_at|step_any|reset|monitor|readers|groups?_.*')
 _LONGEST_PREFIX = 100  # characters; file names begin with the prefix
 
 # Suffixes of the functions in fret_cells.h, by the type of their operands, as in `fm_add_i64`.

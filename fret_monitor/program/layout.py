@@ -217,8 +217,8 @@ def _check_rates(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> N
                 slow = [program.signals[one].name for one in cell.signals
                         if program.signals[one].max_rate is None]
                 problems.extend([Diagnostic(
-                    f'{item.id} looks back exactly {cell.high / 10 ** 9:g} s, for which each change '
-                    'in between must be stored', item.place,
+                    f'{item.id} looks back exactly {cell.high / 10 ** 9:g} s, for which each '
+                    'change in between must be stored', item.place,
                     f'how many there can be is not known without a rate of {", ".join(slow)}',
                     f'write `max_rate: 100` (Hz) at the input {slow[0]}, or a window '
                     '[a,b] with a < b, which needs no rate')])

@@ -28,8 +28,9 @@ Its body is false at k + n too, and may stay false until a holds. Under H this m
 if s held at k + n whenever it holds later, with no a since k. That is so if s cannot become true
 without a: FRET's `a` includes the start of the scope s. `_starts_with` looks for that.
 
-The body of a rewritten H is thus false as long as the response is overdue, not only at the step
-at which its time ran out. The first step is never after k, so that FTP is left out of `a`. docs/bundle.md says so of the report `occurrence`.
+The first step is never after k, so that FTP is left out of `a`. The body of a rewritten H is false
+as long as the response is overdue, not only at the step at which its time ran out; docs/bundle.md
+says so of the report `occurrence`.
 
 Where a window of n steps without x has passed, "n steps ago" is the same as "in the last n":
 
@@ -39,8 +40,8 @@ Where a window of n steps without x has passed, "n steps ago" is the same as "in
 from collections.abc import Iterator, Sequence
 
 from fret_monitor.logic.formula import (
-    ALWAYS, Binary, BinaryOperator, Choice, Conversion, Formula, FTP, Historically, Once, postorder,
-    Previous, Since, Triggered, Unary, UnaryOperator, WeakYesterday, Window, Yesterday,
+    ALWAYS, Binary, BinaryOperator, Choice, Conversion, Formula, FTP, Historically, Once,
+    postorder, Previous, Since, Triggered, Unary, UnaryOperator, WeakYesterday, Window, Yesterday,
 )
 
 
@@ -96,7 +97,8 @@ def _overdue(body: Formula, scopes: tuple[Formula, ...]) -> Formula:
         case Binary(BinaryOperator.IMPLIES, Once(Window(int(low), high), trigger),
                     Once(Window(0, int(last)), answer)) if low == high == last + 1 \
                 and all(_starts_with(scope, answer) for scope in scopes):
-            late = Since(Window(low, None), Unary(UnaryOperator.NOT, _later(answer)), trigger)
+            late = Since(Window(low, None), Unary(UnaryOperator.NOT, _later(answer)),
+                         trigger)
             return Unary(UnaryOperator.NOT, late)
         case Binary(BinaryOperator.IMPLIES, scope, right):
             return Binary(BinaryOperator.IMPLIES, scope, _overdue(right, (*scopes, scope)))

@@ -29,8 +29,8 @@ from fret_monitor.program.layout import FieldKind, ring_lengths, SHIFT_REGISTER_
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, BitCell, Choose, Convert, CounterCell,
     Delay, FeedbackRead, FirstStep, Literal, OnceBefore, OnceEver, OnceWithin, Operand, operands,
-    Operation, Power, PreviousNumber, Read, SinceBefore, SinceEver, SinceWithin, StepGroup,
-    TriggeredEver,
+    Operation, Overflowed, Power, PreviousNumber, Read, SinceBefore, SinceBetween, SinceEver,
+    SinceWithin, StepGroup, TriggeredEver,
 )
 from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
@@ -197,6 +197,8 @@ class SystemBuilder:
                 return before
             case FeedbackRead():
                 return self._feedback[operation.index]
+            case SinceBetween() | Overflowed():
+                raise ValueError('a group that steps at ticks has no transition system')
             case _:
                 assert_never(operation)
 
