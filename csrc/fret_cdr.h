@@ -339,6 +339,12 @@ static inline struct fm_field fm_field_wide_name(
   return field;
 }
 
+/// A time or duration in nanoseconds.
+static inline int64_t fm_cdr_nanoseconds(int32_t sec, uint32_t nanosec)
+{
+  return (int64_t)sec * 1000000000 + (int64_t)nanosec;
+}
+
 /// A time or duration in seconds.
 static inline double fm_cdr_seconds(int32_t sec, uint32_t nanosec)
 {

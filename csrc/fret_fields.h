@@ -29,7 +29,8 @@
 /// The result of reading a field.
 enum fm_outcome
 {
-  FM_FIELD_READ = 0,     // `value` holds the field
+  FM_FIELD_READ = 0,     // `value` holds the field; of an input fed by an age, .i holds the stamp in
+                         // nanoseconds instead
   FM_FIELD_OUTSIDE = 1,  // the index is outside its array, which has `length` elements
   FM_FIELD_UNNAMED = 2,  // the string is not one of the input's `values`; it has `length` bytes
                          // (a wstring: UTF-16 units)
@@ -53,6 +54,9 @@ struct fm_reader
   /// another encoding; the content of `fields` is then unspecified.
   bool (* read)(const uint8_t * message, size_t size, struct fm_field * fields);
   uint32_t n_inputs;
+  /// Read the stamp in the message's header, in nanoseconds: with `stamp: header`, otherwise NULL.
+  /// Fails as `read`.
+  bool (* stamp)(const uint8_t * message, size_t size, int64_t * stamp);
 };
 
 /// The readers of a bundle, one for each topic, in the order of the manifest. If the bundle has

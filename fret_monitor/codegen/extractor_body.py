@@ -30,6 +30,7 @@ from fret_monitor.logic.specification import Signal
 from fret_monitor.messages.installed import nested_layout
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
 from fret_monitor.model.manifest import SECONDS
+from fret_monitor.model.policies import InputSource
 from fret_monitor.model.values import ValueType
 
 
@@ -155,7 +156,10 @@ class ExtractorWriter:
             yield f'const {kind.c_name} {local[item.name]} = fm_cdr_{kind.value}(&c);'
         for place, signal in need.whole:
             yield from _explain([(place, signal)], path)
-            if signal.reduction == SECONDS:
+            if signal.source is InputSource.AGE:
+                yield f'fields[{place}] = fm_field_i(' \
+                      f'fm_cdr_nanoseconds({local["sec"]}, {local["nanosec"]}));'
+            elif signal.reduction == SECONDS:
                 yield f'fields[{place}] = fm_field_f(' \
                       f'fm_cdr_seconds({local["sec"]}, {local["nanosec"]}));'
             else:
@@ -284,7 +288,8 @@ def _units(name: str, data: bytes) -> Iterator[str]:
 def _explain(whole: Iterable[tuple[int, Signal]], path: str) -> Iterator[str]:
     """Yield a comment with the inputs that are read next, and their fields."""
     for _, signal in whole:
-        what = f'{signal.reduction}({path})' if signal.reduction else path
+        function = InputSource.AGE.value if signal.source is InputSource.AGE else signal.reduction
+        what = f'{function}({path})' if function else path
         yield from comment(f'{signal.name}: {what}')
 
 

@@ -28,18 +28,22 @@ from fret_monitor.codegen.message_sizes import Sizes
 from fret_monitor.codegen.names import Names
 from fret_monitor.codegen.skippers import Skippers
 from fret_monitor.logic.specification import Signal
+from fret_monitor.messages.layout import MessageLayout
+from fret_monitor.model.policies import InputSource, Stamp
+from fret_monitor.model.values import ValueType
 
 
-def generate_extractors(names: Names, title: str, signals: Sequence[Signal]) -> Iterator[str]:
+def generate_extractors(names: Names, title: str, signals: Sequence[Signal],
+                        stamp: Stamp = Stamp.RECEIVED) -> Iterator[str]:
     """
-    Yield the lines of the C file.
+    Yield the lines of the C file; with HEADER each topic has a function for its messages' stamps.
 
     There are none if no input comes from a topic, or if a message layout is not known because the
     signals were not read from a bundle.
     """
     topics = topics_of(signals)
     if topics and all(signals[i].layout for fed in topics.values() for i in fed):
-        yield from _FileWriter(names, title, signals).lines(topics)
+        yield from _FileWriter(names, title, signals, stamp).lines(topics)
 
 
 def topics_of(signals: Sequence[Signal]) -> dict[str, list[int]]:
@@ -51,13 +55,19 @@ def topics_of(signals: Sequence[Signal]) -> dict[str, list[int]]:
     return topics
 
 
+_STAMP = Signal('stamp', ValueType.FLOAT64, None, None, ('header', 'stamp'), (), None, (),
+                source=InputSource.AGE)
+
+
 class _FileWriter:
     """Writes the file: functions that skip, an extractor for each topic, and their table."""
 
-    def __init__(self, names: Names, title: str, signals: Sequence[Signal]) -> None:
+    def __init__(self, names: Names, title: str, signals: Sequence[Signal],
+                 stamp: Stamp) -> None:
         self._names = names
         self._title = title
         self._signals = signals
+        self._has_stamps = stamp is Stamp.HEADER
         self._skippers = Skippers(Sizes())
 
     def lines(self, topics: dict[str, list[int]]) -> Iterator[str]:
@@ -91,6 +101,25 @@ class _FileWriter:
         yield from ExtractorWriter(self._skippers).lines(layout, need)
         yield '  return c.ok;'
         yield from ('}', '')
+        if self._has_stamps:
+            yield from self._stamp(number, topic, layout)
+
+    def _stamp(self, number: int, topic: str, layout: MessageLayout) -> Iterator[str]:
+        need = Need()
+        need.at(_STAMP.path).whole.append((0, _STAMP))
+        yield from comment(f'{topic}: the stamp in the header')
+        yield f'static bool stamp_{number}(const uint8_t * message, size_t size, ' \
+              'int64_t * stamp)'
+        yield '{'
+        yield '  struct fm_cdr c;'
+        yield '  struct fm_field fields[1];'
+        yield '  if (!fm_cdr_open(&c, message, size)) {'
+        yield '    return false;'
+        yield '  }'
+        yield from ExtractorWriter(self._skippers).lines(layout, need)
+        yield '  *stamp = fields[0].value.i;'
+        yield '  return c.ok;'
+        yield from ('}', '')
 
     def _table(self, topics: dict[str, list[int]]) -> Iterator[str]:
         symbol = self._names.readers
@@ -101,7 +130,8 @@ class _FileWriter:
         yield '{'
         yield '  static const struct fm_reader topics[] = {'
         for number, fed in enumerate(topics.values()):
-            yield f'    {{read_{number}, {len(fed)}u}},'
+            stamp = f'stamp_{number}' if self._has_stamps else 'NULL'
+            yield f'    {{read_{number}, {len(fed)}u, {stamp}}},'
         yield '  };'
         yield f'  static const struct fm_readers readers = {{FM_ABI, {len(topics)}u, topics}};'
         yield '  return &readers;'

@@ -69,7 +69,7 @@ def generate(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> CModu
     writer = _ModuleWriter(program, layouts, names)
     header = '\n'.join(writer.header()) + '\n'
     texts = [(name, '\n'.join(lines) + '\n') for name, lines in writer.sources()]
-    readers = list(generate_extractors(names, program.name, program.signals))
+    readers = list(generate_extractors(names, program.name, program.signals, program.stamp))
     if readers:
         texts.append((names.fields_source, '\n'.join(readers) + '\n'))
     digest = hashlib.sha256('\0'.join([header, *(text for _, text in texts)]).encode()).hexdigest()

@@ -72,7 +72,7 @@ static bool read_flag(const uint8_t * message, size_t size, struct fm_field * fi
   return size != 0u;
 }
 
-static const struct fm_reader TOPICS[] = {{read_flag, 1}, {read_flag, 1}};
+static const struct fm_reader TOPICS[] = {{read_flag, 1, NULL}, {read_flag, 1, NULL}};
 static const struct fm_readers ALL = {FM_ABI, 2, TOPICS};
 
 FM_EXPORT const struct fm_readers * fm_toy_readers(void);
@@ -103,7 +103,8 @@ def test_a_monitor_exposes_its_extractors() -> None:
     ('FM_ABI, 2, TOPICS', '7, 2, TOPICS', 'readers of messages were compiled for interface 7'),
     ('return &ALL', '(void)ALL; return NULL', 'it has no readers of messages'),
     ('FM_ABI, 2, TOPICS', 'FM_ABI, 1, TOPICS', 'it reads 1 topics instead of 2'),
-    ('{read_flag, 1}}', '{read_flag, 3}}', "of the topic '/level' it reads 3 inputs instead of 1"),
+    ('{read_flag, 1, NULL}}', '{read_flag, 3, NULL}}',
+     "of the topic '/level' it reads 3 inputs instead of 1"),
     ('fm_toy_readers(void)', 'fm_toy_raeders(void)', "does not export 'fm_toy_readers'"),
 ])
 def test_extractors_that_do_not_fit_are_refused(old: str, new: str, told: str) -> None:
