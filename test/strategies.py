@@ -95,18 +95,20 @@ class FormulaMaker:
     Makes random formulas over given inputs.
 
     `reach` is the largest bound of a window in the formulas: 300 takes `LONG_BOUNDS` in, more the
-    `HUGE_BOUNDS` up to it, those only where no delay line that long is needed.
+    `HUGE_BOUNDS` up to it, those only where no delay line that long is needed. Where `bounds` is
+    given, the bounds are those, and sums of two.
     `feedback` are Feedback nodes to use as if they were inputs.
     """
 
     def __init__(self, draw: Draw, inputs: Sequence[Variable] = INPUTS, *, reach: int = 300,
-                 feedback: Sequence[Feedback] = ()) -> None:
+                 feedback: Sequence[Feedback] = (), bounds: Sequence[int] = ()) -> None:
         """Start with no terms to share."""
         self._draw = draw
         self._leaves: list[Formula] = [*inputs, *feedback]
-        bounds = (*SHORT_BOUNDS, *LONG_BOUNDS)
-        self._bounds = tuple(bound for bound in bounds if bound <= reach)
-        self._far_bounds = tuple(bound for bound in (*bounds, *HUGE_BOUNDS) if bound <= reach)
+        usual = (*SHORT_BOUNDS, *LONG_BOUNDS)
+        self._bounds = bounds or tuple(bound for bound in usual if bound <= reach)
+        self._far_bounds = bounds or tuple(bound for bound in (*usual, *HUGE_BOUNDS)
+                                           if bound <= reach)
         self._made: dict[ValueType, list[Formula]] = {}
 
     def formula(self, size: int) -> Formula:
@@ -282,6 +284,39 @@ def random_formula(rng: Random, inputs: Sequence[Variable] = INPUTS, *, size: in
     return FormulaMaker(rng.randrange, inputs, reach=reach).formula(1 + rng.randrange(size))
 
 
+def on_both_scales(draw: Draw, depth: int, grid: int) -> tuple[Formula, Formula]:
+    """
+    Return one formula about p and q, with bounds in steps and in ticks, `grid` ticks a step.
+
+    It has no Y, Z, pre and FTP, which look back one tick instead of one step. In its p S[a,b] q,
+    q implies p. Otherwise a step at which q holds, and p does not, counts as a whole for steps:
+    it satisfies p S[1,1] q one step later. On ticks p would have to hold within that step, after
+    its first tick. In p T[a,b] q, p implies q, for the same reason.
+    """
+    if depth == 0:
+        leaf = INPUTS[draw(2)]
+        return leaf, leaf
+    (p, p_wide), (q, q_wide) = (on_both_scales(draw, depth - 1, grid) for _ in range(2))
+    low, more = (0, 0, 1, 2, 5)[draw(5)], (None, 0, 1, 2, 7)[draw(5)]
+    window = Window(low, None if more is None else low + more)
+    wide = Window(low * grid, None if more is None else (low + more) * grid)
+    both, either = BinaryOperator.AND, BinaryOperator.OR
+    match draw(5):
+        case 0:
+            return Once(window, p), Once(wide, p_wide)
+        case 1:
+            return Historically(window, p), Historically(wide, p_wide)
+        case 2:
+            return (Since(window, Binary(either, p, q), q),
+                    Since(wide, Binary(either, p_wide, q_wide), q_wide))
+        case 3:
+            return (Triggered(window, Binary(both, p, q), q),
+                    Triggered(wide, Binary(both, p_wide, q_wide), q_wide))
+        case _:
+            operator = CONNECTIVES[draw(len(CONNECTIVES))]
+            return Binary(operator, p, q), Binary(operator, p_wide, q_wide)
+
+
 def random_inputs(rng: Random, inputs: Sequence[Variable] = INPUTS,
                   most: int = 5) -> tuple[Variable, ...]:
     """Return one to `most` of the inputs, so that formulas fall into different step groups."""
@@ -306,6 +341,21 @@ def make_timed_trace(draw: Draw, inputs: Sequence[Variable], rows: int,
         ticks.append(ticks[-1] + gaps[draw(len(gaps))])
     end = ticks[-1] + (0, *gaps)[draw(len(gaps) + 1)]
     return TimedTrace(ticks, make_trace(draw, inputs, rows), end)
+
+
+def make_close_trace(draw: Draw, inputs: Sequence[Variable], rows: int,
+                     bounds: Sequence[int]) -> TimedTrace:
+    """
+    Return rows that often come at a deadline of earlier ones, a nanosecond before or after it.
+
+    The trace ends after the deadlines of the last row.
+    """
+    gaps = sorted({max(1, bound + change) for bound in bounds for change in (-1, 0, 1)})
+    ticks = [0]
+    while len(ticks) < rows:
+        tick = ticks[-1 - draw(min(3, len(ticks)))] + gaps[draw(len(gaps))]
+        ticks.append(tick if tick > ticks[-1] else ticks[-1] + gaps[draw(len(gaps))])
+    return TimedTrace(ticks, make_trace(draw, inputs, rows), ticks[-1] + 2 * gaps[-1] + 2)
 
 
 def _column(draw: Draw, kind: ValueType, steps: int) -> list[Any]:

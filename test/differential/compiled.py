@@ -19,7 +19,7 @@ The loop over the steps is C (`run.c` beside this file), so that traces can be l
 `csrc/fret_monitor.h`; the evaluator and `native` are tested elsewhere.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import ctypes
 from functools import cache
@@ -31,7 +31,7 @@ import tempfile
 from typing import Any
 
 from fret_monitor.codegen.module import CModule, generate
-from fret_monitor.logic.specification import Specification
+from fret_monitor.logic.specification import Signal, Specification
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import cache as library_cache
 from fret_monitor.native import compiler as library_compiler
@@ -110,6 +110,30 @@ def compile_c(command: Sequence[str | Path]) -> None:
     assert result.stderr == ''
 
 
+def load(specification: Specification, driver: str, *, compiler: Sequence[str] | None = None,
+         flags: Sequence[str] = FLAGS) -> tuple[Any, Any]:
+    """Compile a specification with a driver; return the library and its `fm_monitor`."""
+    module = c_module(specification)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        library = folder / 'monitor.so'
+        sources = write_module(module, folder)
+        chosen = compiler or gcc() or clang()
+        assert chosen is not None
+        compile_c([*chosen, *flags, '-shared', f'-I{CSRC}', f'-I{folder}', *sources,
+                   HERE / driver, '-lm', '-o', library])
+        loaded: Any = ctypes.CDLL(str(library))
+    entry = loaded[module.symbol]
+    entry.restype = ctypes.c_void_p
+    return loaded, entry()
+
+
+def c_columns(signals: Sequence[Signal], trace: Mapping[str, Sequence[Any]],
+              steps: int) -> list[Any]:
+    """Return an array in C for each input; zeros for one that the trace does not have."""
+    return [(_C_TYPES[item.type] * steps)(*trace.get(item.name, ())) for item in signals]
+
+
 class Compiled:
     """A specification compiled and loaded; one state, at its start."""
 
@@ -118,29 +142,16 @@ class Compiled:
         """Compile with `compiler` (by default gcc) into a temporary folder and load it."""
         self._signals = specification.signals
         self._count = len(specification.properties)
-        module = c_module(specification)
-        with tempfile.TemporaryDirectory() as name:
-            folder = Path(name)
-            library = folder / 'monitor.so'
-            sources = write_module(module, folder)
-            chosen = compiler or gcc() or clang()
-            assert chosen is not None
-            compile_c([*chosen, *flags, '-shared', f'-I{CSRC}', f'-I{folder}', *sources,
-                       HERE / 'run.c', '-lm', '-o', library])
-            self._library: Any = ctypes.CDLL(str(library))
-        entry = self._library[module.symbol]
-        entry.restype = ctypes.c_void_p
+        self._library, self._monitor = load(specification, 'run.c', compiler=compiler, flags=flags)
         self._run = self._library.differential_run
         self._run.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint64,
                               ctypes.c_void_p, ctypes.c_void_p)
         self._run.restype = ctypes.c_bool
-        self._monitor = entry()
 
     def run(self, trace: Trace, resets: Sequence[int] = ()) -> list[list[bool]]:
         """Return the verdicts of each requirement over a trace; reset before each of `resets`."""
         steps = len(next(iter(trace.values())))
-        columns = [(_C_TYPES[item.type] * steps)(*trace[item.name]) if item.name in trace
-                   else (_C_TYPES[item.type] * steps)() for item in self._signals]
+        columns = c_columns(self._signals, trace, steps)
         pointers = (ctypes.c_void_p * len(columns))(*map(ctypes.addressof, columns))
         afresh = (ctypes.c_bool * steps)(*(t in set(resets) for t in range(steps)))
         out = (ctypes.c_bool * (steps * self._count))()

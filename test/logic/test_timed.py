@@ -34,8 +34,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 from strategies import (
-    FormulaMaker, formulas, INPUTS, make_timed_trace, random_property, TERM_TYPES, timed_traces,
-    Trace,
+    FormulaMaker, formulas, INPUTS, make_timed_trace, on_both_scales, random_property, TERM_TYPES,
+    timed_traces, Trace,
 )
 
 BOOL, INT64, FLOAT64 = ValueType.BOOL, ValueType.INT64, ValueType.FLOAT64
@@ -197,45 +197,12 @@ def test_windows_reach_2_to_the_62() -> None:
 @pytest.mark.parametrize('seed', range(40))
 def test_on_a_grid_of_seconds_it_is_one_step_a_second(seed: int) -> None:
     rng = Random(seed)
-    formula, scaled = on_both_scales(rng, 5)
+    formula, scaled = on_both_scales(rng.randrange, 5, SECOND)
     trace = make_timed_trace(rng.randrange, (P, Q), 12, (1, 2, 3, 9))
     seconds = TimedTrace([tick * SECOND for tick in trace.ticks], trace.columns,
                          trace.end * SECOND)
     assert evaluate_timed([scaled], seconds)[0] == [
         (tick * SECOND, value) for tick, value in evaluate_timed([formula], trace)[0]]
-
-
-def on_both_scales(rng: Random, depth: int) -> tuple[Formula, Formula]:
-    """
-    Return one formula with bounds in steps and in nanoseconds of as many seconds.
-
-    It has no Y, Z, pre and FTP, which look back one nanosecond instead of one second. In its
-    p S[a,b] q, q implies p. Otherwise an interval in which q holds, and p does not, counts as
-    whole in steps of a second: it satisfies p S[1,1] q one second later. In nanoseconds p would
-    have to hold within that interval, after q. In p T[a,b] q, p implies q, for the same reason.
-    """
-    if depth == 0:
-        leaf = rng.choice((P, Q))
-        return leaf, leaf
-    (p, p_scaled), (q, q_scaled) = (on_both_scales(rng, depth - 1) for _ in range(2))
-    low, high = rng.choice((0, 0, 1, 2, 5)), rng.choice((None, 0, 1, 2, 7))
-    window = Window(low, None if high is None else low + high)
-    wide = Window(low * SECOND, None if high is None else (low + high) * SECOND)
-    match rng.randrange(5):
-        case 0:
-            return Once(window, p), Once(wide, p_scaled)
-        case 1:
-            return Historically(window, p), Historically(wide, p_scaled)
-        case 2:
-            either = BinaryOperator.OR
-            return (Since(window, Binary(either, p, q), q),
-                    Since(wide, Binary(either, p_scaled, q_scaled), q_scaled))
-        case 3:
-            return (Triggered(window, both(p, q), q),
-                    Triggered(wide, both(p_scaled, q_scaled), q_scaled))
-        case _:
-            operator = rng.choice([item for item in BinaryOperator if item.is_boolean])
-            return Binary(operator, p, q), Binary(operator, p_scaled, q_scaled)
 
 
 def test_rows_are_those_of_the_trace_and_of_each_change() -> None:
