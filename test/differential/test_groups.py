@@ -26,6 +26,7 @@ from typing import Any
 
 from fret_monitor.build import build_specification
 from fret_monitor.logic.evaluate import verdicts
+from fret_monitor.logic.formula import ALWAYS, Historically
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.policies import Policy, Report
 from fret_monitor.runtime.evaluator import Evaluator, Violation
@@ -77,7 +78,11 @@ class Alone:
         columns = {name: [values[name] for _, values in self.steps] for name in self.reads}
         trace = columns or {'nothing': [False] * len(self.steps)}
         before = True
-        for step, verdict in enumerate(verdicts(self.item.formula, trace, self.item.feedback)):
+        formula = self.item.formula
+        if self.item.report is Report.OCCURRENCE and isinstance(formula, Historically) \
+                and formula.window == ALWAYS:
+            formula = formula.argument
+        for step, verdict in enumerate(verdicts(formula, trace, self.item.feedback)):
             if not verdict and (before or self.item.report is Report.EVERY_STEP):
                 yield step, self.steps[step][0]
             before = verdict
@@ -90,7 +95,7 @@ def specification(rng: Random, policy: Policy) -> Specification:
     properties = [
         replace(random_property(rng, f'R-{number}', random_inputs(rng, INPUTS, 3), reach=20,
                                 loops=int(number % 5 == 0)),
-                report=rng.choice(list(Report)))
+                report=rng.choice([*Report, Report.EVERY_STEP]))
         for number in range(50)]
     plain = specification_of(properties, INPUTS, policy)
     return replace(plain, signals=tuple(on_topic(rng, item) for item in plain.signals))
