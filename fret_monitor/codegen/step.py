@@ -36,9 +36,9 @@ from fret_monitor.program.layout import (
 )
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, CounterCell, Delay,
-    FeedbackRead, FirstStep, Literal, MonitorProgram, OnceBefore, OnceEver, OnceWithin, Operand,
-    operands, Operation, Overflowed, Power, PreviousNumber, Read, SinceBefore, SinceBetween,
-    SinceEver, SinceWithin, TriggeredEver,
+    FeedbackRead, FirstStep, lasts_a_tick, Literal, MonitorProgram, OnceBefore, OnceEver,
+    OnceWithin, Operand, operands, Operation, Overflowed, Power, PreviousNumber, Read, SinceBefore,
+    SinceBetween, SinceEver, SinceWithin, TriggeredEver,
 )
 
 _INLINE_DEPTH = 4
@@ -105,13 +105,13 @@ class PartWriter:
     def _can_be_unsettled(self) -> bool:
         """Whether a value of this part can differ at the next tick from what it is at this."""
         return (self._is_last and bool(self._group.feedback)) or any(
-            _lasts_a_tick(self._group.equations[index].operation) for index in self._range)
+            lasts_a_tick(self._group.equations[index].operation) for index in self._range)
 
     def _unsettled_bits(self, words: list[StateField]) -> Iterator[str]:
         for word in words:
             mask = sum(1 << slot.bit for index, slot in self._layout.bits.items()
                        if slot.word == word.number
-                       and _lasts_a_tick(self._group.equations[index].operation))
+                       and lasts_a_tick(self._group.equations[index].operation))
             if mask:
                 suffix = 'u' if mask < 2 ** 32 else ''
                 shown = f'{mask}{suffix}' if suffix else f'UINT64_C({mask})'
@@ -329,7 +329,7 @@ class PartWriter:
 
     def _after(self, index: int) -> Iterator[str]:
         operation = self._group.equations[index].operation
-        if self._group.is_timed and _lasts_a_tick(operation) and index not in self._layout.bits:
+        if self._group.is_timed and lasts_a_tick(operation) and index not in self._layout.bits:
             yield self._unsettled(index, operation)
         if (FieldKind.FLAG, index) in self._fields:
             yield f'  s->flag_{index} = {c.text(self._next_value(index, operation))};'
@@ -400,12 +400,6 @@ def _stem(operation: Operation) -> str:
     if isinstance(operation, Delay):
         return 'yesterday' if operation.steps == 1 else 'delayed'
     return _STEMS.get(type(operation), 'value')
-
-
-def _lasts_a_tick(operation: Operation) -> bool:
-    """Whether the value of a cell at the next tick is what it stores at this one."""
-    return isinstance(operation, FirstStep | PreviousNumber) \
-        or (isinstance(operation, Delay) and operation.steps == 1)
 
 
 def _unless_same(kind: ValueType, old: c.CExpression, new: c.CExpression) -> str:

@@ -30,8 +30,9 @@ from fret_monitor.logic.formula import BinaryOperator, UnaryOperator
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import FieldKind, GroupLayout, SHIFT_REGISTER_BITS
 from fret_monitor.program.monitor_program import (
-    AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, Delay, Equation, FeedbackRead, Literal,
-    OnceBefore, OnceWithin, Power, PreviousNumber, Read, SinceBefore, SinceWithin,
+    AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, Delay, Equation, FeedbackRead,
+    lasts_a_tick, Literal, OnceBefore, OnceWithin, Overflowed, Power, PreviousNumber, Read,
+    SinceBefore, SinceBetween, SinceWithin,
 )
 
 COSTS = {
@@ -55,6 +56,8 @@ COSTS = {
     'bit': 5, 'packed bit': 6, 'word of packed bits': 4,
     'counter, O H [0,b]': 12, 'counter, S T [0,b]': 16,
     'counter, O H [a,inf)': 15, 'counter, S T [a,inf)': 18,
+    # Under `timed`, a cell also says when its value can change.
+    'tick': 20, 'settling': 5, 'counter, at ticks': 26, 'queue': 90, 'overflow of a queue': 9,
     'delay, word': 11, 'delay, ring': 19, 'position of rings': 16,
     'pre, Boolean': 5, 'pre, integer': 4, 'pre, float': 4,
     'feedback': 3, 'wire': 3,
@@ -89,16 +92,25 @@ def kinds(layouts: tuple[GroupLayout, ...]) -> Counter[str]:
         if len(layout.parts) > 1:
             found['part'] += len(layout.parts)
         found['wire'] += len(layout.wires)
-        found['verdict'] += len(layout.group.verdicts)
+        found['verdict'] += len(layout.group.verdicts) + len(layout.group.occurrences)
+        if layout.group.is_timed:
+            found['tick'] += len(layout.parts)
+            found['settling'] += len(layout.group.feedback)
         found['feedback'] += len(layout.group.feedback)
         fields = Counter(item.kind for item in layout.fields)
         found['word of packed bits'] += fields[FieldKind.BITS]
         found['position of rings'] += fields[FieldKind.POSITION]
         for index, equation in enumerate(layout.group.equations):
             for name, count in _kinds(equation, index in layout.bits):
-                found[name] += count
+                found[_at_ticks(name) if layout.group.is_timed else name] += count
+            if layout.group.is_timed and lasts_a_tick(equation.operation):
+                found['settling'] += 1
             found['use'] += max(0, layout.uses[index] - 1)
     return found
+
+
+def _at_ticks(kind: str) -> str:
+    return 'counter, at ticks' if kind.startswith('counter, ') else kind
 
 
 def _kinds(equation: Equation, is_packed: bool) -> Iterator[tuple[str, int]]:
@@ -138,6 +150,10 @@ def _kinds(equation: Equation, is_packed: bool) -> Iterator[tuple[str, int]]:
             yield 'counter, O H [a,inf)', 1
         case SinceBefore():
             yield 'counter, S T [a,inf)', 1
+        case SinceBetween():
+            yield 'queue', 1
+        case Overflowed():
+            yield 'overflow of a queue', 1
         case PreviousNumber() | FeedbackRead():
             yield f'pre, {family}', 1
         case _:

@@ -317,3 +317,9 @@ class MonitorProgram:
 def operands(operation: Operation) -> tuple[Operand, ...]:
     """Return the operands that an operation reads in the current step, left to right."""
     return tuple(item for item in vars(operation).values() if isinstance(item, Operand))
+
+
+def lasts_a_tick(operation: Operation) -> bool:
+    """Whether the value of a cell at the next step is what it stores at this one."""
+    return isinstance(operation, FirstStep | PreviousNumber) \
+        or (isinstance(operation, Delay) and operation.steps == 1)

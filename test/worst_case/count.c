@@ -35,11 +35,14 @@ typedef void (* step_function)(void * state, const void * inputs, bool * verdict
 struct run
 {
   const struct fm_monitor * monitor;
-  step_function step;
+  step_function step;  // NULL: the groups step at ticks
   int steps;
   void * state;
   char * inputs;
   bool * verdicts;
+  int64_t tick;
+  int64_t next;
+  bool is_empty;  // call functions that do nothing
 };
 
 static uint64_t seed;
@@ -89,9 +92,24 @@ static void fill(const struct fm_input * input, char * inputs)
   memcpy(inputs + input->offset, from, bytes[input->type]);
 }
 
+static int64_t empty_at(void * state, const void * inputs, bool * verdicts, int64_t tick)
+{
+  (void)state;
+  (void)inputs;
+  (void)verdicts;
+  return tick + 1;
+}
+
 __attribute__((noinline)) void counted_step(struct run * run)
 {
-  run->step(run->state, run->inputs, run->verdicts);
+  if (run->step != NULL) {
+    run->step(run->state, run->inputs, run->verdicts);
+    return;
+  }
+  for (uint32_t g = 0; g < run->monitor->n_groups; ++g) {
+    run->next = (run->is_empty ? empty_at : run->monitor->groups[g].step_at)(
+      run->state, run->inputs, run->verdicts, run->tick);
+  }
 }
 
 static void empty_step(void * state, const void * inputs, bool * verdicts)
@@ -116,6 +134,9 @@ static void * take_steps(void * argument)
       }
     }
     counted_step(run);
+    // To the next deadline, or to a message before it.
+    const int64_t later = run->tick + 1 + (int64_t)(next_bits() % 400);
+    run->tick = run->step == NULL && run->next < later ? run->next : later;
   }
   return NULL;
 }
@@ -147,18 +168,22 @@ static size_t stack_of(struct run * run)
 int main(int argc, char ** argv)
 {
   const struct fm_monitor * const monitor = MONITOR();
-  struct run run = {monitor, monitor->step, argc > 1 ? atoi(argv[1]) : 200, NULL, NULL, NULL};
+  struct run run = {monitor, monitor->step, argc > 1 ? atoi(argv[1]) : 200, NULL, NULL, NULL, 0, 0,
+    false};
   run.state = aligned_alloc(64, (monitor->state_bytes + 63u) / 64u * 64u);
   run.inputs = calloc(1, monitor->inputs_bytes);
-  run.verdicts = malloc(monitor->n_requirements * sizeof(bool));
-  if (run.step == NULL || run.state == NULL || run.inputs == NULL || run.verdicts == NULL) {
+  run.verdicts = malloc(
+    (monitor->n_requirements + monitor->n_more_verdicts) * sizeof(bool));
+  if (run.state == NULL || run.inputs == NULL || run.verdicts == NULL) {
     return 1;
   }
   if (argc > 2) {
     take_steps(&run);  // for valgrind: the steps alone, on the stack there is
   } else {
     const size_t used = stack_of(&run);
-    run.step = empty_step;
+    run.step = run.step == NULL ? NULL : empty_step;
+    run.is_empty = true;
+    run.tick = 0;
     printf("%zu\n", used - stack_of(&run));
   }
   free(run.verdicts);

@@ -19,6 +19,8 @@ The worst-case cost of a step against measurements: instructions by valgrind, st
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 from random import Random
 import re
@@ -31,9 +33,11 @@ from differential.test_clean_c import every_window
 from fret_monitor.build import read
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.logic.formula import (
-    Binary, BinaryOperator, Constant, Once, postorder, Since, Variable, Window,
+    ALWAYS, Binary, BinaryOperator, Constant, FTP, Historically, Once, postorder, Since, Triggered,
+    Variable, Window, Yesterday,
 )
 from fret_monitor.logic.specification import Property, Specification
+from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.compiler import COMPILE_FLAGS, Compiler
 from fret_monitor.native.stack import call_graph
@@ -69,6 +73,24 @@ def windows_apart() -> Specification:
     """Return a requirement for each operator and form of window, in one group."""
     return specification_of([property_of(f'W-{number}', item)
                              for number, item in enumerate(every_window())], (P, Q))
+
+
+def at_ticks(specification: Specification) -> Specification:
+    """Return a specification under the policy timed; its bounds are nanoseconds."""
+    rate = Fraction(10 ** 9, 20)
+    return replace(specification, policy=Policy.TIMED, signals=tuple(
+        replace(signal, max_rate=rate) for signal in specification.signals))
+
+
+def windows_at_ticks() -> Specification:
+    """Return a requirement for each operator and form of window, in one group at ticks."""
+    windows = [Window(0, 7), Window(0, 300), Window(5, None), Window(300, None), Window(3, 8),
+               Window(90, 300), Window(200, 200)]
+    terms = [term for window in windows for term in (
+        Once(window, P), Historically(window, P), Since(window, P, Q), Triggered(window, P, Q))]
+    properties = [property_of(f'W-{number}', item)
+                  for number, item in enumerate([*terms, Yesterday(P), FTP, Once(ALWAYS, P)])]
+    return at_ticks(specification_of(properties, (P, Q)))
 
 
 def many_of_a_group() -> Specification:
@@ -168,6 +190,18 @@ def test_each_operator_with_each_window_stays_within_the_bound(
     check(windows_apart(), tmp_path, SLACK)
 
 
+def test_each_operator_stays_within_the_bound_at_ticks(tmp_path: Path) -> None:
+    check(windows_at_ticks(), tmp_path, SLACK)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_random_requirements_stay_within_the_bound_at_ticks(seed: int, tmp_path: Path) -> None:
+    rng = Random(2000 + seed)
+    check(at_ticks(specification_of([
+        random_property(rng, f'R-{number}', random_inputs(rng), size=(6, 12, 25, 60)[seed],
+                        reach=300) for number in range((1, 4, 12)[seed % 3])])), tmp_path)
+
+
 def test_a_group_of_several_functions_stays_within_the_bound(
     tmp_path: Path,
 ) -> None:
@@ -190,7 +224,7 @@ def test_the_bounds_of_windows_do_not_change_the_cost_of_a_step() -> None:
 
 
 def test_every_kind_of_equation_has_exactly_one_cost() -> None:
-    specifications = [windows_apart(), remainders(), *map(random_specification, range(60)),
+    specifications = [windows_apart(), windows_at_ticks(), remainders(), *map(random_specification, range(60)),
                       many_of_a_group()]
     found = {kind for item in specifications for kind in kinds(layouts_of(item))}
     assert found == COSTS.keys() | LIBRARY_COSTS.keys()
@@ -229,8 +263,8 @@ def graph_of(module: CModule, sources: Sequence[str]) -> Any:
 
 
 @pytest.mark.parametrize('specification', [
-    bools(1), bools(2), windows_apart(), many_of_a_group()],
-    ids=['random', 'random too', 'windows', 'parts'])
+    bools(1), bools(2), windows_apart(), windows_at_ticks(), many_of_a_group()],
+    ids=['random', 'random too', 'windows', 'at ticks', 'parts'])
 def test_steps_take_no_more_stack_than_the_compiler_reports(
     specification: Specification, tmp_path: Path,
 ) -> None:
