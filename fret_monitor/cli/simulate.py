@@ -14,13 +14,15 @@
 
 """`simulate BUNDLE --trace FILE.csv`: run the compiled monitors over a trace."""
 
-from argparse import _SubParsersAction, ArgumentParser, Namespace
+from argparse import _SubParsersAction, ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 import sys
 
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import counted
+from fret_monitor.model.diagnostics import counted, refuse
+from fret_monitor.model.policies import Policy
 from fret_monitor.start import start
+from fret_monitor.traces.csv_trace import parse_seconds, seconds_text
 from fret_monitor.traces.simulate import simulate, Summary
 
 
@@ -29,11 +31,14 @@ def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
     parser = verbs.add_parser('simulate', help='run the monitors over a CSV trace')
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     parser.add_argument('--trace', metavar='FILE.csv', type=Path, required=True,
-                        help='one column for each input, one row for each step')
+                        help='one column for each input, one row for each step; under '
+                        'policy: timed also a column `time`, in seconds')
     parser.add_argument('--verdicts', metavar='FILE.csv', type=Path,
                         help='where to write the verdicts; default: standard output')
     parser.add_argument('--fail-on-violation', action='store_true',
                         help='exit with 1 if any requirement was violated')
+    parser.add_argument('--until', metavar='T', type=_seconds,
+                        help='under policy: timed, go on to this time after the last row')
     parser.set_defaults(run=run)
 
 
@@ -42,15 +47,29 @@ def run(options: Namespace) -> int:
     compiled = start(existing_bundle(options.bundle))
     for warning in compiled.warnings:
         print(warning.render(), file=sys.stderr)
-    summary = simulate(compiled.monitor, options.trace, options.verdicts, compiled.sources)
+    if options.until is not None and compiled.monitor.manifest.policy is not Policy.TIMED:
+        refuse('--until needs policy: timed',
+               help=f'here it is {compiled.monitor.manifest.policy.value}: nothing happens between '
+               'and after the rows')
+    summary = simulate(compiled.monitor, options.trace, options.verdicts, compiled.sources,
+                       options.until)
     if options.verdicts is not None:
         print(_shown(summary))
     return 1 if options.fail_on_violation and any(summary.violations.values()) else 0
 
 
+def _seconds(text: str) -> int:
+    try:
+        return parse_seconds(text)
+    except ValueError as error:
+        raise ArgumentTypeError(f"'{text}' is no time: {error}") from None
+
+
 def _shown(summary: Summary) -> str:
     lines = [counted(summary.steps, 'step')]
     otherwise = 'satisfied' if summary.steps else 'not judged'
-    lines += [f"{name}: violated at {counted(count, 'step')}" if count else f'{name}: {otherwise}'
-              for name, count in summary.violations.items()]
+    for name, count in summary.violations.items():
+        when = f'first at {seconds_text(summary.first[name])} s, ' if name in summary.first else ''
+        lines.append(f"{name}: violated {when}at {counted(count, 'step')}" if count
+                     else f'{name}: {otherwise}')
     return '\n'.join(lines)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Traces as CSV: a column for each input, a row for each step.
+Traces as CSV: a column for each input, a row for each step; a timed trace has a column `time`.
 
 A trace is read in blocks of rows, so that memory does not grow with its length. An invalid cell
 is an error with its line and column.
@@ -45,6 +45,10 @@ _TRUTHS = {'0': 0, '1': 1, 'false': 0, 'true': 1}
 _INTEGER = re.compile(r'[+-]?[0-9]+')
 _REAL = re.compile(r'[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf)',
                    re.IGNORECASE)
+TIME = 'time'  # the column with the time of each row, in seconds
+_SECONDS = re.compile(r'[+-]?([0-9]+)(?:\.([0-9]*))?')
+_DIGITS = 9  # behind the point of a number of seconds
+_LATEST_NS = 2 ** 62
 _SEPARATORS = {';': "';'", '\t': 'tabs', '|': "'|'"}
 
 
@@ -167,17 +171,47 @@ class _Rows:
         refuse(title, Span(source, begin, max(begin + 1, end)), '', help)
 
 
+def parse_seconds(text: str) -> int:
+    """
+    Return the nanoseconds of a decimal number of seconds.
+
+    Raises
+    ------
+    ValueError
+        with an explanation, if it is not a number of seconds with at most nine decimal places, or
+        is beyond 2^62 nanoseconds.
+    """
+    found = _SECONDS.fullmatch(text)
+    if found is None:
+        raise ValueError('write seconds in decimal, such as 12.5')
+    places = found[2] or ''
+    if len(places) > _DIGITS:
+        raise ValueError('at most nine digits behind the point: time is counted in nanoseconds')
+    size = int(found[1] + places.ljust(_DIGITS, '0'))
+    if size > _LATEST_NS:
+        raise ValueError('at most 2^62 nanoseconds, which are 146 years')
+    return -size if text.startswith('-') else size
+
+
+def seconds_text(nanoseconds: int) -> str:
+    """Return a time as an exact decimal number of seconds, without trailing zeros."""
+    digits = f'{abs(nanoseconds):0{_DIGITS + 1}d}'
+    text = f'{digits[:-_DIGITS]}.{digits[-_DIGITS:]}'.rstrip('0').rstrip('.')
+    return f'-{text}' if nanoseconds < 0 else text
+
+
 class TraceReader:
     """Reads the columns of the given inputs from a CSV file."""
 
-    def __init__(self, name: str, file: TextIO, inputs: Sequence[ManifestInput]) -> None:
+    def __init__(self, name: str, file: TextIO, inputs: Sequence[ManifestInput], *,
+                 is_timed: bool = False) -> None:
         """
-        Read the heading.
+        Read the heading; a timed trace has a column `time` too.
 
         Raises
         ------
         CompileError
-            if an input has no column, or two.
+            if an input has no column, or two, or a timed trace has not one column `time`.
         """
         self._inputs = inputs
         self._source = _Rows(name, file)
@@ -185,22 +219,28 @@ class TraceReader:
         heading = [cell.strip() for cell in next(self._rows, _Row(1, [])).cells]
         self._width = len(heading)
         self._places = self._find(heading)
+        self._time = self._find_time(heading) if is_timed else None
+        self._last: int | None = None  # the time of the row before
 
-    def blocks(self) -> Iterator[tuple[int, list['array[Any]']]]:
+    def blocks(self) -> Iterator[tuple['array[int]', int, list['array[Any]']]]:
         """
-        Yield the number of rows of each block, and an array of its values for each input.
+        Yield the times of the rows of each block, their number, and an array for each input.
+
+        The times are in nanoseconds; there are none if the trace is not timed.
 
         Raises
         ------
         CompileError
-            with the place, if the file is not CSV or a cell is not a value of its input.
+            with the place, if the file is not CSV, a cell is not a value of its input, or times do
+            not increase.
         """
         while rows := list(islice(self._limited(), _BLOCK_ROWS)):
             for row in rows:
                 if len(row.cells) != self._width:
                     self._refuse_width(row)
-            yield len(rows), [self._column(rows, item, place) for item, place
-                              in zip(self._inputs, self._places, strict=True)]
+            times = array('q', () if self._time is None else self._times(rows, self._time))
+            yield times, len(rows), [self._column(rows, item, place) for item, place
+                                     in zip(self._inputs, self._places, strict=True)]
 
     def _limited(self) -> Iterator[_Row]:
         """Yield rows up to the maximum size of a block."""
@@ -224,6 +264,34 @@ class TraceReader:
                 self._source.refuse(1, line, f"the trace has two columns for '{item.name}'", '')
         return [heading.index(item.name) for item in self._inputs]
 
+    def _find_time(self, heading: list[str]) -> int:
+        if any(item.name == TIME for item in self._inputs):
+            self._source.refuse(1, self._source.line, f"the column '{TIME}' is that of the times",
+                                "give the input 'time' another name in the bundle")
+        if heading.count(TIME) == 1:
+            return heading.index(TIME)
+        self._source.refuse(
+            1, self._source.line,
+            f"the trace has two columns '{TIME}'" if TIME in heading else
+            f"the trace has no column '{TIME}'",
+            'under policy: timed each row has a time, in seconds')
+
+    def _times(self, rows: list[_Row], place: int) -> Iterator[int]:
+        for row in rows:
+            cell = row.cells[place].strip()
+            try:
+                now = parse_seconds(cell)
+            except ValueError as error:
+                self._refuse_at(row, place, f"'{cell[:40]}' is no time" if cell
+                                else 'empty cell for the time', str(error))
+            if self._last is not None and now <= self._last:
+                same = 'the same time as' if now == self._last else 'a time before'
+                self._refuse_at(row, place, f'{same} that of the row before',
+                                f'it was {seconds_text(self._last)} there; time increases from '
+                                'row to row')
+            self._last = now
+            yield now
+
     def _column(self, rows: list[_Row], item: ManifestInput, place: int) -> 'array[Any]':
         values: array[Any] = array(item.value_type.typecode)
         names: dict[str, Any] = dict(item.values)
@@ -241,6 +309,9 @@ class TraceReader:
         title = f"'{cell[:40]}' is no value of '{item.name}'" if cell \
             else f"empty cell for '{item.name}'"
         advice = _expected(item) if cell else 'every input has a value at every step'
+        self._refuse_at(row, place, title, advice)
+
+    def _refuse_at(self, row: _Row, place: int, title: str, advice: str) -> NoReturn:
         start = sum(len(cell) + 1 for cell in row.cells[:place])
         self._source.refuse(row.line, ','.join(row.cells), title, advice, start,
                             len(row.cells[place]))

@@ -19,6 +19,7 @@ Rows are read and verdicts are written block by block, so that memory does not g
 trace. A file of verdicts is created only if the whole trace could be read.
 """
 
+from array import array
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 import csv
@@ -29,23 +30,30 @@ from typing import TextIO
 
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.output import open_output
+from fret_monitor.model.policies import Policy
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.traces.csv_trace import TraceReader
+from fret_monitor.traces.csv_trace import seconds_text, TIME, TraceReader
 
 _MOST_LINES = 4096  # size of the cache of lines
 
 
 @dataclass(frozen=True)
 class Summary:
-    """The number of steps, and the number of violating steps by id of the requirement."""
+    """
+    The number of steps, and the number of violating steps by id of the requirement.
+
+    Under `timed` the steps are the rows that were written, and `first` has the time in
+    nanoseconds at which each violated requirement was violated first.
+    """
 
     steps: int
     violations: dict[str, int]
+    first: dict[str, int]
 
 
 def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
-             read: Iterable[Path] = ()) -> Summary:
+             read: Iterable[Path] = (), until: int | None = None) -> Summary:
     """
     Step a monitor once for each row of a trace.
 
@@ -54,12 +62,17 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
     monitor
         a compiled bundle.
     trace
-        CSV with a heading: a column for each input (others are ignored), a row for each step.
+        CSV with a heading: a column for each input (others are ignored), a row for each step;
+        under `timed`, a column `time` in seconds.
     verdicts
         output file, with a row for each step: its number from 0, then 1 (satisfied) or 0 for each
-        requirement, in the bundle's order. Standard output if None.
+        requirement, in the bundle's order. Standard output if None. Under `timed` the time in
+        place of the number, and further rows where a verdict changes between those of the trace.
     read
         files of the bundle; `verdicts` must not be one of them, nor the trace.
+    until
+        under `timed`, the time in nanoseconds up to which verdicts are given; None: that of the
+        last row.
 
     Raises
     ------
@@ -69,8 +82,11 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
     writing = nullcontext(sys.stdout) if verdicts is None else open_output(
         verdicts, (trace, *read))
     with _reading(trace) as file, writing as out:
-        return _run(Evaluator(monitor), TraceReader(str(trace), file, monitor.manifest.inputs),
-                    out)
+        is_timed = monitor.manifest.policy is Policy.TIMED
+        reader = TraceReader(str(trace), file, monitor.manifest.inputs, is_timed=is_timed)
+        if is_timed:
+            return _run_timed(Evaluator(monitor), reader, out, until)
+        return _run(Evaluator(monitor), reader, out)
 
 
 @contextmanager
@@ -91,13 +107,47 @@ def _run(evaluator: Evaluator, trace: TraceReader, out: TextIO) -> Summary:
     lines: dict[bytes, str] = {}
     violations = [0] * len(ids)
     step = 0
-    for count, columns in trace.blocks():
+    for _, count, columns in trace.blocks():
         found = bytes(evaluator.rows(columns, count))
         out.write(_text(found, len(ids), step, lines))
         step += count
         for index in range(len(ids)):
             violations[index] += found[index::len(ids)].count(0)
-    return Summary(step, dict(zip(ids, violations, strict=True)))
+    return Summary(step, dict(zip(ids, violations, strict=True)), {})
+
+
+def _run_timed(evaluator: Evaluator, trace: TraceReader, out: TextIO,
+               until: int | None) -> Summary:
+    ids = [item.id for item in evaluator.monitor.manifest.requirements]
+    csv.writer(out, lineterminator='\n').writerow([TIME, *ids])
+    violations = dict.fromkeys(ids, 0)
+    first: dict[str, int] = {}
+    steps = 0
+    for times, verdicts in _timed_rows(evaluator, trace, until):
+        steps += len(times)
+        for row, time in enumerate(times):
+            flags = verdicts[row * len(ids):(row + 1) * len(ids)]
+            out.write(','.join((seconds_text(time), *map(str, flags))) + '\n')
+            for name, flag in zip(ids, flags, strict=True):
+                if not flag:
+                    violations[name] += 1
+                    first.setdefault(name, time)
+    return Summary(steps, violations, first)
+
+
+def _timed_rows(evaluator: Evaluator, trace: TraceReader,
+                until: int | None) -> Iterator[tuple['array[int]', bytes]]:
+    last: int | None = None
+    for times, _, columns in trace.blocks():
+        yield from evaluator.timed_rows(columns, times)
+        last = times[-1]
+    if until is None or last is None:
+        return
+    if until < last:
+        refuse(f'--until {seconds_text(until)} is before the last row of the trace',
+               help=f'which is at {seconds_text(last)}')
+    empty: list[array[int] | None] = [None] * len(evaluator.monitor.manifest.inputs)
+    yield from evaluator.timed_rows(empty, array('q'), until)
 
 
 def _text(found: bytes, width: int, step: int, lines: dict[bytes, str]) -> str:
