@@ -21,29 +21,67 @@
 
 #include "fret_monitor.h"
 
+/// The time of groups that step at ticks.
+struct fm_benchmark_time
+{
+  int64_t tick;          // of the last row
+  int64_t spacing;       // ticks from row to row
+  uint64_t evaluations;  // so far, of all groups
+};
+
 FM_EXPORT uint64_t fm_benchmark(
   const struct fm_monitor * monitor, void * state, const void * rows, uint64_t stride,
-  uint64_t n_rows, bool * verdicts);
+  uint64_t n_rows, bool * verdicts, struct fm_benchmark_time * time, int64_t * due);
+
+static void take_row(
+  const struct fm_monitor * monitor, void * state, const void * inputs, bool * verdicts)
+{
+  if (monitor->step != NULL) {
+    monitor->step(state, inputs, verdicts);
+    return;
+  }
+  for (uint32_t group = 0u; group < monitor->n_groups; ++group) {
+    monitor->groups[group].step(state, inputs, verdicts);
+  }
+}
+
+// What is due before the row is evaluated on the inputs of the row before.
+static void take_row_at(
+  const struct fm_monitor * monitor, void * state, const void * before, const void * inputs,
+  bool * verdicts, struct fm_benchmark_time * time, int64_t * due)
+{
+  time->tick += time->spacing;
+  for (uint32_t g = 0u; g < monitor->n_groups; ++g) {
+    const struct fm_group * const group = &monitor->groups[g];
+    while (due[g] < time->tick) {
+      due[g] = group->step_at(state, before, verdicts, due[g]);
+      time->evaluations += 1u;
+    }
+    due[g] = group->step_at(state, inputs, verdicts, time->tick);
+    time->evaluations += 1u;
+  }
+}
 
 /// Step all groups once for each of n_rows inputs structs, which are `stride` bytes apart. Returns
-/// the elapsed time in nanoseconds. The caller owns all blocks and has reset the state. Cannot
-/// fail. Any thread, with its own blocks. O(n_rows x operations).
+/// the elapsed time in nanoseconds. With the policy `timed`, `due` has the next deadline of each
+/// group, at first FM_NEVER; otherwise `time` and `due` may be NULL. The caller owns all blocks and
+/// has reset the state. Cannot fail. Any thread, with its own blocks. O(n_rows x operations).
 uint64_t fm_benchmark(
   const struct fm_monitor * monitor, void * state, const void * rows, uint64_t stride,
-  uint64_t n_rows, bool * verdicts)
+  uint64_t n_rows, bool * verdicts, struct fm_benchmark_time * time, int64_t * due)
 {
   const uint8_t * const first = rows;
+  const uint8_t * last = first;
   struct timespec before;
   struct timespec after;
   clock_gettime(CLOCK_MONOTONIC, &before);
   for (uint64_t row = 0u; row < n_rows; ++row) {
-    const void * const inputs = first + row * stride;
-    if (monitor->step != NULL) {
-      monitor->step(state, inputs, verdicts);
-      continue;
-    }
-    for (uint32_t group = 0u; group < monitor->n_groups; ++group) {
-      monitor->groups[group].step(state, inputs, verdicts);
+    const uint8_t * const inputs = first + row * stride;
+    if (due == NULL) {
+      take_row(monitor, state, inputs, verdicts);
+    } else {
+      take_row_at(monitor, state, last, inputs, verdicts, time, due);
+      last = inputs;
     }
   }
   clock_gettime(CLOCK_MONOTONIC, &after);

@@ -37,10 +37,14 @@ def run(options: Namespace) -> int:
 
 
 def _shown(found: Measurement) -> str:
+    step = 'step   ' if found.evaluations is None else 'message'
+    deadlines = [] if found.evaluations is None else [
+        f'evaluations      {found.evaluations:.2f} a message, 10 ms apart, with deadlines']
     return '\n'.join((
         f'requirements     {found.requirements:,}',
-        f'time a step      {found.ns_per_step:,.1f} ns on random inputs, '
+        f'time a {step}   {found.ns_per_step:,.1f} ns on random inputs, '
         f'{found.ns_per_step_lasting:,.1f} ns on long-lasting ones (median of 9 rounds)',
+        *deadlines,
         f'state            {found.state_bytes:,} bytes',
         f'compile          {found.compile_seconds:.2f} s from bundle to library, nothing cached',
     ))

@@ -30,11 +30,13 @@ from typing import Any
 
 from fret_monitor.build import generate_monitor, read
 from fret_monitor.model.manifest import ManifestInput
+from fret_monitor.model.policies import Policy
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.cache import build_library, csrc_directory, runtime_headers
 from fret_monitor.native.compiler import compile_library, find_compiler
 from fret_monitor.native.folder import library_file
 from fret_monitor.native.monitor import CData, Library, load, Monitor
+from fret_monitor.runtime.evaluator import NEVER
 from fret_monitor.traces.boundary import both_sides
 from fret_monitor.traces.trace import Value
 
@@ -47,7 +49,8 @@ _PAGE_BYTES = 4096
 _ROUND_NANOSECONDS = 20_000_000
 _LASTING_ROWS = 200  # mean number of rows for which an input keeps its value
 _SIGNATURE = ('uint64_t (*)(const struct fm_monitor *, void *, const void *, uint64_t, uint64_t, '
-              'bool *)')
+              'bool *, int64_t *, int64_t *)')
+_SPACING_NS = 10_000_000  # between messages under `timed`
 
 # For each input the values it takes, such as both sides of a threshold.
 Values = Sequence[Sequence[Value]]
@@ -115,17 +118,31 @@ class StepTimer:
         # next cache line after it.
         after = (monitor.state_bytes // _LINE_BYTES + 1) * _LINE_BYTES
         self._memory = ffi.new(
-            'char[]', _PAGE_BYTES + after + len(monitor.manifest.requirements) + 1)
+            'char[]', _PAGE_BYTES + after + monitor.pointer.n_requirements
+            + monitor.pointer.n_more_verdicts + 1)
         start = -(-int(ffi.cast('uintptr_t', self._memory)) // _PAGE_BYTES) * _PAGE_BYTES
         self._state: Any = ffi.cast('void *', start)
         self._verdicts: Any = ffi.cast('bool *', start + after)
-        for group in range(monitor.pointer.n_groups):
+        count = monitor.pointer.n_groups
+        for group in range(count):
             monitor.pointer.groups[group].reset(self._state)
+        is_timed = monitor.manifest.policy is Policy.TIMED
+        self._clock = ffi.new('int64_t[3]', [-_SPACING_NS, _SPACING_NS, 0])
+        self._due = ffi.new('int64_t[]', [NEVER] * count) if is_timed else ffi.NULL
         self._repeats = max(1, round(_ROUND_NANOSECONDS / max(1, self._pass())))
 
     def _pass(self) -> int:
         return int(self._time(self._monitor.pointer, self._state, self._inputs.memory,
-                              self._inputs.stride, self._inputs.count, self._verdicts))
+                              self._inputs.stride, self._inputs.count, self._verdicts,
+                              self._clock, self._due))
+
+    @property
+    def evaluations(self) -> float:
+        """How often a group was evaluated for each message, deadlines included."""
+        if self._due == ffi.NULL:
+            return 1.0
+        messages = (self._clock[0] + _SPACING_NS) / _SPACING_NS
+        return float(self._clock[2] / messages / self._monitor.pointer.n_groups)
 
     def round(self) -> float:
         """Run one round and return the nanoseconds per step."""
@@ -135,21 +152,32 @@ class StepTimer:
 
 def step_nanoseconds(monitor: Monitor, inputs: Inputs, rounds: int = 9) -> float:
     """Return the median of the nanoseconds per step over some rounds."""
+    return timed_steps(monitor, inputs, rounds)[0]
+
+
+def timed_steps(monitor: Monitor, inputs: Inputs, rounds: int = 9) -> tuple[float, float]:
+    """Return the same, and how often a group was evaluated for each message under `timed`."""
     timer = StepTimer(monitor, inputs)
-    return median(timer.round() for _ in range(rounds))
+    return median(timer.round() for _ in range(rounds)), timer.evaluations
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """The cost of a bundle: median nanoseconds, sizes in bytes, and seconds to build it."""
+    """
+    The cost of a bundle: median nanoseconds, sizes in bytes, and seconds to build it.
+
+    Under `timed` a step is a message, 10 ms after the one before, with all deadlines in between;
+    `evaluations` are those of a group for each message, on random inputs. Otherwise None.
+    """
 
     requirements: int
     ns_per_step: float
     ns_per_step_lasting: float
     state_bytes: int
     compile_seconds: float
+    evaluations: float | None = None
 
-    def as_dict(self) -> dict[str, int | float]:
+    def as_dict(self) -> dict[str, int | float | None]:
         """Return the figures by name; `ns_per_step` is that for random inputs."""
         return asdict(self)
 
@@ -173,10 +201,12 @@ def measure(path: Path) -> Measurement:
         seconds = time.perf_counter() - before
         monitor = load(Path(folder) / file, generated.manifest)
     values = both_sides(generated.program)
+    of_step, evaluations = timed_steps(monitor, random_inputs(monitor, values))
     return Measurement(
         len(generated.manifest.requirements),
-        step_nanoseconds(monitor, random_inputs(monitor, values)),
+        of_step,
         step_nanoseconds(monitor, lasting_inputs(monitor, values)),
         generated.manifest.state_bytes,
         seconds,
+        evaluations if generated.manifest.policy is Policy.TIMED else None,
     )
