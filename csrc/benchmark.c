@@ -64,8 +64,9 @@ static void take_row_at(
 
 /// Step all groups once for each of n_rows inputs structs, which are `stride` bytes apart. Returns
 /// the elapsed time in nanoseconds. With the policy `timed`, `due` has the next deadline of each
-/// group, at first FM_NEVER; otherwise `time` and `due` may be NULL. The caller owns all blocks and
-/// has reset the state. Cannot fail. Any thread, with its own blocks. O(n_rows x operations).
+/// group, at first FM_NEVER; otherwise `time` and `due` may be NULL. The caller owns all blocks
+/// and has reset the state. Cannot fail. Any thread, with its own blocks.
+/// O(n_rows x operations).
 uint64_t fm_benchmark(
   const struct fm_monitor * monitor, void * state, const void * rows, uint64_t stride,
   uint64_t n_rows, bool * verdicts, struct fm_benchmark_time * time, int64_t * due)

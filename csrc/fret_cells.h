@@ -137,10 +137,10 @@ static inline uint32_t fm_next_position(uint32_t position, uint32_t length)
   return position + 1u == length ? 0u : position + 1u;
 }
 
-/// Cells of groups that step at ticks (fm_group.step_at). Between two steps the arguments of a cell
-/// stay as they were at the first of them. `tick` is that of this step; each cell lowers `*next` to
-/// the next tick at which its result can change although its arguments stay. No tick is above
-/// FM_LAST_TICK, and no bound above 2^62.
+/// Cells of groups that step at ticks (fm_group.step_at). Between two steps the arguments of a
+/// cell stay as they were at the first of them. `tick` is that of this step; each cell lowers
+/// `*next` to the next tick at which its result can change although its arguments stay. No tick is
+/// above FM_LAST_TICK, and no bound above 2^62.
 static inline void fm_lower(int64_t * next, bool is_due, int64_t tick)
 {
   *next = is_due && tick < *next ? tick : *next;

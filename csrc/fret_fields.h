@@ -29,8 +29,7 @@
 /// The result of reading a field.
 enum fm_outcome
 {
-  FM_FIELD_READ = 0,     // `value` holds the field; of an input fed by an age, .i holds the stamp in
-                         // nanoseconds instead
+  FM_FIELD_READ = 0,     // `value` holds the field; for an age, .i holds the stamp in ns instead
   FM_FIELD_OUTSIDE = 1,  // the index is outside its array, which has `length` elements
   FM_FIELD_UNNAMED = 2,  // the string is not one of the input's `values`; it has `length` bytes
                          // (a wstring: UTF-16 units)

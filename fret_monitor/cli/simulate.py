@@ -49,8 +49,8 @@ def run(options: Namespace) -> int:
         print(warning.render(), file=sys.stderr)
     if options.until is not None and compiled.monitor.manifest.policy is not Policy.TIMED:
         refuse('--until needs policy: timed',
-               help=f'here it is {compiled.monitor.manifest.policy.value}: nothing happens between '
-               'and after the rows')
+               help=f'here it is {compiled.monitor.manifest.policy.value}: nothing happens '
+               'between and after the rows')
     summary = simulate(compiled.monitor, options.trace, options.verdicts, compiled.sources,
                        options.until)
     if options.verdicts is not None:

@@ -40,10 +40,10 @@ CELLS: dict[str, type[OnceWithin] | type[AlwaysWithin]] = {
     'once': OnceWithin, 'always': AlwaysWithin}
 
 
-def build(folder: Path, *command: str) -> Path:
-    """Compile the program; a warning fails the test."""
-    program = folder / 'cells'
-    done = run(*command, f'-I{csrc_directory()}', *WARNINGS, HERE / 'cells.c', '-o', program,
+def build(folder: Path, *command: str, source: str = 'cells.c') -> Path:
+    """Compile a program; a warning fails the test."""
+    program = folder / source.removesuffix('.c')
+    done = run(*command, f'-I{csrc_directory()}', *WARNINGS, HERE / source, '-o', program,
                '-lm')
     assert (done.returncode, done.stdout) == (0, '')
     return program
@@ -105,6 +105,49 @@ def test_a_wrong_first_value_of_a_counter_is_detected(program: Path) -> None:
     done = run(program, 'start', *right[:-1], int(right[-1]) - 1)
     assert done.returncode == 1
     assert 'once_within_u8, bound 10, head 4' in done.stdout
+
+
+@pytest.mark.parametrize(('name', 'flags'), [
+    ('gcc', ('-O2', *SANITIZERS)), ('gcc', ('-O3',)), ('clang', ('-O2',))])
+def test_cells_at_ticks_equal_the_operators_at_every_tick(
+    tmp_path: Path, name: str, flags: tuple[str, ...],
+) -> None:
+    done = run(build(tmp_path, *COMPILERS[name](), '-std=c99', *flags, source='cells_at.c'))
+    assert (done.returncode, done.stdout) == (0, '')
+
+
+SLIPS_AT_TICKS = {
+    'a window one tick longer': ('tick - 1 + bound : *last;\n  *last = p',
+                                 'tick + bound : *last;\n  *last = p'),
+    'a since that p cannot end': ('p ? before : -1', 'before'),
+    'an event that lasts, forgotten': ('*last = q ? FM_NEVER : kept', '*last = q ? tick : kept'),
+    'a deadline one tick late': ('fm_lower(next, out && !p, kept + 1)',
+                                 'fm_lower(next, out && !p, kept + 2)'),
+    'no deadline': ('fm_lower(next, p && begun > tick, begun);', ''),
+    'an oldest q that stands still': ('q ? FM_NEVER - 1 : FM_NEVER', 'q ? begun : FM_NEVER'),
+    'a queue that p cannot empty': ('queue[1] = p ? queue[1] : 0;', ''),
+    'results merged over a gap': ('newest[1] >= tick + low - 1', 'newest[1] >= tick + low - 2'),
+    'results that touch kept apart': ('newest[1] >= tick + low - 1', 'newest[1] >= tick + low'),
+    'an interval that is never dropped': ('oldest[1] < tick', 'oldest[1] < 0'),
+    'no note of what was dropped': ('queue[2] = fm_interval(queue, capacity, 0)[1];', ''),
+    'zeros of two signs': ('x = {a}, y = {b};\n  return x.bits == y.bits',
+                           'x = {a}, y = {b};\n  return x.number == y.number'),
+}
+
+
+@pytest.mark.parametrize('slip', SLIPS_AT_TICKS)
+def test_a_mistake_in_a_cell_at_ticks_is_detected(tmp_path: Path, slip: str) -> None:
+    right, wrong = SLIPS_AT_TICKS[slip]
+    for file in csrc_directory().glob('*.h'):
+        shutil.copy(file, tmp_path)
+    header = tmp_path / 'fret_cells.h'
+    text = header.read_text(encoding='utf-8')
+    assert right in text
+    header.write_text(text.replace(right, wrong), encoding='utf-8')
+    built = run(*gcc(), '-std=c99', '-O1', f'-I{tmp_path}', HERE / 'cells_at.c', '-o',
+                tmp_path / 'cells_at', '-lm')
+    assert built.returncode == 0, built.stdout
+    assert run(tmp_path / 'cells_at').returncode == 1
 
 
 # Some mistakes: the text of the header, and its replacement.

@@ -152,9 +152,21 @@ def test_an_input_of_each_type_is_filled(tmp_path: Path) -> None:
 
 
 def test_a_measurement_is_plausible(bundle: Path) -> None:
-    found = measure(bundle).as_dict()
-    assert json.loads(json.dumps(found)) == found
-    assert found['requirements'] == 3 and 0 < found['state_bytes'] < 40
-    assert 0.1 < found['ns_per_step'] < 1e5
-    assert 0.1 < found['ns_per_step_lasting'] < 1e5
-    assert 0.001 < found['compile_seconds'] < 600
+    found = measure(bundle)
+    assert json.loads(json.dumps(found.as_dict())) == found.as_dict()
+    assert found.requirements == 3 and 0 < found.state_bytes < 40
+    assert 0.1 < found.ns_per_step < 1e5
+    assert 0.1 < found.ns_per_step_lasting < 1e5
+    assert 0.001 < found.compile_seconds < 600
+    assert found.evaluations is None
+
+
+def test_the_messages_of_a_timed_bundle_are_measured(tmp_path: Path) -> None:
+    path = tmp_path / 'timed.yaml'
+    path.write_text('format: 1\ninputs: {p: {type: bool}}\n'
+                    'evaluation: {policy: timed, unit: 0.001}\n'
+                    'requirements: [{id: A, ptltl: "O[0,5] p"}]\n')
+    found = measure(path)
+    # Of four messages in a row 10 ms apart, one ends p; a deadline comes 5 ms after p.
+    assert found.evaluations is not None and 1.2 < found.evaluations < 1.3
+    assert 0.1 < found.ns_per_step < 1e5

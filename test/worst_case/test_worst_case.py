@@ -224,8 +224,8 @@ def test_the_bounds_of_windows_do_not_change_the_cost_of_a_step() -> None:
 
 
 def test_every_kind_of_equation_has_exactly_one_cost() -> None:
-    specifications = [windows_apart(), windows_at_ticks(), remainders(), *map(random_specification, range(60)),
-                      many_of_a_group()]
+    specifications = [windows_apart(), windows_at_ticks(), remainders(),
+                      *map(random_specification, range(60)), many_of_a_group()]
     found = {kind for item in specifications for kind in kinds(layouts_of(item))}
     assert found == COSTS.keys() | LIBRARY_COSTS.keys()
 
