@@ -20,6 +20,7 @@ from pathlib import Path
 
 from fret_monitor.bundle.bundle import Bundle
 from fret_monitor.bundle.reader import survey_bundle
+from fret_monitor.elaboration.durations import STEPS, TimeScale
 from fret_monitor.elaboration.elaborator import Elaborator
 from fret_monitor.elaboration.equations import equations_term
 from fret_monitor.elaboration.scope import Declaration, Role, Scope
@@ -78,15 +79,16 @@ def scope_of(variables: Iterable[Variable] = (),
 
 
 def elaborate(tree: Expression | Equations, scope: Scope, problems: Problems | None = None,
-              feedback: dict[Feedback, Formula] | None = None) -> Formula:
+              feedback: dict[Feedback, Formula] | None = None,
+              scale: TimeScale = STEPS) -> Formula:
     """
     Return the formula of an expression, or of the result of some equations; raise its mistakes.
 
     `problems` receives the warnings, `feedback` the equations of the formula's `Feedback` nodes.
     """
     found = Problems()
-    term = (equations_term(tree, scope, found, '', {} if feedback is None else feedback)
-            if isinstance(tree, Equations) else Elaborator(scope, found).term(tree))
+    term = (equations_term(tree, scope, found, '', {} if feedback is None else feedback, scale)
+            if isinstance(tree, Equations) else Elaborator(scope, found, scale=scale).term(tree))
     found.raise_errors()
     if problems is not None:
         problems.extend(found.warnings)

@@ -20,7 +20,7 @@ import time
 from typing import assert_never
 
 from fret_monitor.language.expression import (
-    Boolean, Bound, Call, Conditional, Expression, Infix, Name, Number, Prefix,
+    Boolean, Bound, Call, Conditional, Duration, Expression, Infix, Name, Number, Prefix,
 )
 from fret_monitor.model.diagnostics import CompileError, Source, Span, Text
 import pytest
@@ -102,6 +102,8 @@ def show(node: Expression) -> str:
             return node.text
         case Number():
             return node.text
+        case Duration(number, unit):
+            return f'{number} {unit.value}'
         case Boolean():
             return str(node.value)
         case Prefix():

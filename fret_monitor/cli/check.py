@@ -22,11 +22,13 @@ from pathlib import Path
 import sys
 
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
+from fret_monitor.elaboration.durations import approximate
 from fret_monitor.logic.printing import to_smv
-from fret_monitor.logic.specification import Property
+from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import CompileError, counted
-from fret_monitor.model.policies import Policy
+from fret_monitor.model.policies import Policy, Stamp
+from fret_monitor.model.times import time_text
 from fret_monitor.program.layout import lay_out, state_bytes
 from fret_monitor.program.lower import lower
 
@@ -37,7 +39,7 @@ _STEPS = {
     Policy.ALL_INPUTS: ("a step is a round in which each of the requirement's inputs came anew",
                         'rounds'),
     Policy.PERIODIC: ('a step is a period of {period} s', 'steps'),
-    Policy.TIMED: ('a step is a nanosecond', 'ns'),
+    Policy.TIMED: ('bounds are times', ''),
 }
 _MANY = 4
 _FORMULA_WIDTH = 2000
@@ -75,11 +77,24 @@ def _report(path: Path, generated: GeneratedMonitor) -> Iterator[str]:
            f'{counted(len(manifest.inputs), "input")} on '
            f'{counted(len(manifest.topics), "topic")}, '
            f'{counted(manifest.state_bytes, "byte")} of state, '
-           f'{counted(operations, "operation")} a step')
+           f'{counted(operations, "operation")} '
+           f'{"an evaluation" if manifest.policy is Policy.TIMED else "a step"}')
     step = _STEPS[manifest.policy][0].format(period=manifest.period)
-    yield f'policy {manifest.policy.value}: {step}'
+    yield f'policy {manifest.policy.value}: {step}{_time_options(generated.specification)}'
     yield ''
     yield from _table([('id', 'inputs', 'state', 'bounds', 'formula'), *_rows(generated)])
+
+
+def _time_options(specification: Specification) -> str:
+    """Return what a bundle chose under the policy timed, for messages and plain counts."""
+    if specification.policy is not Policy.TIMED:
+        return ''
+    unit, reorder = specification.unit, specification.reorder
+    count = '' if unit is None else f', a plain count is {approximate(unit)} s'
+    wait = f', which may be late by {time_text(reorder)}' if reorder else ''
+    stamps = f', a message counts at its stamp{wait}' \
+        if specification.stamp is Stamp.HEADER else ''
+    return count + stamps
 
 
 def _rows(generated: GeneratedMonitor) -> Iterator[tuple[str, ...]]:
@@ -93,7 +108,8 @@ def _rows(generated: GeneratedMonitor) -> Iterator[tuple[str, ...]]:
             ', '.join(specification.signals[index].name for index in inputs) or '-',
             f'{owned[number]} B',
             _bounds(item, specification.policy, specification.period),
-            to_smv(item.formula, _FORMULA_WIDTH, values),
+            to_smv(item.formula, _FORMULA_WIDTH, values,
+                   is_timed=specification.policy is Policy.TIMED),
         )
 
 
@@ -115,6 +131,9 @@ def _bounds(item: Property, policy: Policy, period: Fraction | None) -> str:
     numbers = item.bounds
     if not numbers:
         return '-'
+    if policy is Policy.TIMED:
+        more = '... ' if len(numbers) > _MANY else ''
+        return more + ', '.join(map(time_text, numbers[-_MANY:]))
     shown = ', '.join(f'{number:,}' for number in numbers[-_MANY:])
     shown = f'... {shown}' if len(numbers) > _MANY else shown
     if period is None:

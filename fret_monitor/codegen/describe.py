@@ -16,11 +16,12 @@
 
 from fret_monitor.codegen.extractors import topics_of
 from fret_monitor.codegen.module import CModule
-from fret_monitor.logic.printing import to_smv, Values
+from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Property, Signal
 from fret_monitor.model.manifest import (
     Manifest, ManifestGroup, ManifestInput, ManifestRequirement, ManifestTopic,
 )
+from fret_monitor.model.policies import Policy
 from fret_monitor.program.layout import GroupLayout, state_bytes
 from fret_monitor.program.monitor_program import MonitorProgram
 
@@ -45,8 +46,11 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         topics=_topics(program.signals),
         groups=tuple(ManifestGroup(layout.group.signals, layout.group.properties, layout.size,
                                    layout.operations) for layout in layouts),
-        requirements=tuple(_requirement(item, group_of[number], signal_of, values)
-                           for number, item in enumerate(program.properties)),
+        requirements=tuple(
+            _requirement(item, group_of[number], signal_of,
+                         to_smv(item.formula, _LONGEST_FORMULA, values,
+                                is_timed=program.policy is Policy.TIMED))
+            for number, item in enumerate(program.properties)),
         state_bytes=state_bytes(layouts),
         bundle_hash=bundle_hash,
         source_hash=module.source_hash,
@@ -70,13 +74,13 @@ def _topics(signals: tuple[Signal, ...]) -> tuple[ManifestTopic, ...]:
 
 
 def _requirement(item: Property, group: int, signal_of: dict[str, int],
-                 values: Values) -> ManifestRequirement:
+                 formula: str) -> ManifestRequirement:
     return ManifestRequirement(
         id=item.id,
         handler=item.handler,
         text=item.text,
         title=item.title,
-        formula=to_smv(item.formula, _LONGEST_FORMULA, values),
+        formula=formula,
         report=item.report,
         severity=item.severity,
         group=group,

@@ -30,6 +30,7 @@ from fret_monitor.codegen.names import field, Names, SUFFIXES
 from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.formula import operands as operands_of
 from fret_monitor.logic.printing import to_smv
+from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import (
     FieldKind, GroupLayout, ring_lengths, SHIFT_REGISTER_BITS, StateField,
@@ -147,7 +148,8 @@ class PartWriter:
     def _shown(self, formula: Formula, limit: int) -> str:
         """Return a formula with the names of values and definitions."""
         names = {term: name for term, name in self._named.items() if term is not formula}
-        return to_smv(formula, limit, self._values, names)
+        return to_smv(formula, limit, self._values, names,
+                      is_timed=self._program.policy is Policy.TIMED)
 
     # -- equations ----------------------------------------------------------------------------
 

@@ -32,7 +32,7 @@ from dataclasses import replace
 from typing import TypeAlias
 
 from fret_monitor.bundle.bundle import Bundle, Definition, InputEntry, Language, Requirement
-from fret_monitor.elaboration.durations import SECONDS, steps_help
+from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.elaborator import Elaborator, FindVocabulary, references
 from fret_monitor.elaboration.equations import equations_term
 from fret_monitor.elaboration.fretish import sentence_term
@@ -41,16 +41,15 @@ from fret_monitor.elaboration.languages import read_expression, read_formula
 from fret_monitor.elaboration.scope import Declaration, Role, Scope
 from fret_monitor.elaboration.signals import constant_declaration, FindMessage, input_declaration
 from fret_monitor.elaboration.terms import Broken, describe, formula_of, TypedTerm, Vocabulary
-from fret_monitor.language.bounds import TimedBound
 from fret_monitor.language.expression import Equations, Expression, Name
 from fret_monitor.language.quoted_text import QuotedText
-from fret_monitor.language.sentence import ComponentPhrase, Sentence, Unit
+from fret_monitor.language.sentence import ComponentPhrase, Sentence
 from fret_monitor.logic.formula import Feedback, Formula, postorder
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.messages.installed import find_message as find_installed
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Problems, Source, Span, Text
 from fret_monitor.model.names import fret_name
-from fret_monitor.model.policies import Policy, Stamp
+from fret_monitor.model.policies import Stamp
 
 _HEADER = 'std_msgs/msg/Header'
 _MANY = 8
@@ -107,21 +106,13 @@ def _references(tree: Expression | Equations | None,
     return found
 
 
-def _untimed(sentence: Sentence) -> Sentence:
-    """Return a sentence whose duration, if it has a unit of time, is replaced by one step."""
-    timing = sentence.timing
-    if timing is None or timing.duration is None or timing.duration.unit not in SECONDS:
-        return sentence
-    duration = replace(timing.duration, number='1', unit=Unit.TICK)
-    return replace(sentence, timing=replace(timing, duration=duration))
-
-
 class _Reading:
     """The elaboration of one bundle: the names declared so far, and the problems found."""
 
     def __init__(self, problems: Problems, bundle: Bundle) -> None:
         self.problems = problems
         self._bundle = bundle
+        self._scale = TimeScale(bundle.policy, bundle.period, bundle.unit)
         self._scope = Scope()
         self._feedback: dict[Feedback, Formula] = {}
 
@@ -245,11 +236,7 @@ class _Reading:
         if not isinstance(tree, Sentence):
             return self._term(item.language, item.text, tree, item.id.value)
         self._check_component(tree.component)
-        if self._bundle.policy is not Policy.PERIODIC:
-            return sentence_term(tree, self._scope, self.problems)
-        if self._bundle.period is None:  # reported already; any number of steps will do
-            tree = _untimed(tree)
-        return sentence_term(tree, self._scope, self.problems, self._bundle.period)
+        return sentence_term(tree, self._scope, self.problems, self._scale)
 
     def _check_component(self, found: ComponentPhrase) -> None:
         expected = self._bundle.component
@@ -267,10 +254,7 @@ class _Reading:
             return None
 
     def _with_help(self, found: Diagnostic) -> Diagnostic:
-        """Add help that needs the bundle: its period for a timed bound, its names for a text."""
-        if isinstance(found, TimedBound) and found.unit in SECONDS:
-            return replace(found, help=steps_help(found.number, found.unit, self._bundle.policy,
-                                                  self._bundle.period))
+        """Add help that needs the bundle: its names for a text."""
         if isinstance(found, QuotedText):
             meant = [f'{name} = {value}' for name, vocabulary in self._scope.vocabularies.items()
                      for value, of in vocabulary.values if found.text in (value, str(of))]
@@ -282,9 +266,11 @@ class _Reading:
         if tree is None:
             return TypedTerm(Broken(), text.span)
         if isinstance(tree, Equations):
-            return equations_term(tree, self._scope, self.problems, owner, self._feedback)
+            return equations_term(tree, self._scope, self.problems, owner, self._feedback,
+                                  self._scale)
         is_lustre = language is Language.COCOSPEC
-        return Elaborator(self._scope, self.problems, is_lustre=is_lustre).term(tree)
+        return Elaborator(self._scope, self.problems, is_lustre=is_lustre,
+                          scale=self._scale).term(tree)
 
     def _reached(self, formula: Formula) -> tuple[tuple[Feedback, Formula], ...]:
         """Return the equations of all `Feedback` nodes that a formula reaches, transitively."""

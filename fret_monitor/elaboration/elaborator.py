@@ -29,6 +29,7 @@ from fractions import Fraction
 from typing import assert_never, NoReturn, TypeAlias
 
 from fret_monitor.elaboration import arithmetic
+from fret_monitor.elaboration.durations import STEPS, TimeScale
 from fret_monitor.elaboration.functions import Application, choice, COUNTING, FUNCTIONS, previous
 from fret_monitor.elaboration.scope import Role, Scope
 from fret_monitor.elaboration.terms import (
@@ -36,7 +37,8 @@ from fret_monitor.elaboration.terms import (
 )
 from fret_monitor.elaboration.windows import window
 from fret_monitor.language.expression import (
-    Boolean, Call, children, Conditional, Expression, Infix, Name, Number, postorder, Prefix,
+    Boolean, Call, children, Conditional, Duration, Expression, Infix, Name, Number, postorder,
+    Prefix,
 )
 from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Choice, Constant, FALSE, Formula, FTP, Historically, Once, Previous,
@@ -84,7 +86,7 @@ def gives_truth(node: Expression) -> bool:
             return node.operator not in _ARITHMETIC and node.operator not in ('^', 'arrow')
         case Call():
             return node.function in FUNCTIONS and FUNCTIONS[node.function].gives_truth
-        case Name() | Number() | Conditional():
+        case Name() | Number() | Duration() | Conditional():
             return False
         case _:
             assert_never(node)
@@ -134,18 +136,20 @@ class Elaborator:
 
     def __init__(self, scope: Scope, problems: Problems, *, is_lustre: bool = False,
                  cells: Mapping[Expression, Cell] | None = None,
-                 left: Formula | None = FTP) -> None:
+                 left: Formula | None = FTP, scale: TimeScale = STEPS) -> None:
         """
         Store the scope of the names and the list for reports.
 
         `is_lustre` enables the warnings for Lustre. `left` holds at the left end of the interval
-        in which `persisted`, `occurred` and `prevOcc` look back; None for no left end.
+        in which `persisted`, `occurred` and `prevOcc` look back; None for no left end. `scale`
+        says what counts and times mean.
         """
         self._scope = scope
         self._problems = problems
         self._is_lustre = is_lustre
         self._cells = cells or {}
         self._left = left
+        self._scale = scale
         self._done: dict[Expression, TypedTerm] = {}
         self._reported: set[str] = set()
 
@@ -179,6 +183,7 @@ class Elaborator:
         if is_broken or any(map(self._is_broken, _bound_names(node))):
             return TypedTerm(Broken(), node.span)
         try:
+            operands = self._counted(node, operands)
             value, vocabulary = self._meaning(node, operands)
         except CompileError as error:
             self._problems.extend(error.diagnostics)
@@ -192,9 +197,10 @@ class Elaborator:
         """Yield the numbers of steps in the bound or the arguments of a node itself."""
         match node:
             case Prefix() | Infix() if node.bound is not None:
-                past = window(node.bound, self._constant)
+                past = window(node.bound, self._constant, self._scale)
                 yield from (end for end in (past.low, past.high) if end is not None)
             case Call(function) if function in COUNTING:
+                # The operands are steps or nanoseconds here, see _counted.
                 yield from (term.value.value.numerator for term in operands[:-1]
                             if isinstance(term.value, ExactNumber))
 
@@ -276,15 +282,37 @@ class Elaborator:
         declaration = self._scope.find(name.text)
         return declaration is not None and declaration.term.is_broken
 
+    def _counted(self, node: Expression, operands: list[TypedTerm]) -> list[TypedTerm]:
+        """Return the operands with the counts and times among them as steps or nanoseconds."""
+        parts = self._operands(node)
+        counts = len(parts) - 1 if isinstance(node, Call) and node.function in COUNTING else 0
+        for part in parts[counts:]:
+            if isinstance(part, Duration):
+                refuse('a time cannot be used here', part.span, 'this has a unit',
+                       'only bounds, persisted and occurred take times')
+        return [replace(term, value=self._steps(part, term)) for part, term in
+                zip(parts[:counts], operands, strict=False)] + operands[counts:]
+
+    def _steps(self, part: Expression, term: TypedTerm) -> Value:
+        if isinstance(part, Duration):
+            return ExactNumber(Fraction(self._scale.time(part)), False)
+        value = term.value
+        if isinstance(value, ExactNumber) and not value.is_real:
+            return replace(value, value=Fraction(
+                self._scale.count(value.value.numerator, term.span)))
+        return value
+
     # Operators
 
-    def _meaning(self, node: Number | Boolean | Prefix | Infix | Call | Conditional,
+    def _meaning(self, node: Number | Boolean | Duration | Prefix | Infix | Call | Conditional,
                  operands: list[TypedTerm]) -> tuple[Value, Vocabulary | None]:
         match node:
             case Number():
                 return _number(node), None
             case Boolean():
                 return TRUE if node.value else FALSE, None
+            case Duration():
+                return ExactNumber(Fraction(0), False), None  # see _counted
             case Prefix():
                 return self._prefix(node, operands)
             case Infix():
@@ -305,7 +333,7 @@ class Elaborator:
         if node.operator == '-':
             return arithmetic.minus(operand), None
         argument = expect_bool(operand, f"'{node.operator}'")
-        past = window(node.bound, self._constant)
+        past = window(node.bound, self._constant, self._scale)
         return _past(node, past, argument), None
 
     def _infix(self, node: Infix, left: TypedTerm,
@@ -336,7 +364,7 @@ class Elaborator:
         p, q = _both_true(left, right, name)
         if node.operator in _CONNECTIVES:
             return Binary(_CONNECTIVES[node.operator], p, q)
-        past = window(node.bound, self._constant)
+        past = window(node.bound, self._constant, self._scale)
         if self._is_lustre and past.low > 0:
             self._problems.warning(
                 "FRET's own Lustre library differs when the lower bound is above 0",
@@ -365,7 +393,8 @@ class Elaborator:
             delayed_term = TypedTerm(self._cells[node], node.span)
             first, later = alike([operands[0], delayed_term], f"'{name}'")
             return Choice(FTP, first, later), None
-        call = Application(name, tuple(operands), node.span, self._problems, self._left)
+        call = Application(name, tuple(operands), node.span, self._problems, self._left,
+                           self._scale)
         return function.meaning(call), self._shared_vocabulary(node, operands)
 
     def _shared_vocabulary(self, node: Call, operands: list[TypedTerm]) -> Vocabulary | None:

@@ -25,9 +25,11 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain, count
 
+from fret_monitor.elaboration.durations import STEPS, TimeScale
 from fret_monitor.elaboration.elaborator import Cell, delayed, Elaborator, gives_truth, references
 from fret_monitor.elaboration.graph import components, cycle, is_cyclic
 from fret_monitor.elaboration.scope import Declaration, Role, Scope
+from fret_monitor.elaboration.settling import settles
 from fret_monitor.elaboration.terms import (
     Broken, cast, common_type, convert, describe, expect_bool, expect_number, joined_bounds,
     TypedTerm, Undeclared,
@@ -46,22 +48,24 @@ _TYPES = {'bool': ValueType.BOOL, 'int': ValueType.INT64, 'real': ValueType.FLOA
 
 
 def equations_term(tree: Equations, scope: Scope, problems: Problems, owner: str,
-                   feedback: dict[Feedback, Formula]) -> TypedTerm:
+                   feedback: dict[Feedback, Formula],
+                   scale: TimeScale = STEPS) -> TypedTerm:
     """
     Return the term of the result of some equations; report mistakes to the problems.
 
     `owner` is the id or name of the requirement or definition with the equations; the names of the
     `Feedback` nodes begin with it. Their equations are added to `feedback`.
     """
-    return _LustreNode(tree, scope, problems, owner, feedback).result()
+    return _LustreNode(tree, scope, problems, owner, feedback, scale).result()
 
 
 class _LustreNode:
     """The elaboration of the equations of one text."""
 
     def __init__(self, tree: Equations, scope: Scope, problems: Problems, owner: str,
-                 feedback: dict[Feedback, Formula]) -> None:
+                 feedback: dict[Feedback, Formula], scale: TimeScale) -> None:
         self._tree = tree
+        self._scale = scale
         self._problems = problems
         self._owner = owner
         self._feedback = feedback
@@ -100,7 +104,8 @@ class _LustreNode:
         return references(expression, self._outer.vocabulary_of, through_delays)
 
     def _elaborator(self, cells: Mapping[Expression, Cell], problems: Problems) -> Elaborator:
-        return Elaborator(self._scope, problems, is_lustre=True, cells=cells)
+        return Elaborator(self._scope, problems, is_lustre=True, cells=cells,
+                          scale=self._scale)
 
     # Declarations
 
@@ -255,10 +260,21 @@ class _LustreNode:
                 f'declare it: var {delay.name}: real;')
             return
         try:
-            self._feedback[cell] = value if term.is_boolean and not isinstance(
+            equation = value if term.is_boolean and not isinstance(
                 value, ExactNumber) else cast(term, value, cell.type)
         except CompileError as error:
             self._problems.extend(error.diagnostics)
+            return
+        self._feedback[cell] = equation
+        if self._scale.is_timed and not settles(cell, equation):
+            self._report_counting(delay)
+
+    def _report_counting(self, delay: '_Delay') -> None:
+        self._problems.error(
+            f"the equation of '{delay.name}' depends on how often it is evaluated", delay.span,
+            'under policy: timed a step is one nanosecond',
+            'write one that stays as it is until an input changes, as in a = p -> q or pre a; '
+            'for time write a bound, as in OT(2 s, 0, p)')
 
     def _report_cycle(self, way: list[str]) -> None:
         equation = self._equations[way[0]]

@@ -20,6 +20,7 @@ The types of the names are inferred from their use; the default is a real number
 
 from typing import Literal
 
+from fret_monitor.elaboration.durations import STEPS, TimeScale
 from fret_monitor.elaboration.fretish import sentence_term
 from fret_monitor.elaboration.scope import Declaration, Role, Scope
 from fret_monitor.elaboration.terms import formula_of, TypedTerm
@@ -36,9 +37,11 @@ _LIMIT = 1_000_000
 
 
 def formalize(sentence: Sentence, language: Literal['smv', 'cocospec'] = 'smv',
-              ) -> tuple[str, tuple[Diagnostic, ...]]:
+              scale: TimeScale = STEPS) -> tuple[str, tuple[Diagnostic, ...]]:
     """
     Return the formula of a sentence as text on one line, and the warnings about it.
+
+    `scale` says what durations and counts mean; the default counts steps, as in FRET.
 
     Raises
     ------
@@ -47,9 +50,10 @@ def formalize(sentence: Sentence, language: Literal['smv', 'cocospec'] = 'smv',
         characters.
     """
     problems = Problems()
-    term = sentence_term(sentence, scope_by_use(sentence), problems)
+    term = sentence_term(sentence, scope_by_use(sentence), problems, scale)
     problems.raise_errors()
-    shown = (to_smv if language == 'smv' else to_cocospec)(formula_of(term), _LIMIT)
+    shown = (to_smv if language == 'smv' else to_cocospec)(
+        formula_of(term), _LIMIT, is_timed=scale.is_timed)
     if shown.endswith(' ...'):
         refuse('the formula is too long to be shown', sentence.span,
                f'more than {_LIMIT:,} characters')

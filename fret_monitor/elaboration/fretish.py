@@ -34,9 +34,8 @@ are [left, right) there; formulas are equivalent to FRET's, and mostly shorter.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from fractions import Fraction
 
-from fret_monitor.elaboration.durations import steps_of
+from fret_monitor.elaboration.durations import STEPS, TimeScale
 from fret_monitor.elaboration.elaborator import Elaborator
 from fret_monitor.elaboration.scope import Scope
 from fret_monitor.elaboration.terms import Broken, expect_bool, joined_bounds, TypedTerm
@@ -52,14 +51,13 @@ from fret_monitor.model.diagnostics import CompileError, Problems
 
 
 def sentence_term(sentence: Sentence, scope: Scope, problems: Problems,
-                  period: Fraction | None = None) -> TypedTerm:
+                  scale: TimeScale = STEPS) -> TypedTerm:
     """
     Return the term of a sentence; report mistakes to the problems.
 
-    With a `period` (seconds per step), durations with a unit of time are converted to steps;
-    without one, their numbers count steps, as in FRET.
+    `scale` says what durations and counts mean; the default counts steps, as in FRET.
     """
-    return _Formalisation(sentence, scope, problems, period).term()
+    return _Formalisation(sentence, scope, problems, scale).term()
 
 
 def is_not_yet(sentence: Sentence) -> bool:
@@ -108,20 +106,20 @@ class _Formalisation:
     """The formalisation of one sentence."""
 
     def __init__(self, sentence: Sentence, scope: Scope, problems: Problems,
-                 period: Fraction | None) -> None:
+                 scale: TimeScale) -> None:
         self._sentence = sentence
         self._problems = problems
-        self._period = period
+        self._scale = scale
         self._bounds: frozenset[int] = frozenset()
         # No left end: FRET does not limit how far the scope's own expression looks back.
         mode: Formula | None = TRUE
         if sentence.scope is not None:
-            outside = Elaborator(scope, problems, left=None)
+            outside = Elaborator(scope, problems, left=None, scale=scale)
             mode = None if self._is_value(sentence.scope, scope) else self._truth(
                 outside, sentence.scope.mode, 'a scope')
         self._mode = mode
         self._interval = _interval(sentence.scope_kind, mode or TRUE)
-        self._elaborator = Elaborator(scope, problems, left=self._interval.left)
+        self._elaborator = Elaborator(scope, problems, left=self._interval.left, scale=scale)
 
     def term(self) -> TypedTerm:
         """Return the formula; elaborates every part, so that all mistakes are reported."""
@@ -182,7 +180,7 @@ class _Formalisation:
         if timing is None or timing.duration is None:
             return 0
         try:
-            return steps_of(timing.duration, self._period)
+            return self._scale.timing(timing.duration)
         except CompileError as error:
             self._problems.extend(error.diagnostics)
             return None

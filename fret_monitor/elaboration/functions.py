@@ -25,10 +25,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from fret_monitor.elaboration.arithmetic import arithmetic, magnitude
+from fret_monitor.elaboration.durations import STEPS, TimeScale
 from fret_monitor.elaboration.terms import (
     alike, convert, describe, expect_bool, expect_number, Number, TypedTerm,
 )
-from fret_monitor.elaboration.windows import MAX_BOUND
 from fret_monitor.logic.formula import (
     ALWAYS, Binary, BinaryOperator, Choice, Formula, FTP, Historically, Once, Previous, Since,
     Unary, UnaryOperator, Window, Yesterday,
@@ -44,6 +44,7 @@ class Application:
     A call with elaborated arguments, whose number is correct.
 
     `left` holds at the left end of the interval in which the call looks back; None for no end.
+    The counts and times among the arguments are numbers of `scale` already.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Application:
     place: Span
     problems: Problems
     left: Formula | None = FTP
+    scale: TimeScale = STEPS
 
     @property
     def quoted(self) -> str:
@@ -144,20 +146,24 @@ def _real(call: Application, term: TypedTerm) -> TypedTerm:
     return TypedTerm(value, term.span)
 
 
-def _count(term: TypedTerm, name: str) -> int:
-    value = term.value
-    if not isinstance(value, ExactNumber) or value.is_real or not 0 <= value.value <= MAX_BOUND:
-        refuse(f'{name} takes a number of steps, from 0 to {MAX_BOUND}, as digits or '
-               'as a constant', term.span, f'this is {describe(term)}')
+def _count(call: Application, term: TypedTerm) -> int:
+    value, longest = term.value, call.scale.longest
+    if not isinstance(value, ExactNumber) or value.is_real or not 0 <= value.value <= longest:
+        what = 'a time, up to 2^62 ns, or a count' if call.scale.is_timed else \
+            f'a number of steps, from 0 to {longest}'
+        refuse(f'{call.quoted} takes {what}, as digits or as a constant', term.span,
+               f'this is {describe(term)}')
     return value.value.numerator
 
 
 def _window(call: Application) -> Window:
     *counts, _ = (call.arguments)
-    low, high = ([0] if len(counts) == 1 else []) + [_count(it, call.quoted) for it in counts]
+    low, high = ([0] if len(counts) == 1 else []) + [_count(call, it) for it in counts]
     if high < low:
-        refuse(f'{call.quoted} takes the smaller number of steps first', counts[0].span,
-               f'{low} is more than {high}', f'write {call.name}({high}, {low}, ...)')
+        first, second = call.scale.shown(high), call.scale.shown(low)
+        what = 'shorter time' if call.scale.is_timed else 'smaller number of steps'
+        refuse(f'{call.quoted} takes the {what} first', counts[0].span,
+               f'{second} is more than {first}', f'write {call.name}({first}, {second}, ...)')
     return Window(low, high)
 
 

@@ -26,7 +26,8 @@ from typing import assert_never
 
 from fret_monitor.elaboration.elaborator import gives_truth
 from fret_monitor.language.expression import (
-    Boolean, Call, children, Conditional, Expression, Infix, Name, Number, postorder, Prefix,
+    Boolean, Call, children, Conditional, Duration, Expression, Infix, Name, Number, postorder,
+    Prefix,
 )
 from fret_monitor.model.names import fret_name
 from fret_monitor.model.values import ValueType
@@ -81,7 +82,7 @@ class TypesByUse:
                 self._unify([node, fret_name(node.text)])
             case Number():
                 self._expect(_REAL, [node])
-            case Boolean():
+            case Boolean() | Duration():
                 pass
             case Prefix('-'):
                 self._expect(_REAL, [node.argument, node])

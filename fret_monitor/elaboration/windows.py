@@ -15,35 +15,35 @@
 
 from collections.abc import Callable
 
+from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.language.bounds import work_out
-from fret_monitor.language.expression import Bound, Expression, Name
+from fret_monitor.language.expression import Bound, Duration, Expression, Name
 from fret_monitor.logic.formula import ALWAYS, Window
 from fret_monitor.logic.numbers import ExactNumber, NumberError, parse_number
 from fret_monitor.model.diagnostics import refuse
-
-MAX_BOUND = 2 ** 31 - 1
 
 # FRET writes this empty window for 'within 0'.
 _FRETS_EMPTY = Window(0, -1)
 
 
-def window(bound: Bound | None, constant: Callable[[Name], int]) -> Window:
+def window(bound: Bound | None, constant: Callable[[Name], int], scale: TimeScale) -> Window:
     """
     Return the window of a bound; without a bound, the whole past.
 
-    `constant` returns the number of a name in the bound; its exceptions are passed on.
+    `constant` returns the number of a name in the bound; its exceptions are passed on. `scale`
+    says what counts and times mean.
 
     Raises
     ------
     CompileError
-        if an end is not a whole number, is negative (except in FRET's `[0,-1]`), is above
-        2^31 - 1, or if the upper end is below the lower end.
+        if an end is not a whole number, is negative (except in FRET's `[0,-1]`), is too large, or
+        if the upper end is below the lower end.
     """
     if bound is None:
         return ALWAYS
-    low = _steps(bound, bound.low, constant)
+    low = _end(bound, bound.low, constant, scale)
     if bound.relation == '[]':
-        return _closed(bound, low, _steps(bound, bound.high or '', constant))
+        return _closed(bound, low, _end(bound, bound.high or '', constant, scale), scale)
     result = {
         '<=': Window(0, low),
         '<': Window(0, low - 1),
@@ -51,44 +51,48 @@ def window(bound: Bound | None, constant: Callable[[Name], int]) -> Window:
         '>=': Window(low, None),
         '>': Window(low + 1, None),
     }[bound.relation]
-    _check_range(bound, low)
-    _check_range(bound, result.low)
+    _check_range(bound, low, scale)
+    _check_range(bound, result.low, scale)
     return result
 
 
-def _closed(bound: Bound, low: int, high: int) -> Window:
+def _closed(bound: Bound, low: int, high: int, scale: TimeScale) -> Window:
     result = Window(low, high)
     if result == _FRETS_EMPTY:
         return result
-    _check_range(bound, low)
-    _check_range(bound, high)
+    _check_range(bound, low, scale)
+    _check_range(bound, high, scale)
     if result.is_empty:
-        refuse('this bound ends before it begins', bound.span, f'{high} is less than {low}',
-               f'write [{high},{low}]')
+        low_text, high_text = scale.shown(low), scale.shown(high)
+        comma = ', ' if scale.is_timed else ','
+        refuse('this bound ends before it begins', bound.span,
+               f'{high_text} is less than {low_text}', f'write [{high_text}{comma}{low_text}]')
     return result
 
 
-def _check_range(bound: Bound, steps: int) -> None:
-    if steps < 0:
-        refuse('a bound cannot be negative', bound.span, 'counts steps into the past')
-    if steps > MAX_BOUND:
-        refuse(f'a bound is at most {MAX_BOUND} steps', bound.span, f'this is {_short(steps)}')
+def _check_range(bound: Bound, number: int, scale: TimeScale) -> None:
+    if number < 0:
+        refuse('a bound cannot be negative', bound.span,
+               'counts into the past' if scale.is_timed else 'counts steps into the past')
+    scale.check_longest(number, bound.span)
 
 
-def _short(steps: int) -> str:
-    return str(steps) if steps < 10 ** 20 else 'more than 10^20'
-
-
-def _steps(bound: Bound, end: str | Expression, constant: Callable[[Name], int]) -> int:
+def _end(bound: Bound, end: str | Expression, constant: Callable[[Name], int],
+         scale: TimeScale) -> int:
+    if isinstance(end, Duration):
+        return scale.time(end)
     if not isinstance(end, str):
-        return work_out(end, constant)
+        return scale.count(work_out(end, constant), bound.span)
     literal = _literal(bound, end)
     if literal.is_real or literal.value.denominator != 1:
         whole = literal.value.denominator == 1
-        refuse('a bound must be a whole number of steps', bound.span,
+        is_short = whole and literal.value <= scale.longest
+        refuse('a bound must be a whole number of ' + ('units' if scale.is_timed else 'steps'),
+               bound.span,
                f'{end} has a fraction' if not whole else f'{end} is written as a real number',
-               f'write {literal.value}' if whole and literal.value <= MAX_BOUND else '')
-    return literal.value.numerator
+               f'write {literal.value}' if is_short else
+               'a time may have one: write its unit, as in 2.5 s' if scale.is_timed else '')
+    return scale.count(literal.value.numerator, bound.span)
 
 
 def _literal(bound: Bound, text: str) -> ExactNumber:

@@ -22,9 +22,9 @@ An `only` scope applies outside of its mode, and requires the negation of the ti
 from collections.abc import Iterator
 from fractions import Fraction
 
-from fret_monitor.language.expression import Expression
+from fret_monitor.language.expression import Duration, Expression, Unit
 from fret_monitor.language.sentence import (
-    ConditionKind, ConditionPhrase, Duration, ScopeKind, Sentence, TimingKind, Unit,
+    ConditionKind, ConditionPhrase, ScopeKind, Sentence, TimingKind,
 )
 from fret_monitor.model.diagnostics import Span
 

@@ -20,7 +20,7 @@ into `Lexeme`s, each with its place; `parse` feeds them to the tables, which bui
 up: no recursion, linear time. Errors are `CompileError`s with their places.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
@@ -28,7 +28,9 @@ import re
 from typing import Any, NamedTuple, NoReturn, TypeAlias
 import warnings
 
-from fret_monitor.language.expression import Boolean, Call, Expression, Name, Number, Prefix
+from fret_monitor.language.expression import (
+    Boolean, Call, Duration, Expression, Name, Number, Prefix, Unit,
+)
 from fret_monitor.language.precedence import Chain, Operator, Pending, Precedence
 from fret_monitor.language.quoted_text import QuotedText
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, refuse, Span, Text
@@ -46,6 +48,12 @@ NUMBER = (r'(?P<NUMBER>(?:(?:0|[1-9][0-9]*)(?:\.[0-9]+)?|\.[0-9]+)(?:[eE][+-]?[0
 # FRET's identifiers have points and percent signs inside; it writes them as _DOT_ and _PRC_.
 NAME = r'(?P<NAME>[A-Za-z_$][\w$]*(?:[.%][\w$]+)*)'
 QUOTED = r'(?P<QUOTED>"(?:[^"\\\x00-\x1f\x7f]|\\[^\x00-\x1f\x7f])*")'
+
+
+def time_pattern(units: Iterable[str]) -> str:
+    """Return the pattern of a number with a unit of time right behind it: `2.5s`."""
+    return (rf'(?P<TIME>(?:[0-9]{{1,20}}\.)?[0-9]{{1,20}}(?i:{"|".join(units)}))(?![\w.$])')
+
 
 # Kind and one spelling of the operators that all languages have.
 OPERATORS = {
@@ -274,6 +282,28 @@ def join_signs(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     return joined
 
 
+def join_times(lexemes: Sequence[Lexeme], units: Collection[str]) -> list[Lexeme]:
+    """
+    Join a number and a unit of time to one lexeme, where it is an end of a bound or an argument.
+
+    A number before a name has no other meaning there.
+    """
+    joined: list[Lexeme] = []
+    for lexeme in lexemes:
+        if lexeme.type in ('COMMA', 'RBRACK') and len(joined) > 2:
+            before, number, unit = joined[-3:]
+            is_unit = unit.type in ('NAME', 'UNIT') and unit.text.lower() in units
+            if is_unit and number.type == 'NUMBER' and before.type in _BEFORE_TIMES:
+                joined[-2:] = [Lexeme('TIME', f'{number.text} {unit.text}', number.start, unit.end,
+                                      join(number.span, unit.span))]
+        joined.append(lexeme)
+    return joined
+
+
+_BEFORE_TIMES = frozenset({'LBRACK', 'LPAR', 'COMMA', 'RELATION'})
+_TIME = re.compile('(.*?) ?([A-Za-z]+)')
+
+
 def _is_signed(lexemes: Sequence[Lexeme]) -> bool:
     if len(lexemes) < 2 or lexemes[-1].type != 'NUMBER' or lexemes[-2].type != 'MINUS':
         return False
@@ -388,9 +418,10 @@ class ExpressionBuilder:
     lark calls it with the lexemes and trees of the rule, in order, whose types it does not know.
     """
 
-    def __init__(self, precedence: Precedence) -> None:
-        """Take the precedence of the operators."""
+    def __init__(self, precedence: Precedence, units: Mapping[str, Unit]) -> None:
+        """Take the precedence of the operators, and the units of time."""
         self._precedence = precedence
+        self._units = units
 
     def finish(self, part: Any) -> Expression:
         """Return the tree of a complete expression."""
@@ -426,6 +457,12 @@ class ExpressionBuilder:
     def number(self, parts: list[Any]) -> Number:
         """Build a number."""
         return Number(parts[0].text, parts[0].span)
+
+    def time(self, parts: list[Any]) -> Duration:
+        """Build a number with a unit of time."""
+        match = _TIME.fullmatch(parts[0].text)
+        assert match is not None, parts[0]
+        return Duration(match[1], self._units[match[2].lower()], parts[0].span)
 
     def negative(self, parts: list[Any]) -> Prefix:
         """Build a number with its sign."""

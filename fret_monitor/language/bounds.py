@@ -13,38 +13,23 @@
 # limitations under the License.
 
 """
-The ends of bounds: a number, or an expression of numbers and constants such as `10-1`.
+The ends of bounds: a number, a time, or an expression of numbers and constants such as `10-1`.
 
 A parser calls `bound_end`. The values of constants are not known then: `work_out` computes such an
 end later.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 import operator
 
-from fret_monitor.language.expression import Expression, Infix, Name, Number, postorder, Prefix
-from fret_monitor.language.sentence import Unit
-from fret_monitor.model.diagnostics import Diagnostic, refuse, Span
+from fret_monitor.language.expression import (
+    Duration, Expression, Infix, Name, Number, postorder, Prefix,
+)
+from fret_monitor.model.diagnostics import refuse
 
 _MAX_DIGITS = 30
 _OPERATIONS: dict[str, Callable[[int, int], int]] = {
     '+': operator.add, '-': operator.sub, '*': operator.mul}
-
-
-@dataclass(frozen=True)
-class TimedBound(Diagnostic):
-    """The error for a bound with a unit of time; elaboration adds the number of steps to it."""
-
-    number: str = ''
-    unit: Unit = Unit.TICK
-
-
-def timed_bound(number: str, unit: Unit, place: Span) -> TimedBound:
-    """Return the error for `H[0,2s] p`, without the number of steps."""
-    help_ = f'write {number}' if unit is Unit.TICK else 'write the number of steps'
-    return TimedBound('a bound must be a number of steps', place, 'this has a unit', help_,
-                      number=number, unit=unit)
 
 
 _ENDLESS = frozenset({'inf', 'infinity', 'oo'})
@@ -52,7 +37,9 @@ _ENDLESS = frozenset({'inf', 'infinity', 'oo'})
 
 def bound_end(node: Expression) -> str | Expression:
     """
-    Return an end of a bound: its number as text with an optional sign, or `node` if it has names.
+    Return an end of a bound: its number as text with an optional sign, or else `node`.
+
+    That is so if the end is a time, or has names.
 
     Raises `CompileError` for any other expression.
     """
@@ -61,6 +48,8 @@ def bound_end(node: Expression) -> str | Expression:
             return node.text
         case Prefix(operator='-', argument=Number(text=text)):
             return f'-{text}'
+        case Duration():
+            return node
     names = [name for name in postorder(node) if isinstance(name, Name)]
     for name in names:
         if name.text.lower() in _ENDLESS:

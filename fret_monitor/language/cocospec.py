@@ -36,6 +36,7 @@ from fret_monitor.language.expression import (
     Bound, Call, Conditional, Equations, Expression, Infix, LustreEquation, LustreVariable, Name,
     Prefix,
 )
+from fret_monitor.language.fretish_words import TIME_UNITS
 from fret_monitor.language.precedence import Precedence
 from fret_monitor.model.diagnostics import Diagnostic, refuse, Text
 
@@ -87,6 +88,9 @@ _FOREIGN = {
 # FRET's names of relations, as it writes them in OT(0.5, LessThan, p).
 _RELATIONS = {'LessThan': '<', 'LessThanOrEqual': '<=', 'Equal': '=', 'GreaterThan': '>',
               'GreaterThanOrEqual': '>='}
+RELATIONS = {relation: name for name, relation in _RELATIONS.items()}
+"""FRET's names of relations, by relation."""
+
 # FRET's functions: their operators, and their numbers of arguments.
 _SINCE = {'S': 'S', 'SI': 'SI', 'T': 'T'}
 _TIMED_PAST = {'OT': 'O', 'HT': 'H'}
@@ -108,7 +112,8 @@ RESERVED = frozenset({*_WORDS, *(word for word in _REFUSED if word.isalpha()), *
 def _pattern() -> re.Pattern[str]:
     operators = '|'.join(map(re.escape, sorted(_OPERATORS, key=len, reverse=True)))
     comment = r'(?P<COMMENT>--[^\n]*|/\*.*?\*/|\(\*.*?\*\))|(?P<OPEN>/\*|\(\*)'
-    return re.compile(rf'\s+|{comment}|{_lalr.NUMBER}|{_lalr.NAME}|{_lalr.QUOTED}'
+    time = _lalr.time_pattern(TIME_UNITS)
+    return re.compile(rf'\s+|{comment}|{time}|{_lalr.NUMBER}|{_lalr.NAME}|{_lalr.QUOTED}'
                       f'|(?P<OPERATOR>{operators})|(?P<BAD>.)', re.ASCII | re.DOTALL)
 
 
@@ -218,6 +223,8 @@ def _check_defined(equations: Sequence[LustreEquation],
 def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
     found = lexemes[index]
     before = lexemes[index - 1] if index else found
+    if found.type == 'TIME':
+        _lalr.refuse_number(found.text, found.span)
     for lexeme in (found, before):
         if lexeme.type == 'NAME' and lexeme.text in _SINCE and index:
             return Diagnostic(f"'{lexeme.text}' is a function here", lexeme.span,
@@ -250,8 +257,9 @@ def _bound_help(lexemes: Sequence[Lexeme]) -> str:
     return f'write {_TAKES[name + "T"]}, or {name}(p) without a bound'
 
 
-_SYNTAX = _lalr.Syntax('cocospec.lark', _CocospecBuilder(PRECEDENCE), ('formula', 'program'),
-                       _pattern(), _WORDS, _OPERATORS, _REFUSED, _FOREIGN, _WRITE, _explain)
+_SYNTAX = _lalr.Syntax('cocospec.lark', _CocospecBuilder(PRECEDENCE, TIME_UNITS),
+                       ('formula', 'program'), _pattern(), _WORDS, _OPERATORS, _REFUSED, _FOREIGN,
+                       _WRITE, _explain)
 
 
 def parse_cocospec(text: Text) -> Expression | Equations:
@@ -261,7 +269,7 @@ def parse_cocospec(text: Text) -> Expression | Equations:
     `p = q;` is an equation, `p = q` a comparison. Raises `CompileError` with the place of the
     first error.
     """
-    lexemes = _lalr.scan(_SYNTAX, text)
+    lexemes = _lalr.join_times(_lalr.scan(_SYNTAX, text), TIME_UNITS)
     is_node = _is_node([lexeme.type for lexeme in lexemes])
     lexemes = _rename(text, lexemes, frozenset() if is_node else _NODE_WORDS)
     start = 'program' if is_node or _is_equations(lexemes) else 'formula'

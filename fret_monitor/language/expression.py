@@ -21,6 +21,7 @@ Trees can be thousands of nodes deep: walk them with an explicit stack, or with 
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import Enum
 from typing import TypeAlias
 
 from fret_monitor.model.diagnostics import Span
@@ -50,6 +51,31 @@ class Boolean:
     span: Span
 
 
+class Unit(Enum):
+    """A unit of time; the value is its name in the plural."""
+
+    TICK = 'ticks'
+    NANOSECOND = 'nanoseconds'
+    MICROSECOND = 'microseconds'
+    MILLISECOND = 'milliseconds'
+    SECOND = 'seconds'
+    MINUTE = 'minutes'
+    HOUR = 'hours'
+
+
+@dataclass(frozen=True, eq=False)
+class Duration:
+    """
+    `10 seconds`: the number as written, without a sign, and the unit.
+
+    It is the timing of a sentence, an end of a bound, or an argument of a function.
+    """
+
+    number: str
+    unit: Unit
+    span: Span
+
+
 @dataclass(frozen=True, eq=False)
 class Bound:
     """
@@ -57,7 +83,7 @@ class Bound:
 
     `relation` is '[]' for the closed form, else one of '<', '<=', '=', '>', '>='. For those,
     `low` holds the number and `high` is None. Numbers are kept as text with an optional sign, an
-    end that names constants as its tree.
+    end that names constants as its tree, one with a unit as a `Duration`.
     """
 
     relation: str
@@ -119,7 +145,8 @@ class Conditional:
     span: Span
 
 
-Expression: TypeAlias = Name | Number | Boolean | Prefix | Infix | Call | Conditional
+Expression: TypeAlias = (
+    Name | Number | Boolean | Duration | Prefix | Infix | Call | Conditional)
 
 
 @dataclass(frozen=True, eq=False)

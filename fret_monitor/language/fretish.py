@@ -29,13 +29,15 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias
 
 from fret_monitor.language import _lalr, fretish_help
 from fret_monitor.language._lalr import join, Lexeme
-from fret_monitor.language.expression import Call, Expression, Infix, Name, Prefix
-from fret_monitor.language.fretish_words import ABBREVIATIONS, OPERATORS, UNITS, WORDS
+from fret_monitor.language.expression import Call, Duration, Expression, Infix, Name, Prefix
+from fret_monitor.language.fretish_words import (
+    OPERATORS, TIME_UNITS, UNITS, WORDS,
+)
 from fret_monitor.language.if_then import remarks
 from fret_monitor.language.precedence import Chain, Operator, Pending
 from fret_monitor.language.sentence import (
-    ComponentPhrase, ConditionKind, ConditionPhrase, Duration, Qualifier, ScopeKind, ScopePhrase,
-    Sentence, TimingKind, TimingPhrase,
+    ComponentPhrase, ConditionKind, ConditionPhrase, Qualifier, ScopeKind, ScopePhrase, Sentence,
+    TimingKind, TimingPhrase,
 )
 from fret_monitor.language.smv import PRECEDENCE
 from fret_monitor.model.diagnostics import Span, Text
@@ -65,7 +67,7 @@ _Piece: TypeAlias = Operator | Expression | Pending
 def _pattern() -> re.Pattern[str]:
     operators = '|'.join(map(re.escape, sorted(OPERATORS, key=len, reverse=True)))
     # FRET reads `3seconds` as two words; `3s` is two as well, for a better error.
-    units = '|'.join(sorted((*UNITS, *ABBREVIATIONS), key=len, reverse=True))
+    units = '|'.join(sorted(TIME_UNITS, key=len, reverse=True))
     number = _lalr.NUMBER.replace(_END_OF_NUMBER, rf'(?:{_END_OF_NUMBER}|(?=(?i:{units})\b))')
     return re.compile(rf'\s+|{number}|{_lalr.NAME}|{_lalr.QUOTED}'
                       f'|(?P<OPERATOR>{operators})|(?P<BAD>.)', re.ASCII | re.DOTALL)
@@ -278,9 +280,9 @@ def _joined(chain: Sequence[Qualifier]) -> Expression:
     return whole
 
 
-_SYNTAX = _lalr.Syntax('fretish.lark', _FretishBuilder(PRECEDENCE), ('sentence', 'definition'),
-                       _pattern(), {}, OPERATORS, {}, {}, fretish_help.WRITE,
-                       lambda text, lexemes, index: None)
+_SYNTAX = _lalr.Syntax('fretish.lark', _FretishBuilder(PRECEDENCE, TIME_UNITS),
+                       ('sentence', 'definition'), _pattern(), {}, OPERATORS, {}, {},
+                       fretish_help.WRITE, lambda text, lexemes, index: None)
 
 
 def parse_fretish(text: Text) -> Sentence:
@@ -320,7 +322,7 @@ def _without_stop(text: Text) -> Text:
 
 def _scan(text: Text) -> list[Lexeme]:
     lexemes = [_worded(text, lexeme) for lexeme in _lalr.scan(_SYNTAX, text)]
-    return _lalr.join_signs(lexemes)
+    return _lalr.join_times(_lalr.join_signs(lexemes), TIME_UNITS)
 
 
 def _worded(text: Text, lexeme: Lexeme) -> Lexeme:

@@ -16,7 +16,7 @@
 """The words and operators of FRETish, and the kinds of lexemes that its grammar makes of them."""
 
 from fret_monitor.language import _lalr
-from fret_monitor.language.sentence import Unit
+from fret_monitor.language.expression import Unit
 
 UNITS = {
     **dict.fromkeys(('tick', 'ticks'), Unit.TICK),
@@ -33,7 +33,13 @@ ABBREVIATIONS = {
     **dict.fromkeys(('min', 'mins'), 'minutes'),
     **dict.fromkeys(('h', 'hr', 'hrs'), 'hours'),
 }
-"""What people write for units of time, which FRET does not read."""
+"""What people write for units of time, which FRET does not read in a timing."""
+TIME_UNITS = {
+    **UNITS, **{short: UNITS[word] for short, word in ABBREVIATIONS.items()},
+    **dict.fromkeys(('ns', 'nsec', 'nsecs', 'nanosec', 'nanosecs', 'nanosecond', 'nanoseconds'),
+                    Unit.NANOSECOND),
+}
+"""The units of a time in a bound, and in the arguments of a function; in any case."""
 _ONE_EACH = (
     'after', 'and', 'at', 'before', 'during', 'except', 'false', 'if', 'in', 'is', 'mode', 'next',
     'occurrence', 'of', 'only', 'or', 'previous', 'probability', 'satisfy', 'shall', 'the', 'then',

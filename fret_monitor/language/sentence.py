@@ -23,7 +23,7 @@ template keys.
 from dataclasses import dataclass
 from enum import Enum
 
-from fret_monitor.language.expression import Expression
+from fret_monitor.language.expression import Duration, Expression
 from fret_monitor.model.diagnostics import Diagnostic, Span
 
 
@@ -113,26 +113,6 @@ class TimingKind(Enum):
     WITHIN = 'within'
     FOR = 'for'
     AFTER = 'after'
-
-
-class Unit(Enum):
-    """A unit of time; the value is its name in the plural."""
-
-    TICK = 'ticks'
-    MICROSECOND = 'microseconds'
-    MILLISECOND = 'milliseconds'
-    SECOND = 'seconds'
-    MINUTE = 'minutes'
-    HOUR = 'hours'
-
-
-@dataclass(frozen=True, eq=False)
-class Duration:
-    """`10 seconds`: the number as written, without a sign, and the unit."""
-
-    number: str
-    unit: Unit
-    span: Span
 
 
 @dataclass(frozen=True, eq=False)

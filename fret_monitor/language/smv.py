@@ -28,9 +28,9 @@ from typing import Any, NoReturn
 
 from fret_monitor.language import _lalr
 from fret_monitor.language._lalr import join, Lexeme
-from fret_monitor.language.bounds import bound_end, timed_bound
+from fret_monitor.language.bounds import bound_end
 from fret_monitor.language.expression import Bound, Expression
-from fret_monitor.language.fretish_words import ABBREVIATIONS, UNITS
+from fret_monitor.language.fretish_words import TIME_UNITS
 from fret_monitor.language.precedence import Precedence
 from fret_monitor.model.diagnostics import Diagnostic, refuse, Text
 
@@ -100,19 +100,14 @@ _COCOSPEC = frozenset({'YtoPre', 'ZtoPre', 'OT', 'HT', 'ST', 'SIT', 'TT'})
 RESERVED = frozenset({*_WORDS, *(word for word in _REFUSED if word.isalpha()), *_COCOSPEC, 'FTP'})
 """Words that are no names in this language, unless in quotes."""
 
-_UNITS = {**UNITS, **{short: UNITS[word] for short, word in ABBREVIATIONS.items()}}
 _HTML = {'<': '(?:<|&lt;)', '>': '(?:>|&gt;)', '&': '(?:&amp;|&(?!(?:lt|gt|amp);))'}
-
-
-_TIME = re.compile('([0-9.]+)([A-Za-z]+)')
-_SHORT = re.compile('[0-9.]{1,9}')
 
 
 def _pattern(blank: str) -> re.Pattern[str]:
     spelled = sorted(_OPERATORS, key=len, reverse=True)
     operators = '|'.join(''.join(_HTML.get(char, re.escape(char)) for char in operator)
                          for operator in spelled)
-    time = rf'(?P<TIME>(?:[0-9]{{1,9}}\.)?[0-9]{{1,9}}(?i:{"|".join(_UNITS)}))(?![\w.$])'
+    time = _lalr.time_pattern(TIME_UNITS)
     return re.compile(f'(?:{blank})+|{time}|{_lalr.NUMBER}|{_lalr.NAME}|{_lalr.QUOTED}'
                       f'|(?P<OPERATOR>{operators})|(?P<BAD>.)', re.ASCII | re.DOTALL)
 
@@ -166,21 +161,23 @@ def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
 
 
 def _explain_time(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
-    """Report a time in a bound, one lexeme (2s) or two (2 s); elsewhere, an invalid number."""
+    """Report a time that is no end of a bound by itself; elsewhere, an invalid number."""
     found = lexemes[index]
-    if found.type == 'TIME':
-        number, unit = _TIME.findall(found.text)[0]
-        place = found.span
-    elif found.text.lower() in _UNITS and _SHORT.fullmatch(lexemes[index - 1].text):
-        number, unit = lexemes[index - 1].text, found.text
-        place = join(lexemes[index - 1].span, found.span)
-    else:
-        return None
+    before = lexemes[index - 1] if index else found
+    is_unit = before.type == 'NUMBER' and found.text.lower() in TIME_UNITS
     if all(lexeme.type != 'LBRACK' for lexeme in _lalr.open_brackets(lexemes[:index])):
         if found.type == 'TIME':
             _lalr.refuse_number(found.text, found.span)
         return None
-    return timed_bound(number, _UNITS[unit.lower()], place)
+    if not is_unit and found.type != 'TIME':
+        return None
+    place = join(before.span, found.span) if is_unit else found.span
+    sign = lexemes[index - 2 if is_unit else index - 1]
+    if sign.type == 'MINUS' and lexemes[lexemes.index(sign) - 1].type not in _lalr.OPERAND_ENDS:
+        return Diagnostic('a bound cannot be negative', join(sign.span, place),
+                          'counts into the past')
+    return Diagnostic('a time must stand alone in a bound', place, 'part of an expression',
+                      'write it as one number and a unit, as in [0, 2.5 s]')
 
 
 def _explain_open_bound(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
@@ -224,13 +221,14 @@ def _explain_round_bound(lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
                       'these are round', f'write {operator.text}[{low.text},{high.text}] p')
 
 
-_SYNTAX = _lalr.Syntax('smv.lark', _SmvBuilder(PRECEDENCE), ('start',), _pattern(r'\s'), _WORDS,
-                       _OPERATORS, _REFUSED, _FOREIGN, _WRITE, _explain)
+_SYNTAX = _lalr.Syntax('smv.lark', _SmvBuilder(PRECEDENCE, TIME_UNITS), ('start',),
+                       _pattern(r'\s'), _WORDS, _OPERATORS, _REFUSED, _FOREIGN, _WRITE, _explain)
 _TAGGED = _pattern(r'\s|</?[bi]>')
 
 
 def parse_smv(text: Text) -> Expression:
     """Return the tree of a formula; raises `CompileError` with the place of the first error."""
     lexemes = _lalr.scan(_SYNTAX, text, _TAGGED if '</' in text.value else None)
-    tree: Expression = _lalr.parse(_SYNTAX, text, _lalr.join_signs(lexemes), 'start')
+    lexemes = _lalr.join_times(_lalr.join_signs(lexemes), TIME_UNITS)
+    tree: Expression = _lalr.parse(_SYNTAX, text, lexemes, 'start')
     return tree

@@ -25,8 +25,8 @@ from collections.abc import Iterator
 from fret_monitor.elaboration.durations import approximate, SECONDS
 from fret_monitor.elaboration.fretish import is_not_yet
 from fret_monitor.elaboration.functions import COUNTING
-from fret_monitor.language.expression import Call, postorder
-from fret_monitor.language.sentence import Duration, Sentence
+from fret_monitor.language.expression import Call, Duration, postorder
+from fret_monitor.language.sentence import Sentence, TimingKind
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import Diagnostic, Level, Span
 from fret_monitor.model.policies import Policy, Report
@@ -51,6 +51,8 @@ def _advise(sentence: Sentence, report: Report,
     duration = sentence.timing.duration if sentence.timing else None
     if duration is not None and duration.unit in SECONDS:
         yield from _about_time(sentence, duration, specification)
+    if specification.policy is Policy.TIMED:
+        yield from _instants(sentence)
     if report is Report.EVERY_STEP and is_not_yet(sentence):
         demand = sentence.timing or sentence.response
         yield _warning(
@@ -59,16 +61,18 @@ def _advise(sentence: Sentence, report: Report,
             'write report: onset to announce it once, or give a deadline, as in within 10 ticks')
 
 
-def advise_alone(sentence: Sentence) -> Iterator[Diagnostic]:
+def advise_alone(sentence: Sentence, is_timed: bool = False) -> Iterator[Diagnostic]:
     """Yield the warnings about a sentence without a bundle, and so without a period."""
     yield from sentence.remarks
+    if is_timed:
+        yield from _instants(sentence)
+        return
     duration = sentence.timing.duration if sentence.timing else None
     if duration is not None and duration.unit in SECONDS:
         yield _warning(
             f"'{duration.number} {duration.unit.value}' counts {duration.number} steps",
             duration.span, 'a sentence alone has no period',
-            f'write {duration.number} ticks; or, for time, put it into a bundle with '
-            'policy: periodic and a period')
+            f'write {duration.number} ticks; or, for time, give --policy timed')
 
 
 def _about_time(sentence: Sentence, duration: Duration,
@@ -81,12 +85,27 @@ def _about_time(sentence: Sentence, duration: Duration,
         yield _warning(
             f"'{written}' counts {duration.number} {_COUNTED[policy]}", duration.span,
             f'the policy is {policy.value}{beside}', f'write {duration.number} ticks; or, for '
-            'time, policy: periodic and a period under evaluation')
-    elif count is not None:
+            'time, policy: timed under evaluation')
+    elif count is not None and policy is Policy.PERIODIC:
         length = f' of {approximate(period)} s' if period else ''
         yield _warning(
             f"a count without a unit is used with '{written}'", count, f'counts steps{length}',
             'write both in ticks, or read the bounds that check prints')
+
+
+def _instants(sentence: Sentence) -> Iterator[Diagnostic]:
+    """Yield the warnings about answers that are asked for at exactly one nanosecond."""
+    timing = sentence.timing
+    if timing is not None and timing.kind is TimingKind.AFTER and timing.duration is not None:
+        written = f'{timing.duration.number} {timing.duration.unit.value}'
+        yield _warning(
+            f"'after {written}' asks for the answer at exactly one nanosecond", timing.span,
+            f'just after {written}, and not before',
+            f'write within {written} for an answer until then')
+    elif timing is not None and timing.kind is TimingKind.NEXT:
+        yield _warning(
+            "'at the next timepoint' is one nanosecond later", timing.span,
+            'the policy is timed', 'write a time, as in within 100 milliseconds')
 
 
 def _warning(title: str, span: Span, label: str, help_: str) -> Diagnostic:

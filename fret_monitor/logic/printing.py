@@ -16,10 +16,11 @@
 Print formulas in FRET's SMV syntax and in CoCoSpec.
 
 Parsing the text (`parse_smv` or `parse_cocospec`, then `elaborate` with the same inputs) returns
-the same formula. Conversions are not printed, because elaboration inserts them again, and numbers
-are printed so that elaboration rounds them to the same value. There are three exceptions, which
-the languages cannot express: a `Feedback` (printed as `pre` of its equation), an empty window
-other than `[0,-1]` (printed as that), and the difference between `<->` and `=` in CoCoSpec.
+the same formula; if bounds are printed as times, under the policy timed. Conversions are not
+printed, because elaboration inserts them again, and numbers are printed so that elaboration rounds
+them to the same value. There are three exceptions, which the languages cannot express: a
+`Feedback` (printed as `pre` of its equation), an empty window other than `[0,-1]` (printed as
+that), and the difference between `<->` and `=` in CoCoSpec.
 
 There are more parentheses than the precedence of operators here requires, as in `(H p) & q` and
 `(p & q) | r`, because other tools define other precedences. A shared subformula is printed once
@@ -38,6 +39,7 @@ from fret_monitor.logic.formula import (
     Yesterday,
 )
 from fret_monitor.model.floats import shortest_float32
+from fret_monitor.model.times import LONGEST_NS, time_text
 from fret_monitor.model.values import ValueType
 
 Values: TypeAlias = Mapping[str, Sequence[tuple[str, int | str]]]
@@ -47,25 +49,27 @@ _CUT: Final = ' ...'
 
 
 def to_smv(formula: Formula, limit: int | None = None, values: Values | None = None,
-           names: Mapping[Formula, str] | None = None) -> str:
+           names: Mapping[Formula, str] | None = None, is_timed: bool = False) -> str:
     """
     Return a formula in FRET's SMV syntax, on one line.
 
     A text longer than `limit` characters is cut to that length and ends with ` ...`. `values`
     replaces numbers that an input is compared with by their names, `names` replaces formulas by
-    their names.
+    their names. With `is_timed`, bounds are nanoseconds, and printed as times.
     """
-    return _render(formula, _Smv(values or {}), limit, names)
+    return _render(formula, _Smv(values or {}, is_timed), limit, names)
 
 
-def to_cocospec(formula: Formula, limit: int | None = None, values: Values | None = None) -> str:
+def to_cocospec(formula: Formula, limit: int | None = None, values: Values | None = None,
+                is_timed: bool = False) -> str:
     """
     Return a formula in CoCoSpec, on one line.
 
     A text longer than `limit` characters is cut to that length and ends with ` ...`. `values`
-    replaces numbers that an input is compared with by their names.
+    replaces numbers that an input is compared with by their names. With `is_timed`, bounds are
+    nanoseconds, and printed as times.
     """
-    return _render(formula, _CocoSpec(values or {}), limit)
+    return _render(formula, _CocoSpec(values or {}, is_timed), limit)
 
 
 class _Shape(Enum):
@@ -155,8 +159,9 @@ class _Style:
     negation: ClassVar[str]
     reserved: ClassVar[frozenset[str]]
 
-    def __init__(self, values: Values) -> None:
+    def __init__(self, values: Values, is_timed: bool) -> None:
         self._values = values
+        self._is_timed = is_timed
 
     def shape(self, node: Formula) -> _Shape:
         match node:
@@ -350,18 +355,34 @@ class _Smv(_Style):
             case Yesterday() | WeakYesterday():
                 return [f'{letter} ', _Part(node.argument, _LITERAL)]
             case Once() | Historically():
-                return [f'{letter}{_bound(node.window)} ', _Part(node.argument, _LITERAL)]
+                return [f'{letter}{self._bound(node.window)} ', _Part(node.argument, _LITERAL)]
             case Since() | Triggered():
-                return [_Part(node.left, _LITERAL), f' {letter}{_bound(node.window)} ',
+                return [_Part(node.left, _LITERAL), f' {letter}{self._bound(node.window)} ',
                         _Part(node.right, _LITERAL)]
 
+    def _bound(self, window: Window) -> str:
+        if window.is_unbounded:
+            return ''
+        if window.is_empty:
+            return '[0,-1]'
+        if self._is_timed:
+            relation, *times = _times(window)
+            return f"[{relation.strip('[]')}{', '.join(times)}]"
+        return f'[>={window.low}]' if window.high is None else f'[{window.low},{window.high}]'
 
-def _bound(window: Window) -> str:
-    if window.is_unbounded:
-        return ''
-    if window.is_empty:
-        return '[0,-1]'
-    return f'[>={window.low}]' if window.high is None else f'[{window.low},{window.high}]'
+
+def _times(window: Window) -> tuple[str, ...]:
+    """Return the relation of a bound, `[]` for a closed one, and its times, in short texts."""
+    low = time_text(window.low)
+    if window.high is None:
+        above = time_text(window.low - 1)
+        return ('>', above) if len(above) < len(low) else ('>=', low)
+    if window.low == window.high:
+        return '=', low
+    high, below = time_text(window.high), time_text(window.high + 1)
+    if window.low == 0 and len(below) < len(high) and window.high < LONGEST_NS:
+        return '<', below
+    return '[]', low, high
 
 
 class _CocoSpec(_Style):
@@ -390,21 +411,24 @@ class _CocoSpec(_Style):
             case Yesterday() | WeakYesterday():
                 return _call(f'{letter}toPre', _Part(node.argument))
             case Once() | Historically():
-                return _timed(letter, node.window, _Part(node.argument))
+                return self._timed(letter, node.window, _Part(node.argument))
             case Since(window, left, Binary(BinaryOperator.AND, both, right)) if both is left:
-                return _timed('SI', window, _Part(right), _Part(left))
+                return self._timed('SI', window, _Part(right), _Part(left))
             case Since() | Triggered():
-                return _timed(letter, node.window, _Part(node.right), _Part(node.left))
+                return self._timed(letter, node.window, _Part(node.right), _Part(node.left))
 
-
-def _timed(function: str, window: Window, *arguments: _Part) -> _Pieces:
-    if window.is_unbounded:
-        return _call(function, *arguments)
-    if window.is_empty:
-        return _call(f'{function}T', '-1', '0', *arguments)
-    if window.high is None:
-        return _call(f'{function}T', str(window.low), 'GreaterThanOrEqual', *arguments)
-    return _call(f'{function}T', str(window.high), str(window.low), *arguments)
+    def _timed(self, function: str, window: Window, *arguments: _Part) -> _Pieces:
+        if window.is_unbounded:
+            return _call(function, *arguments)
+        if window.is_empty:
+            return _call(f'{function}T', '-1', '0', *arguments)
+        if self._is_timed:
+            relation, *times = _times(window)
+            bound = times[::-1] if relation == '[]' else [times[0], cocospec.RELATIONS[relation]]
+            return _call(f'{function}T', *bound, *arguments)
+        if window.high is None:
+            return _call(f'{function}T', str(window.low), 'GreaterThanOrEqual', *arguments)
+        return _call(f'{function}T', str(window.high), str(window.low), *arguments)
 
 
 def _is_negative(value: int | float) -> bool:

@@ -151,7 +151,7 @@ def test_the_policy_timed_has_its_keys() -> None:
     bundle = _parse(_with(
         'evaluation: {policy: timed, unit: 1, stamp: received, reorder: 0.05}'))
     assert (bundle.policy, bundle.period, bundle.unit, bundle.stamp, bundle.reorder) == (
-        Policy.TIMED, None, 1, Stamp.RECEIVED, 50_000_000)
+        Policy.TIMED, None, Fraction(1), Stamp.RECEIVED, 50_000_000)
     bundle = _parse(_with('evaluation: {policy: timed, unit: 0.1, stamp: header}'))
     assert (bundle.unit, bundle.stamp, bundle.reorder) == (Fraction(1, 10), Stamp.HEADER, 0)
     bundle = _parse(_with('evaluation: {policy: timed}'))

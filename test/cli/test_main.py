@@ -115,8 +115,23 @@ def test_formalize_says_that_a_duration_counts_steps(here: Here) -> None:
         "<sentence>:1:21: warning: '2 seconds' counts 2 steps",
         ' 1 | the sw shall within 2 seconds satisfy p',
         '   |                     ^^^^^^^^^ a sentence alone has no period',
-        '    = help: write 2 ticks; or, for time, put it into a bundle with policy: periodic and '
-        'a period']
+        '    = help: write 2 ticks; or, for time, give --policy timed']
+
+
+def test_formalize_reads_durations_as_times_on_request(here: Here) -> None:
+    sentence = 'when persisted(3, q) the sw shall within 2.5 seconds satisfy p'
+    refused = here.run('formalize', '--policy', 'timed', sentence)
+    assert refused.status == 1
+    assert 'evaluation: {policy: timed, unit: 1}' in refused.err
+    done = here.run('formalize', '--policy', 'timed', '--unit', '0.5', sentence)
+    assert (done.status, done.err) == (0, '')
+    assert 'H[0, 1.5 s] q' in done.out
+    assert 'O[<2.5 s] ' in done.out
+    other = here.run('formalize', '--policy', 'timed', '--unit', '0.5', '--language', 'cocospec',
+                     sentence)
+    assert 'HT(1.5 s, 0, q)' in other.out
+    for wrong in (['--unit', '1'], ['--policy', 'timed', '--unit', '0']):
+        assert here.run('formalize', sentence, *wrong).status == 2
     assert here.run('formalize', 'the sw shall within 2 ticks satisfy p').err == ''
 
 

@@ -21,19 +21,19 @@ from random import Random
 
 from fret.sentences import formalise, INPUTS, parse, sentence_for
 from fret_monitor.cli.main import main
-from fret_monitor.elaboration.durations import steps_of
+from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.elaboration.formalize import formalize, scope_by_use
 from fret_monitor.elaboration.fretish import is_not_yet
 from fret_monitor.language.cocospec import parse_cocospec
-from fret_monitor.language.expression import Equations
-from fret_monitor.language.sentence import Duration, Unit
+from fret_monitor.language.expression import Duration, Equations, Unit
 from fret_monitor.language.smv import parse_smv
 from fret_monitor.lint.sentences import doubtful_sentences
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Formula, Variable
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import by_place, CompileError, Problems, Source, Text
+from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 import golden
 from hypothesis import given, strategies as st
@@ -114,6 +114,11 @@ def test_a_definition_is_an_expression_that_looks_back_to_the_first_step(tmp_pat
 
 # Durations
 
+def scale_of(period: str | None) -> TimeScale:
+    """Return the scale of the policy periodic; without a period, that of another policy."""
+    return TimeScale(Policy.PERIODIC, Fraction(period)) if period else TimeScale()
+
+
 @pytest.mark.parametrize(('number', 'unit', 'period', 'steps'), [
     ('10', Unit.SECOND, None, 10), ('10', Unit.HOUR, None, 10), ('2.0', Unit.SECOND, None, 2),
     ('1e3', Unit.TICK, None, 1000), ('0', Unit.TICK, None, 0),
@@ -126,7 +131,7 @@ def test_a_definition_is_an_expression_that_looks_back_to_the_first_step(tmp_pat
 def test_durations_become_steps_exactly(number: str, unit: Unit, period: str | None,
                                         steps: int) -> None:
     duration = Duration(number, unit, text_of('x').span)
-    assert steps_of(duration, Fraction(period) if period else None) == steps
+    assert scale_of(period).timing(duration) == steps
 
 
 @pytest.mark.parametrize(('number', 'unit', 'period', 'told'), [
@@ -142,7 +147,7 @@ def test_a_duration_that_is_no_whole_number_of_steps_is_refused(
         number: str, unit: Unit, period: str | None, told: str) -> None:
     duration = Duration(number, unit, text_of('x').span)
     with pytest.raises(CompileError, match=told):
-        steps_of(duration, Fraction(period) if period else None)
+        scale_of(period).timing(duration)
 
 
 def test_only_the_policy_periodic_makes_steps_of_seconds(tmp_path: Path) -> None:

@@ -21,11 +21,11 @@ import time
 
 from fret_monitor.elaboration.formalize import formalize
 from fret_monitor.language.expression import (
-    Boolean, Call, Expression, Infix, Name, Number, postorder, Prefix,
+    Boolean, Call, Expression, Infix, Name, Number, postorder, Prefix, Unit,
 )
 from fret_monitor.language.fretish import parse_fretish, parse_fretish_expression
 from fret_monitor.language.fretish_words import OPERATORS, WORDS
-from fret_monitor.language.sentence import Sentence, Unit
+from fret_monitor.language.sentence import Sentence
 from fret_monitor.model.diagnostics import CompileError, Source, Text
 import golden
 from hypothesis import given

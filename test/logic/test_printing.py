@@ -15,19 +15,23 @@
 """Tests of formulas as text: how they look, and that they read back as themselves."""
 
 from collections.abc import Callable
+from fractions import Fraction
 import struct
 import time
 
 import facts
+from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.language.cocospec import parse_cocospec
 from fret_monitor.language.smv import parse_smv
 from fret_monitor.logic.evaluate import Trace, verdicts
 from fret_monitor.logic.formula import (
     ALWAYS, Binary, BinaryOperator, Constant, Feedback, Formula, FTP, Historically, Once,
-    postorder, TRUE, Unary, UnaryOperator, Variable, Window, Yesterday,
+    postorder, Since, TRUE, Unary, UnaryOperator, Variable, Window, Yesterday,
 )
 from fret_monitor.logic.printing import to_cocospec, to_smv
 from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.policies import Policy
+from fret_monitor.model.times import NANOSECONDS, time_text
 from fret_monitor.model.values import ValueType
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -224,6 +228,66 @@ def test_a_formula_of_truths_reads_back_as_itself_without_being_written_before(
     has_iff = any(isinstance(item, Binary) and item.operator is BinaryOperator.IFF
                   for item in postorder([formula]))
     assert has_iff or reread(formula, to_cocospec) is formula
+
+
+# -- times --------------------------------------------------------------------------------------
+
+TIMED = TimeScale(Policy.TIMED)
+
+
+@pytest.mark.parametrize(('formula', 'in_smv', 'in_cocospec'), [
+    ('O[0,2500000000 ns] p', 'O[0, 2.5 s] p', 'OT(2.5 s, 0, p)'),
+    ('H[<= 500 ms] p', 'H[0, 0.5 s] p', 'HT(0.5 s, 0, p)'),
+    ('p S[>=1 min] q', 'p S[>=60 s] q', 'ST(60 s, GreaterThanOrEqual, q, p)'),
+    ('O[<10 s] p', 'O[<10 s] p', 'OT(10 s, LessThan, p)'),
+    ('O[0,9999999999 ns] p', 'O[<10 s] p', 'OT(10 s, LessThan, p)'),
+    ('O[> 1 h] p', 'O[>1 h] p', 'OT(1 h, GreaterThan, p)'),
+    ('O[=50 ms] p', 'O[=50 ms] p', 'OT(50 ms, Equal, p)'),
+    ('O[0,0] p', 'O[=0] p', 'OT(0, Equal, p)'),
+    ('O[0,1 ns] p', 'O[0, 1 ns] p', 'OT(1 ns, 0, p)'),
+    ('O[1.5us, 2 h] p', 'O[1.5 us, 2 h] p', 'OT(2 h, 1.5 us, p)'),
+    ('O[0,-1] p', 'O[0,-1] p', 'OT(-1, 0, p)'),
+    ('O p & H[>= 0] q', '(O p) & (H q)', 'O(p) and H(q)'),
+    ('O[0, 4611686018427387904 ns] p', 'O[0, 4611686018.427387904 s] p',
+     'OT(4611686018.427387904 s, 0, p)'),
+])
+def test_bounds_are_times_under_the_policy_timed(
+        formula: str, in_smv: str, in_cocospec: str) -> None:
+    node = timed(formula)
+    shown = to_smv(node, is_timed=True), to_cocospec(node, is_timed=True)
+    assert shown == (in_smv, in_cocospec)
+    assert timed(in_smv) is node
+    assert elaborate(parse_cocospec(text(in_cocospec)), SCOPE, scale=TIMED) is node
+
+
+def timed(formula: str) -> Formula:
+    """Read a formula under the policy timed."""
+    return elaborate(parse_smv(text(formula)), SCOPE, scale=TIMED)
+
+
+TICKS = st.integers(0, 2 ** 62) | st.builds(
+    lambda number, unit, less: max(0, min(number * unit - less, 2 ** 62)),
+    st.integers(0, 100_000), st.sampled_from(list(NANOSECONDS.values())), st.sampled_from((0, 1)))
+
+
+@given(low=TICKS, high=st.none() | TICKS)
+def test_any_window_of_times_reads_back_as_itself(low: int, high: int | None) -> None:
+    window = Window(*sorted((low, high))) if high is not None else Window(low, None)
+    for node in (Once(window, p), Since(window, p, q)):
+        assert timed(to_smv(node, is_timed=True)) is node
+        written = to_cocospec(node, is_timed=True)
+        assert elaborate(parse_cocospec(text(written)), SCOPE, scale=TIMED) is node
+
+
+@given(st.integers(1, 2 ** 63))
+def test_the_text_of_a_time_is_exact_and_the_shortest(nanoseconds: int) -> None:
+    number, unit = time_text(nanoseconds).split()
+    assert Fraction(number) * NANOSECONDS[unit] == nanoseconds
+    assert '.' not in number or number[-1] not in '.0'
+    for length in NANOSECONDS.values():
+        if nanoseconds % length == 0:
+            assert len(time_text(nanoseconds)) <= len(f'{nanoseconds // length} min')
+    assert time_text(-nanoseconds) == f'-{number} {unit}'
 
 
 DEEP = 20_000
