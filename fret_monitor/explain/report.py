@@ -20,7 +20,7 @@ as text, `svg.to_svg` draws its timelines.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 import textwrap
@@ -41,7 +41,10 @@ from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.diagnostics import (
     counted, Diagnostic, did_you_mean, Problems, refuse, Source, Text,
 )
+from fret_monitor.model.policies import Policy
+from fret_monitor.model.times import time_text
 from fret_monitor.model.values import ValueType
+from fret_monitor.traces.sampled import grid_of, sampled, sampled_formulas
 from fret_monitor.traces.search import Budget, Examples, find_examples, Recovery
 from fret_monitor.traces.subject import Subject, subjects
 from fret_monitor.traces.trace import length, rows_of, Trace, Value
@@ -83,6 +86,7 @@ class _Context:
     values: Values
     names: dict[Formula, str]
     period: Fraction | None
+    is_timed: bool = False
 
 
 def explain(reading: Reading, id: str | None = None
@@ -102,15 +106,33 @@ def explain(reading: Reading, id: str | None = None
     NativeError
         if there is no C compiler, or it fails.
     """
-    chosen = _chosen(reading.specification, id)
-    context = _context(reading.files[0][0], reading.specification, {item.id for item in chosen})
+    specification = reading.specification
+    chosen = _chosen(specification, id)
+    ids = {item.id for item in chosen}
+    context = _context(reading.files[0][0], specification, ids)
+    if specification.policy is Policy.TIMED:
+        specification, context = _on_grid(specification, chosen, context)
+    stepped = [item for item in specification.properties if item.id in ids]
     budget = Budget()
     found = [
-        _explanation(subject, find_examples(subject, budget), context)
-        for subject in subjects(reading.specification, chosen, context.goals)
+        _explanation(item, subject, find_examples(subject, budget), context)
+        for item, subject in zip(chosen, subjects(specification, stepped, context.goals),
+                                 strict=True)
     ]
     return found, tuple(warning.render() for warning in reading.warnings
                         if id is None or _concerns(warning, chosen))
+
+
+def _on_grid(specification: Specification, chosen: Sequence[Property],
+             context: _Context) -> tuple[Specification, _Context]:
+    """Return a timed specification with steps on a grid, of which examples can be found."""
+    grid = grid_of(chosen)
+    stepped = sampled(specification, grid)
+    goals = [goal for found in context.goals.values() for goal in found]
+    on_grid = sampled_formulas(goals, grid)
+    return stepped, replace(
+        context, period=stepped.period, is_timed=True,
+        goals={id: [on_grid[goal] for goal in found] for id, found in context.goals.items()})
 
 
 def _concerns(warning: Diagnostic, chosen: Sequence[Property]) -> bool:
@@ -149,8 +171,8 @@ def _on_one_line(text: Text) -> Text:
     return Text.whole(Source('<sentence>', ' '.join(text.value.split())))
 
 
-def _explanation(subject: Subject, examples: Examples, context: _Context) -> Explanation:
-    item = subject.item
+def _explanation(item: Property, subject: Subject, examples: Examples,
+                 context: _Context) -> Explanation:
     fields: tuple[tuple[str, str], ...] = ()
     meaning: tuple[tuple[str, str], ...] = (
         ('in words', in_words(item.formula, _WORDS, context.values, context.names)),
@@ -228,8 +250,15 @@ def _timelines(subject: Subject, examples: Examples, context: _Context) -> Itera
                         (examples.recovering, 'is false and recovers')):
         if trace is None:
             continue
-        title = f'A trace that {kind}: {subject.item.id}, {counted(length(trace), "step")}'
+        title = f'A trace that {kind}: {subject.item.id}, {_extent(trace, context)}'
         yield _drawing(subject, trace, title, context)
+
+
+def _extent(trace: Trace, context: _Context) -> str:
+    if not context.is_timed or context.period is None:
+        return counted(length(trace), 'step')
+    spacing = int(context.period * 10 ** 9)
+    return f'{time_text(length(trace) * spacing)}, drawn every {time_text(spacing)}'
 
 
 def _drawing(subject: Subject, trace: Trace, title: str, context: _Context) -> Timeline:
@@ -242,11 +271,11 @@ def _drawing(subject: Subject, trace: Trace, title: str, context: _Context) -> T
     truths = evaluate_all(shown, columns, subject.item.feedback) if shown else []
     return timeline(title, labels, [[bool(value) for value in column] for column in truths],
                     [bool(word & 1) for word in bits], context.period,
-                    tuple(_values(subject, trace)))
+                    tuple(_values(subject, trace, context)))
 
 
-def _values(subject: Subject, trace: Trace) -> Iterator[str]:
-    """Yield the values of each non-Boolean input, each with the step from which it applies."""
+def _values(subject: Subject, trace: Trace, context: _Context) -> Iterator[str]:
+    """Yield the values of each non-Boolean input, each with what it applies from."""
     for number, signal in enumerate(subject.signals):
         if signal.type is ValueType.BOOL:
             continue
@@ -257,10 +286,16 @@ def _values(subject: Subject, trace: Trace) -> Iterator[str]:
             if not changes or repr(changes[-1][1]) != repr(value):
                 changes.append((step, value))
             step += run.steps
-        parts = [_value(signal, value) + (f' from step {start}' if start else '')
+        parts = [_value(signal, value) + (f' from {_place(start, context)}' if start else '')
                  for start, value in changes[:_MAX_RUNS]]
         more = ', ...' if len(changes) > _MAX_RUNS else ''
         yield f'{signal.name}: {", ".join(parts)}{more}'
+
+
+def _place(step: int, context: _Context) -> str:
+    if not context.is_timed or context.period is None:
+        return f'step {step}'
+    return time_text(int(step * context.period * 10 ** 9))
 
 
 def _value(signal: Signal, value: Value) -> str:

@@ -24,8 +24,8 @@ Types of terms: an input has its declared type; every other node is BOOL, INT64,
 or FLOAT64.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
 from enum import Enum
 import struct
 from threading import Lock
@@ -324,6 +324,13 @@ def operands(node: Formula) -> tuple[Formula, ...]:
             return (node.condition, node.yes, node.no)
         case Previous():
             return (node.initial, node.argument)
+
+
+def rebuilt(node: Formula, found: Mapping[Formula, Formula]) -> Formula:
+    """Return a node with its operands replaced by what `found` has for them."""
+    kind: Any = type(node)
+    parts = [getattr(node, item.name) for item in fields(node) if item.init]
+    return kind(*(found.get(part, part) for part in parts))  # type: ignore[no-any-return]
 
 
 def postorder(roots: Iterable[Formula]) -> list[Formula]:

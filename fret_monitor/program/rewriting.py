@@ -40,8 +40,8 @@ Where a window of n steps without x has passed, "n steps ago" is the same as "in
 from collections.abc import Iterator, Sequence
 
 from fret_monitor.logic.formula import (
-    ALWAYS, Binary, BinaryOperator, Choice, Conversion, Formula, FTP, Historically, Once,
-    postorder, Previous, Since, Triggered, Unary, UnaryOperator, WeakYesterday, Window, Yesterday,
+    ALWAYS, Binary, BinaryOperator, Formula, FTP, Historically, Once, postorder, rebuilt, Since,
+    Unary, UnaryOperator, WeakYesterday, Window, Yesterday,
 )
 
 
@@ -49,7 +49,7 @@ def without_queues(roots: Sequence[Formula]) -> dict[Formula, Formula]:
     """Return for each node of some formulas an equivalent one that needs fewer queues."""
     found: dict[Formula, Formula] = {}
     for node in postorder(roots):
-        changed = _with_operands(node, found)
+        changed = rebuilt(node, found)
         match changed:
             case Historically(window, body) if window == ALWAYS:
                 changed = Historically(ALWAYS, _overdue(body, ()))
@@ -59,34 +59,6 @@ def without_queues(roots: Sequence[Formula]) -> dict[Formula, Formula]:
                 pass
         found[node] = changed
     return found
-
-
-def _with_operands(node: Formula, found: dict[Formula, Formula]) -> Formula:
-    match node:
-        case Conversion(argument, type):
-            return Conversion(found[argument], type)
-        case Unary(operator, argument):
-            return Unary(operator, found[argument])
-        case Binary(operator, left, right):
-            return Binary(operator, found[left], found[right])
-        case Choice(condition, yes, no):
-            return Choice(found[condition], found[yes], found[no])
-        case Previous(initial, argument):
-            return Previous(found[initial], found[argument])
-        case Yesterday(argument):
-            return Yesterday(found[argument])
-        case WeakYesterday(argument):
-            return WeakYesterday(found[argument])
-        case Once(window, argument):
-            return Once(window, found[argument])
-        case Historically(window, argument):
-            return Historically(window, found[argument])
-        case Since(window, left, right):
-            return Since(window, found[left], found[right])
-        case Triggered(window, left, right):
-            return Triggered(window, found[left], found[right])
-        case _:
-            return node
 
 
 def _overdue(body: Formula, scopes: tuple[Formula, ...]) -> Formula:

@@ -21,12 +21,12 @@ can be explored separately. All requirements are compiled to one library.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 from fret_monitor.build import build_specification
 from fret_monitor.logic.formula import (
-    ALWAYS, Binary, BinaryOperator, Feedback, Formula, Once, postorder, TRUE, Variable, variables,
+    ALWAYS, Binary, BinaryOperator, Feedback, Formula, Once, postorder, rebuilt, TRUE, Variable,
+    variables,
 )
 from fret_monitor.logic.propositions import propositions, triggers
 from fret_monitor.logic.specification import Property, Signal, Specification
@@ -125,14 +125,6 @@ def _renamed(formulas: Sequence[Formula], names: Mapping[str, str]) -> dict[Form
     """Return each node of some formulas with its inputs and feedback renamed."""
     new: dict[Formula, Formula] = {}
     for node in postorder(formulas):
-        new[node] = _rebuilt(node, new, names)
+        new[node] = type(node)(names[node.name], node.type) \
+            if isinstance(node, Variable | Feedback) else rebuilt(node, new)
     return new
-
-
-def _rebuilt(node: Formula, new: Mapping[Formula, Formula],
-             names: Mapping[str, str]) -> Formula:
-    if isinstance(node, Variable | Feedback):
-        return type(node)(names[node.name], node.type)
-    kind: Any = type(node)
-    parts = [getattr(node, field.name) for field in fields(node) if field.init]
-    return kind(*(new.get(part, part) for part in parts))  # type: ignore[no-any-return]

@@ -1,0 +1,88 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A timed specification as one that takes a step at every point of a grid of time.
+
+For traces whose inputs change on the grid only, the verdicts on the grid are the same, except for
+what lasts one tick: `Y`, `Z`, `pre` and FTP then last one point of the grid. Examples and drawings
+need no more.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from math import gcd
+
+from fret_monitor.logic.formula import (
+    Formula, Historically, Once, postorder, rebuilt, Since, Triggered, Window,
+)
+from fret_monitor.logic.specification import Property, Specification
+from fret_monitor.model.policies import Policy
+
+_NS_PER_S = 10 ** 9
+_MOST_POINTS = 400  # in the longest bound
+
+
+def grid_of(properties: Sequence[Property]) -> int:
+    """
+    Return the spacing of a grid, in nanoseconds, on which all bounds lie if that is not too fine.
+
+    `[<10 s]` ends one tick before 10 s, and counts as 10 s.
+    """
+    bounds = {_round(end) for item in properties for node in postorder(item.roots)
+              if isinstance(node, Once | Historically | Since | Triggered)
+              for end in (node.window.low, node.window.high) if end}
+    bounds.discard(0)
+    if not bounds:
+        return _NS_PER_S
+    exact = gcd(*bounds)
+    coarse = max(bounds) // _MOST_POINTS
+    return exact if exact >= coarse else 10 ** len(str(coarse))
+
+
+def sampled(specification: Specification, grid: int) -> Specification:
+    """Return a specification with a step every `grid` nanoseconds."""
+    roots = [root for item in specification.properties for root in item.roots]
+    found = sampled_formulas(roots, grid)
+    properties = tuple(replace(
+        item, formula=found[item.formula],
+        bounds=tuple(_round(end) // grid for end in item.bounds),
+        feedback=tuple((node, found[equation]) for node, equation in item.feedback))
+        for item in specification.properties)
+    return replace(specification, properties=properties, policy=Policy.PERIODIC,
+                   period=Fraction(grid, _NS_PER_S), unit=None, definitions=())
+
+
+def sampled_formulas(roots: Iterable[Formula], grid: int) -> dict[Formula, Formula]:
+    """Return each node of some formulas with its windows in points of the grid."""
+    found: dict[Formula, Formula] = {}
+    for node in postorder(roots):
+        changed = rebuilt(node, found)
+        if isinstance(changed, Once | Historically):
+            changed = type(changed)(_window(changed.window, grid), changed.argument)
+        elif isinstance(changed, Since | Triggered):
+            changed = type(changed)(_window(changed.window, grid), changed.left, changed.right)
+        found[node] = changed
+    return found
+
+
+def _window(window: Window, grid: int) -> Window:
+    high = None if window.high is None else window.high // grid
+    return Window(-(-window.low // grid), high)
+
+
+def _round(ticks: int) -> int:
+    """Return a bound without the tick by which `<` and `>` differ from `<=` and `>=`."""
+    return max((ticks - 1, ticks, ticks + 1), key=lambda item: gcd(item, 10 ** 18))
