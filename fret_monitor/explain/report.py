@@ -28,6 +28,7 @@ import textwrap
 from fret_monitor.build import Reading
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.bundle.reader import survey_bundle
+from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.explain import sentence as fretish
 from fret_monitor.explain.goals import goals
 from fret_monitor.explain.timeline import drawn, Timeline, timeline
@@ -41,7 +42,6 @@ from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.diagnostics import (
     counted, Diagnostic, did_you_mean, Problems, refuse, Source, Text,
 )
-from fret_monitor.model.policies import Policy
 from fret_monitor.model.times import time_text
 from fret_monitor.model.values import ValueType
 from fret_monitor.traces.sampled import grid_of, sampled, sampled_formulas
@@ -85,8 +85,16 @@ class _Context:
     goals: dict[str, list[Formula]]
     values: Values
     names: dict[Formula, str]
-    period: Fraction | None
-    is_timed: bool = False
+    scale: TimeScale
+    grids: dict[str, int]
+
+    @property
+    def is_timed(self) -> bool:
+        return self.scale.is_timed
+
+    def period(self, id: str) -> Fraction | None:
+        """Return the seconds of a step in drawings of a requirement."""
+        return Fraction(self.grids[id], 10 ** 9) if self.is_timed else self.scale.period
 
 
 def explain(reading: Reading, id: str | None = None
@@ -110,9 +118,9 @@ def explain(reading: Reading, id: str | None = None
     chosen = _chosen(specification, id)
     ids = {item.id for item in chosen}
     context = _context(reading.files[0][0], specification, ids)
-    if specification.policy is Policy.TIMED:
-        specification, context = _on_grid(specification, chosen, context)
-    stepped = [item for item in specification.properties if item.id in ids]
+    stepped = chosen
+    if context.is_timed:
+        stepped, context = _on_grid(chosen, context)
     budget = Budget()
     found = [
         _explanation(item, subject, find_examples(subject, budget), context)
@@ -123,16 +131,16 @@ def explain(reading: Reading, id: str | None = None
                         if id is None or _concerns(warning, chosen))
 
 
-def _on_grid(specification: Specification, chosen: Sequence[Property],
-             context: _Context) -> tuple[Specification, _Context]:
-    """Return a timed specification with steps on a grid, of which examples can be found."""
-    grid = grid_of(chosen)
-    stepped = sampled(specification, grid)
-    goals = [goal for found in context.goals.values() for goal in found]
-    on_grid = sampled_formulas(goals, grid)
-    return stepped, replace(
-        context, period=stepped.period, is_timed=True,
-        goals={id: [on_grid[goal] for goal in found] for id, found in context.goals.items()})
+def _on_grid(chosen: Sequence[Property],
+             context: _Context) -> tuple[list[Property], _Context]:
+    """Return timed requirements with steps on a grid, of which examples can be found."""
+    grids = {item.id: grid_of(item) for item in chosen}
+    goals = {}
+    for id, found in context.goals.items():
+        on_grid = sampled_formulas(found, grids[id])
+        goals[id] = [on_grid[goal] for goal in found]
+    return [sampled(item, grids[item.id]) for item in chosen], \
+        replace(context, grids=grids, goals=goals)
 
 
 def _concerns(warning: Diagnostic, chosen: Sequence[Property]) -> bool:
@@ -164,7 +172,8 @@ def _context(path: Path, specification: Specification, chosen: set[str]) -> _Con
         {signal.name: signal.values for signal in specification.signals if signal.values},
         {formula: name for name, formula in specification.definitions
          if not isinstance(formula, Variable | Constant)},
-        specification.period)
+        TimeScale(specification.policy, specification.period, specification.unit),
+        {})
 
 
 def _on_one_line(text: Text) -> Text:
@@ -175,16 +184,17 @@ def _explanation(item: Property, subject: Subject, examples: Examples,
                  context: _Context) -> Explanation:
     fields: tuple[tuple[str, str], ...] = ()
     meaning: tuple[tuple[str, str], ...] = (
-        ('in words', in_words(item.formula, _WORDS, context.values, context.names)),
+        ('in words', in_words(item.formula, _WORDS, context.values, context.names,
+                              context.is_timed)),
         *_definitions(item, context))
     if item.id in context.sentences:
         parts = context.sentences[item.id]
         fields = tuple(fretish.fields(parts))
-        meaning = (*fretish.meaning(parts, context.period), *_definitions(item, context))
+        meaning = (*fretish.meaning(parts, context.scale), *_definitions(item, context))
     return Explanation(
         item.id, item.title, _cut(item.text), fields, meaning, _outlook(examples),
-        to_smv(item.formula, _FORMULA, context.values), tuple(_remarks(subject, examples)),
-        tuple(_timelines(subject, examples, context)))
+        to_smv(item.formula, _FORMULA, context.values, is_timed=context.is_timed),
+        tuple(_remarks(subject, examples)), tuple(_timelines(subject, examples, context)))
 
 
 def _cut(text: str) -> str:
@@ -197,7 +207,7 @@ def _definitions(item: Property, context: _Context) -> Iterator[tuple[str, str]]
     for formula, name in context.names.items():
         if formula in inside and formula is not item.formula:
             inner = {node: other for node, other in context.names.items() if other != name}
-            yield name, in_words(formula, _WORDS, context.values, inner)
+            yield name, in_words(formula, _WORDS, context.values, inner, context.is_timed)
 
 
 def _outlook(examples: Examples) -> str:
@@ -250,14 +260,15 @@ def _timelines(subject: Subject, examples: Examples, context: _Context) -> Itera
                         (examples.recovering, 'is false and recovers')):
         if trace is None:
             continue
-        title = f'A trace that {kind}: {subject.item.id}, {_extent(trace, context)}'
+        extent = _extent(trace, subject.item.id, context)
+        title = f'A trace that {kind}: {subject.item.id}, {extent}'
         yield _drawing(subject, trace, title, context)
 
 
-def _extent(trace: Trace, context: _Context) -> str:
-    if not context.is_timed or context.period is None:
+def _extent(trace: Trace, id: str, context: _Context) -> str:
+    if not context.is_timed:
         return counted(length(trace), 'step')
-    spacing = int(context.period * 10 ** 9)
+    spacing = context.grids[id]
     return f'{time_text(length(trace) * spacing)}, drawn every {time_text(spacing)}'
 
 
@@ -270,7 +281,7 @@ def _drawing(subject: Subject, trace: Trace, title: str, context: _Context) -> T
                for number, signal in enumerate(subject.signals)}
     truths = evaluate_all(shown, columns, subject.item.feedback) if shown else []
     return timeline(title, labels, [[bool(value) for value in column] for column in truths],
-                    [bool(word & 1) for word in bits], context.period,
+                    [bool(word & 1) for word in bits], context.period(subject.item.id),
                     tuple(_values(subject, trace, context)))
 
 
@@ -286,16 +297,15 @@ def _values(subject: Subject, trace: Trace, context: _Context) -> Iterator[str]:
             if not changes or repr(changes[-1][1]) != repr(value):
                 changes.append((step, value))
             step += run.steps
-        parts = [_value(signal, value) + (f' from {_place(start, context)}' if start else '')
-                 for start, value in changes[:_MAX_RUNS]]
+        places = [_place(start, subject.item.id, context) for start, _ in changes]
+        parts = [_value(signal, value) + (f' from {place}' if start else '')
+                 for (start, value), place in zip(changes[:_MAX_RUNS], places, strict=False)]
         more = ', ...' if len(changes) > _MAX_RUNS else ''
         yield f'{signal.name}: {", ".join(parts)}{more}'
 
 
-def _place(step: int, context: _Context) -> str:
-    if not context.is_timed or context.period is None:
-        return f'step {step}'
-    return time_text(int(step * context.period * 10 ** 9))
+def _place(step: int, id: str, context: _Context) -> str:
+    return time_text(step * context.grids[id]) if context.is_timed else f'step {step}'
 
 
 def _value(signal: Signal, value: Value) -> str:

@@ -22,19 +22,13 @@ An `only` scope applies outside of its mode, and requires the negation of the ti
 from collections.abc import Iterator
 from fractions import Fraction
 
+from fret_monitor.elaboration.durations import SECONDS, TimeScale
 from fret_monitor.language.expression import Duration, Expression, Unit
 from fret_monitor.language.sentence import (
     ConditionKind, ConditionPhrase, ScopeKind, Sentence, TimingKind,
 )
 from fret_monitor.model.diagnostics import Span
-
-_SECONDS = {
-    Unit.MICROSECOND: Fraction(1, 1_000_000),
-    Unit.MILLISECOND: Fraction(1, 1_000),
-    Unit.SECOND: Fraction(1),
-    Unit.MINUTE: Fraction(60),
-    Unit.HOUR: Fraction(3600),
-}
+from fret_monitor.model.times import time_text
 
 _JOINTS = {'&': 'and', '|': 'or'}
 
@@ -87,26 +81,36 @@ def fields(sentence: Sentence) -> Iterator[tuple[str, str]]:
     yield 'response', _of(sentence.response)
 
 
-def meaning(sentence: Sentence, period: Fraction | None) -> Iterator[tuple[str, str]]:
-    """Yield scope, trigger and requirement in English; `period` is the seconds per step."""
-    yield 'in force', _scope(sentence)
-    yield 'trigger', _trigger(sentence)
-    yield 'required', _required(sentence, period)
+def meaning(sentence: Sentence, scale: TimeScale) -> Iterator[tuple[str, str]]:
+    """Yield scope, trigger and requirement in English."""
+    yield 'in force', _scope(sentence, scale)
+    yield 'trigger', _trigger(sentence, scale)
+    yield 'required', _required(sentence, scale)
 
 
-def _scope(sentence: Sentence) -> str:
+def _of_scale(template: str, scale: TimeScale) -> str:
+    """Return a text about steps, or about instants under the policy timed."""
+    if not scale.is_timed:
+        return template
+    return template.replace('one step later', 'one nanosecond later').replace(
+        'stretch of steps', 'stretch of time').replace('at all steps', 'at all times').replace(
+        'step', 'instant')
+
+
+def _scope(sentence: Sentence, scale: TimeScale) -> str:
     mode = _of(sentence.scope.mode) if sentence.scope else ''
-    return _SCOPES[sentence.scope_kind].format(m=mode)
+    return _of_scale(_SCOPES[sentence.scope_kind], scale).format(m=mode)
 
 
-def _trigger(sentence: Sentence) -> str:
-    start = 'the first step in force' if sentence.scope else 'the first step'
+def _trigger(sentence: Sentence, scale: TimeScale) -> str:
+    step = _of_scale('step', scale)
+    start = f'the first {step} in force' if sentence.scope else f'the first {step}'
     if sentence.condition is None:
         return start
     condition = _condition(sentence.condition)
     if sentence.condition_kind is ConditionKind.HOLDING:
-        return f'every step at which {condition} holds'
-    return f'every step at which {condition} comes to hold, or does at {start}'
+        return f'every {step} at which {condition} holds'
+    return f'every {step} at which {condition} comes to hold, or does at {start}'
 
 
 def _condition(phrase: ConditionPhrase) -> str:
@@ -123,23 +127,25 @@ def _condition(phrase: ConditionPhrase) -> str:
     return text
 
 
-def _required(sentence: Sentence, period: Fraction | None) -> str:
+def _required(sentence: Sentence, scale: TimeScale) -> str:
     kind, timing = sentence.timing_kind, sentence.timing
-    template = _TIMINGS[kind][sentence.scope_kind.is_only]
-    first = 'the first step' + (' in force' if sentence.scope else '')
+    template = _of_scale(_TIMINGS[kind][sentence.scope_kind.is_only], scale)
+    first = _of_scale('the first step', scale) + (' in force' if sentence.scope else '')
     text = template.format(
         t='the trigger' if sentence.condition else first,
         r=_of(sentence.response),
         s=_of(timing.stop) if timing and timing.stop else '',
-        n=_steps(timing.duration, period) if timing and timing.duration else '')
+        n=_length(timing.duration, scale) if timing and timing.duration else '')
     return f'{text}, as far as it is in force' if sentence.scope else text
 
 
-def _steps(duration: Duration, period: Fraction | None) -> str:
-    number = Fraction(duration.number)
+def _length(duration: Duration, scale: TimeScale) -> str:
+    number, period = Fraction(duration.number), scale.period
+    if scale.is_timed:
+        return time_text(int(number * SECONDS[duration.unit] * 10 ** 9))
     if period is None or duration.unit is Unit.TICK:
         return _count(number)
-    seconds = number * _SECONDS[duration.unit]
+    seconds = number * SECONDS[duration.unit]
     return f'{_count(seconds / period)} ({float(seconds):g} s)'
 
 

@@ -24,6 +24,7 @@ from fret_monitor.logic.formula import (
 )
 from fret_monitor.logic.printing import to_smv, Values
 from fret_monitor.logic.propositions import is_proposition
+from fret_monitor.model.times import time_text
 
 _TERM_WIDTH = 200
 _CUT = ' ...'
@@ -35,6 +36,7 @@ class _Within(NamedTuple):
     node: Formula
 
 
+_Temporal: TypeAlias = (Yesterday | WeakYesterday | Once | Historically | Since | Triggered)
 _Piece: TypeAlias = str | Formula | _Within
 
 _CONNECTIVES = {
@@ -49,11 +51,11 @@ _CONNECTIVES = {
 
 
 def in_words(formula: Formula, limit: int, values: Values | None = None,
-             names: Mapping[Formula, str] | None = None) -> str:
+             names: Mapping[Formula, str] | None = None, is_timed: bool = False) -> str:
     """
     Return a formula in English, on one line; a text longer than `limit` is cut and ends in ` ...`.
 
-    `values` and `names` are as for `to_smv`.
+    `values`, `names` and `is_timed` are as for `to_smv`.
     """
     done: list[str] = []
     size = 0
@@ -66,7 +68,7 @@ def in_words(formula: Formula, limit: int, values: Values | None = None,
         elif isinstance(piece, _Within):
             stack += [piece.node] if _is_short(piece.node, names) else [')', piece.node, '(']
         else:
-            stack.extend(reversed(_pieces(piece, values, names)))
+            stack.extend(reversed(_pieces(piece, values, names, is_timed)))
     text = ''.join(done)
     return text if size <= limit and not stack else text[:limit - len(_CUT)].rstrip() + _CUT
 
@@ -81,8 +83,8 @@ def _is_short(node: Formula, names: Mapping[Formula, str] | None) -> bool:
             return node is FTP or is_proposition(node) or bool(names and node in names)
 
 
-def _pieces(node: Formula, values: Values | None,
-            names: Mapping[Formula, str] | None) -> list[_Piece]:
+def _pieces(node: Formula, values: Values | None, names: Mapping[Formula, str] | None,
+            is_timed: bool) -> list[_Piece]:
     if names and node in names:
         return [names[node]]
     match node:
@@ -98,16 +100,15 @@ def _pieces(node: Formula, values: Values | None,
             return ['if ', _Within(node.condition), ' then ', _Within(node.yes), ' else ',
                     _Within(node.no)]
         case Yesterday() | WeakYesterday() | Once() | Historically() | Since() | Triggered():
-            return _temporal(node)
+            return _timed(node) if is_timed else _temporal(node)
         case Constant() | Variable() | Conversion() | Unary() | Binary() | Choice() | Previous() \
                 | Feedback():
-            return [to_smv(node, _TERM_WIDTH, values, names)]
+            return [to_smv(node, _TERM_WIDTH, values, names, is_timed)]
         case _:
             assert_never(node)
 
 
-def _temporal(node: Yesterday | WeakYesterday | Once | Historically | Since | Triggered
-              ) -> list[_Piece]:
+def _temporal(node: _Temporal) -> list[_Piece]:
     match node:
         case Yesterday(argument):
             return ['a step ago ', _Within(argument)]
@@ -127,6 +128,48 @@ def _temporal(node: Yesterday | WeakYesterday | Once | Historically | Since | Tr
                     ', but for steps with a later one at which ', _Within(left)]
         case _:
             assert_never(node)
+
+
+def _timed(node: _Temporal) -> list[_Piece]:
+    match node:
+        case Yesterday(argument):
+            return ['just before ', _Within(argument)]
+        case WeakYesterday(argument):
+            if node is FTP:
+                return ['this is the first instant']
+            return ['this is the first instant or just before ', _Within(argument)]
+        case Once(window, argument):
+            return [f'at some time {_at(window)} ', _Within(argument)]
+        case Historically(window, argument):
+            return [f'at all times {_at(window)} ', _Within(argument)]
+        case Since(window, left, right):
+            return [_Within(left), ' all the time since ', _Within(right), ' held',
+                    '' if window.is_unbounded else f' at a time {_at(window)}']
+        case Triggered(window, left, right):
+            return ['at all times ', _at(window), ' ', _Within(right),
+                    ', but for times with a later one at which ', _Within(left)]
+        case _:
+            assert_never(node)
+
+
+def _at(window: Window) -> str:
+    """Return a window of nanoseconds in words."""
+    if window.is_unbounded:
+        return 'so far'
+    if window.is_empty:
+        return 'of none'
+    low, high = window.low, window.high
+    if high is None:
+        after = len(time_text(low - 1)) < len(time_text(low))
+        return f'more than {time_text(low - 1)} ago' if after \
+            else f'{time_text(low)} ago or earlier'
+    if low == high:
+        return f'exactly {time_text(low)} ago' if low else 'now'
+    before = len(time_text(high + 1)) < len(time_text(high))
+    if low == 0:
+        return f'less than {time_text(high + 1)} ago' if before \
+            else f'in the last {time_text(high)}'
+    return f'{time_text(low)} to {time_text(high)} ago'
 
 
 def _when(window: Window) -> str:

@@ -44,6 +44,8 @@ from fret_monitor.logic.formula import (
     Unary, UnaryOperator, WeakYesterday, Window, Yesterday,
 )
 
+_DEPTH = 16  # conjunctions and implications between H and a deadline; FRET writes three
+
 
 def without_queues(roots: Sequence[Formula]) -> dict[Formula, Formula]:
     """Return for each node of some formulas an equivalent one that needs fewer queues."""
@@ -52,7 +54,7 @@ def without_queues(roots: Sequence[Formula]) -> dict[Formula, Formula]:
         changed = rebuilt(node, found)
         match changed:
             case Historically(window, body) if window == ALWAYS:
-                changed = Historically(ALWAYS, _overdue(body, ()))
+                changed = Historically(ALWAYS, _overdue(body, (), _DEPTH))
             case Binary(BinaryOperator.IMPLIES, Once() as left, right):
                 changed = _within(changed, left, right)
             case _:
@@ -61,11 +63,14 @@ def without_queues(roots: Sequence[Formula]) -> dict[Formula, Formula]:
     return found
 
 
-def _overdue(body: Formula, scopes: tuple[Formula, ...]) -> Formula:
+def _overdue(body: Formula, scopes: tuple[Formula, ...], depth: int) -> Formula:
     """Return what may take the place of `body` under H, where all of `scopes` hold."""
     match body:
+        case _ if depth == 0:
+            return body
         case Binary(BinaryOperator.AND, left, right):
-            return Binary(BinaryOperator.AND, _overdue(left, scopes), _overdue(right, scopes))
+            return Binary(BinaryOperator.AND, _overdue(left, scopes, depth - 1),
+                          _overdue(right, scopes, depth - 1))
         case Binary(BinaryOperator.IMPLIES, Once(Window(int(low), high), trigger),
                     Once(Window(0, int(last)), answer)) if low == high == last + 1 \
                 and all(_starts_with(scope, answer) for scope in scopes):
@@ -73,7 +78,8 @@ def _overdue(body: Formula, scopes: tuple[Formula, ...]) -> Formula:
                          trigger)
             return Unary(UnaryOperator.NOT, late)
         case Binary(BinaryOperator.IMPLIES, scope, right):
-            return Binary(BinaryOperator.IMPLIES, scope, _overdue(right, (*scopes, scope)))
+            return Binary(BinaryOperator.IMPLIES, scope,
+                          _overdue(right, (*scopes, scope), depth - 1))
         case _:
             return body
 

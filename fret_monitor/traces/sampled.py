@@ -13,56 +13,55 @@
 # limitations under the License.
 
 """
-A timed specification as one that takes a step at every point of a grid of time.
+A timed requirement as one that takes a step at every point of a grid of time.
 
 For traces whose inputs change on the grid only, the verdicts on the grid are the same, except for
 what lasts one tick: `Y`, `Z`, `pre` and FTP then last one point of the grid. Examples and drawings
 need no more.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
-from fractions import Fraction
 from math import gcd
 
 from fret_monitor.logic.formula import (
     Formula, Historically, Once, postorder, rebuilt, Since, Triggered, Window,
 )
-from fret_monitor.logic.specification import Property, Specification
-from fret_monitor.model.policies import Policy
+from fret_monitor.logic.specification import Property
 
 _NS_PER_S = 10 ** 9
 _MOST_POINTS = 400  # in the longest bound
+_FEWEST_POINTS = 10
 
 
-def grid_of(properties: Sequence[Property]) -> int:
+def grid_of(item: Property) -> int:
     """
     Return the spacing of a grid, in nanoseconds, on which all bounds lie if that is not too fine.
 
     `[<10 s]` ends one tick before 10 s, and counts as 10 s.
     """
-    bounds = {_round(end) for item in properties for node in postorder(item.roots)
+    bounds = {_round(end) for node in postorder(item.roots)
               if isinstance(node, Once | Historically | Since | Triggered)
               for end in (node.window.low, node.window.high) if end}
     bounds.discard(0)
     if not bounds:
         return _NS_PER_S
-    exact = gcd(*bounds)
+    exact: int = gcd(*bounds)
     coarse = max(bounds) // _MOST_POINTS
-    return exact if exact >= coarse else 10 ** len(str(coarse))
+    if exact < coarse:
+        return int(10 ** len(str(coarse)))
+    parts = (part for part in (1, 2, 5, 10) if exact % part == 0)
+    return next((exact // part for part in parts if max(bounds) * part >= exact * _FEWEST_POINTS),
+                exact)
 
 
-def sampled(specification: Specification, grid: int) -> Specification:
-    """Return a specification with a step every `grid` nanoseconds."""
-    roots = [root for item in specification.properties for root in item.roots]
-    found = sampled_formulas(roots, grid)
-    properties = tuple(replace(
+def sampled(item: Property, grid: int) -> Property:
+    """Return a requirement whose steps are `grid` nanoseconds apart."""
+    found = sampled_formulas(item.roots, grid)
+    return replace(
         item, formula=found[item.formula],
         bounds=tuple(_round(end) // grid for end in item.bounds),
         feedback=tuple((node, found[equation]) for node, equation in item.feedback))
-        for item in specification.properties)
-    return replace(specification, properties=properties, policy=Policy.PERIODIC,
-                   period=Fraction(grid, _NS_PER_S), unit=None, definitions=())
 
 
 def sampled_formulas(roots: Iterable[Formula], grid: int) -> dict[Formula, Formula]:
