@@ -18,61 +18,14 @@
 
 #define _POSIX_C_SOURCE 200809L
 
-#include "engine_locked.h"
+#include "engine_time.h"
 
-#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "instance.h"
 
-#define SECOND_NS 1000000000
-#define CLOSE_NS 10000  // two readings of clocks without a preemption in between
-#define MOST_READINGS 10
-
-// Tests sleep between two steps of the handling of time.
-#ifndef FM_PAUSE
-#define FM_PAUSE()
-#endif
-
-enum source
-{
-  TOLD,    // by fm_engine_advance, and with each message
-  STEADY,  // CLOCK_MONOTONIC
-  CLOCK    // `now`
-};
-
-struct topic
-{
-  struct fm_arrivals arrivals;
-  uint8_t * evidence;
-  size_t evidence_size;
-};
-
-struct fm_engine
-{
-  pthread_mutex_t mutex;
-  pthread_cond_t violation_queued;
-  pthread_cond_t detail_queued;
-  struct fm_engine_options options;
-  struct fm_field * fields;     // of the message being read
-  struct fm_violation * found;  // violations of the steps of one message
-  struct topic * topics;
-  struct fm_outbox outbox;
-  int (* now)(void * clock, int64_t * nanoseconds);
-  void * clock;
-  enum source source;
-  int64_t system_ahead;  // of the steady clock, ns
-  int64_t wakes_at;      // a thread in fm_engine_take waits until then; INT64_MIN: none does
-  int64_t round;         // the time of the round
-  bool has_rounds;       // messages are taken in rounds
-  bool has_round;        // there is a time, of the round
-  bool is_outdated;      // the clock, until fm_engine_wake
-  bool has_begun;        // the time
-  bool is_new_source;    // its time was not read yet
-  bool is_closed;
-};
+#define MILLISECOND_NS 1000000
 
 uint32_t fm_engine_abi(void) {return FM_ENGINE_ABI;}
 
@@ -97,7 +50,9 @@ static bool readers_fit(const struct fm_engine_options * options)
     return false;
   }
   for (uint32_t t = 0; t < options->n_topics; ++t) {
-    if (readers->topics[t].n_inputs != options->topics[t].n_inputs) {
+    if (readers->topics[t].n_inputs != options->topics[t].n_inputs ||
+      (options->uses_header_stamps && readers->topics[t].stamp == NULL))
+    {
       return false;
     }
   }
@@ -137,11 +92,14 @@ static bool make_memory(struct fm_engine * engine)
 {
   const struct fm_engine_options * options = &engine->options;
   engine->fields = calloc(most_inputs(options), sizeof(struct fm_field));
+  engine->prepared = calloc(most_inputs(options), sizeof(struct fm_field));
   engine->found =
     calloc(options->monitor->n_requirements + (size_t)1, sizeof(struct fm_violation));
-  engine->topics = calloc(options->n_topics + (size_t)1, sizeof(struct topic));
+  engine->topics = calloc(options->n_topics + (size_t)1, sizeof(struct fm_engine_topic));
   return fm_outbox_init(&engine->outbox, options->monitor) && engine->fields != NULL &&
-         engine->found != NULL && engine->topics != NULL;
+         engine->prepared != NULL && engine->found != NULL && engine->topics != NULL &&
+         (!fm_evaluator_is_timed(options->evaluator) ||
+         fm_reorder_init(&engine->waiting, most_inputs(options)));
 }
 
 static void free_memory(struct fm_engine * engine)
@@ -151,10 +109,23 @@ static void free_memory(struct fm_engine * engine)
     free(engine->topics[t].evidence);
   }
   fm_outbox_free(&engine->outbox);
+  fm_reorder_free(&engine->waiting);
   free(engine->fields);
+  free(engine->prepared);
   free(engine->found);
   free(engine->topics);
   free(engine);
+}
+
+static void find_sources(struct fm_engine * engine)
+{
+  const struct fm_engine_options * options = &engine->options;
+  for (uint32_t t = 0; options->sources != NULL && t < options->n_topics; ++t) {
+    for (uint32_t k = 0; k < options->topics[t].n_inputs; ++k) {
+      engine->topics[t].has_sources = engine->topics[t].has_sources ||
+        options->sources[options->topics[t].inputs[k]] != FM_FIELD;
+    }
+  }
 }
 
 struct fm_engine * fm_engine_create(const struct fm_engine_options * options)
@@ -164,11 +135,14 @@ struct fm_engine * fm_engine_create(const struct fm_engine_options * options)
     return NULL;
   }
   engine->options = *options;
+  engine->options.reorder = options->uses_header_stamps ? options->reorder : 0;
   engine->wakes_at = INT64_MIN;
+  engine->released = INT64_MIN;
   if (!make_memory(engine) || !make_locks(engine)) {
     free_memory(engine);
     return NULL;
   }
+  find_sources(engine);
   return engine;
 }
 
@@ -202,8 +176,7 @@ bool fm_engine_is_closed(struct fm_engine * engine)
 
 // ---- queues ------------------------------------------------------------------------------------
 
-// Queue the violations of engine->found, whose stamps are `later` than found.
-static void announce_locked(struct fm_engine * engine, uint32_t n, int64_t later)
+void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t later)
 {
   for (uint32_t k = 0; k < n; ++k) {
     engine->found[k].stamp = fm_later(engine->found[k].stamp, later);
@@ -217,258 +190,13 @@ static void announce_locked(struct fm_engine * engine, uint32_t n, int64_t later
   }
 }
 
-// ---- time --------------------------------------------------------------------------------------
-
-static int64_t read_clock(clockid_t clock)
-{
-  struct timespec now;
-  clock_gettime(clock, &now);
-  return (int64_t)now.tv_sec * SECOND_NS + (int64_t)now.tv_nsec;
-}
-
-// How much the system time is ahead of the steady clock. Readings may be far apart if the thread
-// is preempted, so that they only give limits. What was found before holds while it is within
-// them: the stamps of periods are then exactly a period apart.
-static int64_t system_ahead_locked(struct fm_engine * engine)
-{
-  int64_t before;
-  int64_t system;
-  int64_t after;
-  int readings = 0;
-  do {
-    before = read_clock(CLOCK_MONOTONIC);
-    FM_PAUSE();
-    system = read_clock(CLOCK_REALTIME);
-    FM_PAUSE();
-    after = read_clock(CLOCK_MONOTONIC);
-    readings += 1;
-  } while (after - before > CLOSE_NS && readings < MOST_READINGS);
-  if (engine->system_ahead < system - after) {
-    engine->system_ahead = system - after;
-  } else if (engine->system_ahead > system - before) {
-    engine->system_ahead = system - before;
-  }
-  return engine->system_ahead;
-}
-
-// Read the time of the source; returns false if it has none. `told`: the time if it is told.
-static bool read_source_locked(struct fm_engine * engine, int64_t told, int64_t * now)
-{
-  *now = told;
-  if (engine->source == STEADY) {
-    *now = read_clock(CLOCK_MONOTONIC);
-  } else if (engine->source == CLOCK) {
-    return !engine->is_outdated && engine->now(engine->clock, now) == 0 && *now > 0;
-  }
-  return true;
-}
-
-// Shift the evaluator's times to a source that is read for the first time.
-static void join_source_locked(struct fm_engine * engine, int64_t now)
-{
-  struct fm_evaluator * evaluator = engine->options.evaluator;
-  if (engine->is_new_source && engine->has_begun) {
-    fm_evaluator_shift(evaluator, fm_between(fm_evaluator_now(evaluator), now));
-    engine->is_new_source = false;
-  }
-  FM_PAUSE();
-}
-
-static void take_due_locked(struct fm_engine * engine, int64_t now)
-{
-  struct fm_evaluator * evaluator = engine->options.evaluator;
-  do {
-    const uint32_t n = fm_evaluator_advance(evaluator, now, engine->found);
-    const bool is_steady = n > 0 && engine->source == STEADY;
-    announce_locked(engine, n, is_steady ? system_ahead_locked(engine) : 0);
-  } while (fm_evaluator_wake(evaluator) <= now && fm_evaluator_wake(evaluator) != FM_NEVER);
-}
-
-// A message at the instant of a deadline comes before what is due then.
-static void take_due_before_locked(struct fm_engine * engine, int64_t now)
-{
-  const bool is_here = now == fm_evaluator_now(engine->options.evaluator);
-  take_due_locked(engine, is_here ? now : fm_later(now, -1));
-}
-
-// Take what is due by a clock that is followed, unless that is left to the end of a round.
-static void take_due_now_locked(struct fm_engine * engine)
-{
-  int64_t now;
-  if (engine->has_begun && engine->source != TOLD && !engine->has_rounds && !engine->is_closed &&
-    read_source_locked(engine, 0, &now))
-  {
-    join_source_locked(engine, now);
-    take_due_locked(engine, now);
-  }
-}
-
-// The time of a message; false if there is none.
-static bool read_for_message_locked(struct fm_engine * engine, int64_t received, int64_t * now)
-{
-  if (engine->has_rounds && engine->source != TOLD) {
-    *now = engine->round;
-    return engine->has_round;
-  }
-  if (!read_source_locked(engine, received, now)) {
-    return false;
-  }
-  join_source_locked(engine, *now);
-  return true;
-}
-
-// A deadline may now come before the end of a wait in fm_engine_take.
-static void end_wait_if_earlier_locked(struct fm_engine * engine)
-{
-  if (engine->source == STEADY && !engine->has_rounds &&
-    fm_evaluator_wake(engine->options.evaluator) < engine->wakes_at)
-  {
-    pthread_cond_signal(&engine->violation_queued);
-  }
-}
-
-void fm_engine_advance(struct fm_engine * engine, int64_t now)
-{
-  fm_engine_lock(engine);
-  if (engine->source == TOLD && !engine->is_closed) {
-    engine->has_begun = true;
-    take_due_locked(engine, now);
-  }
-  fm_engine_unlock(engine);
-}
-
-static void follow(
-  struct fm_engine * engine, enum source source,
-  int (* now)(void * clock, int64_t * nanoseconds), void * clock, bool is_outdated)
-{
-  fm_engine_lock(engine);
-  take_due_now_locked(engine);  // brings the time up to date, for the shift
-  engine->source = source;
-  engine->now = now;
-  engine->clock = clock;
-  engine->is_outdated = is_outdated;
-  engine->is_new_source = true;
-  engine->has_round = false;
-  take_due_now_locked(engine);
-  pthread_cond_signal(&engine->violation_queued);
-  fm_engine_unlock(engine);
-}
-
-void fm_engine_follow_steady(struct fm_engine * engine)
-{
-  follow(engine, STEADY, NULL, NULL, false);
-}
-
-void fm_engine_follow_clock(
-  struct fm_engine * engine, int (* now)(void * clock, int64_t * nanoseconds), void * clock,
-  bool is_outdated)
-{
-  follow(engine, CLOCK, now, clock, is_outdated);
-}
-
-void fm_engine_begin(struct fm_engine * engine)
-{
-  fm_engine_lock(engine);
-  if (!engine->has_begun && engine->source != TOLD) {
-    engine->has_begun = true;
-    engine->is_new_source = false;  // the evaluator has no times yet
-    take_due_now_locked(engine);
-    pthread_cond_signal(&engine->violation_queued);
-  }
-  fm_engine_unlock(engine);
-}
-
-void fm_engine_begin_round(struct fm_engine * engine)
-{
-  fm_engine_lock(engine);
-  engine->has_rounds = true;
-  engine->has_round = !engine->is_closed && read_source_locked(engine, 0, &engine->round);
-  if (engine->has_round) {
-    join_source_locked(engine, engine->round);
-  }
-  fm_engine_unlock(engine);
-}
-
-void fm_engine_end_round(struct fm_engine * engine)
-{
-  fm_engine_lock(engine);
-  if (engine->has_begun && engine->has_round && engine->source != TOLD && !engine->is_closed) {
-    take_due_locked(engine, engine->round);
-  }
-  fm_engine_unlock(engine);
-}
-
-int64_t fm_engine_time_left(struct fm_engine * engine, int64_t most)
-{
-  int64_t left = most;
-  fm_engine_lock(engine);
-  if (engine->has_begun && engine->source == STEADY) {
-    const int64_t now = read_clock(CLOCK_MONOTONIC);
-    const int64_t deadline = fm_evaluator_deadline(engine->options.evaluator);
-    left = deadline <= now ? 0 : fm_between(now, deadline);
-  }
-  fm_engine_unlock(engine);
-  return left < most ? left : most;
-}
-
-void fm_engine_wake(struct fm_engine * engine)
-{
-  fm_engine_lock(engine);
-  engine->is_outdated = false;
-  pthread_cond_signal(&engine->violation_queued);
-  fm_engine_unlock(engine);
-}
-
-int64_t fm_engine_deadline(struct fm_engine * engine)
-{
-  fm_engine_lock(engine);
-  const int64_t deadline =
-    engine->has_begun ? fm_evaluator_deadline(engine->options.evaluator) : FM_NEVER;
-  fm_engine_unlock(engine);
-  return deadline;
-}
-
 // ---- taking ------------------------------------------------------------------------------------
-
-// Wait for a signal, or until a time of CLOCK_MONOTONIC.
-static void wait_until_locked(
-  struct fm_engine * engine, pthread_cond_t * condition, int64_t until)
-{
-  struct timespec end;
-  end.tv_sec = (time_t)(until / SECOND_NS);
-  end.tv_nsec = (long)(until % SECOND_NS);
-  pthread_cond_timedwait(condition, &engine->mutex, &end);
-}
-
-static int64_t in_milliseconds(uint32_t milliseconds)
-{
-  return read_clock(CLOCK_MONOTONIC) + (int64_t)milliseconds * (SECOND_NS / 1000);
-}
-
-// Wait until a violation is queued, the engine is closed, or the time is over. Takes what is due.
-static void wait_for_violation_locked(struct fm_engine * engine, uint32_t milliseconds)
-{
-  struct fm_evaluator * evaluator = engine->options.evaluator;
-  const int64_t end = in_milliseconds(milliseconds);
-  take_due_now_locked(engine);
-  while (engine->outbox.n_violations == 0 && !engine->is_closed && milliseconds > 0 &&
-    read_clock(CLOCK_MONOTONIC) < end)
-  {
-    const bool waits = engine->has_begun && engine->source == STEADY && !engine->has_rounds;
-    const int64_t deadline = waits ? fm_evaluator_deadline(evaluator) : end;
-    engine->wakes_at = deadline < end ? deadline : end;
-    FM_PAUSE();
-    wait_until_locked(engine, &engine->violation_queued, engine->wakes_at);
-    engine->wakes_at = INT64_MIN;
-    take_due_now_locked(engine);
-  }
-}
 
 uint32_t fm_engine_take(
   struct fm_engine * engine, struct fm_violation * out, uint32_t room, uint32_t milliseconds)
 {
   fm_engine_lock(engine);
-  wait_for_violation_locked(engine, milliseconds);
+  fm_engine_wait_for_violation_locked(engine, milliseconds);
   const uint32_t n = fm_outbox_take(&engine->outbox, out, room);
   fm_engine_unlock(engine);
   return n;
@@ -484,12 +212,12 @@ void fm_engine_want_details(struct fm_engine * engine, bool are_wanted, uint32_t
 bool fm_engine_take_detail(
   struct fm_engine * engine, struct fm_detail * out, uint32_t milliseconds)
 {
-  const int64_t end = in_milliseconds(milliseconds);
+  const int64_t end = fm_engine_steady_time() + (int64_t)milliseconds * MILLISECOND_NS;
   fm_engine_lock(engine);
   while (engine->outbox.n_details == 0 && !engine->is_closed &&
-    read_clock(CLOCK_MONOTONIC) < end)
+    fm_engine_steady_time() < end)
   {
-    wait_until_locked(engine, &engine->detail_queued, end);
+    fm_engine_wait_locked(engine, &engine->detail_queued, end);
   }
   const bool has_one = fm_outbox_take_detail(&engine->outbox, out);
   fm_engine_unlock(engine);
@@ -544,7 +272,8 @@ uint64_t fm_engine_lost(struct fm_engine * engine, uint32_t topic)
 
 // ---- messages ----------------------------------------------------------------------------------
 
-static void keep_evidence(struct topic * topic, const uint8_t * message, size_t size)
+static void keep_evidence(
+  struct fm_engine_topic * topic, const uint8_t * message, size_t size)
 {
   if (topic->evidence == NULL && size > 0) {
     topic->evidence = malloc(size);
@@ -561,7 +290,7 @@ size_t fm_engine_evidence(
   size_t size = 0;
   if (topic < engine->options.n_topics) {
     fm_engine_lock(engine);
-    struct topic * cell = &engine->topics[topic];
+    struct fm_engine_topic * cell = &engine->topics[topic];
     size = cell->evidence == NULL ? 0 : cell->evidence_size;
     if (size > 0 && size <= room) {
       memcpy(out, cell->evidence, size);
@@ -573,35 +302,162 @@ size_t fm_engine_evidence(
   return size;
 }
 
-// Store the fields that were read, and count the others. Returns whether all could be used.
-static bool store_locked(
+const struct fm_reader * fm_engine_reader(const struct fm_engine * engine, uint32_t topic)
+{
+  return &engine->options.readers->topics[topic];
+}
+
+bool fm_engine_read(
+  const struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
+  struct fm_field * fields, int64_t * stamp)
+{
+  const struct fm_reader * reader = fm_engine_reader(engine, topic);
+  *stamp = 0;
+  return reader->read(message, size, fields) &&
+         (!engine->options.uses_header_stamps || reader->stamp(message, size, stamp));
+}
+
+static bool all_are_read(const struct fm_field * fields, uint32_t n)
+{
+  for (uint32_t k = 0; k < n; ++k) {
+    if (fields[k].outcome != FM_FIELD_READ) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// The fields of a message that was received at a ROS time, with the inputs that are no fields.
+static const struct fm_field * prepare_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t received)
+{
+  const struct fm_topic * fed = &engine->options.topics[topic];
+  if (!engine->topics[topic].has_sources) {
+    return fields;
+  }
+  memcpy(engine->prepared, fields, fed->n_inputs * sizeof(*fields));
+  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+    struct fm_field * field = &engine->prepared[k];
+    const uint8_t source = engine->options.sources[fed->inputs[k]];
+    if (source == FM_RECEPTION) {
+      field->value.i = 1;
+      field->outcome = FM_FIELD_READ;
+    } else if (source == FM_AGE && field->outcome == FM_FIELD_READ) {
+      field->value.f = (double)fm_between(field->value.i, received) / 1e9;
+    }
+  }
+  return engine->prepared;
+}
+
+// Store the fields that were read, and count the others.
+static void store_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t now)
 {
   const struct fm_topic * fed = &engine->options.topics[topic];
-  bool is_usable = true;
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     if (fields[k].outcome == FM_FIELD_READ) {
       fm_evaluator_store(engine->options.evaluator, fed->inputs[k], fields[k].value, now);
     } else {
       fm_evaluator_unusable(engine->options.evaluator, fed->inputs[k]);
-      is_usable = false;
     }
   }
-  return is_usable;
 }
 
-const struct fm_reader * fm_engine_reader(const struct fm_engine * engine, uint32_t topic)
+// Under FM_TIMED: let a message take effect at an instant.
+static void put_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t instant)
 {
-  return &engine->options.readers->topics[topic];
+  struct fm_evaluator * evaluator = engine->options.evaluator;
+  const int64_t now = fm_evaluator_arrival(evaluator, instant);
+  fm_engine_take_due_before_locked(engine, now);
+  store_locked(engine, topic, fields, now);
+  const uint32_t n = fm_evaluator_message(evaluator, topic, now, engine->found);
+  fm_engine_announce_locked(engine, n, n > 0 ? fm_engine_stamps_ahead_locked(engine) : 0);
+}
+
+void fm_engine_put_waiting_locked(struct fm_engine * engine, int64_t now)
+{
+  const struct fm_waiting * first = fm_reorder_first(&engine->waiting);
+  const int64_t instant = first->stamp < now ? first->stamp : now;
+  const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
+  put_locked(engine, first->topic, first->fields, instant < earliest ? earliest : instant);
+  fm_reorder_remove_first(&engine->waiting);
+}
+
+// A message waits for others with earlier stamps. If there is no room for it, the one with the
+// earliest stamp takes effect now.
+static void wait_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t stamp,
+  int64_t now)
+{
+  if (engine->waiting.n == engine->waiting.capacity) {
+    engine->topics[fm_reorder_first(&engine->waiting)->topic].counts.overflows += 1;
+    fm_engine_put_waiting_locked(engine, now);
+  }
+  fm_reorder_add(
+    &engine->waiting, topic, stamp, fields, engine->options.topics[topic].n_inputs);
+  if (!engine->has_rounds) {
+    fm_engine_release_locked(engine, now);
+  }
+}
+
+// Under FM_TIMED: a message that was received at a time of the system, `now` by the source.
+static void deliver_timed_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t stamp,
+  int64_t now)
+{
+  fm_engine_note_restart_locked(engine, now);
+  const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
+  if (engine->options.uses_header_stamps && stamp < earliest) {
+    engine->topics[topic].counts.late += 1;
+    put_locked(engine, topic, fields, earliest);
+  } else if (engine->options.uses_header_stamps || engine->has_rounds) {
+    wait_locked(engine, topic, fields, stamp, now);
+  } else {
+    put_locked(engine, topic, fields, stamp);
+  }
+}
+
+// A message that is a step, if it is one, when it is delivered.
+static void deliver_step_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t stamp,
+  int64_t now)
+{
+  store_locked(engine, topic, fields, now);
+  fm_engine_announce_locked(
+    engine, fm_evaluator_message(engine->options.evaluator, topic, stamp, engine->found), 0);
+}
+
+static void deliver_fields_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading, int64_t received)
+{
+  struct fm_evaluator * evaluator = engine->options.evaluator;
+  int64_t now;
+  const bool has_time = fm_engine_read_for_message_locked(engine, received, &now);
+  const int64_t stamp = has_time && engine->source == FM_CLOCK ?
+    fm_later(now, engine->options.reorder) : received;
+  const struct fm_field * fields = prepare_locked(engine, topic, reading->fields, stamp);
+  if (!has_time || !engine->has_begun) {
+    now = fm_evaluator_arrival(evaluator, fm_evaluator_now(evaluator));
+    deliver_step_locked(
+      engine, topic, fields, fm_evaluator_is_timed(evaluator) ? now : stamp, now);
+  } else if (fm_evaluator_is_timed(evaluator)) {
+    deliver_timed_locked(
+      engine, topic, fields, engine->options.uses_header_stamps ? reading->stamp :
+      fm_engine_instant_locked(engine, received, now), now);
+  } else {
+    if (!engine->has_rounds) {
+      fm_engine_take_due_before_locked(engine, now);
+    }
+    deliver_step_locked(engine, topic, fields, stamp, now);
+  }
 }
 
 uint32_t fm_engine_deliver_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin)
 {
-  struct topic * cell = &engine->topics[topic];
-  struct fm_evaluator * evaluator = engine->options.evaluator;
-  int64_t now;
+  struct fm_engine_topic * cell = &engine->topics[topic];
   if (engine->is_closed) {
     return FM_RECEIVED;
   }
@@ -610,21 +466,14 @@ uint32_t fm_engine_deliver_locked(
   }
   fm_arrivals_note(&cell->arrivals, origin);
   if (!reading->is_decoded) {
-    fm_evaluator_undecodable(evaluator, topic);
+    fm_evaluator_undecodable(engine->options.evaluator, topic);
     return FM_UNDECODABLE;
   }
-  const bool has_time = read_for_message_locked(engine, origin->received, &now);
-  const int64_t stamp = has_time && engine->source == CLOCK ? now : origin->received;
-  if (!has_time || !engine->has_begun) {
-    now = fm_evaluator_now(evaluator);
-  } else if (!engine->has_rounds) {
-    take_due_before_locked(engine, now);
-  }
-  if (!store_locked(engine, topic, reading->fields, now)) {
+  if (!all_are_read(reading->fields, engine->options.topics[topic].n_inputs)) {
     keep_evidence(cell, reading->message, reading->size);
   }
-  announce_locked(engine, fm_evaluator_message(evaluator, topic, stamp, engine->found), 0);
-  end_wait_if_earlier_locked(engine);
+  deliver_fields_locked(engine, topic, reading, origin->received);
+  fm_engine_end_wait_if_earlier_locked(engine);
   return FM_RECEIVED;
 }
 
@@ -636,8 +485,9 @@ uint32_t fm_engine_message(
     return FM_RECEIVED;
   }
   fm_engine_lock(engine);
-  struct fm_reading reading = {engine->fields, message, size, false};
-  reading.is_decoded = fm_engine_reader(engine, topic)->read(message, size, engine->fields);
+  struct fm_reading reading = {engine->fields, message, size, 0, false};
+  reading.is_decoded =
+    fm_engine_read(engine, topic, message, size, engine->fields, &reading.stamp);
   const uint32_t receipt = fm_engine_deliver_locked(engine, topic, &reading, origin);
   fm_engine_unlock(engine);
   return receipt;
@@ -646,9 +496,9 @@ uint32_t fm_engine_message(
 void fm_engine_reset(struct fm_engine * engine)
 {
   fm_engine_lock(engine);
-  take_due_now_locked(engine);
+  fm_engine_take_due_now_locked(engine);
   fm_evaluator_reset(engine->options.evaluator);
-  take_due_now_locked(engine);
+  fm_engine_take_due_now_locked(engine);
   fm_engine_unlock(engine);
 }
 
@@ -690,10 +540,21 @@ struct fm_time_counts fm_engine_time_counts(struct fm_engine * engine)
   return counts;
 }
 
+struct fm_order_counts fm_engine_order_counts(struct fm_engine * engine, uint32_t topic)
+{
+  struct fm_order_counts counts = {0, 0};
+  if (topic < engine->options.n_topics) {
+    fm_engine_lock(engine);
+    counts = engine->topics[topic].counts;
+    fm_engine_unlock(engine);
+  }
+  return counts;
+}
+
 struct fm_silence fm_engine_silence(struct fm_engine * engine, uint32_t input)
 {
   fm_engine_lock(engine);
-  take_due_now_locked(engine);  // brings the time up to date
+  fm_engine_take_due_now_locked(engine);  // brings the time up to date
   const struct fm_silence silence = fm_evaluator_silence(engine->options.evaluator, input);
   fm_engine_unlock(engine);
   return silence;

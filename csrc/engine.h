@@ -47,7 +47,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 2u
+#define FM_ENGINE_ABI 3u
 
 struct fm_engine;
 
@@ -60,6 +60,25 @@ struct fm_engine_options
   const struct fm_readers * readers;  // NULL: no topics
   const struct fm_topic * topics;     // those of the evaluator
   uint32_t n_topics;
+  const uint8_t * sources;            // those of the evaluator
+  bool uses_header_stamps;            // under FM_TIMED: see below
+  int64_t reorder;                    // ns; 0 or more
+};
+
+// Under FM_TIMED a message takes effect when it was received, by the source's time; in rounds, at
+// the end of its round, in the order of reception. With `uses_header_stamps` it takes effect at the
+// stamp in its header. Then it waits for `reorder`: the evaluator is that much behind the clock, so
+// that messages take effect in the order of their stamps, and deadlines come as much later. Up to
+// FM_MOST_WAITING messages wait. A message that is older than what was evaluated already takes
+// effect at once; so does the oldest one that waits, when there is no room. Both are counted. The
+// clock is then that of the stamps: system time, in place of the steady clock. When it is set back,
+// the messages that wait take effect, and the groups start afresh.
+
+/// Messages that took effect out of order.
+struct fm_order_counts
+{
+  uint64_t late;       // older than what was evaluated already
+  uint64_t overflows;  // too early, for want of room
 };
 
 /// The result of delivering a message.
@@ -73,7 +92,8 @@ enum fm_receipt
 /// FM_ENGINE_ABI of this library. A program made with another one must call no other function.
 FM_EXPORT uint32_t fm_engine_abi(void);
 
-/// Make an engine; NULL if the readers do not fit the topics, or memory is short.
+/// Make an engine; NULL if the readers do not fit the topics, or have no stamps and need them, or
+/// memory is short.
 /// O(requirements + topics); allocates.
 FM_EXPORT struct fm_engine * fm_engine_create(const struct fm_engine_options * options);
 
@@ -183,6 +203,9 @@ FM_EXPORT struct fm_input_counts fm_engine_input_counts(
 FM_EXPORT struct fm_topic_counts fm_engine_topic_counts(
   struct fm_engine * engine, uint32_t topic);
 FM_EXPORT struct fm_time_counts fm_engine_time_counts(struct fm_engine * engine);
+/// The messages of a topic that took effect out of order.
+FM_EXPORT struct fm_order_counts fm_engine_order_counts(
+  struct fm_engine * engine, uint32_t topic);
 /// Takes what is due first, while a clock is followed. O(what is due).
 FM_EXPORT struct fm_silence fm_engine_silence(struct fm_engine * engine, uint32_t input);
 FM_EXPORT bool fm_engine_value(struct fm_engine * engine, uint32_t input, void * out);

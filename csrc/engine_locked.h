@@ -36,8 +36,15 @@ struct fm_reading
   const struct fm_field * fields;
   const uint8_t * message;
   size_t size;
+  int64_t stamp;     // of its header, if these count
   bool is_decoded;
 };
+
+/// Read a message of a topic: its fields, and its stamp. Returns whether it can be decoded; if not,
+/// what was written is unspecified. Any thread, without the lock. O(fields to read).
+bool fm_engine_read(
+  const struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
+  struct fm_field * fields, int64_t * stamp);
 
 /// As fm_engine_message, for a message that was read already. Call it with the lock held. `topic`
 /// must be in range.

@@ -151,7 +151,9 @@ void fm_outbox_add(
   struct fm_outbox * outbox, const struct fm_violation * violation,
   const struct fm_evaluator * evaluator)
 {
-  add_violation(outbox, violation);
+  if (!violation->is_recovery) {
+    add_violation(outbox, violation);
+  }
   if (outbox->wants_details) {
     add_detail(outbox, violation, evaluator);
   }

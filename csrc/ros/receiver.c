@@ -116,7 +116,9 @@ static void copy_message(struct fm_serialized * copy, const uint8_t * message, s
 
 static void read_fields(struct fm_receiver * receiver, const uint8_t * message, size_t size)
 {
-  receiver->reading.is_decoded = reader_of(receiver)->read(message, size, receiver->fields);
+  receiver->reading.is_decoded = fm_engine_read(
+    receiver->engine, receiver->topic, message, size, receiver->fields,
+    &receiver->reading.stamp);
 }
 
 const struct fm_in_place * fm_receiver_in_place(const struct fm_receiver * receiver)

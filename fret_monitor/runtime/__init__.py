@@ -14,7 +14,7 @@
 
 """The evaluator and the engine of `csrc`, wrapped for Python; independent of ROS."""
 
-from fret_monitor.runtime.engine import Engine, Receipt, ViolationDetail
+from fret_monitor.runtime.engine import Engine, OrderCounts, Receipt, ViolationDetail
 from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, NEVER, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
 )
@@ -24,6 +24,7 @@ __all__ = [
     'Evaluator',
     'InputCounts',
     'NEVER',
+    'OrderCounts',
     'Receipt',
     'RequirementCounts',
     'Silence',

@@ -24,6 +24,7 @@ from enum import Enum
 from functools import partial
 from typing import Any
 
+from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.errors import LibraryError
 from fret_monitor.native.monitor import Monitor
@@ -46,18 +47,32 @@ class Receipt(Enum):
 
 
 @dataclass(frozen=True)
+class OrderCounts:
+    """
+    Messages of a topic that took effect out of the order of their stamps.
+
+    `late` are older than what was evaluated before; `overflows` could not wait, for want of room.
+    """
+
+    late: int
+    overflows: int
+
+
+@dataclass(frozen=True)
 class ViolationDetail:
     """
     A violation with the values of all inputs at that time (None: no value yet).
 
     `stale` are the indices of the stale inputs. `suppressed` counts the details of this
-    requirement that were not queued so far.
+    requirement that were not queued so far. With `is_recovery` it is the end of a violation:
+    what the requirement's report compares is true again.
     """
 
     violation: Violation
     suppressed: int
     values: tuple[bool | int | float | None, ...]
     stale: frozenset[int] = frozenset()
+    is_recovery: bool = False
 
 
 class Engine:
@@ -81,12 +96,18 @@ class Engine:
         self._monitor = evaluator.monitor
         options = evaluator.options
         readers = self._monitor.readers
+        manifest = self._monitor.manifest
+        self.is_timed = evaluator.policy is Policy.TIMED
+        uses_header_stamps = self.is_timed and manifest.stamp is Stamp.HEADER
         pointer = self._library.fm_engine_create(ffi.new('struct fm_engine_options *', {
             'evaluator': evaluator.pointer,
             'monitor': self._monitor.pointer,
             'readers': ffi.NULL if readers is None else readers,
             'topics': options.topics,
             'n_topics': options.n_topics,
+            'sources': options.sources,
+            'uses_header_stamps': uses_header_stamps,
+            'reorder': manifest.reorder if uses_header_stamps else 0,
         }))
         if pointer == ffi.NULL:
             raise LibraryError('the library does not read the topics of its manifest')
@@ -219,12 +240,18 @@ class Engine:
             Violation(item.requirement, item.step, item.stamp), detail.suppressed,
             tuple(self._value_at(index, values) if flag & 1 else None
                   for index, flag in enumerate(flags)),
-            frozenset(index for index, flag in enumerate(flags) if flag & 2))
+            frozenset(index for index, flag in enumerate(flags) if flag & 2),
+            bool(item.is_recovery))
 
     def _value_at(self, index: int, values: Any) -> bool | int | float:
         place = values + self._monitor.pointer.inputs[index].offset
         value: bool | int | float = ffi.cast(f'const {self._types[index]} *', place)[0]
         return value
+
+    def order_counts(self, topic: int) -> OrderCounts:
+        """Return how many messages of a topic took effect out of order."""
+        found = self._library.fm_engine_order_counts(self.pointer, topic)
+        return OrderCounts(found.late, found.overflows)
 
     def evidence(self, topic: int) -> bytes | None:
         """Take the kept message with a field that could not be used; None if there is none."""

@@ -21,6 +21,8 @@ The node reads messages in C; this module calls the same functions from Python.
 from dataclasses import dataclass
 from enum import Enum
 
+from fret_monitor.model.manifest import ManifestInput
+from fret_monitor.model.policies import InputSource
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import CData, Monitor
@@ -39,6 +41,8 @@ class Outcome(Enum):
 class FieldReading:
     """
     The result of reading a field: its value, as the evaluator stores it, or None.
+
+    For an input that is an age, it is the stamp in nanoseconds.
 
     `length` is the length of the array if the index is outside it, or that of the string if it is
     not one of the input's `values`.
@@ -61,16 +65,18 @@ def read_fields(monitor: Monitor, topic: int, message: bytes) -> tuple[FieldRead
     fields = ffi.new('struct fm_field[]', len(inputs))
     if not readers.topics[topic].read(ffi.from_buffer('uint8_t[]', message), len(message), fields):
         return None
-    return tuple(_reading(fields[place], monitor.manifest.inputs[index].value_type)
+    return tuple(_reading(fields[place], monitor.manifest.inputs[index])
                  for place, index in enumerate(inputs))
 
 
-def _reading(field: CData, kind: ValueType) -> FieldReading:
-    outcome = Outcome(field.outcome)
+def _reading(field: CData, item: ManifestInput) -> FieldReading:
+    outcome, kind = Outcome(field.outcome), item.value_type
     if outcome is not Outcome.READ:
         return FieldReading(outcome, None, int(field.length))
     if kind is ValueType.BOOL:
         return FieldReading(outcome, bool(field.value.i))
+    if item.source is InputSource.AGE:
+        return FieldReading(outcome, int(field.value.i))
     if kind.is_float:
         return FieldReading(outcome, float(field.value.f))
     return FieldReading(outcome, int(field.value.i if kind.is_signed else field.value.u))

@@ -98,7 +98,8 @@ int main(int argc, char ** argv)
     &monitor, NULL, 0, FM_PERIODIC, NULL, NULL, NULL, 1, 0, NULL, false};
   void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   const struct fm_engine_options options = {
-    fm_evaluator_init(memory, &evaluator), &monitor, NULL, NULL, 0};
+    fm_evaluator_init(memory, &evaluator), &monitor, NULL, NULL, 0,
+    NULL, false, 0};
   struct fm_engine * engine = fm_engine_create(&options);
   fm_engine_advance(engine, 1);
   int publisher = 0;

@@ -78,7 +78,8 @@ static struct fm_engine * make(uint32_t policy, int64_t timeout, int64_t patienc
   memory = NULL;
   CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
   const struct fm_engine_options made = {
-    fm_evaluator_init(memory, &options), &monitor, &readers, topics, 1};
+    fm_evaluator_init(memory, &options), &monitor, &readers, topics, 1,
+    NULL, false, 0};
   struct fm_engine * engine = fm_engine_create(&made);
   CHECK(engine != NULL);
   return engine;
@@ -380,10 +381,12 @@ static void an_engine_of_another_abi_is_refused(void)
     {FM_ABI + 1, 1, reader}, {FM_ABI, 2, reader}, {FM_ABI, 0, reader},
     {FM_ABI, 1, (const struct fm_reader[]) {{read_message, 2, NULL}}}};
   for (size_t k = 0; k < sizeof(misfits) / sizeof(*misfits); ++k) {
-    const struct fm_engine_options made = {evaluator, &monitor, &misfits[k], topics, 1};
+    const struct fm_engine_options made = {evaluator, &monitor, &misfits[k], topics, 1,
+      NULL, false, 0};
     CHECK(fm_engine_create(&made) == NULL);
   }
-  const struct fm_engine_options none = {evaluator, &monitor, NULL, topics, 1};
+  const struct fm_engine_options none = {
+    evaluator, &monitor, NULL, topics, 1, NULL, false, 0};
   CHECK(fm_engine_create(&none) == NULL);
   free(memory);
 }

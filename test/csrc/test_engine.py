@@ -95,6 +95,12 @@ def test_threads(tmp_path: Path, name: str, sanitizer: str) -> None:
         assert (done.returncode, done.stdout) == (0, '')
 
 
+@pytest.mark.parametrize('sanitizer', ['thread', 'address,undefined'])
+def test_messages_and_deadlines_under_the_policy_timed(tmp_path: Path, sanitizer: str) -> None:
+    done = run(sanitized(tmp_path, 'engine_timed', sanitizer))
+    assert (done.returncode, done.stdout) == (0, '')
+
+
 def test_time_that_is_told_or_of_a_clock(tmp_path: Path) -> None:
     done = run(sanitized(tmp_path, 'engine_time', 'address,undefined'))
     assert (done.returncode, done.stdout) == (0, '')

@@ -1,0 +1,355 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// engine_time.c: the time of an engine, and what is due by it. See engine.h and engine_time.h.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include "engine_time.h"
+
+#include <time.h>
+
+#include "instance.h"
+
+#define SECOND_NS 1000000000
+#define CLOSE_NS 10000  // two readings of clocks without a preemption in between
+#define MOST_READINGS 10
+
+// Tests sleep between two steps of the handling of time.
+#ifndef FM_PAUSE
+#define FM_PAUSE()
+#endif
+
+// ---- clocks -------------------------------------------------------------------------------------
+
+static int64_t read_clock(clockid_t clock)
+{
+  struct timespec now;
+  clock_gettime(clock, &now);
+  return (int64_t)now.tv_sec * SECOND_NS + (int64_t)now.tv_nsec;
+}
+
+// How much the system time is ahead of the steady clock. Readings may be far apart if the thread
+// is preempted, so that they only give limits. What was found before holds while it is within
+// them: the stamps of periods are then exactly a period apart.
+static int64_t system_ahead_locked(struct fm_engine * engine)
+{
+  int64_t before;
+  int64_t system;
+  int64_t after;
+  int readings = 0;
+  do {
+    before = read_clock(CLOCK_MONOTONIC);
+    FM_PAUSE();
+    system = read_clock(CLOCK_REALTIME);
+    FM_PAUSE();
+    after = read_clock(CLOCK_MONOTONIC);
+    readings += 1;
+  } while (after - before > CLOSE_NS && readings < MOST_READINGS);
+  if (engine->system_ahead < system - after) {
+    engine->system_ahead = system - after;
+  } else if (engine->system_ahead > system - before) {
+    engine->system_ahead = system - before;
+  }
+  return engine->system_ahead;
+}
+
+static bool uses_headers(const struct fm_engine * engine)
+{
+  return engine->options.uses_header_stamps;
+}
+
+// Read the time of the source; returns false if it has none. `told`: the time if it is told. With
+// stamps of headers, messages take effect, and deadlines come, `reorder` later.
+static bool read_source_locked(struct fm_engine * engine, int64_t told, int64_t * now)
+{
+  *now = told;
+  if (engine->source == FM_STEADY) {
+    *now = read_clock(uses_headers(engine) ? CLOCK_REALTIME : CLOCK_MONOTONIC);
+  } else if (engine->source == FM_CLOCK &&
+    (engine->is_outdated || engine->now(engine->clock, now) != 0 || *now <= 0))
+  {
+    return false;
+  }
+  *now = fm_later(*now, -engine->options.reorder);
+  return true;
+}
+
+int64_t fm_engine_stamps_ahead_locked(struct fm_engine * engine)
+{
+  return engine->source == FM_STEADY && !uses_headers(engine) ? system_ahead_locked(engine) : 0;
+}
+
+// The time of reception is system time, which somebody may have set since.
+int64_t fm_engine_instant_locked(struct fm_engine * engine, int64_t received, int64_t now)
+{
+  if (engine->source != FM_STEADY || received <= 0) {
+    return now;
+  }
+  const int64_t instant = fm_between(system_ahead_locked(engine), received);
+  const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
+  if (instant > now || fm_between(instant, now) > SECOND_NS) {
+    return now;
+  }
+  return instant < earliest ? earliest : instant;
+}
+
+// Shift the evaluator's times to a source that is read for the first time.
+static void join_source_locked(struct fm_engine * engine, int64_t now)
+{
+  struct fm_evaluator * evaluator = engine->options.evaluator;
+  if (engine->is_new_source && engine->has_begun) {
+    fm_evaluator_shift(evaluator, fm_between(fm_evaluator_now(evaluator), now));
+    engine->is_new_source = false;
+  }
+  FM_PAUSE();
+}
+
+static void advance_locked(struct fm_engine * engine, int64_t now)
+{
+  struct fm_evaluator * evaluator = engine->options.evaluator;
+  do {
+    const uint32_t n = fm_evaluator_advance(evaluator, now, engine->found);
+    fm_engine_announce_locked(engine, n, n > 0 ? fm_engine_stamps_ahead_locked(engine) : 0);
+  } while (fm_evaluator_wake(evaluator) <= now && fm_evaluator_wake(evaluator) != FM_NEVER);
+}
+
+// When time goes back, no waiting message is of the time that comes.
+void fm_engine_release_locked(struct fm_engine * engine, int64_t now)
+{
+  const bool goes_back = now < engine->released;
+  const struct fm_waiting * first = fm_reorder_first(&engine->waiting);
+  while (first != NULL && (goes_back || first->stamp <= now)) {
+    fm_engine_put_waiting_locked(engine, first->stamp);
+    first = fm_reorder_first(&engine->waiting);
+  }
+  engine->released = now;
+}
+
+static void take_due_locked(struct fm_engine * engine, int64_t now)
+{
+  fm_engine_release_locked(engine, now);
+  advance_locked(engine, now);
+}
+
+void fm_engine_note_restart_locked(struct fm_engine * engine, int64_t now)
+{
+  if (now < engine->released) {
+    take_due_locked(engine, now);
+  }
+}
+
+// A message at the instant of a deadline comes before what is due then.
+void fm_engine_take_due_before_locked(struct fm_engine * engine, int64_t now)
+{
+  const struct fm_evaluator * evaluator = engine->options.evaluator;
+  const bool is_here = now == fm_evaluator_now(evaluator);
+  if (!is_here || !fm_evaluator_is_timed(evaluator)) {
+    advance_locked(engine, is_here ? now : fm_later(now, -1));
+  }
+}
+
+// The next instant at which something happens though no message comes.
+static int64_t deadline_locked(struct fm_engine * engine)
+{
+  const struct fm_waiting * first = fm_reorder_first(&engine->waiting);
+  const int64_t deadline = fm_evaluator_deadline(engine->options.evaluator);
+  return first != NULL && first->stamp < deadline ? first->stamp : deadline;
+}
+
+void fm_engine_take_due_now_locked(struct fm_engine * engine)
+{
+  int64_t now;
+  if (engine->has_begun && engine->source != FM_TOLD && !engine->has_rounds && !engine->is_closed &&
+    read_source_locked(engine, 0, &now))
+  {
+    join_source_locked(engine, now);
+    take_due_locked(engine, now);
+  }
+}
+
+bool fm_engine_read_for_message_locked(struct fm_engine * engine, int64_t received, int64_t * now)
+{
+  if (engine->has_rounds && engine->source != FM_TOLD) {
+    *now = engine->round;
+    return engine->has_round;
+  }
+  if (!read_source_locked(engine, received, now)) {
+    return false;
+  }
+  join_source_locked(engine, *now);
+  return true;
+}
+
+void fm_engine_end_wait_if_earlier_locked(struct fm_engine * engine)
+{
+  const struct fm_waiting * first = fm_reorder_first(&engine->waiting);
+  if (engine->source == FM_STEADY && !engine->has_rounds &&
+    (fm_evaluator_wake(engine->options.evaluator) < engine->wakes_at ||
+    (first != NULL && first->stamp < engine->wakes_at)))
+  {
+    pthread_cond_signal(&engine->violation_queued);
+  }
+}
+
+void fm_engine_advance(struct fm_engine * engine, int64_t now)
+{
+  fm_engine_lock(engine);
+  if (engine->source == FM_TOLD && !engine->is_closed) {
+    engine->has_begun = true;
+    take_due_locked(engine, fm_later(now, -engine->options.reorder));
+  }
+  fm_engine_unlock(engine);
+}
+
+static void follow(
+  struct fm_engine * engine, enum fm_source_of_time source,
+  int (* now)(void * clock, int64_t * nanoseconds), void * clock, bool is_outdated)
+{
+  fm_engine_lock(engine);
+  fm_engine_take_due_now_locked(engine);  // brings the time up to date, for the shift
+  fm_engine_release_locked(engine, INT64_MAX);  // their stamps are of another clock
+  engine->released = INT64_MIN;
+  engine->source = source;
+  engine->now = now;
+  engine->clock = clock;
+  engine->is_outdated = is_outdated;
+  engine->is_new_source = true;
+  engine->has_round = false;
+  fm_engine_take_due_now_locked(engine);
+  pthread_cond_signal(&engine->violation_queued);
+  fm_engine_unlock(engine);
+}
+
+void fm_engine_follow_steady(struct fm_engine * engine)
+{
+  follow(engine, FM_STEADY, NULL, NULL, false);
+}
+
+void fm_engine_follow_clock(
+  struct fm_engine * engine, int (* now)(void * clock, int64_t * nanoseconds), void * clock,
+  bool is_outdated)
+{
+  follow(engine, FM_CLOCK, now, clock, is_outdated);
+}
+
+void fm_engine_begin(struct fm_engine * engine)
+{
+  fm_engine_lock(engine);
+  if (!engine->has_begun && engine->source != FM_TOLD) {
+    engine->has_begun = true;
+    engine->is_new_source = false;  // the evaluator has no times yet
+    fm_engine_take_due_now_locked(engine);
+    pthread_cond_signal(&engine->violation_queued);
+  }
+  fm_engine_unlock(engine);
+}
+
+void fm_engine_begin_round(struct fm_engine * engine)
+{
+  fm_engine_lock(engine);
+  engine->has_rounds = true;
+  engine->has_round = !engine->is_closed && read_source_locked(engine, 0, &engine->round);
+  if (engine->has_round) {
+    join_source_locked(engine, engine->round);
+  }
+  fm_engine_unlock(engine);
+}
+
+void fm_engine_end_round(struct fm_engine * engine)
+{
+  fm_engine_lock(engine);
+  if (engine->has_begun && engine->has_round && engine->source != FM_TOLD && !engine->is_closed) {
+    take_due_locked(engine, engine->round);
+  }
+  fm_engine_unlock(engine);
+}
+
+int64_t fm_engine_time_left(struct fm_engine * engine, int64_t most)
+{
+  int64_t left = most;
+  fm_engine_lock(engine);
+  if (engine->has_begun && engine->source == FM_STEADY) {
+    const int64_t deadline = deadline_locked(engine);
+    int64_t now;
+    (void)read_source_locked(engine, 0, &now);
+    left = deadline <= now ? 0 : fm_between(now, deadline);
+  }
+  fm_engine_unlock(engine);
+  return left < most ? left : most;
+}
+
+void fm_engine_wake(struct fm_engine * engine)
+{
+  fm_engine_lock(engine);
+  engine->is_outdated = false;
+  pthread_cond_signal(&engine->violation_queued);
+  fm_engine_unlock(engine);
+}
+
+int64_t fm_engine_deadline(struct fm_engine * engine)
+{
+  fm_engine_lock(engine);
+  const int64_t deadline =
+    engine->has_begun ? deadline_locked(engine) : FM_NEVER;
+  fm_engine_unlock(engine);
+  return deadline;
+}
+
+// ---- waiting -----------------------------------------------------------------------------------
+
+int64_t fm_engine_steady_time(void) {return read_clock(CLOCK_MONOTONIC);}
+
+void fm_engine_wait_locked(
+  struct fm_engine * engine, pthread_cond_t * condition, int64_t until)
+{
+  struct timespec end;
+  end.tv_sec = (time_t)(until / SECOND_NS);
+  end.tv_nsec = (long)(until % SECOND_NS);
+  pthread_cond_timedwait(condition, &engine->mutex, &end);
+}
+
+// Wait for a signal, the deadline, or `end` of CLOCK_MONOTONIC. If the system time is set in the
+// meantime, a wait for a stamp ends too early or at `end`.
+static void wait_for_deadline_locked(struct fm_engine * engine, int64_t end)
+{
+  const bool waits = engine->has_begun && engine->source == FM_STEADY && !engine->has_rounds;
+  const int64_t steady = read_clock(CLOCK_MONOTONIC);
+  int64_t ahead = 0;  // of the source
+  if (waits && uses_headers(engine)) {
+    int64_t now;
+    (void)read_source_locked(engine, 0, &now);
+    ahead = fm_between(steady, now);
+  }
+  const int64_t last = fm_later(end, ahead);
+  const int64_t deadline = waits ? deadline_locked(engine) : last;
+  engine->wakes_at = deadline < last ? deadline : last;
+  FM_PAUSE();
+  fm_engine_wait_locked(
+    engine, &engine->violation_queued, fm_between(ahead, engine->wakes_at));
+  engine->wakes_at = INT64_MIN;
+}
+
+void fm_engine_wait_for_violation_locked(struct fm_engine * engine, uint32_t milliseconds)
+{
+  const int64_t end =
+    read_clock(CLOCK_MONOTONIC) + (int64_t)milliseconds * (SECOND_NS / 1000);
+  fm_engine_take_due_now_locked(engine);
+  while (engine->outbox.n_violations == 0 && !engine->is_closed && milliseconds > 0 &&
+    read_clock(CLOCK_MONOTONIC) < end)
+  {
+    wait_for_deadline_locked(engine, end);
+    fm_engine_take_due_now_locked(engine);
+  }
+}

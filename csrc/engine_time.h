@@ -1,0 +1,113 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// engine_time.h: an engine, and the functions with which it knows the time. For engine.c and
+/// engine_time.c only.
+///
+/// One mutex guards the whole struct. Functions whose names end in _locked need it held.
+
+#ifndef ENGINE_TIME_H_
+#define ENGINE_TIME_H_
+
+#include <pthread.h>
+
+#include "engine_locked.h"
+#include "reorder.h"
+
+/// The source of the time.
+enum fm_source_of_time
+{
+  FM_TOLD,    // by fm_engine_advance, and with each message
+  FM_STEADY,  // CLOCK_MONOTONIC; CLOCK_REALTIME if the stamps of headers count
+  FM_CLOCK    // `now`
+};
+
+struct fm_engine_topic
+{
+  struct fm_arrivals arrivals;
+  uint8_t * evidence;
+  size_t evidence_size;
+  struct fm_order_counts counts;
+  bool has_sources;             // an input that is not a field
+};
+
+struct fm_engine
+{
+  pthread_mutex_t mutex;
+  pthread_cond_t violation_queued;
+  pthread_cond_t detail_queued;
+  struct fm_engine_options options;
+  struct fm_field * fields;     // of the message being read
+  struct fm_field * prepared;   // of the message being read, with receptions and ages
+  struct fm_violation * found;  // violations of the steps of one message
+  struct fm_engine_topic * topics;
+  struct fm_reorder waiting;    // under FM_TIMED: messages of a round, or of later stamps
+  struct fm_outbox outbox;
+  int (* now)(void * clock, int64_t * nanoseconds);
+  void * clock;
+  enum fm_source_of_time source;
+  int64_t system_ahead;  // of the steady clock, ns
+  int64_t wakes_at;      // a thread in fm_engine_take waits until then; INT64_MIN: none does
+  int64_t round;         // the time of the round
+  int64_t released;      // waiting messages were released until then
+  bool has_rounds;       // messages are taken in rounds
+  bool has_round;        // there is a time, of the round
+  bool is_outdated;      // the clock, until fm_engine_wake
+  bool has_begun;        // the time
+  bool is_new_source;    // its time was not read yet
+  bool is_closed;
+};
+
+/// Read the time of the source for a message that was received at a system time. Returns false if
+/// there is none. With stamps of headers, it is the time until which messages take effect.
+bool fm_engine_read_for_message_locked(
+  struct fm_engine * engine, int64_t received, int64_t * now);
+
+/// When a message was received, by the source's time; `now` if that cannot be told.
+int64_t fm_engine_instant_locked(struct fm_engine * engine, int64_t received, int64_t now);
+
+/// How much later stamps are than the evaluator's times.
+int64_t fm_engine_stamps_ahead_locked(struct fm_engine * engine);
+
+/// Take what is due before a message that takes effect `now`.
+void fm_engine_take_due_before_locked(struct fm_engine * engine, int64_t now);
+
+/// Take what is due by the clock that is followed, unless that is left to the end of a round.
+void fm_engine_take_due_now_locked(struct fm_engine * engine);
+
+/// Start afresh if the time has gone back since waiting messages were released.
+void fm_engine_note_restart_locked(struct fm_engine * engine, int64_t now);
+
+/// Let the waiting messages take effect whose time has come, in the order of their stamps.
+void fm_engine_release_locked(struct fm_engine * engine, int64_t now);
+
+/// End a wait in fm_engine_take if something is due before its end.
+void fm_engine_end_wait_if_earlier_locked(struct fm_engine * engine);
+
+/// Wait until a violation is queued, the engine is closed, or the time is over. Takes what is due.
+void fm_engine_wait_for_violation_locked(struct fm_engine * engine, uint32_t milliseconds);
+
+/// Wait for a signal, or until a time of CLOCK_MONOTONIC; that clock.
+void fm_engine_wait_locked(
+  struct fm_engine * engine, pthread_cond_t * condition, int64_t until);
+int64_t fm_engine_steady_time(void);
+
+/// Queue the violations of engine->found, whose stamps are `later` than found. In engine.c.
+void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t later);
+
+/// Let the first message that waits take effect at its stamp, or `now` if that is earlier. In
+/// engine.c.
+void fm_engine_put_waiting_locked(struct fm_engine * engine, int64_t now);
+
+#endif  // ENGINE_TIME_H_

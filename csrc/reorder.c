@@ -1,0 +1,80 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// reorder.c: see reorder.h for the contract.
+
+#include "reorder.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define MOST_BYTES (4u << 20)
+
+bool fm_reorder_init(struct fm_reorder * reorder, uint32_t most_fields)
+{
+  const size_t width = most_fields > 0 ? most_fields : 1u;
+  const size_t fit = MOST_BYTES / (sizeof(struct fm_waiting) + width * sizeof(struct fm_field)) + 1;
+  memset(reorder, 0, sizeof(*reorder));
+  reorder->capacity = fit < FM_MOST_WAITING ? (uint32_t)fit : FM_MOST_WAITING;
+  reorder->slots = calloc(reorder->capacity, sizeof(*reorder->slots));
+  reorder->fields = calloc(reorder->capacity * width, sizeof(*reorder->fields));
+  reorder->order = calloc(reorder->capacity, sizeof(*reorder->order));
+  if (reorder->slots == NULL || reorder->fields == NULL || reorder->order == NULL) {
+    return false;
+  }
+  for (uint32_t k = 0; k < reorder->capacity; ++k) {
+    reorder->slots[k].fields = &reorder->fields[k * width];
+    reorder->order[k] = k;
+  }
+  return true;
+}
+
+void fm_reorder_free(struct fm_reorder * reorder)
+{
+  free(reorder->slots);
+  free(reorder->fields);
+  free(reorder->order);
+}
+
+void fm_reorder_add(
+  struct fm_reorder * reorder, uint32_t topic, int64_t stamp, const struct fm_field * fields,
+  uint32_t n_fields)
+{
+  const uint32_t slot = reorder->order[reorder->n];
+  uint32_t place = reorder->n;
+  while (place > 0 && reorder->slots[reorder->order[place - 1]].stamp > stamp) {
+    reorder->order[place] = reorder->order[place - 1];
+    place -= 1;
+  }
+  reorder->order[place] = slot;
+  reorder->n += 1;
+  reorder->slots[slot].topic = topic;
+  reorder->slots[slot].stamp = stamp;
+  if (n_fields > 0) {
+    memcpy(reorder->slots[slot].fields, fields, n_fields * sizeof(*fields));
+  }
+}
+
+const struct fm_waiting * fm_reorder_first(const struct fm_reorder * reorder)
+{
+  return reorder->n == 0 ? NULL : &reorder->slots[reorder->order[0]];
+}
+
+void fm_reorder_remove_first(struct fm_reorder * reorder)
+{
+  const uint32_t slot = reorder->order[0];
+  reorder->n -= 1;
+  memmove(&reorder->order[0], &reorder->order[1], reorder->n * sizeof(*reorder->order));
+  reorder->order[reorder->n] = slot;
+}

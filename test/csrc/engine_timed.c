@@ -1,0 +1,527 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// engine_timed.c: an engine under FM_TIMED, with time that is told, of a clock, or steady. Prints
+/// what is not so.
+///
+/// The monitor, with windows in ns: ANSWER reads x and y: x -> y within 100 (that is, x was true
+/// and since then, for 100 ticks, y was not). BEAT reads got_x: O[0,200] got_x. OLD reads age:
+/// age < 0.5 s.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include "engine.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "check.h"
+
+enum { X, Y, GOT_X, AGE, N_INPUTS };
+enum { ANSWER, BEAT, OLD, N_REQUIREMENTS };
+enum { TOPIC_X, TOPIC_Y, N_TOPICS };
+enum { MOST = 4096, MS = 1000000, MOST_WAITING = 1024 };
+
+struct inputs
+{
+  bool x;
+  bool y;
+  bool got_x;
+  double age;
+};
+
+struct state
+{
+  int64_t asked;  // since then; -1: not
+  int64_t got;    // last; -1: never
+  bool was_got;
+};
+
+static int64_t window = 100;
+
+static void reset_answer(void * state) {((struct state *)state)->asked = -1;}
+
+static int64_t answer_at(void * state, const void * inputs, bool * verdicts, int64_t tick)
+{
+  struct state * cells = state;
+  const struct inputs * in = inputs;
+  if (in->y) {
+    cells->asked = -1;
+  } else if (in->x && cells->asked < 0) {
+    cells->asked = tick;
+  }
+  verdicts[ANSWER] = cells->asked < 0 || tick - cells->asked < window;
+  return cells->asked >= 0 && verdicts[ANSWER] ? cells->asked + window : FM_NEVER;
+}
+
+static void reset_beat(void * state)
+{
+  ((struct state *)state)->got = -1;
+  ((struct state *)state)->was_got = false;
+}
+
+static int64_t beat_at(void * state, const void * inputs, bool * verdicts, int64_t tick)
+{
+  struct state * cells = state;
+  const bool got = ((const struct inputs *)inputs)->got_x;
+  cells->got = got ? tick : cells->was_got ? tick - 1 : cells->got;
+  cells->was_got = got;
+  verdicts[BEAT] = cells->got >= 0 && tick - cells->got <= 2 * window;
+  return !got && verdicts[BEAT] ? cells->got + 2 * window + 1 : FM_NEVER;
+}
+
+static void reset_old(void * state) {(void)state;}
+
+static int64_t old_at(void * state, const void * inputs, bool * verdicts, int64_t tick)
+{
+  (void)state;
+  (void)tick;
+  verdicts[OLD] = ((const struct inputs *)inputs)->age < 0.5;
+  return FM_NEVER;
+}
+
+static const uint32_t numbers[] = {0, 1, 2, 3};
+static const struct fm_input inputs[] = {
+  {"x", (uint32_t)offsetof(struct inputs, x), FM_BOOL},
+  {"y", (uint32_t)offsetof(struct inputs, y), FM_BOOL},
+  {"got_x", (uint32_t)offsetof(struct inputs, got_x), FM_BOOL},
+  {"age", (uint32_t)offsetof(struct inputs, age), FM_FLOAT64}};
+static const struct fm_group groups[] = {
+  {&numbers[X], 2, &numbers[ANSWER], 1, reset_answer, NULL, answer_at},
+  {&numbers[GOT_X], 1, &numbers[BEAT], 1, reset_beat, NULL, beat_at},
+  {&numbers[AGE], 1, &numbers[OLD], 1, reset_old, NULL, old_at}};
+static const struct fm_requirement requirements[] = {{"ANSWER", 0}, {"BEAT", 1}, {"OLD", 2}};
+static const struct fm_monitor monitor = {
+  FM_ABI, N_INPUTS, 3, N_REQUIREMENTS, sizeof(struct state), sizeof(struct inputs), inputs,
+  groups, requirements, "timed", "", NULL, NULL, 0};
+static const uint32_t feeds_x[] = {X, GOT_X, AGE};
+static const struct fm_topic topics[] = {{feeds_x, 3}, {&numbers[Y], 1}};
+static const uint8_t sources[] = {FM_FIELD, FM_FIELD, FM_RECEPTION, FM_AGE};
+static const uint8_t reports[] = {FM_ONSET, FM_ONSET, FM_ONSET};
+
+// A message: a bool, then its stamp.
+struct message
+{
+  int64_t stamp;
+  uint8_t value;
+};
+
+static bool read_stamp(const uint8_t * message, size_t size, int64_t * out)
+{
+  if (size < sizeof(struct message)) {
+    return false;
+  }
+  memcpy(out, message, sizeof(*out));
+  return true;
+}
+
+static bool read_y(const uint8_t * message, size_t size, struct fm_field * fields)
+{
+  struct message read;
+  if (size < sizeof(read)) {
+    return false;
+  }
+  memcpy(&read, message, sizeof(read));
+  fields[0].value.i = read.value;
+  fields[0].outcome = FM_FIELD_READ;
+  return true;
+}
+
+static bool read_x(const uint8_t * message, size_t size, struct fm_field * fields)
+{
+  fields[1].value.i = 0;
+  fields[1].outcome = FM_FIELD_OUTSIDE;  // an input that tells of a reception has no field
+  fields[2].outcome = FM_FIELD_READ;
+  return read_y(message, size, fields) && read_stamp(message, size, &fields[2].value.i);
+}
+
+static const struct fm_reader reader[] = {{read_x, 3, read_stamp}, {read_y, 1, read_stamp}};
+static const struct fm_readers readers = {FM_ABI, N_TOPICS, reader};
+
+// ---- helpers -----------------------------------------------------------------------------------
+
+static void * memory = NULL;
+static struct fm_violation taken[MOST];
+static uint32_t n_taken;
+
+// With stamps of headers unless `reorder` is negative.
+static struct fm_engine * make(int64_t reorder)
+{
+  const struct fm_evaluator_options options = {
+    &monitor, topics, N_TOPICS, FM_TIMED, reports, NULL, NULL, 0, 0, sources, true};
+  memory = NULL;
+  n_taken = 0;
+  CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
+  const struct fm_engine_options made = {
+    fm_evaluator_init(memory, &options), &monitor, &readers, topics, N_TOPICS, sources,
+    reorder >= 0, reorder < 0 ? 0 : reorder};
+  struct fm_engine * engine = fm_engine_create(&made);
+  CHECK(engine != NULL);
+  return engine;
+}
+
+static void destroy(struct fm_engine * engine)
+{
+  fm_engine_destroy(engine);
+  free(memory);
+}
+
+static void deliver(
+  struct fm_engine * engine, uint32_t topic, bool value, int64_t stamp, int64_t received)
+{
+  struct message message;
+  memset(&message, 0, sizeof(message));
+  message.stamp = stamp;
+  message.value = value;
+  const struct fm_origin origin = {received, 0, 0, NULL, false};
+  CHECK(fm_engine_message(
+      engine, topic, (const uint8_t *)&message, sizeof(message), &origin) == FM_RECEIVED);
+}
+
+static void take(struct fm_engine * engine, uint32_t milliseconds)
+{
+  n_taken += fm_engine_take(engine, &taken[n_taken], MOST - n_taken, milliseconds);
+}
+
+static uint32_t count_of(uint32_t requirement)
+{
+  uint32_t n = 0;
+  for (uint32_t k = 0; k < n_taken; ++k) {
+    n += taken[k].requirement == requirement ? 1u : 0u;
+  }
+  return n;
+}
+
+static bool is_taken(uint32_t requirement, int64_t stamp, uint64_t tick)
+{
+  for (uint32_t k = 0; k < n_taken; ++k) {
+    if (taken[k].requirement == requirement && taken[k].stamp == stamp) {
+      return taken[k].step == tick;
+    }
+  }
+  return false;
+}
+
+struct clock
+{
+  int64_t now;
+  bool fails;
+};
+
+static int read_clock(void * clock, int64_t * nanoseconds)
+{
+  *nanoseconds = ((struct clock *)clock)->now;
+  return ((struct clock *)clock)->fails ? 1 : 0;
+}
+
+static int64_t time_of(clockid_t clock)
+{
+  struct timespec now;
+  clock_gettime(clock, &now);
+  return (int64_t)now.tv_sec * 1000 * MS + (int64_t)now.tv_nsec;
+}
+
+// ---- time that is told -------------------------------------------------------------------------
+
+static void deadlines_before_a_message_come_first(void)
+{
+  struct fm_engine * engine = make(-1);
+  fm_engine_advance(engine, 1000);
+  deliver(engine, TOPIC_Y, false, 0, 1000);
+  deliver(engine, TOPIC_X, true, 0, 1010);
+  deliver(engine, TOPIC_Y, true, 0, 1500);
+  take(engine, 0);
+  CHECK(is_taken(ANSWER, 1110, 100) && is_taken(BEAT, 1211, 201));
+  deliver(engine, TOPIC_Y, false, 0, 1600);
+  deliver(engine, TOPIC_X, true, 0, 1700);
+  deliver(engine, TOPIC_Y, true, 0, 1800);
+  CHECK(fm_engine_deadline(engine) == 1901);
+  fm_engine_advance(engine, 5000);
+  n_taken = 0;
+  take(engine, 0);
+  CHECK(count_of(ANSWER) == 1);  // at 1700: x was still true when y ended at 1600
+  destroy(engine);
+}
+
+static void ages_are_seconds_from_the_stamp_to_the_reception(void)
+{
+  struct fm_engine * engine = make(-1);
+  double age = 0.0;
+  fm_engine_advance(engine, 0);
+  deliver(engine, TOPIC_X, true, INT64_C(1000000000), INT64_C(1250000000));
+  CHECK(fm_engine_value(engine, AGE, &age) && age == 0.25);
+  take(engine, 0);
+  CHECK(count_of(OLD) == 0);
+  deliver(engine, TOPIC_X, true, INT64_C(1000000000), INT64_C(1500000000));
+  take(engine, 0);
+  CHECK(is_taken(OLD, INT64_C(1500000000), 250000000));
+  destroy(engine);
+}
+
+static void a_recovery_is_a_detail_and_no_violation(void)
+{
+  struct fm_engine * engine = make(-1);
+  struct { struct fm_detail detail; char rest[64]; } room;
+  fm_engine_want_details(engine, true, 100);
+  fm_engine_advance(engine, 0);
+  deliver(engine, TOPIC_X, true, 0, INT64_C(1000000000));
+  deliver(engine, TOPIC_X, true, INT64_C(2000000000), INT64_C(2000000000));
+  take(engine, 0);
+  CHECK(count_of(OLD) == 1 && n_taken == 2);  // and BEAT, in the second between
+  uint32_t n_recoveries = 0;
+  uint32_t n = 0;
+  while (fm_engine_take_detail(engine, &room.detail, 0)) {
+    n += 1;
+    n_recoveries += room.detail.violation.is_recovery ? 1u : 0u;
+  }
+  CHECK(n == 4 && n_recoveries == 2);
+  destroy(engine);
+}
+
+// ---- a clock -----------------------------------------------------------------------------------
+
+static void a_clock_that_starts_again_starts_the_groups_afresh(void)
+{
+  struct clock clock = {1000, false};
+  struct fm_engine * engine = make(-1);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
+  deliver(engine, TOPIC_Y, false, 0, 1);
+  deliver(engine, TOPIC_X, true, 0, 1);
+  clock.now = 1050;
+  take(engine, 0);
+  clock.now = 20;
+  deliver(engine, TOPIC_X, true, 0, 1);
+  CHECK(fm_engine_time_counts(engine).restarts == 1);
+  clock.now = 119;
+  take(engine, 0);
+  CHECK(count_of(ANSWER) == 0);
+  clock.now = 500;
+  take(engine, 0);
+  // x and y keep their values: asked when the time began again.
+  CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 120, 100));
+  destroy(engine);
+}
+
+static void messages_at_one_time_of_a_clock_take_effect_one_by_one(void)
+{
+  struct clock clock = {1000, false};
+  struct fm_engine * engine = make(-1);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
+  deliver(engine, TOPIC_Y, false, 0, 1);
+  for (int k = 0; k < 50; ++k) {
+    deliver(engine, TOPIC_X, k % 2 == 0, 0, 1);
+    take(engine, 0);
+  }
+  clock.now = 1010;
+  take(engine, 0);
+  deliver(engine, TOPIC_X, false, 0, 1);
+  CHECK(fm_engine_time_counts(engine).restarts == 0);
+  clock.now = 1099;
+  take(engine, 0);
+  CHECK(n_taken == 0);
+  clock.now = 1101;
+  take(engine, 0);
+  CHECK(is_taken(ANSWER, 1101, 100));  // asked by the second message, at 1001
+  destroy(engine);
+}
+
+static void without_a_time_messages_are_steps_of_the_last_instant(void)
+{
+  struct clock clock = {0, false};
+  struct fm_engine * engine = make(-1);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
+  deliver(engine, TOPIC_Y, false, 0, 1);
+  deliver(engine, TOPIC_X, true, 0, 1);
+  take(engine, 0);
+  CHECK(n_taken == 0 && fm_engine_requirement_counts(engine, ANSWER).steps == 0);
+  clock.now = 500;
+  take(engine, 0);
+  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 1);
+  clock.fails = true;
+  deliver(engine, TOPIC_X, false, 0, 1);
+  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 2);
+  clock.fails = false;
+  clock.now = 10000;
+  take(engine, 0);
+  CHECK(is_taken(ANSWER, 600, 100) && is_taken(BEAT, 702, 202));
+  destroy(engine);
+}
+
+// ---- rounds ------------------------------------------------------------------------------------
+
+static void the_messages_of_a_round_take_effect_in_order_at_its_end(void)
+{
+  struct fm_engine * engine = make(-1);
+  window = 20 * MS;
+  fm_engine_follow_steady(engine);
+  fm_engine_begin(engine);
+  const struct timespec pause = {0, 10 * MS};
+  nanosleep(&pause, NULL);
+  const int64_t now = time_of(CLOCK_REALTIME);
+  fm_engine_begin_round(engine);
+  // By reception x comes first, although it is delivered last: the group is ready with y.
+  deliver(engine, TOPIC_Y, true, 0, now - 5 * MS);
+  deliver(engine, TOPIC_Y, false, 0, now - 4 * MS);
+  deliver(engine, TOPIC_X, true, now, now - 6 * MS);
+  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 0);
+  fm_engine_end_round(engine);
+  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 2);
+  window = 100;
+  destroy(engine);
+}
+
+// ---- the steady clock --------------------------------------------------------------------------
+
+static void a_wait_ends_at_the_deadline(void)
+{
+  struct fm_engine * engine = make(-1);
+  window = 30 * MS;
+  fm_engine_follow_steady(engine);
+  fm_engine_begin(engine);
+  deliver(engine, TOPIC_Y, false, 0, time_of(CLOCK_REALTIME));
+  const int64_t asked = time_of(CLOCK_REALTIME);
+  deliver(engine, TOPIC_X, true, asked, asked);
+  take(engine, 1000);
+  const int64_t now = time_of(CLOCK_REALTIME);
+  CHECK(count_of(ANSWER) == 1 && now - asked >= 30 * MS && now - asked < 300 * MS);
+  // Stamped with the time of reception and 30 ms, exactly, if no thread was preempted.
+  CHECK(taken[0].stamp - asked - 30 * MS < MS && taken[0].stamp - asked >= 29 * MS);
+  window = 100;
+  destroy(engine);
+}
+
+// ---- stamps of headers -------------------------------------------------------------------------
+
+static void messages_take_effect_in_the_order_of_their_stamps(void)
+{
+  struct fm_engine * engine = make(50);
+  fm_engine_advance(engine, 1000);
+  deliver(engine, TOPIC_Y, false, 1000, 1010);
+  deliver(engine, TOPIC_Y, true, 1120, 1130);
+  deliver(engine, TOPIC_X, true, 1100, 1140);
+  deliver(engine, TOPIC_Y, false, 1130, 1141);
+  CHECK(fm_engine_deadline(engine) == 1100);
+  fm_engine_advance(engine, 1149);
+  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 0);
+  fm_engine_advance(engine, 1279);
+  take(engine, 0);
+  CHECK(count_of(ANSWER) == 0 && fm_engine_requirement_counts(engine, ANSWER).steps == 3);
+  fm_engine_advance(engine, 1280);  // x is still true since 1130, and no answer until 1230
+  take(engine, 0);
+  CHECK(is_taken(ANSWER, 1230, 130));
+  CHECK(fm_engine_order_counts(engine, TOPIC_X).late == 0);
+  destroy(engine);
+}
+
+static void a_message_that_is_too_late_takes_effect_at_once(void)
+{
+  struct fm_engine * engine = make(50);
+  fm_engine_advance(engine, 1000);
+  deliver(engine, TOPIC_Y, false, 990, 1010);
+  fm_engine_advance(engine, 1200);
+  deliver(engine, TOPIC_X, true, 1100, 1201);
+  CHECK(fm_engine_order_counts(engine, TOPIC_X).late == 1);
+  CHECK(fm_engine_order_counts(engine, TOPIC_Y).late == 0);
+  fm_engine_advance(engine, 2000);
+  take(engine, 0);
+  CHECK(is_taken(ANSWER, 1250, 100));  // asked at 1150, until which all was evaluated
+  destroy(engine);
+}
+
+static void when_too_many_wait_the_oldest_takes_effect(void)
+{
+  struct fm_engine * engine = make(1000000);
+  fm_engine_advance(engine, 1000000);
+  deliver(engine, TOPIC_Y, false, 1, 1000000);
+  for (int64_t k = 0; k < MOST_WAITING + 9; ++k) {
+    deliver(engine, TOPIC_X, false, 1000 + k, 1000000);
+  }
+  CHECK(fm_engine_order_counts(engine, TOPIC_X).overflows == 9);
+  CHECK(fm_engine_order_counts(engine, TOPIC_Y).overflows == 1);
+  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 9);
+  fm_engine_advance(engine, 3000000);
+  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == MOST_WAITING + 9);
+  CHECK(fm_engine_time_counts(engine).restarts == 0);
+  destroy(engine);
+}
+
+static void when_the_clock_of_stamps_goes_back_what_waits_takes_effect(void)
+{
+  struct clock clock = {10000, false};
+  struct fm_engine * engine = make(50);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
+  deliver(engine, TOPIC_Y, false, 10000, 1);
+  deliver(engine, TOPIC_X, true, 10010, 1);
+  clock.now = 500;
+  deliver(engine, TOPIC_X, false, 490, 1);
+  CHECK(fm_engine_time_counts(engine).restarts == 1);
+  CHECK(fm_engine_order_counts(engine, TOPIC_X).late == 0);
+  clock.now = 540;
+  take(engine, 0);
+  clock.now = 1000;
+  take(engine, 0);
+  CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 550, 100));  // asked at 450, the begin
+  destroy(engine);
+}
+
+static void a_message_without_a_stamp_cannot_be_decoded(void)
+{
+  struct fm_engine * engine = make(50);
+  const uint8_t message[] = {1};
+  const struct fm_origin origin = {1, 0, 0, NULL, false};
+  CHECK(fm_engine_message(engine, TOPIC_Y, message, sizeof(message), &origin) == FM_UNDECODABLE);
+  CHECK(fm_engine_topic_counts(engine, TOPIC_Y).undecodable == 1);
+  destroy(engine);
+}
+
+static void a_wait_ends_when_a_message_takes_effect(void)
+{
+  struct fm_engine * engine = make(20 * MS);
+  window = 5 * MS;
+  fm_engine_follow_steady(engine);
+  fm_engine_begin(engine);
+  const int64_t now = time_of(CLOCK_REALTIME);
+  deliver(engine, TOPIC_Y, false, now + 1, now);
+  deliver(engine, TOPIC_X, true, now + 2, now);
+  take(engine, 1000);
+  const int64_t later = time_of(CLOCK_REALTIME) - now;
+  CHECK(is_taken(ANSWER, now + 2 + 5 * MS, 5 * MS));
+  CHECK(later >= 25 * MS && later < 300 * MS);
+  window = 100;
+  destroy(engine);
+}
+
+int main(void)
+{
+  deadlines_before_a_message_come_first();
+  ages_are_seconds_from_the_stamp_to_the_reception();
+  a_recovery_is_a_detail_and_no_violation();
+  a_clock_that_starts_again_starts_the_groups_afresh();
+  messages_at_one_time_of_a_clock_take_effect_one_by_one();
+  without_a_time_messages_are_steps_of_the_last_instant();
+  the_messages_of_a_round_take_effect_in_order_at_its_end();
+  a_wait_ends_at_the_deadline();
+  messages_take_effect_in_the_order_of_their_stamps();
+  a_message_that_is_too_late_takes_effect_at_once();
+  when_too_many_wait_the_oldest_takes_effect();
+  when_the_clock_of_stamps_goes_back_what_waits_takes_effect();
+  a_message_without_a_stamp_cannot_be_decoded();
+  a_wait_ends_when_a_message_takes_effect();
+  return failures == 0 ? 0 : 1;
+}
