@@ -88,8 +88,11 @@ class _FileWriter:
         layout = signals[0].layout
         assert layout is not None, topic
         need = Need()
+        receptions = [place for place, signal in enumerate(signals)
+                      if signal.source is InputSource.RECEIVED]
         for place, signal in enumerate(signals):
-            need.at(signal.path).whole.append((place, signal))
+            if place not in receptions:
+                need.at(signal.path).whole.append((place, signal))
         yield from comment(f'{topic}: {layout.name}')
         yield f'static bool read_{number}(const uint8_t * message, size_t size, ' \
               'struct fm_field * fields)'
@@ -98,6 +101,9 @@ class _FileWriter:
         yield '  if (!fm_cdr_open(&c, message, size)) {'
         yield '    return false;'
         yield '  }'
+        for place in receptions:
+            yield from comment(f'{signals[place].name}: received()', '  ')
+            yield f'  fields[{place}] = fm_field_i(1);'
         yield from ExtractorWriter(self._skippers).lines(layout, need)
         yield '  return c.ok;'
         yield from ('}', '')

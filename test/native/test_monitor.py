@@ -163,7 +163,7 @@ def test_a_missing_engine_is_reported_under_the_name_of_the_original(tmp_path: P
 def test_an_engine_of_another_interface_is_refused() -> None:
     sources = {'engine.c': '#include "engine.h"\nuint32_t fm_engine_abi(void)\n'
                '{\n  return FM_ENGINE_ABI + 1u;\n}\n'}
-    expected = (r"^the engine in '/folder/lib\.so' has interface 3, this version has 2: "
+    expected = (r"^the engine in '/folder/lib\.so' has interface 4, this version has 3: "
                 'compile the bundle again$')
     with pytest.raises(LibraryError, match=expected):
         load_evaluator(build_library(sources, name='other'), origin=Path('/folder/lib.so'))
