@@ -53,6 +53,8 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ['ROS_HOME'] = config.stash[_HOME]
     os.environ['ROS_LOG_DIR'] = os.path.join(config.stash[_HOME], 'log')
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    # Hundreds of Python processes start: let the next one load what the first one compiled.
+    os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

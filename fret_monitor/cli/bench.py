@@ -14,16 +14,15 @@
 
 """`bench BUNDLE [--json]`: time of a step, state and compile time of a bundle."""
 
-from argparse import _SubParsersAction, ArgumentParser, Namespace
+from argparse import ArgumentParser, Namespace
 import json
 
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.traces.benchmark import measure, Measurement
 
 
-def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
-    """Add the verb to the command line."""
-    parser = verbs.add_parser('bench', help='measure step time, state and compile time')
+def add_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the verb."""
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     parser.set_defaults(run=run)

@@ -14,7 +14,7 @@
 
 """`check BUNDLE...`: all problems of a bundle, or a table of its requirements."""
 
-from argparse import _SubParsersAction, ArgumentParser, Namespace
+from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
@@ -45,9 +45,8 @@ _MANY = 4
 _FORMULA_WIDTH = 2000
 
 
-def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
-    """Add the verb to the command line."""
-    parser = verbs.add_parser('check', help='print all problems of a bundle, or its requirements')
+def add_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the verb."""
     parser.add_argument('bundles', metavar='BUNDLE', nargs='+', help=BUNDLE_HELP)
     parser.set_defaults(run=run)
 

@@ -14,7 +14,7 @@
 
 """`compile BUNDLE --output DIR`: sources, header, libraries and manifest."""
 
-from argparse import _SubParsersAction, ArgumentParser, Namespace
+from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from pathlib import Path
 import sys
@@ -26,9 +26,8 @@ from fret_monitor.native.stack import worst_stack
 from fret_monitor.program.cost import step_cost
 
 
-def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
-    """Add the verb to the command line."""
-    parser = verbs.add_parser('compile', help='write C, libraries and manifest to a folder')
+def add_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the verb."""
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     parser.add_argument('--output', metavar='DIR', type=Path, required=True)
     parser.add_argument('--worst-case', action='store_true',

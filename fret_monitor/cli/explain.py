@@ -14,7 +14,7 @@
 
 """`explain BUNDLE [ID]`: what requirements mean, with example traces as timelines."""
 
-from argparse import _SubParsersAction, ArgumentParser, Namespace
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 import sys
 
@@ -25,9 +25,8 @@ from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.output import open_output, refuse_overwriting
 
 
-def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
-    """Add the verb to the command line."""
-    parser = verbs.add_parser('explain', help='describe what requirements mean, with examples')
+def add_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the verb."""
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     parser.add_argument('id', metavar='ID', nargs='?', help='one requirement; default: all')
     parser.add_argument('--svg', metavar='FILE', type=Path, help='write the timelines as SVG')

@@ -15,7 +15,7 @@
 
 """`formalize TEXT`: the formula of one FRETish sentence, on one line."""
 
-from argparse import _SubParsersAction, ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from fractions import Fraction
 import sys
 
@@ -28,9 +28,8 @@ from fret_monitor.model.names import exact
 from fret_monitor.model.policies import Policy
 
 
-def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
-    """Add the verb to the command line."""
-    parser = verbs.add_parser('formalize', help='print the formula of a FRETish sentence')
+def add_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the verb."""
     parser.add_argument('text', metavar='TEXT', help='the sentence; - reads standard input')
     parser.add_argument('--language', choices=('smv', 'cocospec'), default='smv',
                         help="FRET's past-time MTL for SMV (the default), or its CoCoSpec")

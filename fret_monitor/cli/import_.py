@@ -14,7 +14,7 @@
 
 """`import FILE... [-o BUNDLE]`: make a bundle from files of FRET or Ogma."""
 
-from argparse import _SubParsersAction, ArgumentParser, Namespace
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 import sys
 
@@ -22,9 +22,8 @@ from fret_monitor.importing import import_bundles, Imported, write_bundles
 from fret_monitor.model.diagnostics import counted
 
 
-def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
-    """Add the verb to the command line."""
-    parser = verbs.add_parser('import', help='make a bundle from a FRET project or an Ogma set-up')
+def add_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the verb."""
     parser.add_argument('files', metavar='FILE', nargs='+', type=Path,
                         help="FRET's project, component specification or Lustre; Ogma's variable "
                              'database; a list of names and topics')

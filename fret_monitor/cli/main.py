@@ -17,7 +17,9 @@
 from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from io import TextIOWrapper
+from keyword import iskeyword
 import logging
 import os
 import signal
@@ -26,12 +28,20 @@ from threading import current_thread, main_thread
 from types import FrameType
 
 from fret_monitor import __version__
-from fret_monitor.cli import bench, check, explain, formalize, import_, prove, simulate
-from fret_monitor.cli import compile as compile_verb
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.native.errors import NativeError
 
-_VERBS = (check, formalize, simulate, compile_verb, bench, import_, explain, prove)
+# The verbs, each with its line in --help. A module of this folder has the name of its verb.
+_VERBS = {
+    'check': 'print all problems of a bundle, or its requirements',
+    'formalize': 'print the formula of a FRETish sentence',
+    'simulate': 'run the monitors over a CSV trace',
+    'compile': 'write C, libraries and manifest to a folder',
+    'bench': 'measure step time, state and compile time',
+    'import': 'make a bundle from a FRET project or an Ogma set-up',
+    'explain': 'describe what requirements mean, with examples',
+    'prove': 'prove that the generated C is right',
+}
 
 
 class _Terminated(BaseException):
@@ -56,19 +66,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(arguments: Sequence[str] | None) -> int:
-    parser = _parser()
-    options = parser.parse_args(arguments)
-    if 'run' not in options:
-        parser.print_help(sys.stderr)
-        print('\nfret-monitor: error: a verb is missing', file=sys.stderr)
-        return 2
-    if isinstance(sys.stdout, TextIOWrapper):  # its encoding may lack characters
-        sys.stdout.reconfigure(errors='backslashreplace')
-    logging.basicConfig(format='warning: %(message)s')
     try:
-        status: int = options.run(options)
-        print(end='', flush=True)
-        return status
+        return _run(sys.argv[1:] if arguments is None else arguments)
     except (CompileError, NativeError) as error:
         with suppress(OSError):
             sys.stdout.flush()  # keep the order of the two streams
@@ -86,6 +85,21 @@ def _main(arguments: Sequence[str] | None) -> int:
         return 1
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
+
+
+def _run(arguments: Sequence[str]) -> int:
+    parser = _parser(arguments)
+    options = parser.parse_args(arguments)
+    if 'run' not in options:
+        parser.print_help(sys.stderr)
+        print('\nfret-monitor: error: a verb is missing', file=sys.stderr)
+        return 2
+    if isinstance(sys.stdout, TextIOWrapper):  # its encoding may lack characters
+        sys.stdout.reconfigure(errors='backslashreplace')
+    logging.basicConfig(format='warning: %(message)s')
+    status: int = options.run(options)
+    print(end='', flush=True)
+    return status
 
 
 @contextmanager
@@ -119,12 +133,22 @@ def _drop_output() -> None:
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
-def _parser() -> ArgumentParser:
+def _parser(arguments: Sequence[str]) -> ArgumentParser:
+    """Return a parser that knows all verbs, and the arguments of the one in `arguments`."""
     parser = ArgumentParser(
         'fret-monitor', description='Check, compile and run monitors of requirements.')
     parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
     verbs = parser.add_subparsers(
         metavar='VERB', title='verbs (details: fret-monitor VERB --help)')
-    for verb in _VERBS:
-        verb.add_to(verbs)
+    wanted = next((word for word in arguments if not word.startswith('-')), None)
+    for verb, summary in _VERBS.items():
+        added = verbs.add_parser(verb, help=summary)
+        if verb == wanted:
+            _add_arguments(verb, added)
     return parser
+
+
+def _add_arguments(verb: str, parser: ArgumentParser) -> None:
+    # A verb is imported when it is used, since the imports of all verbs take half a second.
+    name = f'{verb}_' if iskeyword(verb) else verb
+    import_module(f'fret_monitor.cli.{name}').add_arguments(parser)

@@ -14,7 +14,7 @@
 
 """`prove BUNDLE`: proof by a solver that the C computes the equations of the requirements."""
 
-from argparse import _SubParsersAction, ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from importlib.util import find_spec
 from itertools import zip_longest
 import json
@@ -34,9 +34,8 @@ if TYPE_CHECKING:
 _NEEDED = {'z3': 'z3-solver', 'pycparser': 'pycparser'}
 
 
-def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
-    """Add the verb to the command line."""
-    parser = verbs.add_parser('prove', help='prove that the generated C is right')
+def add_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the verb."""
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     parser.add_argument('--sources', metavar='DIR', type=Path,
                         help='require that this folder holds, word for word, the C that is proved')

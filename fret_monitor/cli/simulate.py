@@ -14,7 +14,7 @@
 
 """`simulate BUNDLE --trace FILE.csv`: run the compiled monitors over a trace."""
 
-from argparse import _SubParsersAction, ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 import sys
 
@@ -26,9 +26,8 @@ from fret_monitor.traces.csv_trace import parse_seconds, seconds_text
 from fret_monitor.traces.simulate import simulate, Summary
 
 
-def add_to(verbs: '_SubParsersAction[ArgumentParser]') -> None:
-    """Add the verb to the command line."""
-    parser = verbs.add_parser('simulate', help='run the monitors over a CSV trace')
+def add_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the verb."""
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     parser.add_argument('--trace', metavar='FILE.csv', type=Path, required=True,
                         help='one column for each input, one row for each step; under '

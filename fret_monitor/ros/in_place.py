@@ -21,6 +21,7 @@ With others, messages are copied before they are read; verdicts are the same.
 
 import ctypes
 from dataclasses import dataclass
+import os
 from pathlib import Path
 import re
 from typing import Any
@@ -119,14 +120,14 @@ class InPlaceTypes:
 def loaded_versions() -> dict[str, str]:
     """Return the versions of the loaded libraries in `KNOWN`, as far as they can be found."""
     try:
-        loaded = {Path(line.split(maxsplit=5)[5].strip())
+        loaded = {line.split(maxsplit=5)[5].strip()
                   for line in _MAPS.read_text(encoding='utf-8').splitlines() if '.so' in line}
     except OSError:
         return {}
     found = {}
-    for file in loaded:
-        name = file.name.partition('.so')[0].removeprefix('lib')
-        version = _version(name, file) if name in KNOWN else None
+    for path in loaded:
+        name = os.path.basename(path).partition('.so')[0].removeprefix('lib')
+        version = _version(name, Path(path)) if name in KNOWN else None
         if version is not None:
             found[name] = version
     return found

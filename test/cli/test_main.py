@@ -88,6 +88,27 @@ def test_without_a_verb_the_verbs_are_listed(here: Here) -> None:
     assert done.err.endswith('error: a verb is missing\n')
 
 
+def test_each_module_of_the_folder_is_a_verb(here: Here) -> None:
+    folder = Path(fret_monitor.__file__).parent / 'cli'
+    verbs = {path.stem.removesuffix('_') for path in folder.glob('[!_]*.py')} - {'main'}
+    assert set(VERBS) <= verbs
+    for verb in verbs:
+        done = here.run(verb, '--help')
+        assert (done.status, done.err) == (0, '')
+        assert done.out.startswith(f'usage: fret-monitor {verb} ')
+
+
+def test_a_verb_loads_no_other_verb() -> None:
+    script = """if True:
+        import sys
+        from fret_monitor.cli.main import main
+        main(['formalize', 'the sw shall always satisfy p'])
+        print(*(name for name in sys.modules if 'fret_monitor.cli.' in name), file=sys.stderr)"""
+    done = subprocess.run([sys.executable, '-c', script], env=environment(), capture_output=True,
+                          text=True, check=True)
+    assert done.stderr.split() == ['fret_monitor.cli.main', 'fret_monitor.cli.formalize']
+
+
 def test_the_version_is_that_of_the_package(here: Here) -> None:
     done = here.run('--version')
     assert (done.status, done.out, done.err) == (0, f'fret-monitor {__version__}\n', '')
