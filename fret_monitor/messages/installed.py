@@ -25,6 +25,7 @@ from hashlib import sha256
 import os
 from pathlib import Path
 import re
+import stat
 import sys
 from typing import NoReturn
 
@@ -77,10 +78,10 @@ def find_message(type_name: str, search: Sequence[Path] | None = None,
                help='a message type is written pkg/msg/Name, such as std_msgs/msg/Float32')
     package, name = match['package'], match['name']
     for prefix in prefixes:
-        path = _folder(prefix, package, folder) / f'{name}.{folder}'
-        if path.is_file():
-            state = path.stat()
-            found = _read(path, package, folder, prefixes, (state.st_mtime_ns, state.st_size))
+        file = os.path.join(prefix, 'share', package, folder, f'{name}.{folder}')
+        state = _state(file)
+        if state is not None:
+            found = _read(file, f'{package}/{folder}/{name}', prefixes, state)
             return _part(found, name, match['part'], place)
     _refuse_missing(package, folder, name, prefixes, place)
 
@@ -98,8 +99,17 @@ def _folder(prefix: Path, package: str, folder: str) -> Path:
     return prefix / 'share' / package / folder
 
 
+def _state(file: str) -> tuple[int, int] | None:
+    """Return the time and size of a file, or None if there is none."""
+    try:
+        status = os.stat(file)
+    except (OSError, ValueError):
+        return None
+    return (status.st_mtime_ns, status.st_size) if stat.S_ISREG(status.st_mode) else None
+
+
 @lru_cache(maxsize=1024)
-def _read(path: Path, package: str, folder: str, prefixes: tuple[Path, ...],
+def _read(file: str, name: str, prefixes: tuple[Path, ...],
           state: tuple[int, int]) -> Mapping[str, MessageLayout]:
     """
     Read a definition file, see `parse_definition`.
@@ -107,11 +117,11 @@ def _read(path: Path, package: str, folder: str, prefixes: tuple[Path, ...],
     `state` is its time and size: a changed file is read again.
     """
     try:
-        with path.open('rb') as file:
-            text = file.read(_MAX_BYTES).decode('utf-8', 'replace')
+        with open(file, 'rb') as content:
+            text = content.read(_MAX_BYTES).decode('utf-8', 'replace')
     except OSError as error:
-        refuse(f'{shown(str(path), LONGEST_PATH)} cannot be read: {error.strerror}')
-    return parse_definition(Source(str(path), text), f'{package}/{folder}/{path.stem}', prefixes)
+        refuse(f'{shown(file, LONGEST_PATH)} cannot be read: {error.strerror}')
+    return parse_definition(Source(file, text), name, prefixes)
 
 
 def _refuse_missing(package: str, folder: str, name: str, prefixes: tuple[Path, ...],

@@ -22,6 +22,7 @@ or from a message object of rclpy. Neither uses the generated C.
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 import math
 import struct
@@ -29,7 +30,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from fret_monitor.logic.specification import Signal
-from fret_monitor.messages.field_path import resolve_field, ResolvedField
+from fret_monitor.messages.field_path import resolve_field
 from fret_monitor.messages.installed import nested_layout
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageLayout
 from fret_monitor.model.diagnostics import Source, Text
@@ -182,7 +183,7 @@ def message_object(layout: MessageLayout, tree: Any) -> Any:
 
 def taken(message: Any, signal: Signal) -> FieldReading:
     """Return what an input must read from a tree or a message object."""
-    value, base = message, _field_of(signal).types[-1].base
+    value, base = message, _base(signal)
     for step in signal.path:
         if isinstance(step, str):
             value = getattr(value, step)
@@ -199,12 +200,14 @@ def taken(message: Any, signal: Signal) -> FieldReading:
     return FieldReading(Outcome.READ, _plain(value))
 
 
-def _field_of(signal: Signal) -> ResolvedField:
+@cache
+def _base(signal: Signal) -> str:
+    """Return the type of the field that an input reads, or of its elements."""
     assert signal.layout is not None
     steps = (f'[{step}]' if isinstance(step, int) else f'.{step}' for step in signal.path)
     path = ''.join(steps)[1:]
     call = f'{signal.reduction}({path})' if signal.reduction not in ('', 'seconds') else path
-    return resolve_field(signal.layout, text(call), text(signal.layout.name))
+    return resolve_field(signal.layout, text(call), text(signal.layout.name)).types[-1].base
 
 
 def text(value: str) -> Text:

@@ -14,9 +14,10 @@
 
 """Extractors read the same values from a message as Python, and no input makes them crash."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from random import Random
 import shutil
@@ -25,15 +26,16 @@ import subprocess
 from typing import Any
 
 from codegen.messages import (
-    message_class, message_object, same, serialize, signal_of, taken, Topic, trees, weight,
-    written_paths,
+    message_class, message_object, same, serialize, signal_of, taken, text, Topic, trees,
+    weight, written_paths,
 )
 from differential.compiled import (
     c_module, clang, compile_c, CSRC, gcc, unoptimised, WARNINGS, write_module,
 )
 from fret_monitor.build import build_specification
 from fret_monitor.logic.formula import TRUE
-from fret_monitor.logic.specification import Signal, Specification
+from fret_monitor.logic.specification import Specification
+from fret_monitor.messages.field_path import resolve_field
 from fret_monitor.messages.installed import find_message
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import CompileError
@@ -110,17 +112,27 @@ def is_known(name: str) -> bool:
 
 def topic_of(layout: MessageLayout, number: int, most: int | None = None) -> Topic:
     """Return a topic with inputs of all kinds, or with a selection of them."""
-    signals: list[Signal] = []
-    for path in written_paths(layout):
-        try:
-            signals.append(signal_of(layout, f't{number}_{len(signals)}', f'topic{number}', path))
-        except CompileError:
-            continue  # there is no such reduction, or the path ends at no value
-    if most is not None and len(signals) > most:
+    paths = list(written_paths(layout))
+    if most is None:
+        chosen = list(readable(layout, paths))
+    else:
         # With the last field there is something to skip before it.
-        *others, last = signals
-        signals = [*Random(f'{layout.name} {number}').sample(others, most - 1), last]
-    return Topic(layout, tuple(signals))
+        last = next(readable(layout, reversed(paths)))
+        others = [path for path in paths if path != last]
+        Random(f'{layout.name} {number}').shuffle(others)
+        chosen = [*islice(readable(layout, others), most - 1), last]
+    return Topic(layout, tuple(signal_of(layout, f't{number}_{place}', f'topic{number}', path)
+                               for place, path in enumerate(chosen)))
+
+
+def readable(layout: MessageLayout, paths: Iterable[str]) -> Iterator[str]:
+    """Yield those of the paths that end at a value, and whose reduction there is."""
+    for path in paths:
+        try:
+            resolve_field(layout, text(path), text(layout.name))
+        except CompileError:
+            continue
+        yield path
 
 
 def specification_for(topics: Sequence[Topic]) -> Specification:
@@ -469,7 +481,7 @@ def test_the_sanitizers_detect_a_read_one_byte_too_far(
     right = 'size > left - padding'
     assert right in header
     (tmp_path / 'fret_cdr.h').write_text(header.replace(right, 'size > left - padding + 1u'))
-    compile_c([*commands[0], '-std=c99', f'-I{tmp_path}', folder / 'readers_fields.c',
+    compile_c([*commands[0], '-O0', '-std=c99', f'-I{tmp_path}', folder / 'readers_fields.c',
                HERE / 'extractor_fuzz.c', '-lm', '-o', tmp_path / 'fuzz'])
     done = subprocess.run([tmp_path / 'fuzz', file], capture_output=True, text=True, check=False,
                           timeout=120)
