@@ -23,7 +23,7 @@ up to the end of the interval. What a timing asks beyond the end of an interval 
 read off a formula, so that formulas can be tested against it.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -53,18 +53,21 @@ class Setting:
                        self.stop[:steps], self.duration)
 
 
-def verdicts(setting: Setting) -> dict[tuple[str, str, str], bool]:
-    """Return for every key whether the whole trace satisfies its sentence."""
-    found = {}
+def verdicts(setting: Setting,
+             keys: Iterable[tuple[str, str, str]]) -> dict[tuple[str, str, str], bool]:
+    """Return for each key whether the whole trace satisfies its sentence."""
+    starts = {}
     for scope in SCOPES:
         intervals = scope_intervals(scope, setting.mode)
         for condition in CONDITIONS:
-            starts = [(start, last) for first, last in intervals
-                      for start in triggers(condition, setting.condition, first, last)]
-            for timing in TIMINGS:
-                meets = (DENIED if scope.startswith('only') else ASKED)[timing]
-                found[scope, condition, timing] = all(
-                    meets(setting, start, last) for start, last in starts)
+            starts[scope, condition] = [
+                (start, last) for first, last in intervals
+                for start in triggers(condition, setting.condition, first, last)]
+    found = {}
+    for scope, condition, timing in keys:
+        meets = (DENIED if scope.startswith('only') else ASKED)[timing]
+        found[scope, condition, timing] = all(
+            meets(setting, start, last) for start, last in starts[scope, condition])
     return found
 
 
