@@ -19,6 +19,7 @@ from fractions import Fraction
 import json
 import os
 from pathlib import Path
+import shutil
 import struct
 import subprocess
 import sys
@@ -27,7 +28,7 @@ from typing import Any
 from fret_monitor import build
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.policies import Policy
-from fret_monitor.native.cache import cache_directory
+from fret_monitor.native.cache import cache_directory, evaluator_library
 from fret_monitor.native.monitor import CompiledMonitor
 from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.runtime.fields import FieldReading, Outcome, read_fields
@@ -66,8 +67,11 @@ DAMAGES: list[Callable[[dict[str, Any]], Any]] = [
 
 @pytest.fixture(autouse=True)
 def ros_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Keep the cache in a folder of the test."""
+    """Keep the cache in a folder of the test; the evaluator is in it already."""
+    evaluator = evaluator_library().parent
     monkeypatch.setenv('ROS_HOME', str(tmp_path / 'ros'))
+    cache_directory().mkdir(parents=True, mode=0o700)
+    shutil.copytree(evaluator, cache_directory() / evaluator.name)
     return tmp_path / 'ros'
 
 

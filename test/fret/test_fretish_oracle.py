@@ -85,9 +85,10 @@ def test_all_traces_of_three_steps_agree_for_every_key(read: str) -> None:
     # Of four columns there are 4096 traces: those are compared in part.
     bits = 3 * len(read)
     for number in range(0, 2 ** bits, 1 if len(read) < 4 else 5):
-        column = {name: [bool(number >> 3 * place + step & 1) for step in range(3)]
-                  for place, name in enumerate(read)}
-        compare(formulas, Setting(*(column.get(name, [False] * 3) for name in 'mcrs'), 1))
+        columns = dict.fromkeys('mcrs', [False] * 3) | {
+            name: [bool(number >> 3 * place + step & 1) for step in range(3)]
+            for place, name in enumerate(read)}
+        compare(formulas, Setting(columns['m'], columns['c'], columns['r'], columns['s'], 1))
 
 
 def test_the_oracle_of_this_suite_agrees_with_that_of_fret() -> None:

@@ -46,7 +46,7 @@ EVALUATOR = ('evaluator', 'deadlines', 'steps', 'tables', 'instance')
 TYPES = ('nav_msgs/msg/Odometry', 'sensor_msgs/msg/BatteryState', 'sensor_msgs/msg/JointState',
          'sensor_msgs/msg/LaserScan', 'geometry_msgs/msg/PoseWithCovarianceStamped',
          'diagnostic_msgs/msg/DiagnosticArray', 'std_msgs/msg/String', 'std_msgs/msg/Float32')
-MOST_INPUTS = 20
+MOST_INPUTS = 10
 
 
 def fuzz(folder: Path, seconds: float, seed: int) -> 'subprocess.CompletedProcess[str]':

@@ -16,6 +16,7 @@
 
 from collections.abc import Iterator
 from functools import partial
+from itertools import cycle
 from pathlib import Path
 import signal
 from threading import Event, Thread
@@ -30,11 +31,12 @@ from std_msgs.msg import Empty, Float32
 nodes = pytest.mark.parametrize(
     'name, hot_path', [('monitor', 'on'), ('monitor', 'off'), ('logger', 'off')],
     indirect=['hot_path'])
-signals = pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+signals = pytest.mark.parametrize('number', SIGNALS)
 
-AT_ONCE = 4
+AT_ONCE = 4  # half of them get the one signal, half the other
 IDLE_ROUNDS = 2  # an idle node has few threads that could meet
-BUSY_ROUNDS = 3
+BUSY_ROUNDS = 4
 PATIENCE = 5.0  # s; it takes two on an idle machine, and other nodes start meanwhile
 
 BUNDLE = """
@@ -56,15 +58,20 @@ def parameter(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.fixture
-def flood(partner: Partner) -> Iterator[None]:
-    """Publish at several kHz to monitor and logger; half of the messages are violations."""
+def flood(partner: Partner) -> Iterator[Event]:
+    """
+    Return an event: while it is set, monitor and logger receive several kHz of messages.
+
+    Half of the messages are violations.
+    """
     values = partner.publisher(Float32, 'x')
     violations = partner.publisher(Empty, 'copilot/handlerpropR1')
-    is_over = Event()
+    is_on, is_over = Event(), Event()
 
     def pour() -> None:
         number = 0
         while not is_over.is_set():
+            is_on.wait()
             for _ in range(10):
                 number += 1
                 values.publish(Float32(data=float(number % 2)))
@@ -73,20 +80,22 @@ def flood(partner: Partner) -> Iterator[None]:
 
     thread = Thread(target=pour, daemon=True)
     thread.start()
-    yield
+    yield is_on
     is_over.set()
+    is_on.set()
     thread.join()
 
 
-def end_all(name: str, number: signal.Signals, parameter: str, rounds: int) -> None:
+def end_all(name: str, parameter: str, rounds: int, flood: Event) -> None:
     for _ in range(rounds):
         nodes = [NodeProcess(name, '-p', parameter, '-r', f'__node:=node{place}')
                  for place in range(AT_ONCE)]
         try:
             for node in nodes:
                 node.wait_for(READY[name])
-            sleep(0.1)
-            for node in nodes:
+            flood.set()
+            sleep(0.3)
+            for node, number in zip(nodes, cycle(SIGNALS)):
                 node.process.send_signal(number)
             for node in nodes:
                 assert node.status(PATIENCE) == 0, node.output
@@ -96,25 +105,23 @@ def end_all(name: str, number: signal.Signals, parameter: str, rounds: int) -> N
                 told = [line for line in told if ' lost on /' not in line]
                 assert told == []
         finally:
+            flood.clear()
             for node in nodes:
                 node.kill()
 
 
-@signals
 @nodes
 def test_an_idle_node_ends_quietly(
-    name: str, hot_path: str, number: signal.Signals, parameter: str, domain: int,
+    name: str, hot_path: str, parameter: str, domain: int,
 ) -> None:
-    end_all(name, number, parameter, IDLE_ROUNDS)
+    end_all(name, parameter, IDLE_ROUNDS, flood=Event())
 
 
-@pytest.mark.usefixtures('flood')
-@signals
 @nodes
 def test_a_busy_node_ends_quietly(
-    name: str, hot_path: str, number: signal.Signals, parameter: str,
+    name: str, hot_path: str, parameter: str, flood: Event,
 ) -> None:
-    end_all(name, number, parameter, BUSY_ROUNDS)
+    end_all(name, parameter, BUSY_ROUNDS, flood)
 
 
 def catches(process: int, number: signal.Signals) -> bool:
