@@ -29,6 +29,7 @@ from fret_monitor.codegen.describe import describe
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.lint.constant_verdicts import constant_verdicts
+from fret_monitor.lint.instants import doubtful_instants, reports_once
 from fret_monitor.lint.sentences import doubtful_sentences
 from fret_monitor.lint.unread import unread_topics
 from fret_monitor.logic.specification import Specification
@@ -101,7 +102,8 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
     bundle = _with_policy(written, policy, period, problems)
     specification, warnings = specify(bundle, problems=problems)
     warnings = by_place((*warnings, *doubtful_sentences(specification),
-                         *unread_topics(bundle, specification)))
+                         *unread_topics(bundle, specification),
+                         *reports_once(specification), *doubtful_instants(specification)))
     messages = _messages(specification)
     return Reading(specification, warnings, _bundle_hash(bundle, specification, messages),
                    tuple((Path(source.name), text_hash(source.text)) for source in bundle.sources),

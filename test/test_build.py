@@ -25,9 +25,10 @@ import sys
 
 import fret_monitor
 from fret_monitor.build import build, generate_monitor, read, write
+from fret_monitor.logic.formula import Historically
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.manifest import Manifest
-from fret_monitor.model.policies import Policy
+from fret_monitor.model.policies import Policy, Report, Stamp
 from fret_monitor.native import cache, CompilerError, NativeError
 from fret_monitor.native.folder import open_folder
 from fret_monitor.native.monitor import load
@@ -408,6 +409,33 @@ def test_the_period_of_the_bundle_is_used_with_its_own_policy_only(pump: Path) -
     assert generate_monitor(read(pump)).manifest.period == 0.05
     assert generate_monitor(read(pump, policy=Policy.ALL_INPUTS)).manifest.period is None
     assert generate_monitor(read(pump, period=Fraction(2))).manifest.period == 2.0
+
+
+def test_a_bundle_is_read_in_time_by_a_given_policy(pump: Path) -> None:
+    with pytest.raises(CompileError) as caught:
+        read(pump, policy=Policy.TIMED)
+    places = [(item.title, item.span.line) for item in caught.value.diagnostics if item.span]
+    assert places == [('a count needs a unit of time', 5), ('a count needs a unit of time', 6)]
+    assert all('unit: 1' in item.help for item in caught.value.diagnostics)
+    with pytest.raises(CompileError, match='a period or a rate goes with the policy periodic'):
+        read(pump, policy=Policy.TIMED, period=Fraction(1))
+
+
+def test_a_bundle_with_times_needs_a_policy_that_has_them(pump: Path) -> None:
+    pump.write_text(PUMP.replace('O[0,3]', 'O[0, 3 s]').replace('H[9,70]', 'H[<70]')
+                    + 'evaluation: {policy: timed, unit: 0.1, reorder: 0.5, stamp: header}\n')
+    timed = read(pump).specification
+    assert [str(item.formula.window.high) for item in timed.properties
+            if isinstance(item.formula, Historically)] == ['6999999999']
+    assert (timed.unit, timed.reorder, timed.stamp) == (
+        Fraction(1, 10), 500_000_000, Stamp.HEADER)
+    assert {item.report for item in timed.properties} == {Report.OCCURRENCE}
+    with pytest.raises(CompileError, match='a bound must be a number of steps'):
+        read(pump, policy=Policy.EVERY_MESSAGE)
+    periodic = read(pump, policy=Policy.PERIODIC, period=Fraction(1, 10)).specification
+    assert (periodic.unit, periodic.reorder, periodic.stamp) == (None, 0, Stamp.RECEIVED)
+    assert {item.report for item in periodic.properties} == {Report.EVERY_STEP}
+    assert [item.bounds for item in periodic.properties] == [(30,), (69,)]
 
 
 def test_a_bundle_without_a_period_can_be_given_one(pump: Path) -> None:
