@@ -132,7 +132,7 @@ def _bounds(item: Property, policy: Policy, period: Fraction | None) -> str:
         return '-'
     if policy is Policy.TIMED:
         more = '... ' if len(numbers) > _MANY else ''
-        return more + ', '.join(map(time_text, numbers[-_MANY:]))
+        return more + ', '.join(map(_time, numbers[-_MANY:]))
     shown = ', '.join(f'{number:,}' for number in numbers[-_MANY:])
     shown = f'... {shown}' if len(numbers) > _MANY else shown
     if period is None:
@@ -140,3 +140,9 @@ def _bounds(item: Property, policy: Policy, period: Fraction | None) -> str:
         return f'{shown} {noun.removesuffix("s") if numbers == (1,) else noun}'
     times = ', '.join(f'{float(number * period):g}' for number in numbers[-_MANY:])
     return f'{shown} steps = {times} s'
+
+
+def _time(nanoseconds: int) -> str:
+    """Return a bound as a time; `<2 s` where the time itself is left out by one nanosecond."""
+    exact, below = time_text(nanoseconds), time_text(nanoseconds + 1)
+    return f'<{below}' if len(below) < len(exact) else exact

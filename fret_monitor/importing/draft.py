@@ -23,6 +23,7 @@ contains the first valid wording of each requirement; the other valid ones are c
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from itertools import chain, count
 from typing import TypeAlias
 
@@ -41,6 +42,7 @@ from fret_monitor.importing.parsed_wording import (
 )
 from fret_monitor.importing.topics import Connection
 from fret_monitor.importing.type_names import message_for, plain_type
+from fret_monitor.language.expression import Unit
 from fret_monitor.logic.specification import Property, Signal
 from fret_monitor.messages.installed import find_message
 from fret_monitor.model.diagnostics import (
@@ -111,6 +113,21 @@ class Draft:
     todo: tuple[str, ...]
     comparisons: tuple[Comparison, ...]
     renamed: tuple[tuple[str, str], ...] = ()
+    times: 'Times | None' = None
+
+
+@dataclass(frozen=True)
+class Times:
+    """
+    The requirements with durations in units of time, which a bundle can read as times.
+
+    `ids` are these requirements, `refused` all that the policy timed cannot read, and
+    `evaluation` is the line that the bundle needs for the others.
+    """
+
+    ids: tuple[str, ...]
+    refused: tuple[str, ...]
+    evaluation: str
 
 
 def draft(component: Component, connections: Mapping[str, Connection],
@@ -183,6 +200,7 @@ class _Drafter:
             renamed=tuple(self._renamed.items()),
             todo=tuple(self._todo),
             comparisons=tuple(self._comparisons(usable)),
+            times=self._times(usable, inputs),
         )
 
     # Names
@@ -472,6 +490,26 @@ class _Drafter:
         return DraftRequirement(requirement.id, reading.language, reading.wording.text, title,
                                 requirement.rationale)
 
+    def _times(self, usable: Sequence[Sequence[_Usable]],
+               inputs: Mapping[str, DraftInput]) -> Times | None:
+        """Return what the bundle would be in time; None if no sentence has a unit of time."""
+        chosen = {found[0][0]: requirement.id for requirement, found in zip(
+            self._component.requirements, usable, strict=True) if found}
+        timed = [requirement.id for requirement, found in zip(
+            self._component.requirements, usable, strict=True)
+            if found and _has_time(found[0][1])]
+        if not timed:
+            return None
+        units = [('evaluation: {policy: timed}', None),
+                 ('evaluation: {policy: timed, unit: 1}', Fraction(1))]
+        refused: tuple[str, ...] = ()
+        for line, unit in units:
+            bundle = replace(self._bundle(chosen, inputs), policy=Policy.TIMED, unit=unit)
+            refused = tuple(_refused(bundle, chosen))
+            if not refused:
+                break
+        return Times(tuple(timed), refused, line)
+
     def _comparisons(self, usable: Sequence[Sequence[_Usable]]
                      ) -> Iterator[Comparison]:
         for requirement, found in zip(self._component.requirements, usable, strict=True):
@@ -481,6 +519,21 @@ class _Drafter:
 
     def _warn(self, diagnostics: Iterable[Diagnostic]) -> None:
         self._problems.extend(replace(item, level=Level.WARNING) for item in diagnostics)
+
+
+def _has_time(item: Property) -> bool:
+    timing = item.sentence.timing if item.sentence else None
+    return timing is not None and timing.duration is not None and (
+        timing.duration.unit is not Unit.TICK)
+
+
+def _refused(bundle: Bundle, chosen: Mapping[ParsedWording, str]) -> Iterator[str]:
+    """Yield the ids of the requirements that have mistakes in a bundle."""
+    try:
+        specify(bundle)
+    except CompileError as error:
+        wrong = {item.span.source for item in error.diagnostics if item.span}
+        yield from (name for reading, name in chosen.items() if reading.text.source in wrong)
 
 
 def written_name(name: str) -> str | None:

@@ -57,11 +57,24 @@ def _lines(draft: Draft) -> Iterator[str]:
         yield 'definitions:'
         for definition in draft.definitions:
             yield from _definition(definition)
+    yield from _times(draft)
     yield 'requirements:'
     for requirement in draft.requirements:
         yield from _requirement(requirement)
     yield from _left_out(draft)
     yield from _notes(draft)
+
+
+def _times(draft: Draft) -> Iterator[str]:
+    """Offer the policy timed where durations have units of time."""
+    if draft.times is None:
+        return
+    ids = ', '.join(draft.times.ids)
+    yield from _commented(f'Durations count messages here. For real time ({ids}) write:', '# ')
+    yield f'# {draft.times.evaluation}'
+    if draft.times.refused:
+        yield from _commented('and give times to the counts of ' + ', '.join(draft.times.refused),
+                              '# ')
 
 
 def _input(item: DraftInput) -> Iterator[str]:

@@ -36,7 +36,7 @@ def test_a_bundle_is_shown_as_a_table(here: Here, monkeypatch: pytest.MonkeyPatc
 
 def test_there_is_a_table_for_every_policy() -> None:
     texts = [case.read_text() for case in golden.cases('check')]
-    for policy in ('every_message', 'relevant_message', 'all_inputs', 'periodic'):
+    for policy in ('every_message', 'relevant_message', 'all_inputs', 'periodic', 'timed'):
         assert any(f'policy {policy}' in item.with_suffix('.txt').read_text()
                    for item in golden.cases('check')), policy
     assert len(texts) >= 4

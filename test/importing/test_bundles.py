@@ -20,9 +20,10 @@ from typing import Any
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.importing import bundles, import_bundles, Imported, write_bundles
-from fret_monitor.importing.draft import Draft
+from fret_monitor.importing.draft import Draft, Times
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import CompileError, refuse
+from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from importing.examples import (
     DATABASE, DOCUMENT, imported, LUSTRE, PROJECT, refused, requirement, SPECIFICATION, variable,
@@ -213,6 +214,28 @@ def test_what_cannot_be_monitored_is_a_comment_and_a_task(tmp_path: Path) -> Non
     assert any('not monitored' in item and 'Sine' in item for item in found.draft.todo)
     assert any('Empty' in item and 'no formula' in item for item in found.draft.todo)
     meaning(found)
+
+
+def test_real_time_is_offered_where_durations_have_units(tmp_path: Path) -> None:
+    timed = requirement('R-4', 'when armed rover shall within 2 seconds satisfy fast')
+    counted = requirement('R-5', 'rover shall always satisfy persisted(3, fast)')
+    plain = imported(tmp_path, moon_json=PROJECT)
+    assert plain.draft.times is None
+    assert 'timed' not in plain.text
+    project = {**PROJECT, 'requirements': [timed]}
+    found = imported(tmp_path, moon_json=project)
+    assert '# Durations count messages here. For real time (R-4) write:\n' \
+        '# evaluation: {policy: timed}\nrequirements:\n' in found.text
+    assert meaning(found).policy is Policy.EVERY_MESSAGE
+    found.path.write_text(found.text.replace('# evaluation', 'evaluation'), encoding='utf-8')
+    assert specify(read_bundle(found.path))[0].properties[0].bounds == (2_000_000_000,)
+    found = imported(tmp_path, moon_json={**PROJECT, 'requirements': [timed, counted]})
+    assert found.draft.times == Times(('R-4',), (), 'evaluation: {policy: timed, unit: 1}')
+    ticks = {**PROJECT, 'requirements': [*PROJECT['requirements'], timed]}
+    found = imported(tmp_path, moon_json=ticks)
+    assert found.draft.times is not None
+    assert found.draft.times.refused == ('R-3',)
+    assert '# and give times to the counts of R-3\n' in found.text
 
 
 def test_the_formula_is_used_if_the_sentence_is_invalid(tmp_path: Path) -> None:
