@@ -136,9 +136,9 @@ def _on_grid(chosen: Sequence[Property],
     """Return timed requirements with steps on a grid, of which examples can be found."""
     grids = {item.id: grid_of(item) for item in chosen}
     goals = {}
-    for id, found in context.goals.items():
-        on_grid = sampled_formulas(found, grids[id])
-        goals[id] = [on_grid[goal] for goal in found]
+    for name, found in context.goals.items():
+        on_grid = sampled_formulas(found, grids[name])
+        goals[name] = [on_grid[goal] for goal in found]
     return [sampled(item, grids[item.id]) for item in chosen], \
         replace(context, grids=grids, goals=goals)
 
