@@ -66,13 +66,13 @@ struct fm_engine_options
 };
 
 // Under FM_TIMED a message takes effect when it was received, by the source's time; in rounds, at
-// the end of its round, in the order of reception. With `uses_header_stamps` it takes effect at the
-// stamp in its header. Then it waits for `reorder`: the evaluator is that much behind the clock, so
-// that messages take effect in the order of their stamps, and deadlines come as much later. Up to
-// FM_MOST_WAITING messages wait. A message that is older than what was evaluated already takes
-// effect at once; so does the oldest one that waits, when there is no room. Both are counted. The
-// clock is then that of the stamps: system time, in place of the steady clock. When it is set back,
-// the messages that wait take effect, and the groups start afresh.
+// the end of its round, in the order of reception. With `uses_header_stamps` it takes effect at
+// the stamp in its header. Then it waits for `reorder`: the evaluator is that much behind the
+// clock, so that messages take effect in the order of their stamps, and deadlines come as much
+// later. Up to FM_MOST_WAITING messages wait. A message that is older than what was evaluated
+// already takes effect at once; so does the oldest one that waits, when there is no room. Both are
+// counted. The clock is then that of the stamps: system time, in place of the steady clock. When
+// it is set back, the messages that wait take effect, and the groups start afresh.
 
 /// Messages that took effect out of order.
 struct fm_order_counts

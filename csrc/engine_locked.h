@@ -40,8 +40,8 @@ struct fm_reading
   bool is_decoded;
 };
 
-/// Read a message of a topic: its fields, and its stamp. Returns whether it can be decoded; if not,
-/// what was written is unspecified. Any thread, without the lock. O(fields to read).
+/// Read a message of a topic: its fields, and its stamp. Returns whether it can be decoded; if
+/// not, what was written is unspecified. Any thread, without the lock. O(fields to read).
 bool fm_engine_read(
   const struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
   struct fm_field * fields, int64_t * stamp);

@@ -31,7 +31,7 @@
 #define FM_PAUSE()
 #endif
 
-// ---- clocks -------------------------------------------------------------------------------------
+// ---- clocks ------------------------------------------------------------------------------------
 
 static int64_t read_clock(clockid_t clock)
 {
@@ -171,8 +171,8 @@ static int64_t deadline_locked(struct fm_engine * engine)
 void fm_engine_take_due_now_locked(struct fm_engine * engine)
 {
   int64_t now;
-  if (engine->has_begun && engine->source != FM_TOLD && !engine->has_rounds && !engine->is_closed &&
-    read_source_locked(engine, 0, &now))
+  if (engine->has_begun && engine->source != FM_TOLD && !engine->has_rounds &&
+    !engine->is_closed && read_source_locked(engine, 0, &now))
   {
     join_source_locked(engine, now);
     take_due_locked(engine, now);

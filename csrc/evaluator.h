@@ -165,8 +165,9 @@ FM_EXPORT uint64_t fm_evaluator_bytes(const struct fm_evaluator_options * option
 /// and every group is at its start. Returns it, or NULL if an index in the options or the monitor
 /// is out of range or out of order, an input has two topics, a requirement is not listed once, by
 /// the group it names, a time is negative, a group has no function for the policy, an input's type
-/// does not fit its source, or the ABI is not FM_ABI. `reports` NULL: every violation is announced;
-/// `timeouts` NULL: none; `violates` NULL: none does; `sources` NULL: all are fields. O(bytes).
+/// does not fit its source, or the ABI is not FM_ABI. `reports` NULL: every violation is
+/// announced; `timeouts` NULL: none; `violates` NULL: none does; `sources` NULL: all are fields.
+/// O(bytes).
 FM_EXPORT struct fm_evaluator * fm_evaluator_init(
   void * memory, const struct fm_evaluator_options * options);
 
@@ -216,8 +217,9 @@ FM_EXPORT uint32_t fm_evaluator_step(
   struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out);
 
 /// The next instant at which something happens though no message comes: a period, the timeout of
-/// an input, or under FM_TIMED the deadline of a group. FM_NEVER if there is none; INT64_MIN before
-/// the time has begun. O(1), and O(inputs + groups) when a message has put off what was next.
+/// an input, or under FM_TIMED the deadline of a group. FM_NEVER if there is none; INT64_MIN
+/// before the time has begun. O(1), and O(inputs + groups) when a message has put off what was
+/// next.
 FM_EXPORT int64_t fm_evaluator_deadline(struct fm_evaluator * evaluator);
 
 /// A time not after the deadline, without looking for it: it may be too early by what values have
@@ -269,11 +271,11 @@ FM_EXPORT void fm_evaluator_shift(struct fm_evaluator * evaluator, int64_t by);
 /// FM_TIMED of a later message; 0 before.
 FM_EXPORT int64_t fm_evaluator_now(const struct fm_evaluator * evaluator);
 
-/// Take many rows of a trace at once (not under FM_TIMED): for each, store a value of every input that has a column,
-/// then fm_evaluator_step, both at the evaluator's time. `columns` holds n_inputs pointers, each
-/// to n_rows values of the input's type (bool: bytes), or NULL: the input keeps its value.
-/// `verdicts` has room for n_requirements flags for each row, row after row, or is NULL. Returns
-/// how many violations were announced. O(n_rows x operations).
+/// Take many rows of a trace at once (not under FM_TIMED): for each, store a value of every input
+/// that has a column, then fm_evaluator_step, both at the evaluator's time. `columns` holds
+/// n_inputs pointers, each to n_rows values of the input's type (bool: bytes), or NULL: the input
+/// keeps its value. `verdicts` has room for n_requirements flags for each row, row after row, or
+/// is NULL. Returns how many violations were announced. O(n_rows x operations).
 FM_EXPORT uint64_t fm_evaluator_rows(
   struct fm_evaluator * evaluator, const void * const * columns, uint64_t n_rows,
   bool * verdicts);
@@ -288,12 +290,12 @@ struct fm_timed_rows
   uint64_t next;                 // the row to take next; 0 at first
 };
 
-/// Take rows of a timed trace: for each, what is due before it; then its values are stored, and all
-/// ready groups are evaluated. Writes a time and n_requirements verdicts for each row, and for each
-/// instant between and after the rows at which a verdict differs from those written before.
+/// Take rows of a timed trace: for each, what is due before it; then its values are stored, and
+/// all ready groups are evaluated. Writes a time and n_requirements verdicts for each row, and for
+/// each instant between and after the rows at which a verdict differs from those written before.
 /// `times` has room for `room` times, `verdicts` for as many rows of flags. Returns how many were
-/// written; fewer than `room` once all is taken. Call it again until then. The first row begins the
-/// time. Violations are only counted. O(evaluations x operations).
+/// written; fewer than `room` once all is taken. Call it again until then. The first row begins
+/// the time. Violations are only counted. O(evaluations x operations).
 FM_EXPORT uint64_t fm_evaluator_timed_rows(
   struct fm_evaluator * evaluator, struct fm_timed_rows * rows, uint64_t room, int64_t * times,
   bool * verdicts);

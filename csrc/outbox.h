@@ -59,9 +59,10 @@ bool fm_outbox_init(struct fm_outbox * outbox, const struct fm_monitor * monitor
 /// Free its memory. A zeroed outbox may be freed. O(1).
 void fm_outbox_free(struct fm_outbox * outbox);
 
-/// Queue a violation (not a recovery), and a detail with the evaluator's current values if details are wanted and
-/// within their limit. Amortised O(1), O(inputs) with a detail; allocates when the queue grows. If
-/// the queue is full (2^20) or cannot grow, the violation is counted as unpublished.
+/// Queue a violation (not a recovery), and a detail with the evaluator's current values if details
+/// are wanted and within their limit. Amortised O(1), O(inputs) with a detail; allocates when the
+/// queue grows. If the queue is full (2^20) or cannot grow, the violation is counted as
+/// unpublished.
 void fm_outbox_add(
   struct fm_outbox * outbox, const struct fm_violation * violation,
   const struct fm_evaluator * evaluator);

@@ -24,7 +24,8 @@
 bool fm_reorder_init(struct fm_reorder * reorder, uint32_t most_fields)
 {
   const size_t width = most_fields > 0 ? most_fields : 1u;
-  const size_t fit = MOST_BYTES / (sizeof(struct fm_waiting) + width * sizeof(struct fm_field)) + 1;
+  const size_t bytes = sizeof(struct fm_waiting) + width * sizeof(struct fm_field);
+  const size_t fit = MOST_BYTES / bytes + 1;
   memset(reorder, 0, sizeof(*reorder));
   reorder->capacity = fit < FM_MOST_WAITING ? (uint32_t)fit : FM_MOST_WAITING;
   reorder->slots = calloc(reorder->capacity, sizeof(*reorder->slots));

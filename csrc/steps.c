@@ -33,7 +33,8 @@ static void announce(
 }
 
 static void judge(
-  struct fm_evaluator * evaluator, uint32_t requirement, uint64_t step, struct fm_findings * report)
+  struct fm_evaluator * evaluator, uint32_t requirement, uint64_t step,
+  struct fm_findings * report)
 {
   struct fm_requirement_cell * cell = &evaluator->requirements[requirement];
   bool * previous = &evaluator->instance.previous[requirement];

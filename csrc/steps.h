@@ -32,9 +32,11 @@ struct fm_findings
 /// were all received anew.
 void fm_step_ready_groups(struct fm_evaluator * evaluator, struct fm_findings * report);
 void fm_step_ready_groups_of(
-  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic, struct fm_findings * report);
+  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic,
+  struct fm_findings * report);
 void fm_step_complete_groups_of(
-  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic, struct fm_findings * report);
+  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic,
+  struct fm_findings * report);
 
 /// Under FM_TIMED: evaluate groups at an instant: one; the ready ones that read a topic; all ready
 /// ones; all that are due by then.

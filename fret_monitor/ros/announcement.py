@@ -16,6 +16,7 @@
 
 from collections.abc import Iterator, Sequence
 
+from fret_monitor.model.policies import Stamp
 from fret_monitor.ros.compiled import Opened
 
 
@@ -38,7 +39,10 @@ def _contents(opened: Sequence[Opened]) -> str:
 
 
 def _terms(opened: Opened) -> str:
+    manifest = opened.monitor.manifest
     period = '' if opened.period is None else f'{opened.period:g} s, '
+    if manifest.stamp is Stamp.HEADER:
+        period = f'by the stamps of headers, reordered within {manifest.reorder / 1e9:g} s, '
     return f'policy {opened.policy.value}, {period}{_state([opened])} ({opened.origin})'
 
 

@@ -40,7 +40,7 @@ from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import Refusal
 from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH
 from fret_monitor.ros.silences import SilenceLog
-from fret_monitor.runtime import Engine, Evaluator
+from fret_monitor.runtime import Engine, Evaluator, OrderCounts
 from fret_monitor.runtime.fields import Outcome, read_fields
 
 from rclpy.clock import Clock, ClockType
@@ -104,7 +104,7 @@ class BundleSession:
     def _new_engine(self) -> Engine:
         return Engine(Evaluator(
             self.opened.monitor, policy=self.opened.policy, period=self.opened.period,
-            patience=PATIENCE_S, library=self.opened.evaluator))
+            patience=PATIENCE_S, reports_recoveries=True, library=self.opened.evaluator))
 
     def _advertise(self, depth: int) -> None:
         self._handlers = Handlers(self._node, self.manifest, depth)
@@ -210,7 +210,7 @@ class BundleSession:
             engine.wake()
             feed.wake()
 
-        has_deadlines = self.opened.policy is Policy.PERIODIC or any(
+        has_deadlines = self.opened.policy in (Policy.PERIODIC, Policy.TIMED) or any(
             item.timeout is not None for item in self.manifest.inputs)
         time = NodeTime(
             self._node, engine, middleware.clock_now, on_move=move if has_deadlines else None)
@@ -259,6 +259,8 @@ class BundleSession:
         for topic in range(len(self.manifest.topics)):
             if self._engine.topic_counts(topic).undecodable:
                 self._log_undecodable(topic)
+            if self._engine.order_counts(topic) != OrderCounts(0, 0):
+                self._log_out_of_order(topic)
             message = self._engine.evidence(topic)
             if message is not None:
                 self._log_unusable_fields(topic, message)
@@ -289,6 +291,19 @@ class BundleSession:
             self._node.get_logger().error(
                 f'a message on {self._node.resolve_topic_name(mapped.name)} cannot be decoded as '
                 f'{mapped.message_type}; such messages are counted and are no step')
+
+    def _log_out_of_order(self, topic: int) -> None:
+        mapped = self.manifest.topics[topic]
+        if not self._is_news(f'order of {mapped.name}'):
+            return
+        name, counts = self._node.resolve_topic_name(mapped.name), self._engine.order_counts(topic)
+        if counts.late:
+            self._node.get_logger().warning(
+                f'messages on {name} come later than {self.manifest.reorder / 1e9:g} s '
+                '(`reorder`) after their stamps: they take effect when they come')
+        else:
+            self._node.get_logger().warning(
+                f'messages on {name} take effect too early: too many wait for earlier stamps')
 
     def _log_unusable(self, index: int, topic: int, message: bytes) -> None:
         if not self._is_news(index):

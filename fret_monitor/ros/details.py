@@ -15,8 +15,10 @@
 """
 The details of violations: `copilot/violations` (docs/ros.md, Topics).
 
-A detail has the requirement, the step and time of the violation, and the values of its inputs. It
-is built only while the topic has a subscriber. The handler's message does not wait for it.
+A detail has the requirement, the step and time of the violation, and the values of its inputs;
+under the policy timed, the time since the requirement began in place of the step. A status with
+the level OK says that a violation is over. Details are built only while the topic has a
+subscriber. The handler's message does not wait for them.
 """
 
 from dataclasses import dataclass
@@ -27,7 +29,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from fret_monitor.model.floats import shortest_float32
 from fret_monitor.model.manifest import Manifest, ManifestInput
-from fret_monitor.model.policies import Severity
+from fret_monitor.model.policies import Policy, Severity
 from fret_monitor.model.values import ValueType
 from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH, violation_profile
 from fret_monitor.runtime import ViolationDetail
@@ -40,9 +42,11 @@ LEVELS = {Severity.ERROR: DiagnosticStatus.ERROR, Severity.WARN: DiagnosticStatu
 
 Value = bool | int | float | None
 
-_OF_ALL = ('step', 'stamp', 'suppressed', 'silent')  # keys of all details, in this order
+_OF_STEPS = ('step', 'stamp', 'suppressed', 'silent')  # keys of all details, in this order
+_OF_TIMES = ('time', *_OF_STEPS[1:])  # under the policy timed
 _COUNT = re.compile(r'[0-9]{1,20}')
 _STAMP = re.compile(r'-?[0-9]{1,12}\.[0-9]{9}')
+_TIME = re.compile(r'[0-9]{1,12}(\.[0-9]{1,9})?')
 
 
 @dataclass(frozen=True)
@@ -50,28 +54,35 @@ class Detail:
     """
     A violation as published: step, time in seconds, names and values of inputs.
 
-    `silent` names the stale inputs, if they are the reason; `suppressed` counts the details of the
-    requirement that were not published so far.
+    Under the policy timed `step` is None, and `time` the seconds since the requirement began, as
+    text. `silent` names the stale inputs, if they are the reason; `suppressed` counts the details
+    of the requirement that were not published so far. With `is_recovery` a violation is over.
     """
 
-    step: int
+    step: int | None
     stamp: float
     values: tuple[tuple[str, str], ...]
     silent: str = ''
     suppressed: int = 0
+    time: str | None = None
+    is_recovery: bool = False
 
 
 def read_detail(status: DiagnosticStatus) -> Detail | None:
     """Parse a status that `Details` has published; return None if it has another form."""
     pairs = [(item.key, item.value) for item in status.values]
-    if tuple(key for key, _ in pairs[:4]) != _OF_ALL:
+    of_all = tuple(key for key, _ in pairs[:4])
+    if of_all not in (_OF_STEPS, _OF_TIMES):
         return None
-    step, stamp, suppressed = (value for _, value in pairs[:3])
-    if not _COUNT.fullmatch(step) or not _STAMP.fullmatch(stamp) \
+    place, stamp, suppressed = (value for _, value in pairs[:3])
+    is_timed = of_all == _OF_TIMES
+    if not (_TIME if is_timed else _COUNT).fullmatch(place) or not _STAMP.fullmatch(stamp) \
             or not _COUNT.fullmatch(suppressed):
         return None
     values = tuple((_name(key), value) for key, value in pairs[4:])
-    return Detail(int(step), float(stamp), values, pairs[3][1], int(suppressed))
+    return Detail(
+        None if is_timed else int(place), float(stamp), values, pairs[3][1], int(suppressed),
+        place if is_timed else None, status.level == DiagnosticStatus.OK)
 
 
 class Details:
@@ -81,6 +92,7 @@ class Details:
         """Advertise the topic, with a queue of `depth` messages."""
         self._node = node
         self._manifest = manifest
+        self._is_timed = manifest.policy is Policy.TIMED
         self.listening = Event()
         self._publisher = node.create_publisher(
             DiagnosticArray, DETAILS_TOPIC, violation_profile(depth),
@@ -105,21 +117,30 @@ class Details:
         requirement = self._manifest.requirements[violation.requirement]
         inputs = self._manifest.inputs
         silent = [inputs[index].name for index in requirement.inputs if index in detail.stale]
-        of_all = (str(violation.step), f'{violation.stamp / 1e9:.9f}', str(detail.suppressed),
-                  ', '.join(silent))
+        place = _seconds(violation.step) if self._is_timed else str(violation.step)
+        of_all = (place, f'{violation.stamp / 1e9:.9f}', str(detail.suppressed), ', '.join(silent))
         pairs = [
-            *zip(_OF_ALL, of_all),
+            *zip(_OF_TIMES if self._is_timed else _OF_STEPS, of_all),
             *((_key(inputs[index].name), show(inputs[index], detail.values[index]))
               for index in requirement.inputs)]
         return DiagnosticStatus(
-            level=LEVELS[requirement.severity], name=requirement.id,
+            level=DiagnosticStatus.OK if detail.is_recovery else LEVELS[requirement.severity],
+            name=requirement.id,
             message=' '.join((requirement.title or requirement.text).split()),
             hardware_id=self._manifest.component,
             values=[KeyValue(key=key, value=text) for key, text in pairs])
 
 
+def _seconds(nanoseconds: int) -> str:
+    """Return a time in seconds, exactly, without zeros at its end."""
+    return f'{nanoseconds // 10**9}.{nanoseconds % 10**9:09d}'.rstrip('0').rstrip('.')
+
+
+_OF_ALL = frozenset((*_OF_STEPS, *_OF_TIMES))
+
+
 def _key(name: str) -> str:
-    """Return the key of an input: its name, with a prefix if that is one of `_OF_ALL`."""
+    """Return the key of an input: its name, with a prefix if all details have such a key."""
     return f'input {name}' if name in _OF_ALL else name
 
 

@@ -26,12 +26,12 @@ from time import monotonic
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from fret_monitor.model.manifest import ManifestRequirement, ManifestTopic
-from fret_monitor.model.policies import Stale
+from fret_monitor.model.policies import Stale, Stamp
 from fret_monitor.ros.details import LEVELS
 from fret_monitor.ros.feed import PublisherStatus
 from fret_monitor.ros.node_time import are_worth_reading
 from fret_monitor.ros.silences import SilenceLog, some
-from fret_monitor.runtime import Engine, Silence
+from fret_monitor.runtime import Engine, OrderCounts, Silence
 
 from rclpy.node import Node
 
@@ -58,6 +58,7 @@ class Health:
         self._received = [0] * len(self._manifest.topics)
         self._unusable = [0] * len(self._manifest.inputs)
         self._lost = [0] * len(self._manifest.topics)
+        self._out_of_order = [OrderCounts(0, 0)] * len(self._manifest.topics)
         self._unpublished = 0
         self._silences = silences
         self._period = period
@@ -69,6 +70,7 @@ class Health:
         """Publish the present state; `statuses` are the publishers of each topic, in order."""
         rates, unusable = list(self._rates()), self._newly_unusable()
         lost, periods = list(self._newly_lost(statuses)), list(self._of_periods())
+        order = [list(self._of_order(index)) for index in range(len(self._manifest.topics))]
         unpublished = list(self._of_unpublished())
         if not self._publisher.get_subscription_count():
             return
@@ -81,7 +83,7 @@ class Health:
               for index, item in enumerate(self._manifest.requirements)),
             *(self._of_topic(index, status, rates[index], silences, [
                 *self._of_silence(index, silent),
-                *self._of_messages(index, unusable, lost[index])])
+                *self._of_messages(index, unusable, lost[index]), *order[index]])
               for index, status in enumerate(statuses)),
             *periods, *unpublished]
         self._publisher.publish(array)
@@ -110,6 +112,15 @@ class Health:
         for index, status in enumerate(statuses):
             yield status.lost - self._lost[index]
             self._lost[index] = status.lost
+
+    def _of_order(self, index: int) -> Iterator[tuple[bytes, str]]:
+        before, now = self._out_of_order[index], self._engine.order_counts(index)
+        self._out_of_order[index] = now
+        if now.late > before.late:
+            yield DiagnosticStatus.WARN, f'{now.late - before.late} late since the last report'
+        if now.overflows > before.overflows:
+            yield DiagnosticStatus.WARN, \
+                f'{now.overflows - before.overflows} too early since the last report'
 
     def _of_periods(self) -> Iterator[DiagnosticStatus]:
         before, self._time_counts = self._time_counts, self._engine.time_counts()
@@ -161,7 +172,8 @@ class Health:
         else:
             level, message = LEVELS[item.severity], 'violated'
         return self._status(item.id, level, message, {
-            'steps': counts.steps, 'violations': counts.violations,
+            'evaluations' if self._engine.is_timed else 'steps': counts.steps,
+            'violations': counts.violations,
             'announced': counts.announced, 'text': ' '.join((item.title or item.text).split())})
 
     def _of_silence(self, index: int, silent: dict[int, Silence]) -> Iterator[tuple[bytes, str]]:
@@ -197,6 +209,9 @@ class Health:
                 'received': counts.messages, 'rate': f'{rate:.1f}',
                 'undecodable': counts.undecodable, 'lost': status.lost,
                 'publishers': status.publishers,
+                **({'late': self._out_of_order[index].late,
+                    'too early': self._out_of_order[index].overflows}
+                   if self._manifest.stamp is Stamp.HEADER else {}),
                 **{f'unusable {name}': self._unusable[place] for name, place in names.items()
                    if self._unusable[place]},
                 **{f'silences {name}': silences[place].count for name, place in names.items()

@@ -149,7 +149,12 @@ class LoggerNode(Node):
             return  # any node may publish here; the violation is logged without details
         for status in array.status:
             detail = read_detail(status)
-            if status.name in self._reports and detail is not None:
+            if status.name not in self._reports or detail is None:
+                continue
+            if detail.is_recovery:
+                self._info(f'{status.name} satisfied again at {detail.stamp:.3f}: '
+                           f'{status.message} {_shown(detail)}')
+            else:
                 with self._changed:
                     self._pairing.add_detail(status.name, detail, sent)
                     self._changed.notify_all()
@@ -185,6 +190,9 @@ class LoggerNode(Node):
 
         return report
 
+    def _info(self, text: str) -> None:
+        self.get_logger().info(text)
+
     def _error(self, text: str) -> None:
         self.get_logger().error(text)
 
@@ -195,4 +203,5 @@ class LoggerNode(Node):
 def _shown(detail: Detail) -> str:
     values = ', '.join(f'{name} = {value}' for name, value in detail.values)
     silent = f', nothing comes of {detail.silent}' if detail.silent else ''
-    return f'[step {detail.step}{silent}: {values}]'
+    place = f'step {detail.step}' if detail.time is None else f'{detail.time} s after its start'
+    return f'[{place}{silent}: {values}]'

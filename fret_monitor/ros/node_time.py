@@ -16,8 +16,9 @@
 The time of a node, as an engine follows it (docs/ros.md, Periods).
 
 It is `/clock` where `use_sim_time` is set, and a steady clock otherwise: a correction of the
-system time neither delays a period or timeout nor adds one. The engine waits and counts in C;
-Python only passes on that the clock has moved, or was changed for the other one.
+system time neither delays a period or timeout nor adds one. Where the stamps of headers count, it
+is the system time instead, since that is what they were taken from. The engine waits and counts in
+C; Python only passes on that the clock has moved, or was changed for the other one.
 """
 
 from collections.abc import Callable
@@ -121,9 +122,11 @@ class TimeLog:
         self._review_clock()
         if counts.restarts > self._restarts:
             self._restarts = counts.restarts
+            outcome = 'timeouts continue from there; values are kept, and the requirements ' \
+                'start afresh' if self._engine.is_timed else 'periods and timeouts continue ' \
+                'from there; values and past of the requirements are kept'
             self._node.get_logger().warning(
-                f'time went back, to {self._now() / 1e9:.3f} s: periods and timeouts continue '
-                'from there; values and past of the requirements are kept')
+                f'time went back, to {self._now() / 1e9:.3f} s: {outcome}')
         if self._period is not None:
             self._review_periods(self._period, counts)
 

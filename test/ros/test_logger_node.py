@@ -65,13 +65,19 @@ class Voice:
     def detail(self, *pairs: tuple[str, str], name: str = 'A-1') -> None:
         self._details.publish(diagnostic_msgs.DiagnosticArray(status=[status(name, *pairs)]))
 
+    def recovery(self, *pairs: tuple[str, str]) -> None:
+        self._details.publish(diagnostic_msgs.DiagnosticArray(
+            status=[status('A-1', *pairs, level=diagnostic_msgs.DiagnosticStatus.OK)]))
+
     def raw_detail(self, data: bytes) -> None:
         self._details.publish(data)
 
 
-def status(name: str, *pairs: tuple[str, str]) -> Any:
+def status(name: str, *pairs: tuple[str, str],
+           level: bytes = diagnostic_msgs.DiagnosticStatus.ERROR) -> Any:
     return diagnostic_msgs.DiagnosticStatus(
-        name=name, values=[diagnostic_msgs.KeyValue(key=key, value=text) for key, text in pairs])
+        level=level, name=name, message='x < 0.5',
+        values=[diagnostic_msgs.KeyValue(key=key, value=text) for key, text in pairs])
 
 
 def right(step: int, value: str = '0.7') -> tuple[tuple[str, str], ...]:
@@ -214,3 +220,17 @@ def test_the_manifest_is_that_of_the_compiled_bundle(tmp_path: Path) -> None:
     bundle.write_text(BUNDLE)
     generated = manifest_of(bundle)
     assert start(bundle).manifest == generated == manifest_of(bundle)
+
+
+def test_the_end_of_a_violation_is_logged_with_the_time_since_the_requirement_began(
+    partner: Partner, arguments: tuple[str, ...],
+) -> None:
+    with started('logger', *arguments) as node:
+        voice = Voice(partner)
+        timed = (('time', '2.5'), *right(0)[1:])
+        voice.recovery(*timed)
+        node.wait_for(
+            'A-1 satisfied again at 12.346: x < 0.5 [2.5 s after its start: x = 0.7]')
+        voice.detail(*timed)
+        voice.violation()
+        assert lines(node, 1)[0] == '12.346: x < 0.5 [2.5 s after its start: x = 0.7]'
