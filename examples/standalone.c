@@ -12,32 +12,45 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-// A compiled monitor in a program of one's own, with no Python and no ROS. Reads lines of
-// "current,wind" and tells each step that violates ROS-001.
+// The monitors of config/quadrotor.yaml in a program of your own: reads lines of seconds (from 0
+// on), current and wind, and prints each evaluation at which a response that ROS-001 asks for is
+// overdue, also between the lines.
 //
 //   fret-monitor compile config/quadrotor.yaml --output compiled
 //   cd compiled/src
 //   cc -std=c99 -I. ../../examples/standalone.c quadrotor_monitor.c -lm -o ../../standalone
-//   printf '12.5,3.0\n17.0,9.5\n' | ../../standalone
+//   printf '0,17.0,9.5\n30,12.0,3.0\n' | ../../standalone
 
 #include <stdio.h>
 
 #include "quadrotor_monitor.h"
 
+static int64_t evaluate(
+  struct quadrotor_state * state, const struct quadrotor_inputs * inputs, int64_t tick)
+{
+  bool verdicts[quadrotor_verdicts];
+  const int64_t due = quadrotor_step_at(state, inputs, verdicts, tick);
+  if (!verdicts[quadrotor_occ_ROS_001]) {
+    printf("%.1f s: ROS-001 is violated\n", (double)tick * 1e-9);
+  }
+  return due;
+}
+
 int main(void)
 {
-  struct quadrotor_inputs inputs;
+  struct quadrotor_inputs inputs, read;
   struct quadrotor_state state;
-  bool verdicts[quadrotor_requirements];
-  unsigned long step = 0;
+  int64_t due = FM_NEVER;  // when a verdict can change by itself
+  double seconds;
 
   quadrotor_reset(&state);
-  while (scanf("%f,%f", &inputs.current_consumption, &inputs.wind_speed) == 2) {
-    quadrotor_step(&state, &inputs, verdicts);
-    if (!verdicts[quadrotor_req_ROS_001]) {
-      printf("step %lu: ROS-001 is violated\n", step);
+  while (scanf("%lf,%f,%f", &seconds, &read.current_consumption, &read.wind_speed) == 3) {
+    const int64_t now = (int64_t)(seconds * 1e9 + 0.5);
+    while (due < now) {
+      due = evaluate(&state, &inputs, due);
     }
-    ++step;
+    inputs = read;
+    due = evaluate(&state, &inputs, now);
   }
   return 0;
 }

@@ -30,7 +30,7 @@ from fret_monitor.codegen.names import field, Names
 from fret_monitor.codegen.step import PartWriter
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
-from fret_monitor.program.layout import GroupLayout, StateField
+from fret_monitor.program.layout import FM_NEVER, GroupLayout, StateField
 from fret_monitor.program.monitor_program import MonitorProgram
 
 _FILE_EQUATIONS = 3000
@@ -125,11 +125,11 @@ class _ModuleWriter:
             shown = next(comment(f'{item.id}: {item.title or item.text}'))
             yield f'  {self._names.requirements[number]} = {number},  {shown}'
         count = len(self._program.properties)
-        end = ',' if self._occurrences else ''
-        yield f'  {self._names.requirement_count} = {count}{end}  // all of them'
+        yield f'  {self._names.requirement_count} = {count},  // all of them'
         for place, number in enumerate(self._occurrences):
-            end = ',' if place + 1 < len(self._occurrences) else ''
-            yield f'  {self._names.occurrences[number]} = {count + place}{end}'
+            yield f'  {self._names.occurrences[number]} = {count + place},  // p of H p'
+        total = count + len(self._occurrences)
+        yield f'  {self._names.verdict_count} = {total}  // the length of an array of verdicts'
         yield '};'
         yield ''
 
@@ -172,7 +172,16 @@ class _ModuleWriter:
         yield '/// Restart all requirements: the next step is the first time point.'
         yield f'FM_EXPORT void {names.prefix}_reset({names.state_struct} * state);'
         yield ''
-        if not self._is_timed:
+        if self._is_timed:
+            yield '/// Evaluate all requirements at a tick: nanoseconds since the first, which is 0.'
+            yield '/// Returns the next tick at which a verdict can change although the inputs stay as'
+            yield '/// they are (FM_NEVER: none): call it then, or before if an input has changed.'
+            yield '/// verdicts[i] is true if i is satisfied.'
+            yield f'FM_EXPORT int64_t {names.prefix}_step_at('
+            yield f'  {names.state_struct} * state, const {names.inputs_struct} * inputs,'
+            yield '  bool * verdicts, int64_t tick);'
+            yield ''
+        else:
             yield '/// Evaluate one step of all requirements; verdicts[i] is true if i is '\
                   'satisfied.'
             yield f'FM_EXPORT void {names.prefix}_step('
@@ -335,6 +344,7 @@ class _ModuleWriter:
             yield f'  {names.group_function(number, "reset")}(state);'
         yield from ('}', '')
         if self._is_timed:
+            yield from self._all_groups_at()
             return
         yield f'void {names.prefix}_step('
         yield f'  {names.state_struct} * state, const {names.inputs_struct} * inputs,'
@@ -350,6 +360,19 @@ class _ModuleWriter:
             yield '{'
             yield f'  {names.prefix}_step(state, inputs, verdicts);'
             yield from ('}', '')
+
+    def _all_groups_at(self) -> Iterator[str]:
+        names = self._names
+        yield f'int64_t {names.prefix}_step_at('
+        yield f'  {names.state_struct} * state, const {names.inputs_struct} * inputs,'
+        yield '  bool * verdicts, int64_t tick)'
+        yield '{'
+        yield '  int64_t next = FM_NEVER;'
+        for number, _ in enumerate(self._layouts):
+            step = names.group_function(number, 'step_at')
+            yield f'  fm_lower(&next, true, {step}(state, inputs, verdicts, tick));'
+        yield '  return next;'
+        yield from ('}', '')
 
     @property
     def _is_many(self) -> bool:
@@ -448,6 +471,8 @@ def _initialisation(item: StateField) -> Iterator[str]:
         value = int(item.initial)
         shown = f'UINT64_C({value})' if value >= 2 ** 32 else f'{value}u'
         yield f'  s->{field(item)} = {shown};'
+    elif item.initial == FM_NEVER:
+        yield f'  s->{field(item)} = FM_NEVER;'
     else:
         yield f'  s->{field(item)} = {c.literal(item.initial, item.type).text};'
 

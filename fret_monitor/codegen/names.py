@@ -39,7 +39,7 @@ _OURS = frozenset({'s', 'in', 'state', 'inputs', 'verdicts', 'pow', 'fmod', 'fmo
                    'tick', 'next', 'unsettled'})
 _GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+$')
 _MODULE = re.compile(
-    r'(req|occ)_.*|requirements|step|step_at|step_any|reset|monitor|readers|groups?_.*')
+    r'(req|occ)_.*|requirements|verdicts|step|step_at|step_any|reset|monitor|readers|groups?_.*')
 _LONGEST_PREFIX = 100  # characters; file names begin with the prefix
 
 # Suffixes of the functions in fret_cells.h, by the type of their operands, as in `fm_add_i64`.
@@ -89,6 +89,7 @@ class Names:
         self.requirements = [f'{self.prefix}_req_{word}' for word in words]
         self.occurrences = [f'{self.prefix}_occ_{word}' for word in words]
         self.requirement_count = f'{self.prefix}_requirements'
+        self.verdict_count = f'{self.prefix}_verdicts'
         self.symbol = f'{self.prefix}_monitor'  # the function that returns the description
         self.readers = f'{self.prefix}_readers'  # the function that returns the extractors
         self.header = f'{self.prefix}_monitor.h'
