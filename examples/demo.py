@@ -18,9 +18,9 @@ Fly a simulated quadrotor under a monitor: three processes over DDS.
 
     python3 demo.py
 
-The vehicle of `quadrotor.py` flies with a fault. Its messages are evaluated again by the
-reference semantics; the demo succeeds (exit status 0) if the logger printed exactly the violations
-found, in the same order.
+The vehicle of `quadrotor.py` flies with a fault, faster than real time: it publishes its time on
+/clock. Its messages are evaluated again by the reference semantics; the demo succeeds (exit status
+0) if the logger printed exactly the violations found, in the same order and at their times.
 """
 
 from collections.abc import Iterator, Mapping, Set
@@ -36,20 +36,22 @@ import sys
 from tempfile import TemporaryDirectory
 from textwrap import fill
 from threading import Thread
-from time import monotonic, sleep, time
+from time import monotonic, sleep
 
 from fret_monitor import build
-from fret_monitor.logic.evaluate import verdicts
-from fret_monitor.logic.formula import variables
-from fret_monitor.logic.specification import Property, Specification
-from fret_monitor.model.policies import Report
+from fret_monitor.logic.formula import Historically, variables
+from fret_monitor.logic.specification import Specification
+from fret_monitor.logic.timed import evaluate_timed, TimedTrace
 
 HERE = Path(__file__).resolve().parent
 BUNDLE = HERE.parent / 'config' / 'quadrotor.yaml'
 NODE = 'import sys; from fret_monitor.ros.{0} import main; sys.argv[0] = "{0}"; sys.exit(main())'
 
 START_PATIENCE = 60.0  # s; the first start compiles
-FLIGHT_PATIENCE = 50.0  # s
+FLIGHT_PATIENCE = 60.0  # s
+SPEED = 8.0  # simulated seconds a second
+TAKES_OFF_AT = 1000.0  # s on /clock, as in quadrotor.py
+TOLERANCE = 0.5  # s between a published message and its reception on /clock
 END_PATIENCE = 10.0  # s
 
 VIOLATED = re.compile(r'(\S+) violated at ([0-9.]+): (.*?)(?: \[(step .*)\])?')
@@ -119,16 +121,11 @@ class Story:
     def __init__(self) -> None:
         """Use colours if a person is watching."""
         self._colours = sys.stdout.isatty() and 'NO_COLOR' not in os.environ
-        self._take_off = time()
 
     def say(self, text: str = '', colour: int | None = None) -> None:
         """Write a line."""
         is_plain = colour is None or not self._colours
         print(text if is_plain else f'\033[{colour}m{text}\033[0m', flush=True)
-
-    def begin(self) -> None:
-        """Take it that the flight begins now."""
-        self._take_off = time()
 
     def paragraph(self, head: str, text: str, colour: int | None = None) -> None:
         """Write a text below its head, wrapped."""
@@ -142,9 +139,8 @@ class Story:
 
     def violate(self, name: str, stamp: str, sentence: str, values: str | None) -> None:
         """Write that a requirement is violated."""
-        flown = float(stamp) - self._take_off
-        self.say(f'  ***** {name} VIOLATED at {flown:.1f} s of the flight '
-                 f'(ROS time {stamp})', 31)
+        flown = float(stamp) - TAKES_OFF_AT
+        self.say(f'  ***** {name} VIOLATED at {flown:.1f} s of the flight', 31)
         self.paragraph('        ', sentence, 31)
         if values:
             self.paragraph('        ', values, 31)
@@ -178,18 +174,18 @@ def _interrupt(number: int, frame: object) -> None:
     raise KeyboardInterrupt
 
 
-def _perform(story: Story, log: Path) -> list[str]:
-    """Run the three processes; return the ids of the violations that were logged, in order."""
+def _perform(story: Story, log: Path) -> list[tuple[str, float]]:
+    """Run the three processes; return id and stamp of the violations logged, in order."""
     story.say('A quadrotor flies through wind. These are its requirements:')
     specification = build.read(BUNDLE).specification
     for item in specification.properties:
         story.paragraph(f'  {item.id}  ', item.title or item.text)
     story.say()
-    with _process('monitor', f'spec:={BUNDLE}') as monitor, \
-            _process('logger', f'spec:={BUNDLE}') as logger:
+    with _process('monitor', f'spec:={BUNDLE}', 'use_sim_time:=true') as monitor, \
+            _process('logger', f'spec:={BUNDLE}', 'use_sim_time:=true') as logger:
         story.say('  monitor: ' + _message(monitor.wait_for('watching', START_PATIENCE)))
         story.say('  logger:  ' + _message(logger.wait_for('listening', START_PATIENCE)))
-        with _process('vehicle', 'fault:=true', f'log:={log}') as vehicle:
+        with _process('vehicle', 'fault:=true', f'speed:={SPEED}', f'log:={log}') as vehicle:
             story.say('  vehicle: ready, with a fault in its battery guard')
             story.say()
             announced = _follow(story, vehicle, logger)
@@ -225,9 +221,9 @@ def _environment() -> dict[str, str]:
     }
 
 
-def _follow(story: Story, vehicle: Process, logger: Process) -> list[str]:
-    """Show the flight until it is over; return the ids of the violations logged."""
-    announced: list[str] = []
+def _follow(story: Story, vehicle: Process, logger: Process) -> list[tuple[str, float]]:
+    """Show the flight until it is over; return id and stamp of the violations logged."""
+    announced: list[tuple[str, float]] = []
     end = monotonic() + FLIGHT_PATIENCE
     quiet_since = monotonic()
     count = 0
@@ -244,26 +240,24 @@ def _follow(story: Story, vehicle: Process, logger: Process) -> list[str]:
 
 
 def _tell_flight(story: Story, line: str, count: int) -> int:
-    """Tell what happens, and each fifth line where nothing does; return 1 for a line of flight."""
+    """Tell what happens, and each 25th line where nothing does; return 1 for a line of flight."""
     found = FLYING.fullmatch(line)
     if found is None:
         story.say(f'  vehicle: {_message(line)}')
         return 0
     seconds, wind, current, event = found.groups()
-    if count == 0:
-        story.begin()
-    if event or count % 5 == 0:
+    if event or count % 25 == 0:
         story.fly(float(seconds), float(wind), float(current), event or '')
     return 1
 
 
-def _tell_violations(story: Story, logger: Process) -> list[str]:
+def _tell_violations(story: Story, logger: Process) -> list[tuple[str, float]]:
     announced = []
     for line in logger.new_lines():
         found = VIOLATED.fullmatch(_message(line))
         if found:
             story.violate(*found.groups())
-            announced.append(found.group(1))
+            announced.append((found.group(1), float(found.group(2))))
         else:
             story.say(f'  logger: {_message(line)}')
     return announced
@@ -280,53 +274,61 @@ def _expect_quiet_end(process: Process) -> None:
             [f'the {process.name} ended with status {status}:', *process.new_lines()]))
 
 
-def _judge(story: Story, announced: list[str], log: Path) -> int:
+def _judge(story: Story, announced: list[tuple[str, float]], log: Path) -> int:
     """Compare the announced violations with the reference semantics."""
     flight = [line.split(',') for line in log.read_text(encoding='utf-8').splitlines()]
-    expected = _expected(build.read(BUNDLE).specification, flight)
+    expected = list(_expected(build.read(BUNDLE).specification, flight))
     story.say()
     story.say(f'{len(flight)} messages were published. By the reference semantics they violate:')
     for seconds, name in expected:
-        story.say(f'  {name}  at {seconds} s of the flight')
-    if not expected or announced != [name for _, name in expected]:
-        raise Failure(f"announced was: {', '.join(announced) or 'nothing'}")
+        story.say(f'  {name}  at {seconds:.1f} s of the flight')
+    if not expected or [name for name, _ in announced] != [name for _, name in expected]:
+        raise Failure(f"announced was: {', '.join(name for name, _ in announced) or 'nothing'}")
+    for (name, stamp), (seconds, _) in zip(announced, expected, strict=True):
+        if abs(stamp - TAKES_OFF_AT - seconds) > TOLERANCE:
+            raise Failure(f'{name} was announced for {stamp - TAKES_OFF_AT:.1f} s')
     story.say('Exactly these were announced.', 32)
     return 0
 
 
-def _expected(specification: Specification, flight: list[list[str]]) -> list[tuple[str, str]]:
-    """Return (time, id) of each violation due, in the order of the messages."""
+def _expected(specification: Specification,
+              flight: list[list[str]]) -> Iterator[tuple[float, str]]:
+    """Yield time and id of each occurrence due, in the order of time."""
     fed = {f'/{item.topic}': item.name for item in specification.signals}
     found = []
     for place, item in enumerate(specification.properties):
         read = {variable.name for variable in variables(item.formula)}
-        steps = list(_steps(flight, fed, read))
-        trace = {name: [values[name] for _, values in steps] for name in read}
-        truth = verdicts(item.formula, trace, item.feedback)
-        found += [(steps[step][0], place) for step in range(len(steps))
-                  if _is_announced(item, truth, step)]
-    return [(flight[number][0], specification.properties[place].id)
-            for number, place in sorted(found)]
+        ticks, trace = _rows(flight, fed, read)
+        always = item.formula
+        watched = always.argument if isinstance(always, Historically) else always
+        history, = evaluate_timed([watched], TimedTrace(ticks, trace, ticks[-1]), item.feedback)
+        began = max(next(float(seconds) for seconds, topic, _ in flight if fed[topic] == name)
+                    for name in read)
+        found += [(began + tick * 1e-9, place) for tick, value in history if not value]
+    for seconds, place in sorted(found):
+        yield seconds, specification.properties[place].id
 
 
-def _steps(flight: list[list[str]], fed: Mapping[str, str],
-           read: Set[str]) -> Iterator[tuple[int, dict[str, float]]]:
-    """Yield each message with which a requirement steps: any, once all it reads has a value."""
+def _rows(flight: list[list[str]], fed: Mapping[str, str],
+          read: Set[str]) -> tuple[list[int], dict[str, list[float]]]:
+    """Return the messages that a requirement reads as a timed trace, once all have a value."""
     values: dict[str, float] = {}
-    for number, (_, topic, value) in enumerate(flight):
+    times: list[float] = []
+    trace: dict[str, list[float]] = {name: [] for name in read}
+    for seconds, topic, value in flight:
+        if fed[topic] not in read:
+            continue
         values[fed[topic]] = _as_float32(float(value))
-        if values.keys() >= read:
-            yield number, dict(values)
+        if len(values) == len(read):
+            times.append(float(seconds))
+            for name in read:
+                trace[name].append(values[name])
+    return [round((time - times[0]) * 1e9) for time in times], trace
 
 
 def _as_float32(value: float) -> float:
     rounded: float = struct.unpack('<f', struct.pack('<f', value))[0]
     return rounded
-
-
-def _is_announced(item: Property, truth: list[bool], step: int) -> bool:
-    was_true = step == 0 or truth[step - 1]
-    return not truth[step] and (was_true or item.report is Report.EVERY_STEP)
 
 
 if __name__ == '__main__':

@@ -13,14 +13,17 @@
 # limitations under the License.
 
 """
-A small simulated quadrotor that flies through two gusts, for `config/quadrotor.yaml`.
+A small simulated quadrotor that flies through three gusts, for `config/quadrotor.yaml`.
 
-    python3 quadrotor.py [--ros-args -p fault:=true] [-p log:=FILE]
+    python3 quadrotor.py [--ros-args -p fault:=true] [-p speed:=8.0] [-p log:=FILE]
 
-It publishes `windspeed` and `motor/current` (std_msgs/Float32), in this order, ten messages a
-second, and ends by itself. All flights are the same: nothing is random, and the simulation steps
-by the step, not by the clock. The battery guard cuts the current when it has been high for a
-while; with `fault` it fails in the second gust, and the motors run hot.
+It publishes `windspeed` and `motor/current` (std_msgs/Float32), each five times a second, and ends
+by itself. All flights are the same: nothing is random, and the simulation steps by the step, not
+by the clock. The battery guard cuts the current when it has been high for a while; with `fault`
+it fails in the second gust, and the motors run hot; in the third gust both sensors fall silent.
+
+With a `speed` other than 1 it flies that much faster than real time, and publishes its own time on
+`/clock`: start the monitor with `use_sim_time:=true`.
 
 `log` names a file that gets a line for each message: seconds of flight, topic, value.
 """
@@ -30,29 +33,37 @@ from dataclasses import dataclass
 import sys
 from time import monotonic, sleep
 
+from builtin_interfaces.msg import Time
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float32
 
 STEP = 0.2  # s
 CURRENT_LIMIT = 15.0  # A; the guard lets more than this pass for GUARD_PATIENCE only
-GUARD_PATIENCE = 1.4  # s
+GUARD_PATIENCE = 12.0  # s
+TAKES_OFF_AT = 1000  # s, the time on /clock
 BREEZE = 4.0  # m/s
 
 # (begins at, wind that blows, what happens)
 FLIGHT = (
     (0.0, 3.0, 'on the ground, propellers turning'),
-    (2.0, BREEZE, 'take-off'),
-    (4.0, BREEZE, 'cruise'),
-    (6.0, 12.0, 'a gust'),
-    (9.0, BREEZE, 'cruise, the gust is over'),
-    (11.0, 12.0, 'a second gust'),
-    (18.0, BREEZE, 'on the way home, the gust is over'),
-    (20.0, 3.0, 'landed'),
-    (21.0, 3.0, ''),
+    (4.0, BREEZE, 'take-off'),
+    (8.0, BREEZE, 'cruise'),
+    (12.0, 12.0, 'a gust'),
+    (28.0, BREEZE, 'cruise, the gust is over'),
+    (36.0, 12.0, 'a second gust'),
+    (64.0, BREEZE, 'cruise, the gust is over'),
+    (70.0, 12.0, 'a third gust'),
+    (83.0, 12.0, 'the sensors fall silent'),
+    (92.0, BREEZE, 'the gust is over'),
+    (93.0, BREEZE, 'on the way home, the sensors are back'),
+    (98.0, 3.0, 'landed'),
+    (100.0, 3.0, ''),
 )
+SILENCE = (83.0, 93.0)
 
 
 @dataclass(frozen=True)
@@ -63,6 +74,7 @@ class Sample:
     wind: float
     current: float
     event: str
+    is_silent: bool
 
 
 def fly(fault: bool) -> Iterator[Sample]:
@@ -73,12 +85,13 @@ def fly(fault: bool) -> Iterator[Sample]:
         began, blowing, event = [leg for leg in FLIGHT if leg[0] <= time + STEP / 2][-1]
         wind += 0.4 * (blowing - wind)
         hot_for = hot_for + STEP if current > CURRENT_LIMIT else 0.0
-        guard_works = not (fault and time > 10.0)
+        guard_works = not (fault and time > 30.0)
         is_cut = guard_works and (is_cut or hot_for >= GUARD_PATIENCE) and wind > 2 * BREEZE
         overheats = not guard_works and hot_for >= 3.0 and wind > 2 * BREEZE
         demand = _demand(event, wind)
         current += 0.5 * ((12.0 if is_cut else 27.0 if overheats else demand) - current)
-        yield Sample(time, wind, current, event if time - began < STEP / 2 else '')
+        is_silent = fault and SILENCE[0] <= time + STEP / 2 < SILENCE[1]
+        yield Sample(time, wind, current, event if time - began < STEP / 2 else '', is_silent)
 
 
 def _demand(event: str, wind: float) -> float:
@@ -96,25 +109,36 @@ class Quadrotor(Node):
         super().__init__('quadrotor')
         self._fault: bool = self.declare_parameter('fault', False).value
         self._log: str = self.declare_parameter('log', '').value
+        self._speed: float = self.declare_parameter('speed', 1.0).value
+        is_simulated = self._speed != 1.0
+        self._time = self.create_publisher(Clock, '/clock', 10) if is_simulated else None
         self._wind = self.create_publisher(Float32, 'windspeed', 10)
         self._current = self.create_publisher(Float32, 'motor/current', 10)
 
     def fly(self) -> None:
-        """Publish the flight in real time, once there are subscriptions."""
+        """Publish the flight, once there are subscriptions."""
         self._wait_for_listeners()
         start = monotonic()
         for sample in fly(self._fault):
-            sleep(max(0.0, start + sample.time - monotonic()))
             self._say(sample)
-            self._send(sample.time, self._wind, sample.wind)
+            self._wait_until(start, sample.time)
+            self._send(sample, sample.time, self._wind, sample.wind)
             # Between the two, so that all messages are equally far apart
-            sleep(STEP / 2)
-            self._send(sample.time + STEP / 2, self._current, sample.current)
+            self._wait_until(start, sample.time + STEP / 2)
+            self._send(sample, sample.time + STEP / 2, self._current, sample.current)
+
+    def _wait_until(self, start: float, time: float) -> None:
+        sleep(max(0.0, start + time / self._speed - monotonic()))
+        if self._time is not None:
+            tenths = round(10 * (TAKES_OFF_AT + time))
+            self._time.publish(Clock(clock=Time(
+                sec=tenths // 10, nanosec=tenths % 10 * 100_000_000)))
 
     def _wait_for_listeners(self, patience: float = 15.0) -> None:
         start = monotonic()
         while monotonic() - start < patience:
-            if all(item.get_subscription_count() for item in (self._wind, self._current)):
+            topics = (self._wind, self._current, self._time)
+            if all(item is None or item.get_subscription_count() for item in topics):
                 sleep(1.0)  # a monitor may replace its subscriptions to match the publishers' QoS
                 return
             sleep(0.1)
@@ -125,7 +149,9 @@ class Quadrotor(Node):
         print(f'{sample.time:5.1f} s   wind {sample.wind:5.2f} m/s   '
               f'current {sample.current:5.2f} A{event}', flush=True)
 
-    def _send(self, time: float, publisher: Publisher, value: float) -> None:
+    def _send(self, sample: Sample, time: float, publisher: Publisher, value: float) -> None:
+        if sample.is_silent:
+            return
         message = Float32(data=value)
         publisher.publish(message)
         if self._log:
