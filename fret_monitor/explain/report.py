@@ -192,9 +192,9 @@ def _explanation(item: Property, subject: Subject, examples: Examples,
         fields = tuple(fretish.fields(parts))
         meaning = (*fretish.meaning(parts, context.scale), *_definitions(item, context))
     return Explanation(
-        item.id, item.title, _cut(item.text), fields, meaning, _outlook(examples),
+        item.id, item.title, _cut(item.text), fields, meaning, _outlook(examples, context),
         to_smv(item.formula, _FORMULA, context.values, is_timed=context.is_timed),
-        tuple(_remarks(subject, examples)), tuple(_timelines(subject, examples, context)))
+        tuple(_remarks(subject, examples, context)), tuple(_timelines(subject, examples, context)))
 
 
 def _cut(text: str) -> str:
@@ -210,26 +210,32 @@ def _definitions(item: Property, context: _Context) -> Iterator[tuple[str, str]]
             yield name, in_words(formula, _WORDS, context.values, inner, context.is_timed)
 
 
-def _outlook(examples: Examples) -> str:
+def _outlook(examples: Examples, context: _Context) -> str:
+    explored = _explored(examples, context)
     match examples.recovery:
         case Recovery.FINAL_BY_FORM:
             return 'final: once false it stays false, whatever follows (by its form)'
         case Recovery.FINAL_BY_STATES:
             return ('final: once false it stays false, whatever follows '
-                    f'(all states explored: {examples.states:,})')
+                    f'({explored})')
         case Recovery.POSSIBLE:
             return 'can recover: a false verdict can become true again, as shown below'
         case Recovery.NEVER_FALSE:
-            return f'never false (all states explored: {examples.states:,})'
+            return f'never false ({explored})'
         case Recovery.NONE_FOUND:
             return (f'no recovery found in {_looked(examples)}; this does not prove that none '
                     'exists')
 
 
-def _remarks(subject: Subject, examples: Examples) -> Iterator[str]:
+def _explored(examples: Examples, context: _Context) -> str:
+    where = ' on the grid' if context.is_timed else ''
+    return f'all states explored{where}: {examples.states:,}'
+
+
+def _remarks(subject: Subject, examples: Examples, context: _Context) -> Iterator[str]:
     for trace, kind in ((examples.satisfying, 'satisfies'), (examples.violating, 'violates')):
         if trace is None and examples.is_proved:
-            yield f'No trace {kind} it (all states explored: {examples.states:,}).'
+            yield f'No trace {kind} it ({_explored(examples, context)}).'
         elif trace is None:
             yield f'No trace that {kind} it was found in {_looked(examples)}; there may be one.'
     for trace, verb in ((examples.satisfying, 'satisfy it'), (examples.violating, 'violate it'),

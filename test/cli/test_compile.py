@@ -52,7 +52,7 @@ def test_the_worst_case_is_printed_as_instructions_and_stack(
         r'worst case of a step of all requirements:\n'
         r'  at most \d+ instructions \(x86-64, gcc -O2\)\n'
         r'  at most \d+ bytes of stack: \d+ of the evaluator, \d+ of the monitors, and what the '
-        r'C library needs in memcpy, memset\n', done.out.partition('\n')[2])
+        r'C library needs in memcmp, memcpy, memset\n', done.out.partition('\n')[2])
 
 
 def test_a_compiler_without_stack_usage_is_reported(
