@@ -55,10 +55,12 @@ def _advise(sentence: Sentence, report: Report,
         yield from _instants(sentence)
     if report is Report.EVERY_STEP and is_not_yet(sentence):
         demand = sentence.timing or sentence.response
+        is_timed = specification.policy is Policy.TIMED
         yield _warning(
-            'this is announced at every step until it is fulfilled', demand.span,
-            'false means "not yet" here',
-            'write report: onset to announce it once, or give a deadline, as in within 10 ticks')
+            f'this is announced at every {"evaluation" if is_timed else "step"} until it is '
+            'fulfilled', demand.span, 'false means "not yet" here',
+            'write report: onset to announce it once, or give a deadline, as in within 10 '
+            + ('seconds' if is_timed else 'ticks'))
 
 
 def advise_alone(sentence: Sentence, is_timed: bool = False) -> Iterator[Diagnostic]:

@@ -279,6 +279,15 @@ def test_any_window_of_times_reads_back_as_itself(low: int, high: int | None) ->
         assert elaborate(parse_cocospec(text(written)), SCOPE, scale=TIMED) is node
 
 
+@pytest.mark.parametrize('write', [to_smv, to_cocospec])
+@given(formula=formulas(size=15))
+def test_a_formula_with_times_reads_back_as_itself(
+        formula: Formula, write: Callable[..., str]) -> None:
+    node = meant(formula, write)
+    parse = parse_smv if write is to_smv else parse_cocospec
+    assert elaborate(parse(text(write(node, is_timed=True))), RANDOM, scale=TIMED) is node
+
+
 @given(st.integers(1, 2 ** 63))
 def test_the_text_of_a_time_is_exact_and_the_shortest(nanoseconds: int) -> None:
     number, unit = time_text(nanoseconds).split()
