@@ -35,12 +35,13 @@ from fret_monitor.program.monitor_program import (
     AlwaysWithin, Delay, OnceBefore, OnceWithin, SinceBefore, SinceWithin,
 )
 from fret_monitor.proving.c_source import Unreadable
-from fret_monitor.proving.contracts import ARITHMETIC, Proof
+from fret_monitor.proving.contracts import ARITHMETIC
 from fret_monitor.proving.execution import Path
 from fret_monitor.proving.group_contract import Check, GroupContract, place_of, same_or_false
 from fret_monitor.proving.monitor import (
     ALL, GroupProofs, ProofSubject, prove_contract, prove_group, wrong_types,
 )
+from fret_monitor.proving.obligations import Proof
 from fret_monitor.proving.refutation import Counterexample, find_counterexample, Runner, zero
 from fret_monitor.proving.verification import GroupResult, verify_group
 from fret_monitor.smt import terms as t
@@ -49,7 +50,7 @@ from fret_monitor.smt.concrete import function_of, NoValue
 from fret_monitor.smt.solver import Answer, prove
 from fret_monitor.smt.terms import Term
 from fret_monitor.smt.transition import (
-    counter_model, StateVariable, transition_system, TransitionSystem,
+    counter_model, StateVariable, transition_system,
 )
 
 _QUICK_S = 0.3  # for a search before the bodies of the cells are executed
@@ -123,7 +124,8 @@ def _opened_contract(subject: ProofSubject, group: int) -> GroupContract:
         read = _read(layout, group, item)
         return Check(item.name, lambda after: _related(layout, item, read(after), wanted))
 
-    return GroupContract(TransitionSystem(verdicts, tuple(state), tuple(given)),
+    return GroupContract(replace(system, verdicts=verdicts, state=tuple(state),
+                                 invariants=tuple(given)),
                          tuple(check(item, item.after) for item in state),
                          tuple(check(item, item.start) for item in state), ())
 

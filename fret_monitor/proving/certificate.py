@@ -23,7 +23,7 @@ from fret_monitor.build import GeneratedMonitor
 from fret_monitor.logic.formula import BinaryOperator
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.program.monitor_program import ApplyBinary, MonitorProgram
-from fret_monitor.proving.contracts import Proof
+from fret_monitor.proving.obligations import Proof
 from fret_monitor.proving.verification import GroupResult, proved_files, Verification
 from fret_monitor.smt.solver import Answer, solver_version
 

@@ -32,6 +32,8 @@ from fret_monitor.logic.formula import BinaryOperator, UnaryOperator
 from fret_monitor.model.values import ValueType
 from fret_monitor.proving.c_source import ArithmeticType, BOOL, CProgram, Unreadable, UNSIGNED
 from fret_monitor.proving.execution import Contract, Machine, Memory, Reference, Result, Value
+from fret_monitor.proving.obligations import anything, called, Proof, settled
+from fret_monitor.proving.timed_cells import timed_attempts
 from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.cells import (
@@ -39,7 +41,7 @@ from fret_monitor.smt.cells import (
     ring_step, WIDTH,
 )
 from fret_monitor.smt.operators import check, claims
-from fret_monitor.smt.solver import Answer, prove, shown_values
+from fret_monitor.smt.solver import Answer
 from fret_monitor.smt.terms import Term
 
 _Attempt = Callable[[CProgram, float], 'Proof']
@@ -52,16 +54,6 @@ _INT64, _UINT64 = ValueType.INT64, ValueType.UINT64
 _BINARY = {'add': BinaryOperator.ADD, 'sub': BinaryOperator.SUB, 'mul': BinaryOperator.MUL,
            'div': BinaryOperator.DIV, 'mod': BinaryOperator.MOD}
 _Compute = Callable[..., Term]
-
-
-@dataclass(frozen=True)
-class Proof:
-    """A proof obligation and its answer; `detail` explains a failure."""
-
-    name: str
-    answer: Answer
-    seconds: float
-    detail: str = ''
 
 
 @dataclass(frozen=True)
@@ -200,6 +192,8 @@ def _attempts() -> dict[str, _Attempt]:
         found[name] = partial(_guarded, name, partial(_prove_line, bits))
     found['fm_delay_ring'] = partial(_guarded, 'fm_delay_ring', _prove_ring)
     found['fm_next_position'] = partial(_guarded, 'fm_next_position', _prove_position)
+    for name, one in timed_attempts().items():
+        found[name] = partial(_guarded, name, one)
     return found
 
 
@@ -217,32 +211,9 @@ def _guarded(name: str, attempt: _Attempt, program: CProgram, seconds: float) ->
         return Proof(name, Answer.UNKNOWN, time.perf_counter() - before, str(error))
 
 
-def _settled(name: str, goals: Sequence[Term], given: Sequence[Term], machine: Machine,
-             seconds: float) -> Proof:
-    spent = 0.0
-    for goal in [*(item.holds for item in machine.conditions), *goals]:
-        result = prove([goal], given, seconds=seconds)
-        spent += result.seconds
-        if result.answer is not Answer.PROVED:
-            return Proof(name, result.answer, spent, shown_values(result.values))
-    return Proof(name, Answer.PROVED, spent)
-
-
-def _any(name: str, kind: ArithmeticType) -> Value:
-    sort = t.BOOL if kind.kind == 'bool' else t.word(kind.bits)
-    return Value(kind, t.variable(name, sort))
-
-
-def _called(machine: Machine, name: str, arguments: Sequence[Value | Reference]) -> Term:
-    found = machine.call(name, arguments)
-    if not isinstance(found, Value):
-        raise Unreadable(f'{name} returns nothing')
-    return found.term
-
-
 def _prove_pure(name: str, item: _Pure, program: CProgram, seconds: float) -> Proof:
     """Prove a function for all arguments; signed divisions by 0 and -1 are separate cases."""
-    arguments = [_any(letter, kind) for letter, kind in zip('abc', item.parameters)]
+    arguments = [anything(letter, kind) for letter, kind in zip('abc', item.parameters)]
     if name not in ('fm_div_i64', 'fm_mod_i64'):
         return _prove_call(program, name, item, arguments, (), seconds)
     divisor = arguments[1].term
@@ -259,20 +230,20 @@ def _prove_call(program: CProgram, name: str, item: _Pure, arguments: Sequence[V
                 given: Sequence[Term], seconds: float) -> Proof:
     others = {other: item for other, item in ARITHMETIC.items() if other != name}
     machine = Machine(program, {}, others)
-    found = _called(machine, name, arguments)
+    found = called(machine, name, arguments)
     wanted = item.compute(*(value.term for value in arguments))
-    return _settled(name, [t.same(found, wanted)], given, machine, seconds)
+    return settled(name, [t.same(found, wanted)], given, machine, seconds)
 
 
 def _prove_counter(cell: CounterModel, bits: int, program: CProgram, seconds: float) -> Proof:
     """Prove the invariant of a counter at the start and over a step, for all bounds that fit."""
     name, kind = f'fm_{cell.name}_u{bits}', ArithmeticType('int', bits)
-    counter, bound = _any('counter', kind), _any('bound', kind)
-    operands = [_any(letter, BOOL) for letter in 'pq'[:cell.operands]]
+    counter, bound = anything('counter', kind), anything('bound', kind)
+    operands = [anything(letter, BOOL) for letter in 'pq'[:cell.operands]]
     number, head = (t.variable(word, t.word(WIDTH)) for word in ('number', 'head'))
     wide = t.resized(bound.term, WIDTH, False)
     machine = Machine(program, {('cell',): counter.term}, ARITHMETIC)
-    out = _called(machine, name, [Reference(('cell',), kind), bound, *operands])
+    out = called(machine, name, [Reference(('cell',), kind), bound, *operands])
     wanted, after = cell.step(number, wide, [item.term for item in operands])
     start = cell.start(wide, head if cell.has_head else t.number(0, WIDTH))
     begins = cell.related(t.resized(start, bits, False), start, wide)
@@ -281,16 +252,16 @@ def _prove_counter(cell: CounterModel, bits: int, program: CProgram, seconds: fl
     given = [fits, cell.related(counter.term, number, wide),
              t.relation('ule', head, limit)]
     goals = [t.same(out, wanted), cell.related(machine.memory['cell',], after, wide), begins]
-    return _settled(name, goals, given, machine, seconds)
+    return settled(name, goals, given, machine, seconds)
 
 
 def _prove_line(bits: int, program: CProgram, seconds: float) -> Proof:
     name, kind = f'fm_delay_u{bits}', ArithmeticType('int', bits)
-    line, steps, p = _any('line', kind), _any('steps', UNSIGNED), _any('p', BOOL)
+    line, steps, p = anything('line', kind), anything('steps', UNSIGNED), anything('p', BOOL)
     history = t.variable('history', t.word(HISTORY))
     wide = t.resized(steps.term, HISTORY, False)
     machine = Machine(program, {('cell',): line.term}, ARITHMETIC)
-    out = _called(machine, name, [Reference(('cell',), kind), steps, p])
+    out = called(machine, name, [Reference(('cell',), kind), steps, p])
     wanted, after = line_step(history, wide, p.term)
     given = [line_fits(steps.term, bits), line_related(line.term, history, wide)]
     # At the start, the lowest bits of register and history are all 0 or all 1.
@@ -299,7 +270,7 @@ def _prove_line(bits: int, program: CProgram, seconds: float) -> Proof:
     begins = [line_related(t.resized(ones, bits, False), line_start(True), wide),
               line_related(t.number(0, bits), line_start(False), wide)]
     goals = [t.same(out, wanted), line_related(machine.memory['cell',], after, wide), *begins]
-    return _settled(name, goals, given, machine, seconds)
+    return settled(name, goals, given, machine, seconds)
 
 
 def _prove_ring(program: CProgram, seconds: float) -> Proof:
@@ -315,10 +286,10 @@ def _prove_ring(program: CProgram, seconds: float) -> Proof:
                                for word in ('length', 'position', 'place'))
     memory: Memory = {('ring',): t.variable('ring', t.ring(size))}
     machine = Machine(program, memory, ARITHMETIC)
-    p = _any('p', BOOL)
-    out = _called(machine, 'fm_delay_ring',
-                  [Reference(('ring',), ArithmeticType('int', 8), t.number(0, 64), size),
-                   Value(UNSIGNED, position), p])
+    p = anything('p', BOOL)
+    out = called(machine, 'fm_delay_ring',
+                 [Reference(('ring',), ArithmeticType('int', 8), t.number(0, 64), size),
+                  Value(UNSIGNED, position), p])
     after = machine.memory['ring',]
     following = next_position(position, length)
     one, zero = t.number(1, 32), t.number(0, 32)
@@ -343,7 +314,7 @@ def _prove_ring(program: CProgram, seconds: float) -> Proof:
              t.relation('ult', following, length), t.relation('ult', zero, later), *filled,
              t.negation(t.relation('ult', length, later)),
              *_as_meant(memory['ring',], position, p.term, out, after, place)]
-    return _settled('fm_delay_ring', goals, given, machine, seconds)
+    return settled('fm_delay_ring', goals, given, machine, seconds)
 
 
 def _by_cases(goal: Term, conditions: Sequence[Term]) -> list[Term]:
@@ -384,8 +355,8 @@ def _ring_bit(ring: Term, place: Term) -> Term:
 
 def _prove_position(program: CProgram, seconds: float) -> Proof:
     machine = Machine(program, {}, ARITHMETIC)
-    position, length = _any('position', UNSIGNED), _any('length', UNSIGNED)
-    found = _called(machine, 'fm_next_position', [position, length])
-    return _settled('fm_next_position',
-                    [t.same(found, next_position(position.term, length.term))], (), machine,
-                    seconds)
+    position, length = anything('position', UNSIGNED), anything('length', UNSIGNED)
+    found = called(machine, 'fm_next_position', [position, length])
+    return settled('fm_next_position',
+                   [t.same(found, next_position(position.term, length.term))], (), machine,
+                   seconds)

@@ -22,10 +22,12 @@ requirements of each group, and its functions.
 from collections.abc import Iterator
 from typing import Any
 
+from fret_monitor.model.policies import Policy
+from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import FieldKind, GroupLayout, StateField
 from fret_monitor.program.monitor_program import MonitorProgram
 from fret_monitor.proving.c_source import (
-    ArithmeticType, Array, CProgram, integer, shown, Struct, Type, Unreadable,
+    ArithmeticType, Array, CProgram, integer, LONG, shown, Struct, Type, Unreadable,
 )
 from fret_monitor.proving.execution import sort_of
 from fret_monitor.smt import numbers
@@ -60,6 +62,13 @@ def wrong_in_description(code: CProgram, program: MonitorProgram,
             for name, value in wanted.items() if tables.get(name) != value]
 
 
+def occurrence_places(program: MonitorProgram,
+                      layouts: tuple[GroupLayout, ...]) -> dict[int, int]:
+    """Return the verdicts that only count occurrences, by requirement: after all others."""
+    found = sorted(number for layout in layouts for number, _ in layout.group.occurrences)
+    return {number: len(program.properties) + place for place, number in enumerate(found)}
+
+
 def wrong_types_of_inputs(code: CProgram, program: MonitorProgram, prefix: str) -> list[str]:
     """Return the fields of the inputs struct whose type differs from that of the input."""
     fields = code.structs.get(f'{prefix}_inputs', ())
@@ -82,7 +91,9 @@ def wrong_types_of_state(code: CProgram, layout: GroupLayout, tag: str) -> list[
 def _holds(kind: Type, wanted: StateField) -> bool:
     if wanted.kind is FieldKind.RING:
         return isinstance(kind, Array) and kind.item == ArithmeticType('int', 8)
-    if wanted.kind in _EXACT:
+    if wanted.kind is FieldKind.QUEUE:
+        return kind == Array(LONG, wanted.length)
+    if wanted.kind in _EXACT or wanted.type is ValueType.INT64:
         return _is(kind, wanted.type)
     return isinstance(kind, ArithmeticType) and kind.kind == 'int' and not kind.is_signed
 
@@ -106,26 +117,33 @@ def _wanted(code: CProgram, program: MonitorProgram, layouts: tuple[GroupLayout,
              code.constants[f'FM_{signal.type.name}']]
             for place, signal in enumerate(program.signals)]
     groups = []
+    is_timed = program.policy is Policy.TIMED
     for number, layout in enumerate(layouts):
         group = layout.group
+        step = f'{prefix}_group_{number}_step'
         reads = ('name', f'inputs_{number}') if group.signals else 0
         if group.signals:
             yield f'inputs_{number}', list(group.signals)
         yield f'requirements_{number}', list(group.properties)
         groups.append([reads, len(group.signals), ('name', f'requirements_{number}'),
                        len(group.properties), ('name', f'{prefix}_group_{number}_reset'),
-                       ('name', f'{prefix}_group_{number}_step'), 0])
+                       *([0, ('name', f'{step}_at')] if is_timed else [('name', step), 0])])
     yield 'groups', groups
     owner = {index: number for number, layout in enumerate(layouts)
              for index in layout.group.properties}
     yield 'requirements', [[item.id.encode(), owner[place]]
                            for place, item in enumerate(program.properties)]
-    together = f'{prefix}_step_any' if len(layouts) > 1 else f'{prefix}_group_0_step'
+    more = occurrence_places(program, layouts)
+    if more:
+        yield 'occurrences', [more.get(place, place)
+                              for place, _ in enumerate(program.properties)]
+    step = f'{prefix}_step_any' if len(layouts) > 1 else f'{prefix}_group_0_step'
     yield 'monitor', [
         2, len(program.signals), len(layouts), len(program.properties),
         code.size(Struct(f'{prefix}_state')), code.size(Struct(f'{prefix}_inputs')),
         ('name', 'inputs') if program.signals else 0, ('name', 'groups'),
-        ('name', 'requirements'), prefix.encode(), source_hash.encode(), ('name', together), 0, 0]
+        ('name', 'requirements'), prefix.encode(), source_hash.encode(),
+        0 if is_timed else ('name', step), ('name', 'occurrences') if more else 0, len(more)]
 
 
 def _value(node: Any, code: CProgram) -> Any:

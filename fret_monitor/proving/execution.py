@@ -94,16 +94,18 @@ def sort_of(kind: c.Type) -> Sort:
             return t.word(bits)
         case c.Array(item, length) if item == _BYTE:
             return t.ring(length)
+        case c.Array(item, length) if item == c.LONG:
+            return t.word(64 * length)
         case _:
             raise c.Unreadable(f'no value: {kind}')
 
 
 def places(program: c.CProgram, kind: c.Type, path: Path = ()) -> Iterator[tuple[Path, c.Type]]:
-    """Yield the path and type of each scalar and ring in an object."""
+    """Yield the path and type of each scalar, ring and queue in an object."""
     if isinstance(kind, c.Struct):
         for name, inner in program.structs[kind.tag]:
             yield from places(program, inner, (*path, name))
-    elif isinstance(kind, c.Array) and kind.item != _BYTE:
+    elif isinstance(kind, c.Array) and kind.item not in (_BYTE, c.LONG):
         for number in range(kind.length):
             yield from places(program, kind.item, (*path, number))
     else:
@@ -127,6 +129,7 @@ class Machine:
         self._path = [t.TRUE]
         self._effects = [_Effects(set(), set())]
         self._running: list[c.CFunction] = []
+        self._addressed: dict[str, frozenset[str]] = {}
 
     def call(self, name: str, arguments: Sequence[Value | Reference]) -> Result:
         """Execute a function, or apply its contract."""
@@ -145,12 +148,26 @@ class Machine:
         local: _Locals = {parameter: (kind, value) for (parameter, kind), value
                           in zip(function.parameters, passed, strict=True)}
         result = self._run(list(function.body.block_items or ()), local)
+        for path in [path for path in self.memory if path[:2] == self._frame]:
+            del self.memory[path]
         self._running.pop()
         if result is _FELL_THROUGH:
             if function.result is not None:
                 raise c.Unreadable(f'{name} may end without a return')
             return None
         return result if function.result is None else self._passed(result, function.result, name)
+
+    @property
+    def _frame(self) -> Path:
+        """The first part of the paths of the running function's variables that have an address."""
+        return 'local', len(self._running)
+
+    def _has_address(self, name: str) -> bool:
+        """Whether the running function takes the address of a variable."""
+        function = self._running[-1]
+        if function.name not in self._addressed:
+            self._addressed[function.name] = frozenset(_addressed(function.body))
+        return name in self._addressed[function.name]
 
     def _passed(self, value: Any, kind: c.Type, name: str) -> Value | Reference:
         if isinstance(kind, c.ArithmeticType):
@@ -213,6 +230,8 @@ class Machine:
         found = self.memory[path]
         if found.sort[0] == 'ring':
             found = t.select(found, self._index(place))
+        elif found.sort != sort_of(place.type):
+            raise c.Unreadable(f'{path}: a part of a queue')
         return Value(place.type, found)
 
     def store(self, place: Reference, value: Value) -> None:
@@ -222,8 +241,15 @@ class Machine:
         before = self.memory.get(path)
         if before is not None and before.sort[0] == 'ring':
             self.memory[path] = t.store(before, self._index(place), value.term)
+        elif before is not None and before.sort != value.term.sort:
+            raise c.Unreadable(f'{path}: a part of a queue')
         else:
             self.memory[path] = value.term
+
+    def record_access(self, path: Path) -> None:
+        """Record that an object is read and written."""
+        self._effects[-1].reads.add(path)
+        self._effects[-1].writes.add(path)
 
     def _index(self, place: Reference) -> Term:
         assert place.index is not None
@@ -267,8 +293,14 @@ class Machine:
                     raise c.Unreadable(f'not modelled: {c.shown(item)[:80]}')
                 kind = self._declared(item.type)
                 value = None if item.init is None else self._whole(item.init, local)
-                local[item.name] = (kind, None if value is None
-                                    else self._passed(value, kind, item.name))
+                passed = None if value is None else self._passed(value, kind, item.name)
+                if isinstance(kind, c.ArithmeticType) and self._has_address(item.name):
+                    place = Reference((*self._frame, item.name), kind)
+                    if isinstance(passed, Value):
+                        self.store(place, passed)
+                    local[item.name] = (kind, place)
+                else:
+                    local[item.name] = (kind, passed)
             case c_ast.DeclList():
                 for each in item.decls:
                     self._simple(each, local)
@@ -299,9 +331,9 @@ class Machine:
             if path not in after or path not in self.memory:
                 raise c.Unreadable(f'{path} is written in one of two cases')
             self.memory[path] = t.choice(condition, after[path], self.memory[path])
-        for name, (kind, value) in later.items():
-            known = local.get(name, (kind, None))[1]
-            local[name] = (kind, _either(condition, value, known))
+        for name in kept:
+            kind, value = later[name]
+            local[name] = (kind, _either(condition, value, local[name][1]))
         return _either(condition, one, other)
 
     @contextmanager
@@ -417,6 +449,8 @@ class Machine:
             if value is None:
                 self.require(f'{name} is read before it is written', t.FALSE)
                 return Value(kind, t.variable(f'unknown.{name}', sort_of(kind)))
+            if isinstance(value, Reference) and isinstance(kind, c.ArithmeticType):
+                return self.load(value)
             return value  # type: ignore[no-any-return]
         if name in self._program.constants:
             return Value(c.INT, t.number(self._program.constants[name], 32))
@@ -442,11 +476,16 @@ class Machine:
                 base = self._value(node.name, local)
                 index = self._number(node.subscript, local)
                 if not isinstance(base, Reference) or base.index is None \
-                        or index.type.kind != 'int' or base.index.op != 'constant' \
-                        or base.index.value != 0:
+                        or index.type.kind != 'int' or base.index.op != 'constant':
                     raise c.Unreadable(f'no element of an array: {c.shown(node)}')
                 # The bounds check must not truncate the index, so keep its promoted width.
-                return replace(base, index=self._promoted(index).term)
+                wanted = self._promoted(index)
+                if base.index.value != 0:
+                    wanted = self.binary('+', Value(c.LONG, base.index), wanted, node)
+                return replace(base, index=wanted.term)
+            case c_ast.ID(name=name) if name in local and isinstance(local[name][1], Reference) \
+                    and isinstance(local[name][0], c.ArithmeticType):
+                return local[name][1]  # type: ignore[no-any-return]
             case c_ast.UnaryOp(op='*'):
                 found = self._value(node.expr, local)
                 if isinstance(found, Reference):
@@ -478,7 +517,11 @@ class Machine:
             if not isinstance(kind, c.ArithmeticType):
                 raise c.Unreadable(f'{node.name} is no number')
             value = self.converted(value, kind)
-            local[node.name] = (kind, value)
+            place = local[node.name][1]
+            if isinstance(place, Reference):
+                self.store(place, value)
+            else:
+                local[node.name] = (kind, value)
             return value
         place = self._place(node, local)
         if not isinstance(place.type, c.ArithmeticType):
@@ -678,6 +721,15 @@ class Machine:
                 fits = t.negation(t.relation('slt', found, t.number(0, kind.bits)))
                 self.require(f'{c.shown(node)}: signed overflow', t.conjunction(back, fits))
         return Value(kind, found)
+
+
+def _addressed(node: Any) -> Iterator[str]:
+    """Yield the names of the variables whose address is taken."""
+    match node:
+        case c_ast.UnaryOp(op='&', expr=c_ast.ID(name=name)):
+            yield name
+    for _, child in node.children():
+        yield from _addressed(child)
 
 
 def _is_small(op: str, a: Term, b: Term) -> bool:

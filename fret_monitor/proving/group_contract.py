@@ -23,15 +23,22 @@ in C, the same as in the contract of its C function. Everything else is the tran
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import FieldKind, GroupLayout
-from fret_monitor.program.monitor_program import AlwaysWithin, CounterCell, Delay, OnceWithin
+from fret_monitor.program.monitor_program import (
+    AlwaysWithin, CounterCell, Delay, OnceWithin, Operation, Overflowed, SinceBetween,
+)
 from fret_monitor.proving.contracts import cell_terms
 from fret_monitor.proving.execution import Memory, Path
+from fret_monitor.proving.timed_cells import (
+    all_fits, is_bound, queue_fits, timed_start, timed_terms,
+)
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.cells import line_fits, WIDTH
 from fret_monitor.smt.terms import Sort, Term
 from fret_monitor.smt.transition import (
-    counter_model, counter_start, ring_start, StateVariable, SystemBuilder, TransitionSystem,
+    counter_model, counter_start, FIRST_TICK, ring_start, StateVariable, SystemBuilder,
+    TransitionSystem,
 )
 
 
@@ -49,13 +56,15 @@ class GroupContract:
     The postconditions of a step and a reset of a group.
 
     `steps` must hold after a step from a state in which the system's invariants hold, `starts`
-    after a reset. `fits` has, for each cell, whether its field is wide enough.
+    after a reset. `fits` has, for each cell, whether its field is wide enough. `lasts` holds for a
+    group that steps at ticks: no value changes before the tick that a step returns.
     """
 
     system: TransitionSystem
     steps: tuple[Check, ...]
     starts: tuple[Check, ...]
     fits: tuple[tuple[str, bool], ...]
+    lasts: tuple[Term, ...] = ()
 
 
 def state_path(group: int, name: str) -> Path:
@@ -64,21 +73,22 @@ def state_path(group: int, name: str) -> Path:
 
 
 def group_contract(layout: GroupLayout, group: int, memory: Mapping[Path, Term],
-                   inputs: Mapping[int, Term]) -> GroupContract:
+                   inputs: Mapping[int, Term], tick: Term = FIRST_TICK) -> GroupContract:
     """
-    Return the contract of a group; `memory` holds the state before the step.
+    Return the contract of a group; `memory` holds the state before the step at `tick`.
 
     Raises
     ------
     KeyError
         if the C state lacks a field.
     """
-    builder = _ContractBuilder(layout, group, memory, inputs)
+    builder = _ContractBuilder(layout, group, memory, inputs, tick)
     system = builder.build()
+    lasts = _NextTick(builder, system, layout, inputs).goals() if layout.group.is_timed else ()
     places = [(item, *place_of(layout, group, item)) for item in system.state]
     steps = [_check(what, read, item.after) for item, what, read in places]
     starts = [_check(what, read, item.start) for item, what, read in places]
-    return GroupContract(system, tuple(steps), tuple(starts), tuple(builder.fits))
+    return GroupContract(system, tuple(steps), tuple(starts), tuple(builder.fits), lasts)
 
 
 def _check(what: str, read: Callable[[Memory], Term], wanted: Term) -> Check:
@@ -105,12 +115,14 @@ def same_or_false(found: Term, wanted: Term) -> Term:
 class _ContractBuilder(SystemBuilder):
 
     def __init__(self, layout: GroupLayout, group: int, memory: Mapping[Path, Term],
-                 inputs: Mapping[int, Term]) -> None:
-        super().__init__(layout.group, inputs, '')
+                 inputs: Mapping[int, Term], tick: Term) -> None:
+        super().__init__(layout.group, inputs, '', tick)
+        self.parts = layout.parts
         self._layout = layout
         self._number = group
         self._memory = memory
         self.fits: list[tuple[str, bool]] = []
+        self._queues: dict[int, Term] = {}
 
     def current(self, kind: FieldKind, number: int, sort: Sort) -> Term:
         found = self._field(kind, number)
@@ -128,6 +140,8 @@ class _ContractBuilder(SystemBuilder):
         return self._memory[state_path(self._number, f'{kind.value}_{number}')]
 
     def counter(self, index: int, operation: CounterCell, arguments: list[Term]) -> Term:
+        if self._layout.group.is_timed:
+            return self._counter_at(index, operation, arguments)
         cell, counter = counter_model(operation), self._field(FieldKind.COUNTER, index)
         bits, bound = counter.sort[1], operation.bound
         out, after = cell_terms(f'{cell.name}.{bits}', counter, t.number(bound, bits), *arguments)
@@ -136,6 +150,35 @@ class _ContractBuilder(SystemBuilder):
         head = operation.head if isinstance(operation, OnceWithin | AlwaysWithin) else 0
         self.fits.append((f'counter_{index}', cell.fits(t.number(bound, WIDTH), bits) is t.TRUE
                           and 0 <= head <= bound + 1 and bound < 1 << 32))
+        return out
+
+    def _counter_at(self, index: int, operation: CounterCell, arguments: list[Term]) -> Term:
+        name, counter = counter_model(operation).name, self._field(FieldKind.COUNTER, index)
+        bound = t.number(operation.bound, 64)
+        out, after, due = timed_terms(name, counter, bound, *arguments, self.tick)
+        self.add(FieldKind.COUNTER, index, counter, t.number(timed_start(operation), 64), after)
+        self.dues.append((index, due))
+        head = operation.head if isinstance(operation, OnceWithin | AlwaysWithin) else 0
+        self.fits.append((f'counter_{index}', counter.sort == bound.sort
+                          and is_bound(bound) is t.TRUE and 0 <= head <= operation.bound + 1))
+        return out
+
+    def queue(self, index: int, operation: SinceBetween, arguments: list[Term]) -> Term:
+        queue = self._field(FieldKind.QUEUE, index)
+        numbers = (operation.capacity or 0, operation.low, operation.high)
+        out, after, due = timed_terms('since_between', queue,
+                                      *(t.number(item, 64) for item in numbers), *arguments,
+                                      self.tick)
+        self.add(FieldKind.QUEUE, index, queue, t.constant(0, queue.sort), after)
+        self.dues.append((index, due))
+        self._queues[index] = after
+        self.fits.append((f'queue_{index}', queue_fits(*numbers, queue.sort[1] // 64)
+                          and (operation.may_overflow or all_fits(*numbers))))
+        return out
+
+    def overflowed(self, index: int, queue: int) -> Term:
+        out, _, due = timed_terms('overflowed', self._queues[queue], self.tick)
+        self.dues.append((index, due))
         return out
 
     def line(self, index: int, operation: Delay, argument: Term) -> Term:
@@ -153,3 +196,40 @@ class _ContractBuilder(SystemBuilder):
         self.add(FieldKind.RING, index, ring, start, after)
         self.fits.append((f'ring_{index}', ring.sort == start.sort))
         return out
+
+
+class _NextTick(SystemBuilder):
+    """
+    A step at the tick after a step, with the same inputs, if that step returned a later tick.
+
+    Each value is shown to be what it was, and then taken to be that in the equations that follow.
+    A cell with several bits returns what it did, because its operands are what they were, and it
+    has asked for a later tick (`timed_cells.py`).
+    """
+
+    def __init__(self, before: SystemBuilder, system: TransitionSystem, layout: GroupLayout,
+                 inputs: Mapping[int, Term]) -> None:
+        super().__init__(layout.group, inputs, '')
+        self._system = system
+        self._stored = {(item.kind, item.number): item.after for item in system.state}
+        self._is_settled = t.all_of(t.negation(item) for _, item in before.unsettled)
+        self._lasting: list[Term] = []
+
+    def goals(self) -> tuple[Term, ...]:
+        """Return the conditions that no value and no stored value changes."""
+        after = self.build().state
+        self._lasting += [t.same(item.after, self._stored[item.kind, item.number])
+                          for item in after]
+        return tuple(t.implies(self._is_settled, goal) for goal in self._lasting)
+
+    def _value(self, index: int, operation: Operation, type: ValueType) -> Term:
+        was = self._system.values[index]
+        if not isinstance(operation, CounterCell | SinceBetween | Overflowed):
+            self._lasting.append(t.same(super()._value(index, operation, type), was))
+        return was
+
+    def current(self, kind: FieldKind, number: int, sort: Sort) -> Term:
+        return self._stored[kind, number]
+
+    def current_bit(self, index: int) -> Term:
+        return self._stored[FieldKind.FLAG, index]

@@ -25,20 +25,24 @@ from dataclasses import dataclass, field
 import time
 from typing import Any
 
+from fret_monitor.model.policies import Policy
 from fret_monitor.program.layout import GroupLayout
 from fret_monitor.program.monitor_program import MonitorProgram
-from fret_monitor.proving.c_source import BOOL, CProgram, Struct, Unreadable
-from fret_monitor.proving.contracts import ARITHMETIC, CELLS, Proof
+from fret_monitor.proving.c_source import BOOL, CProgram, LONG, Struct, Unreadable
+from fret_monitor.proving.contracts import ARITHMETIC, CELLS
 from fret_monitor.proving.description import (
-    wrong_in_description, wrong_types_of_inputs, wrong_types_of_state,
+    occurrence_places, wrong_in_description, wrong_types_of_inputs, wrong_types_of_state,
 )
 from fret_monitor.proving.execution import (
-    Contract, Machine, Memory, Path, places, Reference, sort_of,
+    Contract, Machine, Memory, Path, places, Reference, Result, sort_of, Value,
 )
-from fret_monitor.proving.group_contract import group_contract, GroupContract
+from fret_monitor.proving.group_contract import group_contract, GroupContract, same_or_false
+from fret_monitor.proving.obligations import Proof
+from fret_monitor.proving.timed_cells import AskedTicks
 from fret_monitor.smt import terms as t
-from fret_monitor.smt.solver import Answer, prove, shown_values
+from fret_monitor.smt.solver import Answer, prove, PROVED, shown_values
 from fret_monitor.smt.terms import Term
+from fret_monitor.smt.transition import TransitionSystem
 
 ALL = -1  # the functions that step or reset all groups
 ANY = -2  # likewise, with the step function in the description (`step_any`)
@@ -103,14 +107,34 @@ class ProofSubject:
         """Execute the function that resets a group, or all groups."""
         machine.call(self._function(group, 'reset'), [self._state()])
 
-    def call_step(self, machine: Machine, group: int) -> None:
-        """Execute the function that steps a group, or all groups."""
-        machine.call(self._function(group, 'step'), self.arguments())
+    def call_step(self, machine: Machine, group: int) -> Result:
+        """Execute the function that steps a group, or all groups; the latter not at ticks."""
+        if self.is_timed:
+            return machine.call(self._function(group, 'step_at'), self.arguments())
+        return machine.call(self._function(group, 'step'), self.arguments())
 
-    def arguments(self) -> list[Reference]:
+    def arguments(self) -> list[Reference | Value]:
         """Return the arguments of a step function."""
-        verdicts = Reference(('verdicts',), BOOL, t.number(0, 64), len(self.program.properties))
-        return [self._state(), Reference(('inputs',), Struct(f'{self.prefix}_inputs')), verdicts]
+        length = len(self.program.properties) + len(self.occurrences)
+        verdicts = Reference(('verdicts',), BOOL, t.number(0, 64), length)
+        inputs = Reference(('inputs',), Struct(f'{self.prefix}_inputs'))
+        tick = [Value(LONG, self.tick)] if self.is_timed else []
+        return [self._state(), inputs, verdicts, *tick]
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether the groups step at ticks."""
+        return self.program.policy is Policy.TIMED
+
+    @property
+    def tick(self) -> Term:
+        """An arbitrary tick."""
+        return t.variable('tick', t.word(64))
+
+    @property
+    def occurrences(self) -> dict[int, int]:
+        """The index of the verdict for occurrences, by requirement that has one of its own."""
+        return occurrence_places(self.program, self.layouts)
 
     def _state(self) -> Reference:
         return Reference(('state',), Struct(f'{self.prefix}_state'))
@@ -141,7 +165,8 @@ def prove_group(subject: ProofSubject, group: int, seconds: float) -> GroupProof
     """Prove a group with cells replaced by contracts; `seconds` limits each obligation."""
     return prove_contract(
         subject, group, seconds, lambda: group_contract(
-            subject.layouts[group], group, subject.state([group]), subject.signals()),
+            subject.layouts[group], group, subject.state([group]), subject.signals(),
+            subject.tick),
         {**ARITHMETIC, **CELLS})
 
 
@@ -166,7 +191,7 @@ def prove_contract(subject: ProofSubject, group: int, seconds: float,
 
 def _settle(outcome: GroupProofs, name: str, goal: Term, given: Sequence[Term],
             seconds: float) -> None:
-    result = prove([goal], given, seconds=seconds)
+    result = PROVED if goal in given else prove([goal], given, seconds=seconds)
     detail = shown_values(result.values)
     if result.answer is Answer.REFUTED:
         outcome.values.append(result.values)
@@ -181,9 +206,22 @@ def _goals(subject: ProofSubject, group: int, wanted: GroupContract,
     reset = Machine(subject.code, state, functions)
     subject.call_reset(reset, group)
     yield from _starts(wanted, reset, state)
-    step = Machine(subject.code, {**state, **inputs}, functions)
-    subject.call_step(step, group)
+    ticks = AskedTicks(subject.tick)
+    contracts = {**functions, **ticks.contracts} if subject.is_timed else functions
+    step = Machine(subject.code, {**state, **inputs}, contracts)
+    due = subject.call_step(step, group)
     yield from _steps(subject, wanted, step, {**state, **inputs})
+    if wanted.system.due is not None:
+        yield 'next tick', _is_due(wanted.system, due, ticks.asked)
+        yield 'no value changes before the next tick', t.all_of(wanted.lasts)
+
+
+def _is_due(system: TransitionSystem, found: Result, asked: Sequence[Term]) -> Term:
+    """Return whether a step returns the next tick; `asked` is what its cells ask for."""
+    if not isinstance(found, Value) or len(asked) != len(system.asked) or system.due is None:
+        return t.FALSE
+    same = t.all_of(map(same_or_false, asked, system.asked))
+    return t.conjunction(same, same_or_false(found.term, system.due))
 
 
 def _starts(wanted: GroupContract, machine: Machine,
@@ -202,9 +240,15 @@ def _steps(subject: ProofSubject, wanted: GroupContract, machine: Machine,
         found = memory.get(('verdicts', number))
         name = f'verdict of {subject.program.properties[number].id}'
         yield name, t.FALSE if found is None else t.same_truth(found, verdict)
+    places = subject.occurrences
+    for number, verdict in wanted.system.occurrences.items():
+        found = memory.get(('verdicts', places[number]))
+        name = f'occurrences of {subject.program.properties[number].id}'
+        yield name, t.FALSE if found is None else t.same_truth(found, verdict)
     for check in wanted.steps:
         yield f'step: {check.what}', check.holds(memory)
     verdicts: set[Path] = {('verdicts', number) for number in meant}
+    verdicts |= {('verdicts', places[number]) for number in wanted.system.occurrences}
     others = memory.keys() - before.keys() - verdicts
     yield 'step: nothing else is written', t.truth(not others and _keeps_inputs(before, memory))
     for condition in machine.conditions:
@@ -249,7 +293,7 @@ def _whole_goals(subject: ProofSubject) -> Iterator[tuple[str, Term]]:
         call(machine)
         return machine
 
-    def one_by_one(verb: Callable[[Machine, int], None]) -> Callable[[Machine], None]:
+    def one_by_one(verb: Callable[[Machine, int], object]) -> Callable[[Machine], None]:
         def run(machine: Machine) -> None:
             for group in groups:
                 verb(machine, group)
@@ -258,11 +302,12 @@ def _whole_goals(subject: ProofSubject) -> Iterator[tuple[str, Term]]:
     whole = ran(lambda machine: subject.call_reset(machine, ALL), state)
     parts = ran(one_by_one(subject.call_reset), state)
     yield from _equal('reset of all groups', whole, parts)
-    names = [f'{subject.prefix}_step']
-    if len(groups) > 1:
+    names = [] if subject.is_timed else [f'{subject.prefix}_step']
+    if names and len(groups) > 1:
         names.append(f'{subject.prefix}_step_any')
-    parts = ran(one_by_one(subject.call_step), {**state, **inputs})
     for name in names:
+        parts = ran(one_by_one(subject.call_step), {**state, **inputs})
+
         def stepping(machine: Machine, name: str = name) -> None:
             machine.call(name, subject.arguments())
         yield from _equal(f'{name}: all groups', ran(stepping, {**state, **inputs}), parts)

@@ -25,8 +25,9 @@ import time
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.native.cache import runtime_headers
 from fret_monitor.proving.c_source import read_program, Unreadable
-from fret_monitor.proving.contracts import Proof, prove_cells
+from fret_monitor.proving.contracts import prove_cells
 from fret_monitor.proving.monitor import ALL, ProofSubject, prove_group, prove_whole, wrong_types
+from fret_monitor.proving.obligations import Proof
 from fret_monitor.proving.refutation import Counterexample, find_counterexample
 from fret_monitor.smt.solver import Answer
 

@@ -15,7 +15,7 @@
 """
 Models of the state cells: the step function of each, and the invariant of its C state.
 
-The model of a counter is a natural number ("the steps since the last p"), in words of 40 bits
+The model of a counter is a natural number ("the steps since the last p"), in words of 64 bits
 that saturate far above every bound instead of wrapping. `related` is the invariant that relates
 this number to the C counter. `fits` is the condition that the counter is wide enough, which
 `program/layout.py` must establish. `operators.py` proves that the models compute the operators,
@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.terms import Term
 
-WIDTH = 40
+WIDTH = 64
 _FAR = t.number(1 << (WIDTH - 1), WIDTH)
 _ONE = t.number(1, WIDTH)
 _NONE = t.number(0, WIDTH)
@@ -60,7 +60,7 @@ def at_most(left: Term, right: Term) -> Term:
 
 
 def _more(number: Term) -> Term:
-    """Return the number plus 1, saturating at 2^39."""
+    """Return the number plus 1, saturating at 2^63."""
     return t.choice(at_most(_FAR, number), _FAR, t.operation('add', number, _ONE))
 
 

@@ -19,7 +19,7 @@ A trace is a function from steps to truth values. The operators are those of doc
 defined with quantifiers over steps. The state of a cell is a natural number, with an invariant
 that relates it to the trace before step t. The solver checks over unbounded integers that the
 invariant holds before step 0, that a step preserves it, and that it implies that the cell returns
-the operator's value. The words of `cells.py` saturate at 2^39, which is equivalent by the claims
+the operator's value. The words of `cells.py` saturate at 2^63, which is equivalent by the claims
 `stops_far_away`.
 """
 
@@ -31,7 +31,7 @@ from typing import Any
 from fret_monitor.smt.solver import Answer, new_solver, Result
 import z3
 
-_LIMIT = 1 << 39
+_LIMIT = 1 << 63
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,7 @@ from typing import Any
 from fret_monitor.model.floats import to_float32
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.concrete import function_of
+from fret_monitor.smt.linear import LinearTranslation
 from fret_monitor.smt.terms import Sort, Term
 import z3
 
@@ -61,6 +62,9 @@ class Result:
     seconds: float
 
 
+PROVED = Result(Answer.PROVED, {}, 0.0)
+
+
 def new_solver(seconds: float) -> Any:
     """Return a solver with a time limit that does not handle SIGINT."""
     solver = z3.Solver()
@@ -85,14 +89,21 @@ def prove(goals: Sequence[Term], given: Sequence[Term] = (), *, seconds: float =
     before = time.perf_counter()
     goal = t.all_of(goals)
     if goal is t.TRUE:
-        return Result(Answer.PROVED, {}, 0.0)
-    result = _ask(goal, given, True, seconds)
+        return PROVED
+    result = _ask(goal, given, Translation(True), seconds)
     if result.answer is not Answer.PROVED and any(
             item.op in _EXPENSIVE for item in t.postorder([goal, *given])):
         tried = _tried(goal, given)
-        result = _ask(goal, given, False, seconds) if tried is None \
+        result = _ask(goal, given, Translation(False), seconds) if tried is None \
             else Result(Answer.REFUTED, tried, 0.0)
     return Result(result.answer, result.values, time.perf_counter() - before)
+
+
+def prove_linear(goal: Term, given: Sequence[Term] = (), *, seconds: float = 10.0) -> Result:
+    """As `prove`, for terms of sums and comparisons of words only."""
+    if goal is t.TRUE:
+        return PROVED
+    return _ask(goal, given, LinearTranslation(), seconds)
 
 
 def _tried(goal: Term, given: Sequence[Term]) -> dict[Term, Any] | None:
@@ -144,13 +155,15 @@ def _interrupts_kept() -> Iterator[None]:
         raise lost[0]
 
 
-def _ask(goal: Term, given: Sequence[Term], is_abstract: bool, seconds: float) -> Result:
-    translation = Translation(is_abstract)
+def _ask(goal: Term, given: Sequence[Term], translation: 'Translation | LinearTranslation',
+         seconds: float) -> Result:
     solver = new_solver(seconds)
     with _interrupts_kept():
         for item in given:
             solver.add(translation(item))
         solver.add(z3.Not(translation(goal)))
+        if isinstance(translation, LinearTranslation):
+            solver.add(*translation.ranges)
     before = time.perf_counter()
     found = solver.check()
     spent = time.perf_counter() - before
@@ -174,7 +187,7 @@ def _value(model: Any, shown: Any, sort: Sort) -> Any:
     if kind == 'bool':
         return bool(z3.is_true(found))
     if kind == 'word':
-        return found.as_long()
+        return found.as_long() & ((1 << size) - 1)
     return _float(model, found, size)
 
 

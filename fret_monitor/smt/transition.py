@@ -18,10 +18,15 @@ The transition system of a step group as terms: state, initial state and step.
 It implements the semantics in the docstrings of `program/monitor_program.py` and shares no code
 with the code generator, so that a proof compares two implementations. A counter is a natural
 number that saturates far above every bound; a delay is a shift register or a ring (`cells.py`).
+
+The cells of a group that steps at ticks are left to a subclass: one that knows its C functions by
+their contracts is in `proving/group_contract.py`.
 """
 
-from collections.abc import Mapping
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import assert_never
 
 from fret_monitor.model.values import ValueType
@@ -43,6 +48,15 @@ _COUNTERS: dict[type[Operation], str] = {
     OnceWithin: 'once_within', AlwaysWithin: 'always_within', SinceWithin: 'since_within',
     OnceBefore: 'once_before', SinceBefore: 'since_before',
 }
+
+
+NEVER = t.number((1 << 63) - 1, 64)
+LAST_TICK = t.number((1 << 62) - 3, 64)
+FIRST_TICK = t.number(0, 64)
+
+
+class NoTicks(Exception):
+    """A transition system does not have the cells of groups that step at ticks."""
 
 
 @dataclass(frozen=True)
@@ -74,12 +88,20 @@ class TransitionSystem:
     """
     A step group as terms over its inputs and its state.
 
-    `verdicts` are by the index of the requirement; `invariants` hold in every reachable state.
+    `verdicts` are by the index of the requirement, and so are `occurrences`, of the requirements
+    that report them with a verdict of their own. `invariants` hold in every reachable state.
+    `values` are those of the equations. In a group that steps at ticks, `due` is the next tick at
+    which a value can change although no input does. It has a variable (`asked_variable`) for each
+    of `asked`: the next tick of a cell, or whether something changes at the tick after this one.
     """
 
     verdicts: Mapping[int, Term]
     state: tuple[StateVariable, ...]
     invariants: tuple[Term, ...]
+    occurrences: Mapping[int, Term]
+    values: tuple[Term, ...]
+    due: Term | None = None
+    asked: tuple[Term, ...] = ()
 
 
 def transition_system(group: StepGroup, inputs: Mapping[int, Term],
@@ -90,6 +112,34 @@ def transition_system(group: StepGroup, inputs: Mapping[int, Term],
     `inputs` are by index of the signal; names of state variables begin with `prefix`.
     """
     return SystemBuilder(group, inputs, prefix).build()
+
+
+def is_tick(tick: Term) -> Term:
+    """Return whether a word is a tick at which a group can step."""
+    return t.conjunction(t.relation('sle', FIRST_TICK, tick), t.relation('sle', tick, LAST_TICK))
+
+
+def asked_variable(number: int, item: Term) -> Term:
+    """Return the variable that stands for an item of `TransitionSystem.asked`."""
+    return t.variable(f'asked.{number}', item.sort)
+
+
+def earlier_if(condition: Term, tick: Term, other: Term) -> Term:
+    """Return the earlier one of two ticks; the other one if the condition does not hold."""
+    return t.choice(t.conjunction(condition, t.relation('slt', tick, other)), tick, other)
+
+
+def earlier(tick: Term, other: Term) -> Term:
+    """Return the earlier one of two ticks."""
+    return earlier_if(t.TRUE, other, tick)
+
+
+def _divided(found: Sequence[tuple[int, Term]], ends: Sequence[int]) -> list[list[Term]]:
+    """Divide terms by the part of their equation; `ends` are those of all but the last."""
+    parts: list[list[Term]] = [[] for _ in range(len(ends) + 1)]
+    for index, item in found:
+        parts[bisect_right(ends, index)].append(item)
+    return parts
 
 
 def counter_model(operation: CounterCell) -> CounterModel:
@@ -105,10 +155,22 @@ def counter_start(operation: CounterCell) -> Term:
 
 
 class SystemBuilder:
-    """Builds a transition system; subclasses can override `current`, `current_bit` and cells."""
+    """
+    Builds a transition system; subclasses can override `current`, `current_bit` and cells.
 
-    def __init__(self, group: StepGroup, inputs: Mapping[int, Term], prefix: str) -> None:
-        """Store the group, its inputs, and the prefix of state variables."""
+    `tick` is that of the step, in a group that steps at ticks. There each cell adds to `dues` the
+    next tick at which its value can change, or to `unsettled` whether that is the one after this,
+    with the index of its equation. `parts` only decides the order in which these are compared.
+    """
+
+    def __init__(self, group: StepGroup, inputs: Mapping[int, Term], prefix: str,
+                 tick: Term = FIRST_TICK) -> None:
+        """Store the group, its inputs, the prefix of state variables, and the tick."""
+        self.tick = tick
+        self.dues: list[tuple[int, Term]] = []
+        self.unsettled: list[tuple[int, Term]] = []
+        self._asked: list[Term] = []
+        self.parts: Sequence[range] = (range(len(group.equations)),)
         self._group = group
         self._inputs = inputs
         self._prefix = prefix
@@ -130,11 +192,37 @@ class SystemBuilder:
         for index, equation in enumerate(group.equations):
             self._values.append(self._value(index, equation.operation, equation.type))
         for number, item in enumerate(group.feedback):
-            self.add(FieldKind.FEEDBACK, number, self._feedback[number],
-                     numbers.constant(0, item.type), self._operand(item.next))
+            self._add_previous(FieldKind.FEEDBACK, number, self._feedback[number],
+                               numbers.constant(0, item.type), self._operand(item.next))
         verdicts = {number: self._operand(operand) for number, operand
                     in zip(group.properties, group.verdicts, strict=True)}
-        return TransitionSystem(verdicts, tuple(self._state), tuple(self._invariants))
+        occurrences = {number: self._operand(operand) for number, operand in group.occurrences}
+        if group.is_timed:
+            self._invariants.append(is_tick(self.tick))
+        return TransitionSystem(verdicts, tuple(self._state), tuple(self._invariants),
+                                occurrences, tuple(self._values), self._due(), tuple(self._asked))
+
+    def _due(self) -> Term | None:
+        """Return the next tick at which a value can change although no input does."""
+        if not self._group.is_timed:
+            return None
+        ends = [part.stop for part in self.parts[:-1]]
+        dues, unsettled = _divided(self.dues, ends), _divided(self.unsettled, ends)
+        founds = [self._due_of_part(*pair) for pair in zip(dues, unsettled, strict=True)]
+        return founds[0] if len(founds) == 1 else reduce(earlier, founds, NEVER)
+
+    def _due_of_part(self, dues: Sequence[Term], unsettled: Sequence[Term]) -> Term:
+        found = NEVER
+        for due in dues:
+            found = earlier(found, self._asks(due))
+        if not unsettled:
+            return found
+        is_next = self._asks(t.negation(t.all_of(t.negation(item) for item in unsettled)))
+        return earlier_if(is_next, t.operation('add', self.tick, t.number(1, 64)), found)
+
+    def _asks(self, item: Term) -> Term:
+        self._asked.append(item)
+        return asked_variable(len(self._asked) - 1, item)
 
     # -- state --------------------------------------------------------------------------------
 
@@ -150,6 +238,13 @@ class SystemBuilder:
             limit: int | None = None, mask: int | None = None) -> None:
         """Add a state variable."""
         self._state.append(StateVariable(kind, number, now, start, after, limit, mask))
+
+    def _add_previous(self, kind: FieldKind, number: int, now: Term, start: Term,
+                      after: Term) -> None:
+        """Add a state variable that is the value of something at the step before."""
+        self.add(kind, number, now, start, after)
+        place = len(self._group.equations) if kind is FieldKind.FEEDBACK else number
+        self.unsettled.append((place, t.negation(t.same(now, after))))
 
     def _add_position(self, length: int) -> None:
         now = self.current(FieldKind.POSITION, length, t.word(32))
@@ -191,14 +286,17 @@ class SystemBuilder:
                                     [self._operand(item) for item in operands(operation)])
             case PreviousNumber():
                 before = self.current(FieldKind.NUMBER, index, numbers.sort_of(type))
-                self.add(FieldKind.NUMBER, index, before,
-                         numbers.constant(operation.initial, type),
-                         self._operand(operation.argument))
+                self._add_previous(FieldKind.NUMBER, index, before,
+                                   numbers.constant(operation.initial, type),
+                                   self._operand(operation.argument))
                 return before
             case FeedbackRead():
                 return self._feedback[operation.index]
-            case SinceBetween() | Overflowed():
-                raise ValueError('a group that steps at ticks has no transition system')
+            case SinceBetween():
+                return self.queue(index, operation,
+                                  [self._operand(item) for item in operands(operation)])
+            case Overflowed():
+                return self.overflowed(index, operation.argument.value)
             case _:
                 assert_never(operation)
 
@@ -214,7 +312,7 @@ class SystemBuilder:
         before = self.current_bit(index)
         match operation:
             case FirstStep():
-                self._add_bit(index, before, True, t.FALSE)
+                self._add_previous(FieldKind.FLAG, index, before, t.TRUE, t.FALSE)
                 return before
             case OnceEver():
                 now, start = t.disjunction(before, self._operand(operation.argument)), False
@@ -235,7 +333,8 @@ class SystemBuilder:
         argument = self._operand(operation.argument)
         if operation.steps == 1:
             before = self.current_bit(index)
-            self._add_bit(index, before, operation.initial, argument)
+            self._add_previous(FieldKind.FLAG, index, before, t.truth(operation.initial),
+                               argument)
             return before
         if operation.steps > SHIFT_REGISTER_BITS:
             return self.ring(index, operation, argument)
@@ -245,12 +344,22 @@ class SystemBuilder:
 
     def counter(self, index: int, operation: CounterCell, arguments: list[Term]) -> Term:
         """Add a counter, and return what the cell returns."""
+        if self._group.is_timed:
+            raise NoTicks('counters')
         number = self.current(FieldKind.COUNTER, index, t.word(WIDTH))
         bound = t.number(operation.bound, WIDTH)
         out, after = counter_model(operation).step(number, bound, arguments)
         self.add(FieldKind.COUNTER, index, number, counter_start(operation), after,
                  limit=operation.bound)
         return out
+
+    def queue(self, index: int, operation: SinceBetween, arguments: list[Term]) -> Term:
+        """Add a queue, and return what the cell returns."""
+        raise NoTicks('queues')
+
+    def overflowed(self, index: int, queue: int) -> Term:
+        """Return whether the queue of equation `queue` lacks an interval at this tick."""
+        raise NoTicks('queues')
 
     def line(self, index: int, operation: Delay, argument: Term) -> Term:
         """Add a shift register, and return what the cell returns."""

@@ -20,6 +20,7 @@ from fret_monitor.native.cache import runtime_headers
 from fret_monitor.proving.c_source import CProgram, read_program
 from fret_monitor.proving.contracts import CELLS, prove_function
 from fret_monitor.proving.verification import cells_proved
+from fret_monitor.smt.cells import COUNTERS
 from fret_monitor.smt.operators import check, claims
 from fret_monitor.smt.solver import Answer
 import pytest
@@ -41,7 +42,9 @@ def program(old: str = '', new: str = '') -> CProgram:
 def test_every_cell_computes_its_operator_for_every_bound_and_every_trace() -> None:
     proofs = cells_proved(HEADERS, 60.0)
     assert [proof for proof in proofs if proof.answer is not Answer.PROVED] == []
-    assert {proof.name for proof in proofs} >= {*CELLS, 'fm_next_position', 'fm_signed'}
+    assert {proof.name for proof in proofs} >= {
+        *CELLS, *(f'fm_{name}_at' for name in COUNTERS), 'fm_lower', 'fm_next_position',
+        'fm_signed'}
     assert {f'{name}: operator' for name in (
         'once_within', 'always_within', 'since_within', 'once_before', 'since_before', 'delay',
     )} <= {proof.name for proof in proofs}
@@ -71,6 +74,24 @@ def test_no_claim_of_an_operator_rests_on_a_contradiction(number: int) -> None:
     ('fm_div_i64', 'return b == -1 ? fm_neg_i64(a) : a / b', 'return a / b'),
     ('fm_less_iu', 'a < 0 || (uint64_t)a < b', '(uint64_t)a < b'),
     ('fm_signed', '-(int64_t)(~bits) - 1', '-(int64_t)(~bits)'),
+    # The event, or the window, ends a tick too early or too late.
+    ('fm_once_within_at', '? tick - 1 + bound : *last;\n  *last = p', '? tick + bound : *last;\n'
+     '  *last = p'),
+    ('fm_once_within_at', 'p || kept >= tick', 'p || kept > tick'),
+    ('fm_always_within_at', 'bound, !p, tick', 'bound, p, tick'),
+    ('fm_since_within_at', 'p ? before : -1', 'before'),
+    ('fm_since_within_at', '*last = q ? FM_NEVER : kept', '*last = kept'),
+    ('fm_since_before_at', '== FM_NEVER - 1 ? tick - 1 + bound', '== FM_NEVER - 1 ? tick + bound'),
+    ('fm_since_before_at', 'p && begun <= tick', 'begun <= tick'),
+    ('fm_since_before_at', 'q ? FM_NEVER - 1 : FM_NEVER', 'FM_NEVER'),
+    ('fm_once_before_at', 'bound, true, p', 'bound, p, true'),
+    # A deadline that is too late, too early, forgotten, or of the past.
+    ('fm_once_within_at', 'out && !p, kept + 1', 'out && !p, kept + 2'),
+    ('fm_once_within_at', 'out && !p, kept + 1', 'out && !p, kept'),
+    ('fm_since_within_at', 'out && !q, kept + 1', 'false, kept + 1'),
+    ('fm_since_before_at', 'p && begun > tick, begun', 'p, begun'),
+    ('fm_since_before_at', 'fm_lower(next, p && begun > tick, begun);', '*next = begun;'),
+    ('fm_lower', 'is_due && tick < *next', 'is_due'),
 ])
 def test_a_cell_that_is_wrong_is_not_proved(function: str, old: str, new: str) -> None:
     proof = prove_function(program(old, new), function, 20.0)
