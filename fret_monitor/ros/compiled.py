@@ -200,7 +200,7 @@ def _policy_of(settings: Settings, manifest: Manifest) -> Policy:
     has_time = {Policy.PERIODIC, Policy.TIMED} & {policy, manifest.policy}
     if has_time and policy is not manifest.policy:
         raise Refusal(
-            f'the compiled bundle counts steps of the policy {manifest.policy.value}; to run it '
+            f'the bundle is compiled for the policy {manifest.policy.value}; to run it '
             f'with {policy.value}, compile it with that policy in the bundle')
     if settings.period is not None and float(settings.period) != manifest.period:
         raise Refusal(
