@@ -137,13 +137,26 @@ static inline uint32_t fm_next_position(uint32_t position, uint32_t length)
   return position + 1u == length ? 0u : position + 1u;
 }
 
+/// The signed number that 64 bits of two's complement represent. A cast of a number above
+/// INT64_MAX would be implementation-defined.
+static inline int64_t fm_signed(uint64_t bits)
+{
+  return bits <= (uint64_t)INT64_MAX ? (int64_t)bits : -(int64_t)(~bits) - 1;
+}
+
 /// Cells of groups that step at ticks (fm_group.step_at). Between two steps the arguments of a
 /// cell stay as they were at the first of them. `tick` is that of this step; each cell lowers
 /// `*next` to the next tick at which its result can change although its arguments stay. No tick is
 /// above FM_LAST_TICK, and no bound above 2^62.
+static inline int64_t fm_choice(bool condition, int64_t yes, int64_t no)
+{
+  const uint64_t ones_if = 0u - (uint64_t)condition;  // no branch, as for the counters
+  return fm_signed((uint64_t)no ^ (((uint64_t)yes ^ (uint64_t)no) & ones_if));
+}
+
 static inline void fm_lower(int64_t * next, bool is_due, int64_t tick)
 {
-  *next = is_due && tick < *next ? tick : *next;
+  *next = fm_choice(is_due & (tick < *next), tick, *next);
 }
 
 /// The state of these is the last tick at which the result is true (always_within: false) if the
@@ -153,10 +166,10 @@ static inline void fm_lower(int64_t * next, bool is_due, int64_t tick)
 static inline bool fm_once_within_at(
   int64_t * last, int64_t bound, bool p, int64_t tick, int64_t * next)
 {
-  const int64_t kept = *last == FM_NEVER ? tick - 1 + bound : *last;
-  *last = p ? FM_NEVER : kept;
-  const bool out = p || kept >= tick;
-  fm_lower(next, out && !p, kept + 1);
+  const int64_t kept = fm_choice(*last == FM_NEVER, tick - 1 + bound, *last);
+  *last = fm_choice(p, FM_NEVER, kept);
+  const bool out = p | (kept >= tick);
+  fm_lower(next, out & !p, kept + 1);
   return out;
 }
 
@@ -169,11 +182,11 @@ static inline bool fm_always_within_at(
 static inline bool fm_since_within_at(
   int64_t * last, int64_t bound, bool p, bool q, int64_t tick, int64_t * next)
 {
-  const int64_t before = *last == FM_NEVER ? tick - 1 + bound : *last;
-  const int64_t kept = p ? before : -1;
-  *last = q ? FM_NEVER : kept;
-  const bool out = q || kept >= tick;
-  fm_lower(next, out && !q, kept + 1);
+  const int64_t before = fm_choice(*last == FM_NEVER, tick - 1 + bound, *last);
+  const int64_t kept = fm_choice(p, before, -1);
+  *last = fm_choice(q, FM_NEVER, kept);
+  const bool out = q | (kept >= tick);
+  fm_lower(next, out & !q, kept + 1);
   return out;
 }
 
@@ -182,11 +195,11 @@ static inline bool fm_since_within_at(
 static inline bool fm_since_before_at(
   int64_t * first, int64_t bound, bool p, bool q, int64_t tick, int64_t * next)
 {
-  const int64_t kept = *first == FM_NEVER - 1 ? tick - 1 + bound : *first;
-  const int64_t begun = kept == FM_NEVER && q ? tick + bound : kept;
-  *first = p ? begun : q ? FM_NEVER - 1 : FM_NEVER;
-  const bool out = p && begun <= tick;
-  fm_lower(next, p && begun > tick, begun);
+  const int64_t kept = fm_choice(*first == FM_NEVER - 1, tick - 1 + bound, *first);
+  const int64_t begun = fm_choice((kept == FM_NEVER) & q, tick + bound, kept);
+  *first = fm_choice(p, begun, FM_NEVER - (int64_t)q);
+  const bool out = p & (begun <= tick);
+  fm_lower(next, p & (begun > tick), begun);
   return out;
 }
 
@@ -278,13 +291,6 @@ static inline bool fm_same_f64(double a, double b)
 {
   const union {double number; uint64_t bits;} x = {a}, y = {b};
   return x.bits == y.bits;
-}
-
-/// The signed number that 64 bits of two's complement represent. A cast of a number above
-/// INT64_MAX would be implementation-defined.
-static inline int64_t fm_signed(uint64_t bits)
-{
-  return bits <= (uint64_t)INT64_MAX ? (int64_t)bits : -(int64_t)(~bits) - 1;
 }
 
 /// Integers wrap at 64 bits; x / 0 and x mod 0 are 0; division truncates, mod has the sign of the

@@ -173,10 +173,11 @@ class _ModuleWriter:
         yield f'FM_EXPORT void {names.prefix}_reset({names.state_struct} * state);'
         yield ''
         if self._is_timed:
-            yield '/// Evaluate all requirements at a tick: nanoseconds since the first, which is 0.'
-            yield '/// Returns the next tick at which a verdict can change although the inputs stay as'
-            yield '/// they are (FM_NEVER: none): call it then, or before if an input has changed.'
-            yield '/// verdicts[i] is true if i is satisfied.'
+            yield from (
+                '/// Evaluate all requirements at a tick: nanoseconds since the first, which is',
+                '/// 0. Returns the next tick at which a verdict can change although the inputs',
+                '/// stay as they are (FM_NEVER: none): call it then, or before if an input has',
+                '/// changed. verdicts[i] is true if i is satisfied.')
             yield f'FM_EXPORT int64_t {names.prefix}_step_at('
             yield f'  {names.state_struct} * state, const {names.inputs_struct} * inputs,'
             yield '  bool * verdicts, int64_t tick);'

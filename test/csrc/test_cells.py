@@ -117,14 +117,15 @@ def test_cells_at_ticks_equal_the_operators_at_every_tick(
 
 
 SLIPS_AT_TICKS = {
-    'a window one tick longer': ('tick - 1 + bound : *last;\n  *last = p',
-                                 'tick + bound : *last;\n  *last = p'),
-    'a since that p cannot end': ('p ? before : -1', 'before'),
-    'an event that lasts, forgotten': ('*last = q ? FM_NEVER : kept', '*last = q ? tick : kept'),
-    'a deadline one tick late': ('fm_lower(next, out && !p, kept + 1)',
-                                 'fm_lower(next, out && !p, kept + 2)'),
-    'no deadline': ('fm_lower(next, p && begun > tick, begun);', ''),
-    'an oldest q that stands still': ('q ? FM_NEVER - 1 : FM_NEVER', 'q ? begun : FM_NEVER'),
+    'a window one tick longer': ('tick - 1 + bound, *last);\n  *last = fm_choice(p',
+                                 'tick + bound, *last);\n  *last = fm_choice(p'),
+    'a since that p cannot end': ('fm_choice(p, before, -1)', 'before'),
+    'an event that lasts, forgotten': ('*last = fm_choice(q, FM_NEVER, kept)',
+                                       '*last = fm_choice(q, tick, kept)'),
+    'a deadline one tick late': ('fm_lower(next, out & !p, kept + 1)',
+                                 'fm_lower(next, out & !p, kept + 2)'),
+    'no deadline': ('fm_lower(next, p & (begun > tick), begun);', ''),
+    'an oldest q that stands still': ('FM_NEVER - (int64_t)q', 'fm_choice(q, begun, FM_NEVER)'),
     'a queue that p cannot empty': ('queue[1] = p ? queue[1] : 0;', ''),
     'results merged over a gap': ('newest[1] >= tick + low - 1', 'newest[1] >= tick + low - 2'),
     'results that touch kept apart': ('newest[1] >= tick + low - 1', 'newest[1] >= tick + low'),
