@@ -113,8 +113,9 @@ def value_at(history: History, tick: int) -> Value:
 def verdict_rows(histories: Sequence[History], trace: TimedTrace) -> list[tuple[int, list[Value]]]:
     """Return the values at each row of a trace, and at each tick at which one has changed."""
     changes = {start for history in histories for start, _ in history}
-    return [(tick, [value_at(history, tick) for history in histories])
-            for tick in sorted(changes.union(trace.ticks))]
+    ticks = sorted(changes.union(trace.ticks))
+    columns = [_sampled(history, ticks) for history in histories]
+    return [(tick, [column[row] for column in columns]) for row, tick in enumerate(ticks)]
 
 
 def _evaluate_nodes(nodes: Sequence[Formula], trace: TimedTrace,

@@ -57,11 +57,37 @@ def wrong(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 def test_a_short_run_gives_the_verdicts_of_the_reference(prepared: bench.Bench) -> None:
-    results = list(soak.soak(prepared, 5000))
+    results = [result for part in ('simulate', 'node')
+               for result in soak.soak(prepared, 5000, part)]
     assert [result.messages for result in results] == [5000] * len(results)
     assert len({result.violations for result in results}) == 1
     assert results[0].violations > 5000
     assert {'simulate', 'monitor'} <= {result.title for result in results}
+
+
+def test_a_short_timed_run_gives_the_verdicts_of_the_reference(prepared: bench.Bench) -> None:
+    result, = soak.soak(prepared, 10 * 2500, 'timed')
+    assert (result.title, result.messages) == ('simulate, timed', 2500)
+    assert result.violations > 2500
+
+
+def test_a_verdict_that_changes_a_nanosecond_early_ends_the_timed_run(
+    prepared: bench.Bench, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    right = soak.timed_turn_of
+
+    def turn_of(bundle: Path) -> soak.TimedTurn:
+        turn = right(bundle)
+        rows = {tick for tick, _ in turn.rows}
+        place = next(place for place, (tick, _) in enumerate(turn.later) if tick - 1 not in rows
+                     and tick not in rows)
+        later = list(turn.later)
+        later[place] = (later[place][0] - 1, later[place][1])
+        return replace(turn, later=tuple(later))
+
+    monkeypatch.setattr(soak, 'timed_turn_of', turn_of)
+    with pytest.raises(SystemExit, match=r'simulate: .*, and not '):
+        list(soak.soak(prepared, 10 * 2500, 'timed'))
 
 
 def test_one_wrong_verdict_ends_the_simulation_at_its_row(
