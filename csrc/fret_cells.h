@@ -268,7 +268,9 @@ static inline bool fm_since_between_at(
   }
   const int64_t * const oldest = fm_interval(queue, capacity, 0);
   const bool out = oldest[0] <= tick;
-  fm_lower(next, out && oldest[1] != FM_NEVER, oldest[1] + 1);
+  if (out && oldest[1] != FM_NEVER) {
+    fm_lower(next, true, oldest[1] + 1);
+  }
   fm_lower(next, !out && oldest[0] != FM_NEVER - 1, oldest[0]);
   return out;
 }

@@ -57,7 +57,7 @@ COSTS = {
     'counter, O H [0,b]': 12, 'counter, S T [0,b]': 16,
     'counter, O H [a,inf)': 15, 'counter, S T [a,inf)': 18,
     # Under `timed`, a cell also says when its value can change.
-    'tick': 20, 'settling': 5, 'counter, at ticks': 26, 'queue': 90, 'overflow of a queue': 9,
+    'tick': 20, 'settling': 5, 'counter, at ticks': 36, 'queue': 110, 'overflow of a queue': 9,
     'delay, word': 11, 'delay, ring': 19, 'position of rings': 16,
     'pre, Boolean': 5, 'pre, integer': 4, 'pre, float': 4,
     'feedback': 3, 'wire': 3,
