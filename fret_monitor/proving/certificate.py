@@ -22,7 +22,10 @@ from typing import Any
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.logic.formula import BinaryOperator
 from fret_monitor.model.diagnostics import counted
-from fret_monitor.program.monitor_program import ApplyBinary, MonitorProgram
+from fret_monitor.model.policies import Policy
+from fret_monitor.program.monitor_program import (
+    ApplyBinary, MonitorProgram, PreviousNumber, SinceBetween,
+)
 from fret_monitor.proving.obligations import Proof
 from fret_monitor.proving.verification import GroupResult, proved_files, Verification
 from fret_monitor.smt.solver import Answer, solver_version
@@ -38,7 +41,19 @@ ASSUMED = (
     "an independent evaluator and FRET's own verdicts)",
     'not covered: how messages are decoded, when a step is due, and what is reported',
 )
+_TICKS = ('the caller steps a group first at tick 0, then at each tick at which an input changes '
+          'and at each tick that the step before returned, with ticks that increase')
+_SAME = ('fm_same_f32 and fm_same_f64 compare the bits of two numbers (they read a union, which '
+         'is not modelled here; tested)')
+_QUEUE = ('fm_since_between_at and fm_overflowed_at compute windows [a,b] with a > 0: tested '
+          'against the reference, not proved')
 _LIBRARY = 'fmod and pow of the C library give the same value for the same arguments'
+_PROVED = ('For every trace of inputs, each verdict of the C is that of the program, and no',
+           'step has undefined behaviour.')
+_PROVED_AT_TICKS = (
+    'For every trace of inputs, each verdict of the C is that of the program, which takes a step',
+    'every nanosecond. No verdict changes before the tick that a step returns, so that the',
+    'steps in between can be left out. No step has undefined behaviour.')
 _SHOWN = 10
 
 
@@ -61,8 +76,11 @@ class Certificate:
     @property
     def assumed(self) -> tuple[str, ...]:
         """Return the assumptions of the proof and the parts that it does not cover."""
-        is_used = _uses_library(self.generated.program)
-        return (*ASSUMED[:3], *([_LIBRARY] if is_used else []), *ASSUMED[3:])
+        program = self.generated.program
+        found = [_LIBRARY] if _uses_library(program) else []
+        if program.policy is Policy.TIMED:
+            found += [_TICKS, *_trusted_cells(program)]
+        return (*ASSUMED[:3], *found, *ASSUMED[3:])
 
 
 def _uses_library(program: MonitorProgram) -> bool:
@@ -70,6 +88,17 @@ def _uses_library(program: MonitorProgram) -> bool:
     return any(isinstance(equation.operation, ApplyBinary)
                and equation.operation.operator in kinds and equation.type.is_float
                for group in program.groups for equation in group.equations)
+
+
+def _trusted_cells(program: MonitorProgram) -> Iterator[str]:
+    """Yield what is assumed of the functions of a program that are not proved."""
+    equations = [equation for group in program.groups for equation in group.equations]
+    stored = [item.type for item in equations if isinstance(item.operation, PreviousNumber)]
+    stored += [item.type for group in program.groups for item in group.feedback]
+    if any(kind.is_float for kind in stored):
+        yield _SAME
+    if any(isinstance(item.operation, SinceBetween) for item in equations):
+        yield _QUEUE
 
 
 def _count(proofs: tuple[Proof, ...], answer: Answer = Answer.PROVED) -> int:
@@ -115,6 +144,7 @@ def _proof(proof: Proof) -> dict[str, Any]:
 def lines(certificate: Certificate) -> Iterator[str]:
     """Yield the lines of the certificate as text."""
     found, manifest = certificate.verification, certificate.generated.manifest
+    is_timed = certificate.generated.program.policy is Policy.TIMED
     verdict = 'proved' if found.is_proved else 'NOT PROVED'
     yield (f'{certificate.bundle}: {verdict}, '
            f'{counted(len(manifest.requirements), "requirement")}')
@@ -129,10 +159,13 @@ def lines(certificate: Certificate) -> Iterator[str]:
     yield f'solver        {solver_version()}, {found.seconds:.1f} s'
     yield ''
     if found.is_proved:
-        yield 'For every trace of inputs, each verdict of the C is that of the program, and no'
-        yield 'step has undefined behaviour.'
+        yield from _PROVED_AT_TICKS if is_timed else _PROVED
         yield ''
     yield from _failures(found)
+    if is_timed and any(not item.is_proved for item in found.groups):
+        yield 'No trace was searched for that shows the failure: only `simulate` and the tests run'
+        yield 'monitors of the policy `timed`.'
+        yield ''
     yield 'Assumed, or not covered by this proof:'
     yield from (f'- {text}' for text in certificate.assumed)
 

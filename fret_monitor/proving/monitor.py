@@ -22,6 +22,7 @@ reset all groups are compared with a sequence of calls for each group.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 import time
 from typing import Any
 
@@ -42,7 +43,7 @@ from fret_monitor.proving.timed_cells import AskedTicks
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.solver import Answer, prove, PROVED, shown_values
 from fret_monitor.smt.terms import Term
-from fret_monitor.smt.transition import TransitionSystem
+from fret_monitor.smt.transition import earlier, NEVER, TransitionSystem
 
 ALL = -1  # the functions that step or reset all groups
 ANY = -2  # likewise, with the step function in the description (`step_any`)
@@ -108,7 +109,7 @@ class ProofSubject:
         machine.call(self._function(group, 'reset'), [self._state()])
 
     def call_step(self, machine: Machine, group: int) -> Result:
-        """Execute the function that steps a group, or all groups; the latter not at ticks."""
+        """Execute the function that steps a group, or all groups."""
         if self.is_timed:
             return machine.call(self._function(group, 'step_at'), self.arguments())
         return machine.call(self._function(group, 'step'), self.arguments())
@@ -302,15 +303,17 @@ def _whole_goals(subject: ProofSubject) -> Iterator[tuple[str, Term]]:
     whole = ran(lambda machine: subject.call_reset(machine, ALL), state)
     parts = ran(one_by_one(subject.call_reset), state)
     yield from _equal('reset of all groups', whole, parts)
-    names = [] if subject.is_timed else [f'{subject.prefix}_step']
-    if names and len(groups) > 1:
-        names.append(f'{subject.prefix}_step_any')
-    for name in names:
+    if subject.is_timed:
+        yield from _equal_at(subject, {**state, **inputs})
+    else:
+        names = [f'{subject.prefix}_step']
+        if len(groups) > 1:
+            names.append(f'{subject.prefix}_step_any')
         parts = ran(one_by_one(subject.call_step), {**state, **inputs})
-
-        def stepping(machine: Machine, name: str = name) -> None:
-            machine.call(name, subject.arguments())
-        yield from _equal(f'{name}: all groups', ran(stepping, {**state, **inputs}), parts)
+        for name in names:
+            def stepping(machine: Machine, name: str = name) -> None:
+                machine.call(name, subject.arguments())
+            yield from _equal(f'{name}: all groups', ran(stepping, {**state, **inputs}), parts)
     for text in wrong_types_of_inputs(subject.code, subject.program, subject.prefix):
         yield f'inputs: {text}', t.FALSE
     yield 'inputs: as many and of the types that the program has', t.TRUE
@@ -319,6 +322,22 @@ def _whole_goals(subject: ProofSubject) -> Iterator[tuple[str, Term]]:
     for text in wrong:
         yield f'description: {text}', t.FALSE
     yield 'description: inputs, groups and requirements', t.truth(not wrong)
+
+
+def _equal_at(subject: ProofSubject, memory: Memory) -> Iterator[tuple[str, Term]]:
+    """Yield the obligations of the function that steps all groups at a tick."""
+    name = f'{subject.prefix}_step_at'
+    machines, dues = [], []
+    for groups in ([ALL], range(len(subject.layouts))):
+        contracts = {**ARITHMETIC, **CELLS, **AskedTicks(subject.tick).contracts}
+        machine = Machine(subject.code, memory, contracts)
+        found = [subject.call_step(machine, group) for group in groups]
+        dues.append([item.term for item in found if isinstance(item, Value)])
+        machines.append(machine)
+    yield from _equal(f'{name}: all groups', *machines)
+    earliest = reduce(earlier, dues[1], NEVER)
+    is_same = len(dues[0]) == 1 and dues[0][0].sort == earliest.sort
+    yield f'{name}: next tick', t.same(dues[0][0], earliest) if is_same else t.FALSE
 
 
 def _equal(name: str, whole: Machine, parts: Machine) -> Iterator[tuple[str, Term]]:

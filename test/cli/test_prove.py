@@ -61,6 +61,26 @@ def test_a_bundle_is_proved_with_a_complete_certificate(here: Here) -> None:
         assert text in done.out
 
 
+TIMED = """\
+format: 1
+evaluation: {policy: timed}
+inputs: {p: {type: bool}, d: {type: float64}}
+requirements:
+  - {id: R-1, ptltl: "H (p -> O[0, 2.5 s] d > 1.0)"}
+  - {id: R-2, ptltl: "O[1 s, 2 s] p"}
+  - {id: R-3, ptltl: "preReal(0.5, d) < d"}
+"""
+
+
+def test_the_certificate_of_a_timed_bundle_speaks_of_ticks(here: Here) -> None:
+    done = here.run('prove', here.file('timed.yaml', TIMED))
+    assert (done.status, done.err) == (0, '')
+    assert done.out.startswith('timed.yaml: proved, 3 requirements\n')
+    for text in ('No verdict changes before the tick that a step returns',
+                 'the caller steps a group first at tick 0', 'fm_same_f32', 'fm_since_between_at'):
+        assert text in done.out
+
+
 def test_a_counterexample_does_not_overwrite_an_input_file(here: Here) -> None:
     sources = compiled(here)
     code = sources / 'pump_monitor.c'

@@ -150,6 +150,16 @@ def test_numbers_are_the_same_if_their_bits_are(bits: int, kind: Any, tmp_path: 
         assert same(one[1], other[1]) is (one[0] == other[0])
 
 
+def test_a_step_of_all_groups_that_leaves_one_out_is_not_proved() -> None:
+    monitor = generated([WITHIN, Yesterday(Q)])
+    step = '  fm_lower(&next, true, random_group_1_step_at(state, inputs, verdicts, tick));\n'
+    found = failures(proofs(monitor, step, ''))
+    assert any('random_step_at: all groups: the same values' in text for text in found)
+    kept = '  (void)random_group_1_step_at(state, inputs, verdicts, tick);\n'
+    assert any('random_step_at: next tick' in text
+               for text in failures(proofs(monitor, step, kept)))
+
+
 def test_a_queue_that_is_too_short_is_not_proved(monkeypatch: pytest.MonkeyPatch) -> None:
     monitor = generated([Once(Window(4, 6), P)])
     [layout] = monitor.layouts
