@@ -48,7 +48,7 @@ void fm_begin_ready_groups(struct fm_evaluator * evaluator)
   for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
     const struct fm_instance_group * cell = &instance->groups[g];
     if (evaluator->policy == FM_TIMED && instance->time->has_begun && cell->unset == 0 &&
-      cell->steps == 0)
+      cell->steps == 0 && cell->due == FM_NEVER)
     {
       fm_set_group_due(evaluator, g, instance->time->now);
     }
@@ -77,6 +77,9 @@ static void begin_time(struct fm_evaluator * evaluator, int64_t now)
     instance->time->next_period = fm_later(now, evaluator->period);
   }
   fm_begin_ready_groups(evaluator);
+  if (evaluator->policy == FM_TIMED) {
+    instance->time->receptions_end = fm_later(now, 1);
+  }
   evaluator->is_exact = false;
 }
 
@@ -201,9 +204,9 @@ static void take_period(struct fm_evaluator * evaluator, int64_t now, struct fm_
   evaluator->counts.late += fm_since(time->next_period, now) > evaluator->period / 2 ? 1u : 0u;
   time->next_period = fm_later(time->next_period, evaluator->period);
   evaluator->is_exact = false;
-  fm_end_receptions(evaluator);
+  fm_end_receptions(evaluator, now);
   fm_step_ready_groups(evaluator, report);
-  time->are_receptions_over = evaluator->n_receptions > 0;
+  time->receptions_end = evaluator->n_receptions > 0 ? INT64_MIN : INT64_MAX;
 }
 
 // The input that is due at an instant, n_inputs if none is.
@@ -224,6 +227,7 @@ static void restart_time(struct fm_evaluator * evaluator, int64_t now)
   time->clock = now;
   if (evaluator->policy == FM_TIMED) {
     time->taken = INT64_MIN;
+    time->receptions_end = INT64_MIN;
     fm_evaluator_reset(evaluator);
   }
 }
@@ -239,8 +243,6 @@ static void move_time(struct fm_evaluator * evaluator, int64_t now)
     time->before = time->now;
     time->now = now;
     time->clock = now > time->clock ? now : time->clock;
-    time->are_receptions_over =
-      time->are_receptions_over || (evaluator->policy == FM_TIMED && evaluator->n_receptions > 0);
   }
 }
 

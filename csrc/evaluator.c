@@ -120,10 +120,8 @@ static void end_violation(struct fm_evaluator * evaluator, uint32_t g)
   const struct fm_instance * instance = &evaluator->instance;
   instance->groups[g].knows_stale = false;
   for (uint32_t k = 0; instance->groups[g].unset > 0 && k < group->n_requirements; ++k) {
-    const uint32_t r = group->requirements[k];
-    instance->previous[r] = true;
-    instance->verdicts[r] = true;
-    instance->verdicts[evaluator->requirements[r].occurrence] = true;
+    instance->previous[group->requirements[k]] = true;
+    instance->verdicts[group->requirements[k]] = true;
   }
 }
 
@@ -167,7 +165,7 @@ void fm_evaluator_store(
   struct fm_evaluator * evaluator, uint32_t input, union fm_value value, int64_t now)
 {
   if (input < evaluator->monitor->n_inputs) {
-    fm_end_receptions(evaluator);
+    fm_end_receptions(evaluator, now);
     fm_instance_write(&evaluator->instance, input, value);
     note_receipt(evaluator, input, now);
   }
@@ -177,7 +175,7 @@ void fm_evaluator_store_from(
   struct fm_evaluator * evaluator, uint32_t input, const void * value, int64_t now)
 {
   if (input < evaluator->monitor->n_inputs) {
-    fm_end_receptions(evaluator);
+    fm_end_receptions(evaluator, now);
     fm_instance_write_from(&evaluator->instance, input, value);
     note_receipt(evaluator, input, now);
   }
@@ -186,6 +184,7 @@ void fm_evaluator_store_from(
 void fm_evaluator_initial(struct fm_evaluator * evaluator, uint32_t input, union fm_value value)
 {
   if (input < evaluator->monitor->n_inputs) {
+    fm_end_receptions(evaluator, evaluator->instance.time->now);
     fm_instance_write(&evaluator->instance, input, value);
     note_value(evaluator, input);
     fm_begin_ready_groups(evaluator);
@@ -196,6 +195,7 @@ void fm_evaluator_initial_from(
   struct fm_evaluator * evaluator, uint32_t input, const void * value)
 {
   if (input < evaluator->monitor->n_inputs) {
+    fm_end_receptions(evaluator, evaluator->instance.time->now);
     fm_instance_write_from(&evaluator->instance, input, value);
     note_value(evaluator, input);
     fm_begin_ready_groups(evaluator);
@@ -218,6 +218,15 @@ void fm_evaluator_undecodable(struct fm_evaluator * evaluator, uint32_t topic)
 
 // ---- messages ----------------------------------------------------------------------------------
 
+// A reception is true until the steps of its message are taken, or for one tick.
+static int64_t end_of_reception(const struct fm_evaluator * evaluator, int64_t now)
+{
+  if (evaluator->n_receptions == 0) {
+    return INT64_MAX;
+  }
+  return evaluator->policy == FM_TIMED ? fm_later(now, 1) : INT64_MIN;
+}
+
 uint32_t fm_evaluator_message(
   struct fm_evaluator * evaluator, uint32_t topic, int64_t now, struct fm_violation * out)
 {
@@ -227,7 +236,7 @@ uint32_t fm_evaluator_message(
   }
   struct fm_topic_cell * cell = &evaluator->topics[topic];
   cell->counts.messages += 1;
-  fm_end_receptions(evaluator);
+  fm_end_receptions(evaluator, now);
   switch (evaluator->policy) {
     case FM_EVERY_MESSAGE:
       fm_step_ready_groups(evaluator, &report);
@@ -247,7 +256,9 @@ uint32_t fm_evaluator_message(
     case FM_PERIODIC:
       return 0;
   }
-  evaluator->instance.time->are_receptions_over = cell->tells_receptions;
+  if (cell->tells_receptions) {
+    evaluator->instance.time->receptions_end = end_of_reception(evaluator, now);
+  }
   return report.n;
 }
 
@@ -255,13 +266,16 @@ uint32_t fm_evaluator_step(
   struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out)
 {
   struct fm_findings report = {out, now, 0};
-  fm_end_receptions(evaluator);
+  fm_end_receptions(evaluator, now);
   if (evaluator->policy == FM_TIMED) {
+    if (!evaluator->instance.time->has_begun) {
+      (void)fm_evaluator_advance(evaluator, now, NULL);
+    }
     fm_evaluate_ready_groups(evaluator, now, &report);
   } else {
     fm_step_ready_groups(evaluator, &report);
   }
-  evaluator->instance.time->are_receptions_over = evaluator->n_receptions > 0;
+  evaluator->instance.time->receptions_end = end_of_reception(evaluator, now);
   return report.n;
 }
 

@@ -212,7 +212,8 @@ FM_EXPORT uint32_t fm_evaluator_message(
   struct fm_evaluator * evaluator, uint32_t topic, int64_t now, struct fm_violation * out);
 
 /// A row of a trace is stored (any policy): all ready groups take a step, and wait for all their
-/// inputs anew with FM_ALL_INPUTS. As fm_evaluator_message otherwise.
+/// inputs anew with FM_ALL_INPUTS. Under FM_TIMED the first row begins the time. As
+/// fm_evaluator_message otherwise.
 FM_EXPORT uint32_t fm_evaluator_step(
   struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out);
 

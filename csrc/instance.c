@@ -97,6 +97,7 @@ struct fm_instance fm_instance_make(const struct fm_monitor * monitor, void * bl
   }
   instance.time->next_period = INT64_MAX;
   instance.time->taken = INT64_MIN;
+  instance.time->receptions_end = INT64_MAX;
   fm_instance_reset(&instance);
   return instance;
 }
@@ -247,6 +248,9 @@ void fm_instance_shift(const struct fm_instance * instance, int64_t by)
   time->next_period = moved(time->next_period, by);
   time->clock = fm_later(time->clock, by);
   time->taken = fm_later(time->taken, by);
+  if (time->receptions_end != INT64_MIN) {
+    time->receptions_end = moved(time->receptions_end, by);
+  }
   for (uint32_t i = 0; i < instance->monitor->n_inputs; ++i) {
     instance->inputs[i].stored_at = fm_later(instance->inputs[i].stored_at, by);
     instance->inputs[i].due = moved(instance->inputs[i].due, by);

@@ -71,8 +71,9 @@ struct fm_instance_time
   int64_t taken;         // under FM_TIMED: the latest instant of a record or evaluation
   uint64_t stores;       // values stored so far
   uint32_t n_waiting;    // groups that read an input without a value
+  int64_t receptions_end;  // inputs that say that a message came are false from then; INT64_MIN:
+                           // from the next call on; INT64_MAX: none is true
   bool has_begun;
-  bool are_receptions_over;  // inputs that say whether a message came are to become false
 };
 
 /// Where the parts of an instance lie: pointers into its block.

@@ -82,14 +82,14 @@ void fm_overrule(struct fm_evaluator * evaluator, uint32_t g)
 
 // ---- steps -------------------------------------------------------------------------------------
 
-void fm_end_receptions(struct fm_evaluator * evaluator)
+void fm_end_receptions(struct fm_evaluator * evaluator, int64_t instant)
 {
   const struct fm_instance * instance = &evaluator->instance;
   const union fm_value no = {.i = 0};
-  if (!instance->time->are_receptions_over) {
+  if (instance->time->receptions_end == INT64_MAX || instant < instance->time->receptions_end) {
     return;
   }
-  instance->time->are_receptions_over = false;
+  instance->time->receptions_end = INT64_MAX;
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     if (evaluator->inputs[i].source == FM_RECEPTION) {
       fm_instance_write(instance, i, no);
@@ -238,12 +238,11 @@ void fm_evaluate_ready_groups(
 void fm_evaluate_due_groups(
   struct fm_evaluator * evaluator, int64_t instant, struct fm_findings * report)
 {
-  fm_end_receptions(evaluator);
+  fm_end_receptions(evaluator, instant);
   evaluator->instance.time->taken = instant;
   for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
     if (evaluator->instance.groups[g].due <= instant) {
       fm_evaluate_group(evaluator, g, instant, report);
     }
   }
-  evaluator->instance.time->are_receptions_over = evaluator->n_receptions > 0;
 }

@@ -49,8 +49,8 @@ void fm_evaluate_ready_groups(
 void fm_evaluate_due_groups(
   struct fm_evaluator * evaluator, int64_t instant, struct fm_findings * report);
 
-/// Let the inputs become false that said that a message came, if their time is over.
-void fm_end_receptions(struct fm_evaluator * evaluator);
+/// Let the inputs become false that said that a message came, if that is over by an instant.
+void fm_end_receptions(struct fm_evaluator * evaluator, int64_t instant);
 
 /// Count and report the verdicts of a group.
 void fm_judge_group(struct fm_evaluator * evaluator, uint32_t g, struct fm_findings * report);
