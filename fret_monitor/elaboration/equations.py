@@ -20,7 +20,7 @@ node, and its equation is returned separately. The type of the node is the decla
 INT64, `real` FLOAT64), or else the common type of the initial value and the equation.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain, count
@@ -171,7 +171,7 @@ class _LustreNode:
                  for delay, guess in guesses.items()}
         delayed = self._pass(loop, cells, order, self._problems)
         for delay, term in delayed.items():
-            self._close(delay, cells[delay], term)
+            self._close(delay, cells[delay], term, list(cells.values()))
         # Every equation of a loop depends on the bounds in all of them.
         bounds = joined_bounds(*(term.bounds for term in delayed.values()),
                                *(self._term(name).bounds for name in order))
@@ -245,8 +245,9 @@ class _LustreNode:
         self._taken.add(name)
         return name
 
-    def _close(self, delay: '_Delay', cell: Feedback, term: TypedTerm) -> None:
-        """Record the equation of a feedback, converted to the feedback's type."""
+    def _close(self, delay: '_Delay', cell: Feedback, term: TypedTerm,
+               loop: Collection[Feedback]) -> None:
+        """Record the equation of a feedback of a loop, converted to the feedback's type."""
         match term.value:
             case Undeclared() | Broken():
                 return
@@ -266,7 +267,7 @@ class _LustreNode:
             self._problems.extend(error.diagnostics)
             return
         self._feedback[cell] = equation
-        if self._scale.is_timed and not settles(cell, equation):
+        if self._scale.is_timed and not settles(cell, equation, loop):
             self._report_counting(delay)
 
     def _report_counting(self, delay: '_Delay') -> None:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Equations that settle: one nanosecond after their inputs changed, they stay as they are.
+Equations that settle: soon after their inputs changed, they stay as they are.
 
 Under the policy timed, an equation that depends on its own previous value is evaluated only when
 an input changes or a deadline comes. So it must settle in one step: with f(x) its value if x is
@@ -29,7 +29,7 @@ Choices by conditions that are independent of it may stand around these forms, i
 Lustre's `initial -> ...`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Choice, Feedback, Formula, operands, postorder, Unary, UnaryOperator,
@@ -39,10 +39,15 @@ from fret_monitor.model.values import ValueType
 _EXTREMES = (BinaryOperator.MIN, BinaryOperator.MAX)
 
 
-def settles(feedback: Feedback, equation: Formula) -> bool:
-    """Whether the form of an equation shows that it settles; False if it uses another one."""
+def settles(feedback: Feedback, equation: Formula, loop: Collection[Feedback]) -> bool:
+    """
+    Whether the form of an equation shows that it settles, once the other equations have.
+
+    It may use equations that do not depend on it, but no other one of its `loop`.
+    """
     nodes = list(postorder([equation]))
-    if any(isinstance(node, Feedback) and node is not feedback for node in nodes):
+    if any(node in loop and node is not feedback for node in nodes
+           if isinstance(node, Feedback)):
         return False
     dependent: set[Formula] = {feedback}
     for node in nodes:
