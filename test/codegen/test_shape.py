@@ -28,6 +28,7 @@ from codegen.workbench import assert_clean_and_right, compile_with, inputs_of, s
 from differential.compiled import (
     c_module, clang, compile_c, Compiled, CSRC, FLAGS, gcc, WARNINGS, write_module,
 )
+from differential.timed_monitor import TimedMonitor
 from fret_monitor.build import generate_monitor, read
 from fret_monitor.codegen import c
 from fret_monitor.codegen.module import CModule
@@ -36,6 +37,9 @@ from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Choice, Constant, Formula, Once, Unary, UnaryOperator, Variable,
     Window,
 )
+from fret_monitor.logic.specification import Specification
+from fret_monitor.logic.timed import evaluate_timed, TimedTrace
+from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 import golden
 from hypothesis import given
@@ -90,11 +94,27 @@ def test_the_c_of_a_bundle_is_its_golden_file(case: Path) -> None:
 @pytest.mark.parametrize('case', golden.cases('c'), ids=lambda path: path.stem)
 def test_the_c_of_the_golden_files_gives_right_verdicts(case: Path) -> None:
     specification = read(case).specification
+    compile_with(clang(), c_module(specification))
+    if specification.policy is Policy.TIMED:
+        check_timed(specification)
+        return
     trace = random_trace(Random(1), inputs_of(specification), 1500)
     found = Compiled(specification, flags=(*FLAGS, *WARNINGS)).run(trace)
     for number, item in enumerate(specification.properties):
         assert found[number] == verdicts(item.formula, trace, item.feedback), item.id
-    compile_with(clang(), c_module(specification))
+
+
+def check_timed(specification: Specification) -> None:
+    """Check the verdicts at all ticks of a trace with at most four rows a second."""
+    rng = Random(1)
+    ticks = [0]
+    for _ in range(300):
+        ticks.append(ticks[-1] + rng.choice([250_000_000, 300_000_000, 300_000_001, 2 * 10 ** 9]))
+    trace = TimedTrace(ticks, random_trace(rng, inputs_of(specification), len(ticks)),
+                       ticks[-1] + 5 * 10 ** 9)
+    found = TimedMonitor(specification, (*FLAGS, *WARNINGS)).run(trace).verdicts
+    for number, item in enumerate(specification.properties):
+        assert found[number] == evaluate_timed([item.formula], trace, item.feedback)[0], item.id
 
 
 # -- nesting ----------------------------------------------------------------------------------
