@@ -87,8 +87,9 @@ def flood(partner: Partner) -> Iterator[Event]:
 
 
 def end_all(name: str, parameter: str, rounds: int, flood: Event) -> None:
-    for _ in range(rounds):
-        nodes = [NodeProcess(name, '-p', parameter, '-r', f'__node:=node{place}')
+    for turn in range(rounds):
+        # Nodes of the last turn may still be in messages of the middleware.
+        nodes = [NodeProcess(name, '-p', parameter, '-r', f'__node:=node{turn}_{place}')
                  for place in range(AT_ONCE)]
         try:
             for node in nodes:
