@@ -363,8 +363,8 @@ static void store_locked(
   }
 }
 
-// Under FM_TIMED: let a message take effect at an instant.
-static void put_locked(
+// Under FM_TIMED: let a message take effect at an instant. Returns when it does.
+static int64_t put_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t instant)
 {
   struct fm_evaluator * evaluator = engine->options.evaluator;
@@ -373,6 +373,19 @@ static void put_locked(
   store_locked(engine, topic, fields, now);
   const uint32_t n = fm_evaluator_message(evaluator, topic, now, engine->found);
   fm_engine_announce_locked(engine, n, n > 0 ? fm_engine_stamps_ahead_locked(engine) : 0);
+  return now;
+}
+
+// What ends with a message, such as its reception, is due a nanosecond later. If that has passed
+// by the steady clock, it is taken here: otherwise each message would wake the thread that waits.
+static void take_due_after_locked(struct fm_engine * engine, int64_t instant, int64_t now)
+{
+  const int64_t next = fm_later(instant, 1);
+  if (engine->source == FM_STEADY && next <= now &&
+    fm_evaluator_wake(engine->options.evaluator) <= next)
+  {
+    fm_engine_take_due_before_locked(engine, fm_later(next, 1));
+  }
 }
 
 void fm_engine_put_waiting_locked(struct fm_engine * engine, int64_t now)
@@ -380,7 +393,8 @@ void fm_engine_put_waiting_locked(struct fm_engine * engine, int64_t now)
   const struct fm_waiting * first = fm_reorder_first(&engine->waiting);
   const int64_t instant = first->stamp < now ? first->stamp : now;
   const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
-  put_locked(engine, first->topic, first->fields, instant < earliest ? earliest : instant);
+  (void)put_locked(
+    engine, first->topic, first->fields, instant < earliest ? earliest : instant);
   fm_reorder_remove_first(&engine->waiting);
 }
 
@@ -410,11 +424,11 @@ static void deliver_timed_locked(
   const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
   if (engine->options.uses_header_stamps && stamp < earliest) {
     engine->topics[topic].counts.late += 1;
-    put_locked(engine, topic, fields, earliest);
+    (void)put_locked(engine, topic, fields, earliest);
   } else if (engine->options.uses_header_stamps || engine->has_rounds) {
     wait_locked(engine, topic, fields, stamp, now);
   } else {
-    put_locked(engine, topic, fields, stamp);
+    take_due_after_locked(engine, put_locked(engine, topic, fields, stamp), now);
   }
 }
 

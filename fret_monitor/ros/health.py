@@ -16,9 +16,9 @@
 The state of the monitor on `/diagnostics`, once a second (docs/ros.md, Topics).
 
 There is a status for each requirement and each topic, one for the periods with the policy
-periodic, and one for violations that could not be published. Each is named `NODE: ITEM`, as
-diagnostic aggregators expect. `describe_missing` makes the log line about requirements that are
-not evaluated yet.
+periodic, one for the time with the policy timed, and one for violations that could not be
+published. Each is named `NODE: ITEM`, as diagnostic aggregators expect. `describe_missing` makes
+the log line about requirements that are not evaluated yet.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -124,9 +124,16 @@ class Health:
 
     def _of_periods(self) -> Iterator[DiagnosticStatus]:
         before, self._time_counts = self._time_counts, self._engine.time_counts()
+        counts = self._time_counts
+        if self._engine.is_timed:
+            went_back = counts.restarts > before.restarts
+            yield self._status(
+                f'time of {self._bundle or self._manifest.name}',
+                DiagnosticStatus.WARN if went_back else DiagnosticStatus.OK,
+                'went back since the last report' if went_back else 'passes',
+                {'restarts': counts.restarts})
         if self._period is None:
             return
-        counts = self._time_counts
         level, message = DiagnosticStatus.OK, 'in time'
         if are_worth_reading(before, counts):
             level = DiagnosticStatus.WARN

@@ -405,6 +405,19 @@ static void a_wait_ends_at_the_deadline(void)
   destroy(engine);
 }
 
+static void a_reception_ends_with_its_message_and_wakes_no_thread(void)
+{
+  struct fm_engine * engine = make(-1);
+  fm_engine_follow_steady(engine);
+  fm_engine_begin(engine);
+  const struct timespec pause = {0, 2 * MS};
+  nanosleep(&pause, NULL);
+  deliver(engine, TOPIC_X, true, 0, time_of(CLOCK_REALTIME) - MS);
+  CHECK(fm_engine_requirement_counts(engine, BEAT).steps == 2);
+  CHECK(fm_engine_requirement_counts(engine, BEAT).verdict);
+  destroy(engine);
+}
+
 // ---- stamps of headers -------------------------------------------------------------------------
 
 static void messages_take_effect_in_the_order_of_their_stamps(void)
@@ -517,6 +530,7 @@ int main(void)
   without_a_time_messages_are_steps_of_the_last_instant();
   the_messages_of_a_round_take_effect_in_order_at_its_end();
   a_wait_ends_at_the_deadline();
+  a_reception_ends_with_its_message_and_wakes_no_thread();
   messages_take_effect_in_the_order_of_their_stamps();
   a_message_that_is_too_late_takes_effect_at_once();
   when_too_many_wait_the_oldest_takes_effect();

@@ -100,8 +100,8 @@ def test_when_a_publisher_stops_the_violation_comes_on_time(
         partner.wait_for_listener(p)
         sleep(0.5)  # until the monitor has seen who wants details
         for _ in range(10):
-            p.publish(Bool(data=True))
             stopped = time()
+            p.publish(Bool(data=True))
             sleep(0.05)
         violated = listener.wait_for(1)[0]
         received = listener.heard[0][1]
@@ -142,6 +142,7 @@ def test_a_simulation_that_starts_again_starts_the_requirements_afresh(
         assert abs(float(violated.time) - 10.0) < 1e-6
         simulator.jump(-1000.0)
         node.wait_for('the requirements start afresh')
+        assert operator.status('time of bundle')[2] == {'restarts': '1'}
         # Asked at the begin, for it keeps its values: false at once, for there was no answer.
         partner.expect({'ANSWER': 2})
         answer.publish(Bool(data=True))
