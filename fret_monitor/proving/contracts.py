@@ -78,7 +78,8 @@ def _relation(operator: BinaryOperator, left: ValueType, right: ValueType) -> _C
 
 
 def _pure() -> dict[str, _Pure]:
-    found = {'fm_signed': _Pure((_U64,), _I64, lambda a: a)}
+    found = {'fm_signed': _Pure((_U64,), _I64, lambda a: a),
+             'fm_choice': _Pure((BOOL, _I64, _I64), _I64, t.choice)}
     for suffix, kind, scalar in (('i64', _INT64, _I64), ('u64', _UINT64, _U64)):
         for name, operator in _BINARY.items():
             found[f'fm_{name}_{suffix}'] = _Pure((scalar, scalar), scalar,
@@ -192,7 +193,7 @@ def _attempts() -> dict[str, _Attempt]:
         found[name] = partial(_guarded, name, partial(_prove_line, bits))
     found['fm_delay_ring'] = partial(_guarded, 'fm_delay_ring', _prove_ring)
     found['fm_next_position'] = partial(_guarded, 'fm_next_position', _prove_position)
-    for name, one in timed_attempts().items():
+    for name, one in timed_attempts(ARITHMETIC).items():
         found[name] = partial(_guarded, name, one)
     return found
 

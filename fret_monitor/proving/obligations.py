@@ -48,7 +48,7 @@ def settled(name: str, goals: Sequence[Term], given: Sequence[Term], machine: Ma
     """
     Prove some goals, and that the behaviour of a machine was defined.
 
-    With `is_linear`, there are only sums and comparisons of words.
+    With `is_linear`, the solver is given words as integers.
     """
     spent = 0.0
     for goal in [*(item.holds for item in machine.conditions), *goals]:

@@ -31,7 +31,7 @@ By induction, passing over k ticks equals k steps, and no result changes before 
 cell has asked for.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from fret_monitor.program.layout import QUEUE_HEAD
@@ -195,22 +195,25 @@ def _same(machine: Machine, arguments: Sequence[Value | Reference]) -> Result:
 
 # -- proofs ----------------------------------------------------------------------------------
 
-def timed_attempts() -> dict[str, _Attempt]:
-    """Return the proof of each function, by its name."""
-    return {'fm_lower': _prove_lower,
-            **{f'fm_{cell.name}_at': partial(_prove_counter, cell) for cell in COUNTERS.values()}}
+def timed_attempts(functions: Mapping[str, Contract]) -> dict[str, _Attempt]:
+    """Return the proof of each function, by its name; `functions` are those they may call."""
+    return {'fm_lower': partial(_prove_lower, functions),
+            **{f'fm_{cell.name}_at': partial(_prove_counter, functions, cell)
+               for cell in COUNTERS.values()}}
 
 
-def _prove_lower(program: CProgram, seconds: float) -> Proof:
+def _prove_lower(functions: Mapping[str, Contract], program: CProgram, seconds: float) -> Proof:
     tick, known = t.variable('tick', t.word(64)), t.variable('next', t.word(64))
     is_due = anything('is_due', BOOL)
-    machine = Machine(program, {_NEXT.path: known})
+    machine = Machine(program, {_NEXT.path: known}, functions)
     machine.call('fm_lower', [_NEXT, is_due, Value(LONG, tick)])
     wanted = earlier_if(is_due.term, tick, known)
-    return settled('fm_lower', [t.same(machine.memory[_NEXT.path], wanted)], (), machine, seconds)
+    return settled('fm_lower', [t.same(machine.memory[_NEXT.path], wanted)], (), machine, seconds,
+                   is_linear=True)
 
 
-def _prove_counter(cell: CounterModel, program: CProgram, seconds: float) -> Proof:
+def _prove_counter(functions: Mapping[str, Contract], cell: CounterModel, program: CProgram,
+                   seconds: float) -> Proof:
     """Prove a cell for all bounds and ticks: start, step, idle and change."""
     name = f'fm_{cell.name}_at'
     known, asked = (_within_known, _within_asked) if cell.name.endswith('within') else \
@@ -225,7 +228,7 @@ def _prove_counter(cell: CounterModel, program: CProgram, seconds: float) -> Pro
     limits = [is_bound(bound), is_tick(tick)]
 
     def run(asked_for: Term) -> tuple[Machine, Term]:
-        machine = Machine(program, {('cell',): state, _NEXT.path: asked_for})
+        machine = Machine(program, {('cell',): state, _NEXT.path: asked_for}, functions)
         out = called(machine, name, [Reference(('cell',), LONG), Value(LONG, bound), *operands,
                                      Value(LONG, tick), _NEXT])
         return machine, out

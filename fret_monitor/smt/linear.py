@@ -27,6 +27,10 @@ from fret_monitor.smt.terms import Term
 import z3
 
 
+class NotLinear(Exception):
+    """A term has an operation that is not translated here."""
+
+
 class LinearTranslation:
     """
     Translates terms to z3; `variables` has those of the terms translated so far.
@@ -41,7 +45,7 @@ class LinearTranslation:
         self._known: dict[Term, Any] = {}
 
     def __call__(self, root: Term) -> Any:
-        """Return the z3 expression of a term; raises ValueError for other operations."""
+        """Return the z3 expression of a term; raises NotLinear for other operations."""
         for item in t.postorder([root], self._known):
             self._known[item] = self._translated(item)
         return self._known[root]
@@ -70,12 +74,12 @@ class LinearTranslation:
             case _ if item.op in _DIRECT and kind in ('bool', 'word'):
                 return _DIRECT[item.op](*args)
             case _:
-                raise ValueError(item.op)
+                raise NotLinear(item.op)
 
     def _variable(self, item: Term) -> Any:
         kind, bits = item.sort
         if kind not in ('bool', 'word'):
-            raise ValueError(item.op)
+            raise NotLinear(item.op)
         found = z3.Bool(item.value) if kind == 'bool' else z3.Int(item.value)
         if kind == 'word':
             half = 1 << (bits - 1)

@@ -35,7 +35,7 @@ from typing import Any
 from fret_monitor.model.floats import to_float32
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.concrete import function_of
-from fret_monitor.smt.linear import LinearTranslation
+from fret_monitor.smt.linear import LinearTranslation, NotLinear
 from fret_monitor.smt.terms import Sort, Term
 import z3
 
@@ -100,10 +100,13 @@ def prove(goals: Sequence[Term], given: Sequence[Term] = (), *, seconds: float =
 
 
 def prove_linear(goal: Term, given: Sequence[Term] = (), *, seconds: float = 10.0) -> Result:
-    """As `prove`, for terms of sums and comparisons of words only."""
+    """As `prove`, faster for terms that only have sums and comparisons of words."""
     if goal is t.TRUE:
         return PROVED
-    return _ask(goal, given, LinearTranslation(), seconds)
+    try:
+        return _ask(goal, given, LinearTranslation(), seconds)
+    except NotLinear:
+        return prove([goal], given, seconds=seconds)
 
 
 def _tried(goal: Term, given: Sequence[Term]) -> dict[Term, Any] | None:

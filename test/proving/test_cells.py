@@ -75,23 +75,23 @@ def test_no_claim_of_an_operator_rests_on_a_contradiction(number: int) -> None:
     ('fm_less_iu', 'a < 0 || (uint64_t)a < b', '(uint64_t)a < b'),
     ('fm_signed', '-(int64_t)(~bits) - 1', '-(int64_t)(~bits)'),
     # The event, or the window, ends a tick too early or too late.
-    ('fm_once_within_at', '? tick - 1 + bound : *last;\n  *last = p', '? tick + bound : *last;\n'
-     '  *last = p'),
-    ('fm_once_within_at', 'p || kept >= tick', 'p || kept > tick'),
+    ('fm_once_within_at', 'tick - 1 + bound, *last);\n  *last', 'tick + bound, *last);\n  *last'),
+    ('fm_once_within_at', 'p | (kept >= tick)', 'p | (kept > tick)'),
     ('fm_always_within_at', 'bound, !p, tick', 'bound, p, tick'),
-    ('fm_since_within_at', 'p ? before : -1', 'before'),
-    ('fm_since_within_at', '*last = q ? FM_NEVER : kept', '*last = kept'),
-    ('fm_since_before_at', '== FM_NEVER - 1 ? tick - 1 + bound', '== FM_NEVER - 1 ? tick + bound'),
-    ('fm_since_before_at', 'p && begun <= tick', 'begun <= tick'),
-    ('fm_since_before_at', 'q ? FM_NEVER - 1 : FM_NEVER', 'FM_NEVER'),
+    ('fm_since_within_at', 'fm_choice(p, before, -1)', 'before'),
+    ('fm_since_within_at', '*last = fm_choice(q, FM_NEVER, kept)', '*last = kept'),
+    ('fm_since_before_at', 'FM_NEVER - 1, tick - 1 + bound', 'FM_NEVER - 1, tick + bound'),
+    ('fm_since_before_at', 'p & (begun <= tick)', '(begun <= tick)'),
+    ('fm_since_before_at', 'FM_NEVER - (int64_t)q', 'FM_NEVER'),
     ('fm_once_before_at', 'bound, true, p', 'bound, p, true'),
     # A deadline that is too late, too early, forgotten, or of the past.
-    ('fm_once_within_at', 'out && !p, kept + 1', 'out && !p, kept + 2'),
-    ('fm_once_within_at', 'out && !p, kept + 1', 'out && !p, kept'),
-    ('fm_since_within_at', 'out && !q, kept + 1', 'false, kept + 1'),
-    ('fm_since_before_at', 'p && begun > tick, begun', 'p, begun'),
-    ('fm_since_before_at', 'fm_lower(next, p && begun > tick, begun);', '*next = begun;'),
-    ('fm_lower', 'is_due && tick < *next', 'is_due'),
+    ('fm_once_within_at', 'out & !p, kept + 1', 'out & !p, kept + 2'),
+    ('fm_once_within_at', 'out & !p, kept + 1', 'out & !p, kept'),
+    ('fm_since_within_at', 'out & !q, kept + 1', 'false, kept + 1'),
+    ('fm_since_before_at', 'p & (begun > tick), begun', 'p, begun'),
+    ('fm_since_before_at', 'fm_lower(next, p & (begun > tick), begun);', '*next = begun;'),
+    ('fm_lower', 'is_due & (tick < *next)', 'is_due'),
+    ('fm_choice', '(uint64_t)no ^ (', '(uint64_t)yes ^ ('),
 ])
 def test_a_cell_that_is_wrong_is_not_proved(function: str, old: str, new: str) -> None:
     proof = prove_function(program(old, new), function, 20.0)
