@@ -13,7 +13,8 @@
 // limitations under the License.
 
 // Feeds a compiled monitor (MONITOR, its exported function) any values whatever for some thousand
-// steps, with resets, and prints a digest of the verdicts. Made to be run under sanitizers.
+// steps, with resets, and prints a digest of the verdicts. Groups that step at ticks do so at their
+// deadlines and before. Made to be run under sanitizers.
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -64,12 +65,44 @@ static void reset_all(const struct fm_monitor * monitor, void * state)
   }
 }
 
+// Under the policy timed: the tick of the next step, and the first deadline of a group.
+static int64_t tick = 0;
+static int64_t deadline = FM_NEVER;
+
+// A nanosecond later, or up to years.
+static void pass_time(void)
+{
+  const uint64_t shift = 2u + next_bits() % 62u;
+  const int64_t gap = 1 + (int64_t)(next_bits() >> shift);
+  const int64_t later = gap < deadline - tick ? tick + gap : deadline;
+  tick = next_bits() % 4 == 0 && deadline != FM_NEVER ? deadline : later;
+}
+
+static void step_at(
+  const struct fm_monitor * monitor, void * state, const void * inputs, bool * verdicts)
+{
+  if (tick > FM_LAST_TICK) {
+    reset_all(monitor, state);
+    tick = 0;
+  }
+  deadline = FM_NEVER;
+  for (uint32_t g = 0; g < monitor->n_groups; ++g) {
+    const int64_t due = monitor->groups[g].step_at(state, inputs, verdicts, tick);
+    deadline = due < deadline ? due : deadline;
+  }
+  pass_time();
+}
+
 static uint64_t take_step(
   const struct fm_monitor * monitor, void * state, const void * inputs, bool * verdicts)
 {
   uint64_t digest = 0;
-  for (uint32_t g = 0; g < monitor->n_groups; ++g) {
-    monitor->groups[g].step(state, inputs, verdicts);
+  if (monitor->groups[0].step_at != NULL) {
+    step_at(monitor, state, inputs, verdicts);
+  } else {
+    for (uint32_t g = 0; g < monitor->n_groups; ++g) {
+      monitor->groups[g].step(state, inputs, verdicts);
+    }
   }
   for (uint32_t r = 0; r < monitor->n_requirements; ++r) {
     digest = digest * 31u + (verdicts[r] ? 1u : 0u);
@@ -82,7 +115,7 @@ int main(void)
   const struct fm_monitor * monitor = MONITOR();
   void * state = malloc(monitor->state_bytes);
   char * inputs = malloc(monitor->inputs_bytes);
-  bool * verdicts = malloc(monitor->n_requirements * sizeof(bool));
+  bool * verdicts = malloc((monitor->n_requirements + monitor->n_more_verdicts) * sizeof(bool));
   uint64_t digest = 0;
   if (state == NULL || inputs == NULL || verdicts == NULL) {
     return 1;
@@ -98,6 +131,7 @@ int main(void)
     }
     if (next_bits() % 1500 == 0) {
       reset_all(monitor, state);
+      tick = 0;
     }
     digest = digest * 37u + take_step(monitor, state, inputs, verdicts);
   }

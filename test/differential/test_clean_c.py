@@ -15,6 +15,7 @@
 """Generated C has no warnings from gcc and clang, and no findings of the sanitizers."""
 
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 from random import Random
 import shutil
@@ -29,6 +30,7 @@ from fret_monitor.codegen.module import CModule
 from fret_monitor.logic.formula import (
     Formula, Historically, Once, Since, Triggered, Variable, Window,
 )
+from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 import pytest
 from strategies import INPUTS, property_of, random_inputs, random_property, specification_of
@@ -47,25 +49,40 @@ def every_window() -> list[Formula]:
         Once(window, P), Historically(window, P), Since(window, P, Q), Triggered(window, P, Q))]
 
 
-def random_module(seed: int, count: int, size: int) -> CModule:
+def far_windows() -> list[Formula]:
+    """Return operators with windows of seconds to years, for ticks."""
+    windows = [Window(low, high) for low, high in (
+        (0, 2 ** 62), (2 ** 62, None), (2 ** 61, 2 ** 62), (10 ** 9, 10 ** 10), (1, 2 ** 62 - 1))]
+    return [formula for window in windows for formula in (
+        Once(window, P), Historically(window, P), Since(window, P, Q), Triggered(window, P, Q))]
+
+
+def random_module(seed: int, count: int, size: int,
+                  policy: Policy = Policy.EVERY_MESSAGE) -> CModule:
     """Return C for all windows and random formulas on all types of inputs."""
     rng = Random(seed)
-    properties = [property_of(f'W-{number}', item) for number, item in enumerate(every_window())]
+    is_timed = policy is Policy.TIMED
+    windows = [*every_window(), *(far_windows() if is_timed else ())]
+    properties = [property_of(f'W-{number}', item) for number, item in enumerate(windows)]
     properties += [random_property(rng, f'R-{number}', random_inputs(rng), size=size,
-                                   loops=2 if number % 4 == 0 else 0)
+                                   loops=2 if number % 4 == 0 and not is_timed else 0)
                    for number in range(count)]
-    return c_module(specification_of(properties, INPUTS))
+    made = specification_of(properties, INPUTS, policy)
+    signals = tuple(replace(signal, max_rate=Fraction(10 ** 9)) for signal in made.signals)
+    return c_module(replace(made, signals=signals) if is_timed else made)
 
 
-@pytest.mark.parametrize('standard', ['c99', 'c11'])
+@pytest.mark.parametrize(('standard', 'policy'), [
+    ('c99', Policy.EVERY_MESSAGE), ('c11', Policy.EVERY_MESSAGE), ('c99', Policy.TIMED)])
 @pytest.mark.parametrize('name', COMPILERS)
-def test_generated_c_compiles_without_a_warning(name: str, standard: str, tmp_path: Path) -> None:
+def test_generated_c_compiles_without_a_warning(name: str, standard: str, policy: Policy,
+                                                tmp_path: Path) -> None:
     compiler = COMPILERS[name]()
     if compiler is None:
         pytest.skip(f'needs {name}')
     # No expression nests deeper than 32; clang checks this limit.
     extra = ('-fbracket-depth=32',) if name == 'clang' else ()
-    sources = write_module(random_module(1, 40, 25), tmp_path)
+    sources = write_module(random_module(1, 40, 25, policy), tmp_path)
     # The warnings of gcc depend on its optimisations, those of clang do not.
     for level in ('-O0', '-O3') if name == 'gcc' else ('-O0',):
         for source in sources:
@@ -97,12 +114,13 @@ def has_sanitizers(folder: Path) -> bool:
         [folder / 'empty'], capture_output=True, check=False).returncode == 0
 
 
+@pytest.mark.parametrize('policy', [Policy.EVERY_MESSAGE, Policy.TIMED])
 @pytest.mark.parametrize(('seed', 'size'), [(1, 12), (2, 40)])
-def test_no_value_causes_undefined_behaviour_in_generated_c(seed: int, size: int,
-                                                            tmp_path: Path) -> None:
+def test_no_value_causes_undefined_behaviour_in_generated_c(
+        seed: int, size: int, policy: Policy, tmp_path: Path) -> None:
     if not has_sanitizers(tmp_path):
         pytest.skip('needs gcc with the address and undefined-behaviour sanitizers')
-    module = random_module(seed, 30, size)
+    module = random_module(seed, 30, size, policy)
     found: Any = gcc()
     digest = drive(module, tmp_path, *found, *SANITIZERS)
     assert digest == drive(module, tmp_path, *found, '-O3')
