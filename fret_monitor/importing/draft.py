@@ -500,15 +500,13 @@ class _Drafter:
             if found and _has_time(found[0][1])]
         if not timed:
             return None
-        units = [('evaluation: {policy: timed}', None),
-                 ('evaluation: {policy: timed, unit: 1}', Fraction(1))]
-        refused: tuple[str, ...] = ()
-        for line, unit in units:
+        for unit in (None, Fraction(1)):
             bundle = replace(self._bundle(chosen, inputs), policy=Policy.TIMED, unit=unit)
             refused = tuple(_refused(bundle, chosen))
             if not refused:
                 break
-        return Times(tuple(timed), refused, line)
+        line = 'policy: timed' + (', unit: 1' if unit else '')
+        return Times(tuple(timed), refused, f'evaluation: {{{line}}}')
 
     def _comparisons(self, usable: Sequence[Sequence[_Usable]]
                      ) -> Iterator[Comparison]:
