@@ -220,7 +220,7 @@ def _check_rates(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> N
                     f'{item.id} looks back exactly {cell.high / 10 ** 9:g} s, for which each '
                     'change in between must be stored', item.place,
                     f'how many there can be is not known without a rate of {", ".join(slow)}',
-                    f'write `max_rate: 100` (Hz) at the input {slow[0]}, or a window '
+                    f'write `max_rate: 100` (Hz) at {", ".join(slow)}, or a window '
                     '[a,b] with a < b, which needs no rate')])
     problems.raise_errors()
 
