@@ -31,6 +31,7 @@ from functools import cached_property
 
 from fret_monitor.model.diagnostics import Diagnostic, Problems
 from fret_monitor.model.policies import Policy
+from fret_monitor.model.times import time_text
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, Delay, FirstStep, Literal, MonitorProgram, OnceBefore, OnceEver,
@@ -217,7 +218,7 @@ def _check_rates(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> N
                 slow = [program.signals[one].name for one in cell.signals
                         if program.signals[one].max_rate is None]
                 problems.extend([Diagnostic(
-                    f'{item.id} looks back exactly {cell.high / 10 ** 9:g} s, for which each '
+                    f'{item.id} looks back exactly {time_text(cell.high)}, for which each '
                     'change in between must be stored', item.place,
                     f'how many there can be is not known without a rate of {", ".join(slow)}',
                     f'write `max_rate: 100` (Hz) at {", ".join(slow)}, or a window '
@@ -240,7 +241,7 @@ def _delays(layouts: tuple[GroupLayout, ...]) -> Iterator[tuple[int, str, int]]:
                 yield -(-cell.steps // 8), f'{cell.steps:,} steps', _owner(group, index)
             elif isinstance(cell, SinceBetween):
                 size = layout.field_of[FieldKind.QUEUE, index].size
-                yield size, f'{cell.high / 10 ** 9:g} s', _owner(group, index)
+                yield size, time_text(cell.high), _owner(group, index)
 
 
 def _parts(group: StepGroup) -> Iterator[range]:
