@@ -120,6 +120,10 @@ class Pairing:
             elif waiting.sent < stream.violations[0].sent - _TOGETHER_NS:
                 stream.details.popleft()  # its violation was lost
                 stream.passed = 0
+            elif _is_sent_before(stream.violations[0], waiting.detail):
+                stream.violations.popleft()  # its detail was lost, or suppressed
+                if waiting.without is not None and stream.passed < waiting.without:
+                    stream.passed += 1
             elif waiting.without is None and len(stream.violations) > 1:
                 # Any of them may be its own: claim none, and start over with the next detail.
                 stream.details.clear()
@@ -134,7 +138,11 @@ class Pairing:
     def _settle(self, stream: _Stream, waiting: _WaitingDetail) -> None:
         violation = stream.violations.popleft()
         stream.passed = 0
-        # A violation is sent after the step that it is of, and about when its detail is.
-        if violation.sent >= waiting.detail.stamp * 1e9 - _ROUNDING_NS \
-                and abs(violation.sent - waiting.sent) <= _TOGETHER_NS:
+        # A violation is sent about when its detail is.
+        if abs(violation.sent - waiting.sent) <= _TOGETHER_NS:
             violation.detail = waiting.detail
+
+
+def _is_sent_before(violation: ReceivedViolation, detail: Detail) -> bool:
+    """Whether a violation was sent before the step of a detail, and so is of an earlier step."""
+    return violation.sent < detail.stamp * 1e9 - _ROUNDING_NS

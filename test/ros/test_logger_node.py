@@ -152,6 +152,18 @@ def test_a_violation_waits_for_its_detail_for_a_short_time_only() -> None:
     assert paired(pairing, now=1.5) == [None]
 
 
+def test_after_a_lost_detail_the_next_ones_are_paired_while_violations_go_on() -> None:
+    pairing = Pairing()
+    found = []
+    for step in range(30):
+        sent = 100 * step * MS  # earlier than violations without a detail are reported
+        pairing.add_violation('R', 0, sent + 2 * MS, now=0.1 * step)
+        if step > 0:
+            pairing.add_detail('R', Detail(step, sent / 1e9, ()), sent + 3 * MS)
+        found += paired(pairing, now=0.1 * step)
+    assert found + paired(pairing) == [None, *range(1, 30)]
+
+
 @pytest.mark.parametrize('lag_ms', [0, 50])
 def test_suppressed_details_do_not_pair_other_details_with_the_wrong_violation(
     lag_ms: int,
