@@ -149,7 +149,7 @@ static void since_group(void * state, const void * inputs, bool * verdicts)
     }; \
     static const struct fm_monitor monitor = { \
       FM_ABI, 0u, 1u, 0u, copies * sizeof(state_type), copies * sizeof(inputs_type), \
-      NULL, groups, NULL, #name, "", step_function, NULL, 0u \
+      NULL, groups, NULL, #name, "", step_function, NULL, 0u, NULL \
     }; \
     return &monitor; \
   }

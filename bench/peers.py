@@ -195,7 +195,7 @@ const struct fm_monitor * adapter(void)
     NULL, 0u, NULL, 0u, adapter_reset, adapter_step, NULL}}}};
   static const struct fm_monitor monitor = {{
     FM_ABI, 0u, 1u, 0u, 8u, {inputs_bytes}u, NULL, groups, NULL, "{name}", "", adapter_step,
-    NULL, 0u
+    NULL, 0u, NULL
   }};
   return &monitor;
 }}

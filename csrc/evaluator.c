@@ -453,5 +453,9 @@ struct fm_silence fm_evaluator_silence(const struct fm_evaluator * evaluator, ui
 
 struct fm_time_counts fm_evaluator_time_counts(const struct fm_evaluator * evaluator)
 {
-  return evaluator->counts;
+  const struct fm_monitor * monitor = evaluator->monitor;
+  struct fm_time_counts counts = evaluator->counts;
+  counts.overflows =
+    monitor->overflows == NULL ? 0 : monitor->overflows(evaluator->instance.state);
+  return counts;
 }

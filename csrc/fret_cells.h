@@ -211,14 +211,14 @@ static inline bool fm_once_before_at(
 
 /// p S[low,high] q, 0 < low <= high: a queue of the intervals of ticks at which it is true if p
 /// lasts. queue[0]: the index of the oldest; queue[1]: how many; queue[2]: the last tick at which
-/// an interval that did not fit is missed. Then the first and last tick of each, for
+/// an interval that did not fit is missed; queue[3]: how many did not fit. Then the first and last tick of each, for
 /// `capacity` intervals. The newest ends at FM_NEVER while q lasts; it begins at FM_NEVER - 1
 /// while p does not hold, so that every tick is the oldest q. All 0 at the start. With a capacity
 /// of high / (high - low + 2) + 1 everything fits.
 static inline int64_t * fm_interval(int64_t * queue, int64_t capacity, int64_t number)
 {
   const int64_t place = queue[0] + number;
-  return &queue[3 + 2 * (place < capacity ? place : place - capacity)];
+  return &queue[4 + 2 * (place < capacity ? place : place - capacity)];
 }
 
 static inline void fm_drop_oldest(int64_t * queue, int64_t capacity)
@@ -232,6 +232,7 @@ static inline void fm_add_interval(
 {
   if (queue[1] == capacity) {
     queue[2] = fm_interval(queue, capacity, 0)[1];
+    queue[3] += 1;
     fm_drop_oldest(queue, capacity);
   }
   int64_t * const added = fm_interval(queue, capacity, queue[1]);

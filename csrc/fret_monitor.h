@@ -143,6 +143,9 @@ struct fm_monitor
   /// or for `H p` one of n_more_verdicts after n_requirements, which holds p. NULL: all their own.
   const uint32_t * occurrences;
   uint32_t n_more_verdicts;
+  /// How many changes since the last reset found no room in a queue, because a `max_rate` is too
+  /// low. NULL if no queue can overflow. O(queues); cannot fail.
+  uint64_t (* overflows)(const void * state);
 };
 
 #endif  // FRET_MONITOR_H_

@@ -31,7 +31,7 @@ from fret_monitor.codegen.step import PartWriter
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import FM_NEVER, GroupLayout, StateField
-from fret_monitor.program.monitor_program import MonitorProgram
+from fret_monitor.program.monitor_program import MonitorProgram, SinceBetween
 
 _FILE_EQUATIONS = 3000
 _BLOCK_EQUATIONS = 600
@@ -346,6 +346,7 @@ class _ModuleWriter:
         yield from ('}', '')
         if self._is_timed:
             yield from self._all_groups_at()
+            yield from self._overflows()
             return
         yield f'void {names.prefix}_step('
         yield f'  {names.state_struct} * state, const {names.inputs_struct} * inputs,'
@@ -361,6 +362,30 @@ class _ModuleWriter:
             yield '{'
             yield f'  {names.prefix}_step(state, inputs, verdicts);'
             yield from ('}', '')
+
+    @property
+    def _queues(self) -> list[str]:
+        """The queues that can overflow, as members of the state."""
+        return [f'group_{number}.queue_{index}'
+                for number, layout in enumerate(self._layouts)
+                for index, equation in enumerate(layout.group.equations)
+                if isinstance(equation.operation, SinceBetween)
+                and equation.operation.may_overflow]
+
+    @property
+    def _overflows_name(self) -> str:
+        return f'{self._names.prefix}_overflows'
+
+    def _overflows(self) -> Iterator[str]:
+        if not self._queues:
+            return
+        yield f'static uint64_t {self._overflows_name}(const void * state)'
+        yield '{'
+        yield f'  const {self._names.state_struct} * const s = state;'
+        yield '  uint64_t sum = 0u;'
+        yield from (f'  sum += (uint64_t)s->{queue}[3];' for queue in self._queues)
+        yield '  return sum;'
+        yield from ('}', '')
 
     def _all_groups_at(self) -> Iterator[str]:
         names = self._names
@@ -405,7 +430,8 @@ class _ModuleWriter:
         together = 'NULL' if self._is_timed else f'{names.prefix}_step_any' if self._is_many \
             else names.group_function(0, 'step')
         occurrences = 'occurrences' if self._occurrences else 'NULL'
-        yield f'    {together}, {occurrences}, {len(self._occurrences)}u'
+        yield f'    {together}, {occurrences}, {len(self._occurrences)}u, ' \
+              f'{self._overflows_name if self._queues else "NULL"}'
         yield '  };'
         yield '  return &monitor;'
         yield '}'

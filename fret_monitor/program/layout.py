@@ -45,7 +45,7 @@ SHIFT_REGISTER_BITS = 64
 # A byte is faster to read and write than a bit of a word, since it does not depend on other bits.
 FEW_BITS = 8
 
-QUEUE_HEAD = 3  # numbers before the intervals of a queue
+QUEUE_HEAD = 4  # numbers before the intervals of a queue
 FM_NEVER = 2 ** 63 - 1  # as in csrc/fret_monitor.h
 
 _UNSIGNED = (ValueType.UINT8, ValueType.UINT16, ValueType.UINT32, ValueType.UINT64)

@@ -25,7 +25,7 @@ from typing import Any
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import FieldKind, GroupLayout, StateField
-from fret_monitor.program.monitor_program import MonitorProgram
+from fret_monitor.program.monitor_program import MonitorProgram, SinceBetween
 from fret_monitor.proving.c_source import (
     ArithmeticType, Array, CProgram, integer, LONG, shown, Struct, Type, Unreadable,
 )
@@ -137,13 +137,17 @@ def _wanted(code: CProgram, program: MonitorProgram, layouts: tuple[GroupLayout,
     if more:
         yield 'occurrences', [more.get(place, place)
                               for place, _ in enumerate(program.properties)]
+    can_overflow = any(isinstance(equation.operation, SinceBetween)
+                       and equation.operation.may_overflow
+                       for layout in layouts for equation in layout.group.equations)
     step = f'{prefix}_step_any' if len(layouts) > 1 else f'{prefix}_group_0_step'
     yield 'monitor', [
         2, len(program.signals), len(layouts), len(program.properties),
         code.size(Struct(f'{prefix}_state')), code.size(Struct(f'{prefix}_inputs')),
         ('name', 'inputs') if program.signals else 0, ('name', 'groups'),
         ('name', 'requirements'), prefix.encode(), source_hash.encode(),
-        0 if is_timed else ('name', step), ('name', 'occurrences') if more else 0, len(more)]
+        0 if is_timed else ('name', step), ('name', 'occurrences') if more else 0, len(more),
+        ('name', f'{prefix}_overflows') if can_overflow else 0]
 
 
 def _value(node: Any, code: CProgram) -> Any:

@@ -127,11 +127,13 @@ class Health:
         counts = self._time_counts
         if self._engine.is_timed:
             went_back = counts.restarts > before.restarts
+            is_full = counts.overflows > before.overflows
+            message = 'went back since the last report' if went_back else \
+                'more changes than max_rate allows' if is_full else 'passes'
             yield self._status(
                 f'time of {self._bundle or self._manifest.name}',
-                DiagnosticStatus.WARN if went_back else DiagnosticStatus.OK,
-                'went back since the last report' if went_back else 'passes',
-                {'restarts': counts.restarts})
+                DiagnosticStatus.WARN if went_back or is_full else DiagnosticStatus.OK,
+                message, {'restarts': counts.restarts, 'overflows': counts.overflows})
         if self._period is None:
             return
         level, message = DiagnosticStatus.OK, 'in time'

@@ -111,7 +111,7 @@ class TimeLog:
         self._clock: Any = node.get_clock()
         self._began = monotonic()
         self._is_missing_logged = False
-        self._restarts = 0
+        self._restarts = self._overflows = 0
         self._logged = self._judged = engine.time_counts()  # when last logged; a minute ago
         self._throttle = Throttle(_PERIODS_S)
         self._minutes = Throttle(_PERIODS_S)
@@ -127,6 +127,13 @@ class TimeLog:
                 'from there; values and past of the requirements are kept'
             self._node.get_logger().warning(
                 f'time went back, to {self._now() / 1e9:.3f} s: {outcome}')
+        if counts.overflows != self._overflows:
+            if counts.overflows > self._overflows and self._throttle.passes():
+                self._node.get_logger().warning(
+                    f'{counts.overflows} changes found no room in the queue of a window [a,a]: '
+                    'inputs change more often than their max_rate; what looks back at them is '
+                    'violated until the lost changes have left the window')
+            self._overflows = counts.overflows
         if self._period is not None:
             self._review_periods(self._period, counts)
 

@@ -285,7 +285,8 @@ class Engine:
     def time_counts(self) -> TimeCounts:
         """Return the counters of the time."""
         found = self._library.fm_engine_time_counts(self.pointer)
-        return TimeCounts(found.periods, found.late, found.missed, found.restarts)
+        return TimeCounts(found.periods, found.late, found.missed, found.restarts,
+                          found.overflows)
 
     def value(self, index: int) -> bool | int | float | None:
         """Return the current value of an input, None before its first."""

@@ -98,12 +98,17 @@ class Silence:
 
 @dataclass(frozen=True)
 class TimeCounts:
-    """Periods taken, those taken late or not at all, and how often time went back."""
+    """
+    Periods taken, those taken late or not at all, and how often time went back.
+
+    `overflows` are the changes that found no room in a queue, since start or reset.
+    """
 
     periods: int
     late: int
     missed: int
     restarts: int
+    overflows: int = 0
 
 
 class Evaluator:
@@ -397,7 +402,8 @@ class Evaluator:
     def time_counts(self) -> TimeCounts:
         """Return the counters of the time."""
         found = self._library.fm_evaluator_time_counts(self.pointer)
-        return TimeCounts(found.periods, found.late, found.missed, found.restarts)
+        return TimeCounts(found.periods, found.late, found.missed, found.restarts,
+                          found.overflows)
 
     def requirement_counts(self, index: int) -> RequirementCounts:
         """Return the counters of a requirement."""

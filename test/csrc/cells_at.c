@@ -22,7 +22,7 @@
 
 #include "check.h"
 
-enum { TICKS = 9, MOST = 4, NUMBERS = 3 + 2 * (MOST + 1) };
+enum { TICKS = 9, MOST = 4, NUMBERS = 4 + 2 * (MOST + 1) };
 
 enum kind { ONCE, ALWAYS, SINCE, ONCE_LATER, SINCE_LATER, BETWEEN };
 
@@ -161,7 +161,7 @@ static void check_limits(void)
 /// A queue that is too short says until when an interval is missed, and is right after that.
 static void check_overflow(void)
 {
-  int64_t queue[3 + 2 * 2] = {0};
+  int64_t queue[4 + 2 * 2] = {0};
   int64_t next = FM_NEVER;
   for (int64_t t = 0; t <= 5; ++t) {  // q at 0, 2 and 4, for a tick each
     next = FM_NEVER;
@@ -169,6 +169,7 @@ static void check_overflow(void)
     CHECK(fm_overflowed_at(queue, t, &next) == (t >= 4));
   }
   CHECK(fm_overflowed_at(queue, 10, &next));
+  CHECK(queue[3] == 1);
   next = FM_NEVER;
   CHECK(!fm_overflowed_at(queue, 11, &next));
   CHECK(next == FM_NEVER);

@@ -89,7 +89,7 @@ static const uint32_t requirement_indices[] = {0};
 static const struct fm_group groups[] = {{NULL, 0, requirement_indices, 1, reset, step, NULL}};
 static const struct fm_requirement requirements[] = {{"A", 0}};
 static const struct fm_monitor monitor = {
-  FM_ABI, 0, 1, 1, 8, 8, NULL, groups, requirements, "m", "", NULL, NULL, 0};
+  FM_ABI, 0, 1, 1, 8, 8, NULL, groups, requirements, "m", "", NULL, NULL, 0, NULL};
 
 int main(int argc, char ** argv)
 {

@@ -124,7 +124,7 @@ static const struct fm_group groups[] = {
   {&numbers[1], 1, &numbers[QUIET], 1, reset, step_quiet, NULL}};
 static const struct fm_requirement requirements[] = {{"BEAT", 0}, {"FED", 1}, {"QUIET", 2}};
 static const struct fm_monitor monitor = {
-  FM_ABI, 2, 3, N_REQUIREMENTS, 8, 8, inputs, groups, requirements, "m", "", NULL, NULL, 0};
+  FM_ABI, 2, 3, N_REQUIREMENTS, 8, 8, inputs, groups, requirements, "m", "", NULL, NULL, 0, NULL};
 static const struct fm_topic topics[] = {{&numbers[0], 1}, {&numbers[1], 1}};
 
 static bool read_message(const uint8_t * message, size_t size, struct fm_field * fields)

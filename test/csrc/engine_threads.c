@@ -203,7 +203,7 @@ static const struct fm_group groups[] = {
 static const struct fm_requirement requirements[] = {{"A", 0}, {"B", 1}};
 static const struct fm_monitor monitor = {
   FM_ABI, N_TOPICS, 2, 2, 8, sizeof(struct inputs), inputs, groups, requirements, "m", "",
-  NULL, NULL, 0};
+  NULL, NULL, 0, NULL};
 static const struct fm_topic fed[] = {{&numbers[0], 1}, {&numbers[1], 1}};
 
 static bool read_message(const uint8_t * message, size_t size, struct fm_field * fields)

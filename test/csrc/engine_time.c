@@ -51,7 +51,7 @@ static const struct fm_group groups[] = {
   {&numbers[0], 1, &numbers[FED], 1, reset, step_fed, NULL}};
 static const struct fm_requirement requirements[] = {{"BEAT", 0}, {"FED", 1}};
 static const struct fm_monitor monitor = {
-  FM_ABI, 1, 2, N_REQUIREMENTS, 8, 8, inputs, groups, requirements, "m", "", NULL, NULL, 0};
+  FM_ABI, 1, 2, N_REQUIREMENTS, 8, 8, inputs, groups, requirements, "m", "", NULL, NULL, 0, NULL};
 static const struct fm_topic topics[] = {{&numbers[0], 1}};
 
 static bool read_message(const uint8_t * message, size_t size, struct fm_field * fields)

@@ -105,7 +105,7 @@ static const struct fm_group groups[] = {
 static const struct fm_requirement requirements[] = {{"ANSWER", 0}, {"BEAT", 1}, {"OLD", 2}};
 static const struct fm_monitor monitor = {
   FM_ABI, N_INPUTS, 3, N_REQUIREMENTS, sizeof(struct state), sizeof(struct inputs), inputs,
-  groups, requirements, "timed", "", NULL, NULL, 0};
+  groups, requirements, "timed", "", NULL, NULL, 0, NULL};
 static const uint32_t feeds_x[] = {X, GOT_X, AGE};
 static const struct fm_topic topics[] = {{feeds_x, 3}, {&numbers[Y], 1}};
 static const uint8_t sources[] = {FM_FIELD, FM_FIELD, FM_RECEPTION, FM_AGE};

@@ -73,7 +73,7 @@ static const struct fm_group GROUPS[] = {
 static const struct fm_requirement REQUIREMENTS[] = {{"R0", 0}, {"R1", 1}};
 static const struct fm_monitor MONITOR = {
   FM_ABI, N_INPUTS, N_GROUPS, N_REQUIREMENTS, sizeof(struct state), sizeof(struct inputs),
-  INPUTS, GROUPS, REQUIREMENTS, "edges", "", NULL, NULL, 0
+  INPUTS, GROUPS, REQUIREMENTS, "edges", "", NULL, NULL, 0, NULL
 };
 static const struct fm_topic TOPICS[] = {{BOTH, 1}, {SECOND, 1}};
 static const uint8_t REPORTS[] = {FM_ONSET, FM_EVERY_STEP};

@@ -117,7 +117,7 @@ static const struct fm_group GROUPS[] = {
 static const struct fm_requirement REQUIREMENTS[] = {{"A", 0}, {"B", 1}, {"C", 0}, {"D", 2}};
 static const struct fm_monitor MONITOR = {
   FM_ABI, N_INPUTS, 3, N_REQUIREMENTS, sizeof(struct state), sizeof(struct inputs),
-  INPUTS, GROUPS, REQUIREMENTS, "scenarios", "", step_all, NULL, 0
+  INPUTS, GROUPS, REQUIREMENTS, "scenarios", "", step_all, NULL, 0, NULL
 };
 
 static const uint32_t FEEDS_FLAG[] = {FLAG};
@@ -1264,7 +1264,7 @@ static const struct fm_input TYPED[] = {
   INPUT(i64, FM_INT64), INPUT(u8, FM_UINT8), INPUT(u16, FM_UINT16), INPUT(u32, FM_UINT32),
   INPUT(u64, FM_UINT64), INPUT(f32, FM_FLOAT32), INPUT(f64, FM_FLOAT64)};
 static const struct fm_monitor TYPES = {
-  FM_ABI, 11, 0, 0, 0, sizeof(struct all_types), TYPED, NULL, NULL, "types", "", NULL, NULL, 0};
+  FM_ABI, 11, 0, 0, 0, sizeof(struct all_types), TYPED, NULL, NULL, "types", "", NULL, NULL, 0, NULL};
 
 static struct fm_evaluator * with_types(void)
 {

@@ -82,7 +82,7 @@ static void send(struct subscription * subscription, uint64_t count)
 // ---- an engine that counts ---------------------------------------------------------------------
 
 static const struct fm_monitor monitor = {
-  FM_ABI, 0, 0, 0, 8, 8, NULL, NULL, NULL, "m", "", NULL, NULL, 0};
+  FM_ABI, 0, 0, 0, 8, 8, NULL, NULL, NULL, "m", "", NULL, NULL, 0, NULL};
 static const struct fm_topic topics[] = {{NULL, 0}};
 
 static bool read_message(const uint8_t * message, size_t size, struct fm_field * fields)

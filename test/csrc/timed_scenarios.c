@@ -176,7 +176,7 @@ static const struct fm_requirement REQUIREMENTS[] = {
 static const uint32_t OCCURRENCES[] = {WITHIN, P_IMPLIES_Q, ALIVE, SHORT, QUIET};
 static const struct fm_monitor MONITOR = {
   FM_ABI, N_INPUTS, 5, N_REQUIREMENTS, sizeof(struct state), sizeof(struct inputs), INPUTS,
-  GROUPS, REQUIREMENTS, "timed", "", NULL, OCCURRENCES, N_VERDICTS - N_REQUIREMENTS};
+  GROUPS, REQUIREMENTS, "timed", "", NULL, OCCURRENCES, N_VERDICTS - N_REQUIREMENTS, NULL};
 
 static const uint32_t FEEDS_P[] = {P, GOT_P};
 static const uint32_t FEEDS_Q[] = {Q, GOT_Q};

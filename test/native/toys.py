@@ -77,7 +77,7 @@ static const struct fm_group GROUPS[] = {
 static const struct fm_requirement REQUIREMENTS[] = {{"LAMP", 0}, {"COOL", 1}};
 static const struct fm_monitor MONITOR = {
   FM_ABI, 2, 2, 2, sizeof(struct state), sizeof(struct inputs),
-  INPUTS, GROUPS, REQUIREMENTS, "toy", "HASH", NULL, NULL, 0
+  INPUTS, GROUPS, REQUIREMENTS, "toy", "HASH", NULL, NULL, 0, NULL
 };
 
 FM_EXPORT const struct fm_monitor * fm_toy_monitor(void);

@@ -69,7 +69,7 @@ def typed_library() -> Path:
         f'struct inputs {{{fields}}};\n'
         f'static const struct fm_input INPUTS[] = {{{table}}};\n'
         'static const struct fm_monitor MONITOR = {FM_ABI, 11, 0, 0, 0, sizeof(struct inputs),\n'
-        '  INPUTS, NULL, NULL, "typed", "", NULL, NULL, 0};\n'
+        '  INPUTS, NULL, NULL, "typed", "", NULL, NULL, 0, NULL};\n'
         'FM_EXPORT const struct fm_monitor * fm_typed_monitor(void);\n'
         'const struct fm_monitor * fm_typed_monitor(void) {return &MONITOR;}\n')}, name='typed')
 

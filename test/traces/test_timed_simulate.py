@@ -14,6 +14,7 @@
 
 """Timed traces: `simulate` writes the verdicts of the reference, and where they change."""
 
+from array import array
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -29,6 +30,7 @@ from fret_monitor.logic.timed import evaluate_timed, TimedTrace, verdict_rows
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
+from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.traces import csv_trace
 from fret_monitor.traces.csv_trace import parse_seconds, seconds_text
 from fret_monitor.traces.simulate import simulate
@@ -160,3 +162,17 @@ def test_a_constant_needs_no_input(tmp_path: Path) -> None:
 def test_seconds_are_exact(text: str, nanoseconds: int) -> None:
     assert parse_seconds(text) == nanoseconds
     assert seconds_text(nanoseconds) == text
+
+
+def test_changes_beyond_the_rate_are_counted(tmp_path: Path) -> None:
+    one = timed(specification_of([property_of('R', Once(Window(10 ** 9, 10 ** 9), P))], (P,)))
+    slow = replace(one, signals=tuple(replace(item, max_rate=Fraction(2))
+                                      for item in one.signals))
+    evaluator = Evaluator(build_specification(slow).monitor)
+    columns = [array('B', [row % 2 for row in range(100)])]
+    times = array('q', [row * 10_000_000 for row in range(100)])
+    for _ in evaluator.timed_rows(columns, times):
+        pass
+    # 50 intervals came, and there is room for 2 * (2 + 1) + 4.
+    assert evaluator.time_counts().overflows == 40
+    assert evaluator.verdicts == [False]
