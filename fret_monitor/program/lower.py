@@ -499,10 +499,11 @@ class _GroupBuilder:
         assert self._rates is not None and high is not None
         signals = self._rates.inputs(node)
         # Intervals of `right` whose results do not touch begin at least this many ticks apart.
-        capacity: int | None = high // (high - low + 2) + 1
-        may_overflow = low == high and high > _SHORT_QUEUE
-        if may_overflow:
-            capacity = self._rates.changes(signals, high)
+        longest = high // (high - low + 2) + 1
+        changes = self._rates.changes(signals, high)
+        may_overflow = low == high and high > _SHORT_QUEUE if changes is None \
+            else changes < longest
+        capacity = changes if may_overflow else longest
         return self._share(('between', low, high, left, right), False,
                            SinceBetween(low, high, left, right, signals, capacity, may_overflow))
 
