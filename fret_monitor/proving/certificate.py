@@ -27,6 +27,7 @@ from fret_monitor.program.monitor_program import (
     ApplyBinary, MonitorProgram, PreviousNumber, SinceBetween,
 )
 from fret_monitor.proving.obligations import Proof
+from fret_monitor.proving.queues import PROVED_CAPACITY
 from fret_monitor.proving.verification import GroupResult, proved_files, Verification
 from fret_monitor.smt.solver import Answer, solver_version
 
@@ -45,8 +46,8 @@ _TICKS = ('the caller steps a group first at tick 0, then at each tick at which 
           'and at each tick that the step before returned, with ticks that increase')
 _SAME = ('fm_same_f32 and fm_same_f64 compare the bits of two numbers (they read a union, which '
          'is not modelled here; tested)')
-_QUEUE = ('fm_since_between_at and fm_overflowed_at compute windows [a,b] with a > 0: tested '
-          'against the reference, not proved')
+_QUEUE = (f'fm_since_between_at with more than {PROVED_CAPACITY} intervals (windows [a,b] with a '
+          'above about half of b) and fm_overflowed_at: tested against the reference, not proved')
 _LIBRARY = 'fmod and pow of the C library give the same value for the same arguments'
 _PROVED = ('For every trace of inputs, each verdict of the C is that of the program, and no',
            'step has undefined behaviour.')
@@ -97,7 +98,9 @@ def _trusted_cells(program: MonitorProgram) -> Iterator[str]:
     stored += [item.type for group in program.groups for item in group.feedback]
     if any(kind.is_float for kind in stored):
         yield _SAME
-    if any(isinstance(item.operation, SinceBetween) for item in equations):
+    if any(isinstance(item.operation, SinceBetween)
+           and ((item.operation.capacity or 0) > PROVED_CAPACITY or item.operation.may_overflow)
+           for item in equations):
         yield _QUEUE
 
 

@@ -61,6 +61,8 @@ class Reference:
     length: int = 0
 
 
+NULL = Reference(('NULL',), c.INT)
+
 Result: TypeAlias = Value | Reference | None
 
 
@@ -179,6 +181,8 @@ class Machine:
         return self._pointing(value, kind, name)
 
     def _pointing(self, value: Reference, kind: c.Pointer, name: str) -> Reference:
+        if value == NULL:
+            return value
         if kind.target is not None and value.type != kind.target:
             self.require(f'{name}: a pointer to {value.type} taken for one to {kind.target}',
                          t.FALSE)
@@ -237,6 +241,8 @@ class Machine:
     def store(self, place: Reference, value: Value) -> None:
         """Write a number of the type of the place."""
         path = self._element(place)
+        if place == NULL:
+            self.require('a write through a null pointer', t.FALSE)
         self._effects[-1].writes.add(path)
         before = self.memory.get(path)
         if before is not None and before.sort[0] == 'ring':
@@ -279,12 +285,17 @@ class Machine:
                 case c_ast.If():
                     return self._branch(item, statements[place + 1:], local)
                 case c_ast.Return():
-                    return None if item.expr is None else self._whole(item.expr, local)
+                    return None if item.expr is None else self._returned(item.expr, local)
                 case c_ast.For():
                     self._loop(item, local)
                 case _:
                     self._simple(item, local)
         return _FELL_THROUGH
+
+    def _returned(self, node: Any, local: _Locals) -> Result:
+        function, value = self._running[-1], self._whole(node, local)
+        return value if function.result is None \
+            else self._passed(value, function.result, function.name)
 
     def _simple(self, item: Any, local: _Locals) -> None:
         match item:
@@ -332,8 +343,11 @@ class Machine:
                 raise c.Unreadable(f'{path} is written in one of two cases')
             self.memory[path] = t.choice(condition, after[path], self.memory[path])
         for name in kept:
-            kind, value = later[name]
-            local[name] = (kind, _either(condition, value, local[name][1]))
+            kind, value = later.get(name, (None, None))
+            known = local.pop(name, (None, None))[1]
+            # A pointer to different objects may not be used from here on.
+            if kind is not None and (value == known or not isinstance(value, Reference)):
+                local[name] = (kind, _either(condition, value, known))
         return _either(condition, one, other)
 
     @contextmanager
@@ -579,8 +593,10 @@ class Machine:
         return _boolean(t.disjunction(left, right) if node.op == '||'
                         else t.conjunction(left, right))
 
-    def _conditional(self, node: Any, local: _Locals) -> Value:
+    def _conditional(self, node: Any, local: _Locals) -> Result:
         condition = self._truth(node.cond, local)
+        if t.is_constant(condition) and c.shown(node.iffalse) == '(void *) 0':
+            return self._value(node.iftrue if condition.value else node.iffalse, local)
         if t.is_constant(condition):
             chosen = self._number(node.iftrue if condition.value else node.iffalse, local)
             other = self._silently(node.iffalse if condition.value else node.iftrue, local)
@@ -614,6 +630,8 @@ class Machine:
             return self._pointing(found, kind, c.shown(node))
         if isinstance(found, Value) and isinstance(kind, c.ArithmeticType):
             return self.converted(found, kind)
+        if isinstance(found, Value) and kind == c.Pointer(None) and found.term is t.number(0, 32):
+            return NULL
         raise c.Unreadable(f'cast: {c.shown(node)}')
 
     # -- numbers ------------------------------------------------------------------------------
@@ -662,6 +680,8 @@ class Machine:
 
     def binary(self, op: str, left: Any, right: Any, node: Any) -> Value:
         """Return the result of an infix operator on two numbers."""
+        if op == '!=' and NULL in (left, right) and not isinstance(left, Value):
+            return _boolean(t.truth(left != right))
         if not isinstance(left, Value) or not isinstance(right, Value):
             raise c.Unreadable(f'arithmetic on pointers: {c.shown(node)}')
         if op in ('<<', '>>'):

@@ -24,10 +24,12 @@ import time
 
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.native.cache import runtime_headers
+from fret_monitor.program.monitor_program import SinceBetween
 from fret_monitor.proving.c_source import read_program, Unreadable
 from fret_monitor.proving.contracts import prove_cells
 from fret_monitor.proving.monitor import ALL, ProofSubject, prove_group, prove_whole, wrong_types
 from fret_monitor.proving.obligations import Proof
+from fret_monitor.proving.queues import prove_queue
 from fret_monitor.proving.refutation import Counterexample, find_counterexample
 from fret_monitor.smt.solver import Answer
 
@@ -111,7 +113,11 @@ def verify(generated: GeneratedMonitor, *, seconds: float = 30.0) -> Verificatio
     except Unreadable as error:
         return Verification((), (), None, str(error), time.perf_counter() - before)
     files = proved_files(generated)
-    cells = cells_proved(tuple((name, files[name]) for name in _RUNTIME), seconds)
+    headers = tuple((name, files[name]) for name in _RUNTIME)
+    cells = cells_proved(headers, seconds)
+    if any(isinstance(equation.operation, SinceBetween) for layout in subject.layouts
+           for equation in layout.group.equations):
+        cells = *cells, queue_proved(headers, seconds)
     groups = tuple(verify_group(subject, group, seconds)
                    for group in [*range(len(subject.layouts)), ALL])
     return Verification(cells, groups, subject, '', time.perf_counter() - before)
@@ -122,6 +128,13 @@ def cells_proved(headers: tuple[tuple[str, str], ...], seconds: float) -> tuple[
     """Prove the cells in some headers, once in a process."""
     code = read_program({'cells.c': '#include "fret_cells.h"\n'}, dict(headers))
     return tuple(prove_cells(code, seconds))
+
+
+@cache
+def queue_proved(headers: tuple[tuple[str, str], ...], seconds: float) -> Proof:
+    """Prove the queue in some headers, once in a process; only few bundles need it."""
+    code = read_program({'cells.c': '#include "fret_cells.h"\n'}, dict(headers))
+    return prove_queue(code, seconds)
 
 
 def verify_group(subject: ProofSubject, group: int, seconds: float) -> GroupResult:

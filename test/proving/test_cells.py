@@ -19,6 +19,7 @@ from dataclasses import replace
 from fret_monitor.native.cache import runtime_headers
 from fret_monitor.proving.c_source import CProgram, read_program
 from fret_monitor.proving.contracts import CELLS, prove_function
+from fret_monitor.proving.queues import prove_queue
 from fret_monitor.proving.verification import cells_proved
 from fret_monitor.smt.cells import COUNTERS
 from fret_monitor.smt.operators import check, claims
@@ -98,6 +99,29 @@ def test_a_cell_that_is_wrong_is_not_proved(function: str, old: str, new: str) -
     assert proof is not None
     assert proof.answer is Answer.REFUTED
     assert proof.detail
+
+
+@pytest.mark.parametrize(('old', 'new'), [
+    ('tick - 1 + low : newest[0]', 'tick + low : newest[0]'),
+    ('!q ? tick - 1 + high', '!q ? tick + high'),
+    ('if (oldest[1] < tick) {', 'if (oldest[1] <= tick) {'),
+    ('queue[1] = p ? queue[1] : 0;', ';'),
+    ('newest[1] >= tick + low - 1', 'newest[1] >= tick + low'),
+    ('newest[1] >= tick + low - 1', 'newest[1] >= tick + low + 1'),
+    ('p ? tick + low : FM_NEVER - 1', 'tick + low'),
+    ('oldest[0] <= tick;', 'oldest[0] < tick;'),
+    ('fm_lower(next, true, oldest[1] + 1);', 'fm_lower(next, true, oldest[1] + 2);'),
+    ('fm_lower(next, !out && oldest[0] != FM_NEVER - 1, oldest[0]);', ''),
+    ('  queue[1] += 1;', ''),
+    ('place < capacity ? place', 'place <= capacity ? place'),
+])
+def test_a_queue_that_is_wrong_is_not_proved(old: str, new: str) -> None:
+    assert prove_queue(program(old, new), 20.0).answer is not Answer.PROVED
+
+
+def test_a_queue_is_proved_for_every_window_and_tick() -> None:
+    proof = prove_queue(program(), 60.0)
+    assert proof.is_proved, proof
 
 
 def test_another_way_to_write_a_cell_is_proved_too() -> None:
