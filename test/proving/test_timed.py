@@ -24,6 +24,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from bench.mutants import generated_functions, mutants
 from codegen.workbench import specify
 from differential.compiled import compile_c, CSRC, gcc
 from fret_monitor.build import generate_monitor, GeneratedMonitor, Reading
@@ -158,6 +159,23 @@ def test_a_step_of_all_groups_that_leaves_one_out_is_not_proved() -> None:
     kept = '  (void)random_group_1_step_at(state, inputs, verdicts, tick);\n'
     assert any('random_step_at: next tick' in text
                for text in failures(proofs(monitor, step, kept)))
+
+
+def test_every_mutant_of_a_timed_monitor_is_killed() -> None:
+    monitor = generated([Yesterday(P), WITHIN, Historically(EVER, P), Historically(EVER, Q)])
+    subject = read_subject(monitor)
+    functions = generated_functions(subject.code, subject.prefix)
+    alive, count = [], 0
+    for mutant in mutants(subject.code, functions):
+        changed = replace(subject, code=mutant.code)
+        groups = range(len(subject.layouts))
+        found = [*(prove_group(changed, group, 5.0) for group in groups),
+                 prove_whole(changed, 5.0)]
+        alive += [mutant.what] * all(item.is_proved for item in found)
+        count += 1
+    assert count > 40
+    # `true` is 1, and so is 2 as a truth value.
+    assert [what for what in alive if not what.endswith(': 1, 1 to 2')] == []
 
 
 def test_a_queue_that_is_too_short_is_not_proved(monkeypatch: pytest.MonkeyPatch) -> None:
