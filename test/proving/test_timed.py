@@ -162,7 +162,7 @@ def test_a_step_of_all_groups_that_leaves_one_out_is_not_proved() -> None:
 
 
 def test_every_mutant_of_a_timed_monitor_is_killed() -> None:
-    monitor = generated([Yesterday(P), WITHIN, Historically(EVER, P), Historically(EVER, Q)])
+    monitor = generated([Yesterday(P), WITHIN, Historically(EVER, P), Yesterday(Q)])
     subject = read_subject(monitor)
     functions = generated_functions(subject.code, subject.prefix)
     alive, count = [], 0
