@@ -21,7 +21,8 @@ its previous one, f(f(x)) = f(x) as long as all else stays. That holds if
 
 * it is Boolean and monotone in itself: f is then constant or the identity; or
 * it chooses among itself and terms independent of it, by conditions, `min` and `max`. With
-  conditions that are independent of it too, f is constant, the identity, or limits x to a range.
+  conditions that are independent of it too, f is constant, the identity, or limits x to a range;
+  with NaN or zeros of two signs it may take more steps, which the generated C finds by comparing.
   If a condition depends on it, there may be one independent term only, t: f(x) is x or t, and
   f(t) is t.
 

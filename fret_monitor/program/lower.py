@@ -49,13 +49,14 @@ from fret_monitor.logic.formula import (
     postorder, Previous, Since, Triggered, Unary, UnaryOperator, Variable, variables,
     WeakYesterday, Window, Yesterday,
 )
+from fret_monitor.logic.formula import operands as operands_of
 from fret_monitor.logic.specification import Signal, Specification
-from fret_monitor.model.policies import Policy, Report
+from fret_monitor.model.policies import InputSource, Policy, Report
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, Delay, Equation, FALSE,
     FeedbackEquation, FeedbackRead, FirstStep, Literal, MonitorProgram, OnceBefore, OnceEver,
-    OnceWithin, Operand, operands, Operation, Overflowed, Power, PreviousNumber, Read,
+    OnceWithin, Operand, operands, Operation, Overflowed, Power, PreviousNumber, Pure, Read,
     SinceBefore, SinceBetween, SinceEver, SinceWithin, StepGroup, TriggeredEver, TRUE,
 )
 from fret_monitor.program.prune import prune
@@ -105,9 +106,15 @@ def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Sp
         first_equations.append(len(builder.equations))
         builder.define([simpler[root] for root in item.roots])
     roots = [simpler[item.formula] for item in properties]
+    builder.fed = [builder.operand[simpler[equation]] for equation in feedback.values()]
     verdicts = [builder.operand[root] for root in roots]
+    occurrences = [
+        (place, builder.operand[root.argument]) for place, root in enumerate(roots)
+        if properties[place].report is Report.OCCURRENCE and isinstance(root, Historically)
+        and root.window.is_unbounded]
     if is_timed:
         verdicts = [builder.unless_lost(verdict) for verdict in verdicts]
+        occurrences = [(place, builder.unless_lost(now)) for place, now in occurrences]
     return prune(StepGroup(
         signals,
         tuple(numbers),
@@ -116,10 +123,7 @@ def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Sp
         tuple(verdicts),
         tuple(FeedbackEquation(node.name, node.type, builder.operand[simpler[equation]])
               for node, equation in feedback.items()),
-        tuple((number, builder.operand[root.argument])
-              for number, item, root in zip(numbers, properties, roots, strict=True)
-              if item.report is Report.OCCURRENCE and isinstance(root, Historically)
-              and root.window.is_unbounded),
+        tuple((numbers[place], now) for place, now in occurrences),
         is_timed,
     ))
 
@@ -135,15 +139,54 @@ class _Rates:
         """Return the inputs that a formula reads."""
         return tuple(sorted(self._index[item.name] for item in variables(node)))
 
-    def changes(self, inputs: tuple[int, ...], ticks: int) -> int | None:
-        """Return how many intervals inputs can begin in so many ticks; None if unknown."""
-        topics = {self._signals[item].topic or item: self._signals[item].max_rate
-                  for item in inputs}
-        if None in topics.values():
+    def intervals(self, node: _Windowed, ticks: int) -> int | None:
+        """Return how many intervals the operands begin in so many ticks; None if unknown."""
+        found: dict[Formula, dict[object, int] | None] = {}
+        for item in postorder(operands_of(node)):
+            found[item] = self._changes(item, ticks, [found[part] for part in operands_of(item)])
+        together = _united([found[item] for item in operands_of(node)])
+        return None if together is None else sum(together.values()) // 2 + 2
+
+    def _changes(self, node: Formula, ticks: int,
+                 parts: list[dict[object, int] | None]) -> dict[object, int] | None:
+        """
+        Return where the changes of a formula come from, and how many at most in so many ticks.
+
+        Messages of a topic are one source for all that reads it. What a window or a step back
+        delays comes at other times than its operand changes: a source of its own.
+        """
+        together = _united(parts)
+        if isinstance(node, Variable):
+            return self._messages(self._signals[self._index[node.name]], ticks)
+        if isinstance(node, Feedback) or together is None:
             return None
-        rates = [rate for rate in topics.values() if rate is not None]
-        # A message may begin an interval when it comes, and another when a window in it ends.
-        return 2 * sum(ceil(rate * ticks / _TICKS_PER_S) + 1 for rate in rates) + 4
+        total = sum(together.values())
+        match node:
+            case Yesterday() | WeakYesterday() | Previous() | Once() | Historically():
+                return {node: total + 2}
+            case Since() | Triggered():
+                return {node: 2 * total + 4}
+            case _:
+                return together
+
+    def _messages(self, signal: Signal, ticks: int) -> dict[object, int] | None:
+        if signal.max_rate is None:
+            return None
+        # Any second may have them all at its end, and the next at its beginning.
+        most = ceil(signal.max_rate * (ticks // _TICKS_PER_S + 1))
+        topic = signal.topic or signal.name
+        if signal.source is InputSource.RECEIVED:
+            return {topic: most, ('end', topic): most}
+        return {topic: most}
+
+
+def _united(parts: list[dict[object, int] | None]) -> dict[object, int] | None:
+    found: dict[object, int] = {}
+    for part in parts:
+        if part is None:
+            return None
+        found.update(part)
+    return found
 
 
 class _GroupBuilder:
@@ -153,6 +196,7 @@ class _GroupBuilder:
                  rates: _Rates | None) -> None:
         self.equations: list[Equation] = []
         self.operand: dict[Formula, Operand] = {}
+        self.fed: list[Operand] = []  # the values of feedback equations
         self._found: dict[tuple[object, ...], Operand] = {}
         self._index = index
         self._rates = rates
@@ -500,26 +544,36 @@ class _GroupBuilder:
         signals = self._rates.inputs(node)
         # Intervals of `right` whose results do not touch begin at least this many ticks apart.
         longest = high // (high - low + 2) + 1
-        changes = self._rates.changes(signals, high)
-        may_overflow = low == high and high > _SHORT_QUEUE if changes is None \
-            else changes < longest
-        capacity = changes if may_overflow else longest
+        by_rate = self._rates.intervals(node, high)
+        may_overflow = low == high and high > _SHORT_QUEUE if by_rate is None \
+            else by_rate < longest
+        capacity = by_rate if may_overflow else longest
         return self._share(('between', low, high, left, right), False,
                            SinceBetween(low, high, left, right, signals, capacity, may_overflow))
 
     def unless_lost(self, verdict: Operand) -> Operand:
-        """Return a verdict, false while a queue that it depends on has lost what it needs."""
-        seen, stack = set[int](), [verdict.value]
+        """
+        Return a verdict, false while a queue that it depends on has lost what it needs.
+
+        Where another cell may remember what the queue said, it stays false.
+        """
+        seen: set[tuple[int, bool]] = set()
+        stack = [(verdict.value, False)]
         while stack:
-            value = stack.pop()
-            if value in seen or value < 0:
+            value, is_remembered = stack.pop()
+            if value < 0 or (value, is_remembered) in seen:
                 continue
-            seen.add(value)
+            seen.add((value, is_remembered))
             operation = self.equations[value].operation
-            stack.extend(item.value for item in operands(operation))
             if isinstance(operation, SinceBetween) and operation.may_overflow:
-                one = self._share(('overflowed', value), False, Overflowed(Operand(value)))
-                verdict = self._connective(BinaryOperator.AND, verdict, ~one)
+                lost = self._share(('overflowed', value), False, Overflowed(Operand(value)))
+                if is_remembered:
+                    lost = self._once_ever(lost, False)
+                verdict = self._connective(BinaryOperator.AND, verdict, ~lost)
+            is_cell = not isinstance(operation, Pure)
+            stack.extend((item.value, is_remembered or is_cell) for item in operands(operation))
+            if isinstance(operation, FeedbackRead):
+                stack.append((self.fed[operation.index].value, True))
         return verdict
 
     def _ago(self, steps: int, argument: Operand) -> Operand:

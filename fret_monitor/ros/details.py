@@ -118,7 +118,7 @@ class Details:
         inputs = self._manifest.inputs
         silent = [inputs[index].name for index in requirement.inputs if index in detail.stale]
         place = _seconds(violation.step) if self._is_timed else str(violation.step)
-        of_all = (place, f'{violation.stamp / 1e9:.9f}', str(detail.suppressed), ', '.join(silent))
+        of_all = (place, _seconds(violation.stamp), str(detail.suppressed), ', '.join(silent))
         pairs = [
             *zip(_OF_TIMES if self._is_timed else _OF_STEPS, of_all),
             *((_key(inputs[index].name), show(inputs[index], detail.values[index]))

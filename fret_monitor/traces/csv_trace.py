@@ -49,6 +49,7 @@ TIME = 'time'  # the column with the time of each row, in seconds
 _SECONDS = re.compile(r'[+-]?([0-9]+)(?:\.([0-9]*))?')
 _DIGITS = 9  # behind the point of a number of seconds
 _LATEST_NS = 2 ** 62
+LONGEST_NS = 2 ** 62 - 3  # FM_LAST_TICK in csrc/fret_monitor.h
 _SEPARATORS = {';': "';'", '\t': 'tabs', '|': "'|'"}
 
 
@@ -221,6 +222,7 @@ class TraceReader:
         self._places = self._find(heading)
         self._time = self._find_time(heading) if is_timed else None
         self._last: int | None = None  # the time of the row before
+        self.first = 0  # the time of the first row
 
     def blocks(self) -> Iterator[tuple['array[int]', int, list['array[Any]']]]:
         """
@@ -284,11 +286,15 @@ class TraceReader:
             except ValueError as error:
                 self._refuse_at(row, place, f"'{cell[:40]}' is no time" if cell
                                 else 'empty cell for the time', str(error))
-            if self._last is not None and now <= self._last:
+            if self._last is None:
+                self.first = now
+            elif now <= self._last:
                 same = 'the same time as' if now == self._last else 'a time before'
                 self._refuse_at(row, place, f'{same} that of the row before',
                                 f'it was {seconds_text(self._last)} there; time increases from '
                                 'row to row')
+            if now - self.first > LONGEST_NS:
+                self._refuse_at(row, place, 'more than 146 years after the first row', '')
             self._last = now
             yield now
 

@@ -33,7 +33,7 @@ from fret_monitor.model.output import open_output
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.traces.csv_trace import seconds_text, TIME, TraceReader
+from fret_monitor.traces.csv_trace import LONGEST_NS, seconds_text, TIME, TraceReader
 
 _MOST_LINES = 4096  # size of the cache of lines
 
@@ -143,6 +143,8 @@ def _timed_rows(evaluator: Evaluator, trace: TraceReader,
         last = times[-1]
     if until is None or last is None:
         return
+    if until - trace.first > LONGEST_NS:
+        refuse(f'--until {seconds_text(until)} is more than 146 years after the first row')
     if until < last:
         refuse(f'--until {seconds_text(until)} is before the last row of the trace',
                help=f'which is at {seconds_text(last)}')

@@ -65,7 +65,8 @@ class Trials:
         self._group = monitor.pointer.groups[group]
         self._inputs = monitor.manifest.groups[group].inputs
         self._state = ffi.new('uint64_t[]', monitor.state_bytes // _WORD + 2)
-        self._verdicts = ffi.new('bool[]', len(monitor.manifest.requirements))
+        self._verdicts = ffi.new(
+            'bool[]', monitor.pointer.n_requirements + monitor.pointer.n_more_verdicts)
         self._watched = ffi.new('uint32_t[]', list(requirements))
         self._self = ffi.new('uint64_t[]', int(library.bytes()) // _WORD + 1)
         library.init(self._self, monitor.pointer.groups + group, self._state, self._verdicts,

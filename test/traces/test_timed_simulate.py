@@ -24,11 +24,13 @@ import re
 
 from fret_monitor.build import build_specification
 from fret_monitor.logic.evaluate import Trace
-from fret_monitor.logic.formula import Constant, Once, Variable, Window
+from fret_monitor.logic.formula import (
+    ALWAYS, Binary, BinaryOperator, Constant, Formula, Historically, Once, Variable, Window,
+)
 from fret_monitor.logic.specification import Specification
 from fret_monitor.logic.timed import evaluate_timed, TimedTrace, verdict_rows
 from fret_monitor.model.diagnostics import CompileError
-from fret_monitor.model.policies import Policy
+from fret_monitor.model.policies import Policy, Report
 from fret_monitor.model.values import ValueType
 from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.traces import csv_trace
@@ -173,6 +175,41 @@ def test_changes_beyond_the_rate_are_counted(tmp_path: Path) -> None:
     times = array('q', [row * 10_000_000 for row in range(100)])
     for _ in evaluator.timed_rows(columns, times):
         pass
-    # 50 intervals came, and there is room for 2 * (2 + 1) + 4.
-    assert evaluator.time_counts().overflows == 40
+    # 50 intervals came. In a second and a bit p may change 4 times, and begin 4 intervals.
+    assert evaluator.time_counts().overflows == 46
     assert evaluator.verdicts == [False]
+
+
+def test_a_rate_does_not_change_a_verdict_that_keeps_it(tmp_path: Path) -> None:
+    # Each message begins nine intervals of what is asked of; and a second's messages come at once.
+    windows = [Window(number * 100, number * 100 + 1) for number in range(1, 10)]
+    echo: Formula = P
+    for window in windows:
+        echo = Binary(BinaryOperator.OR, echo, Once(window, P))
+    tautology = Binary(BinaryOperator.IMPLIES, Once(Window(2000, 2010), echo),
+                       Once(Window(0, 2010), echo))
+    exact = Binary(BinaryOperator.IMPLIES, Once(Window(3000, 3000), P), Once(Window(0, 3000), P))
+    one = timed(specification_of([property_of('R', tautology), property_of('E', exact)], (P,)))
+    rated = replace(one, signals=tuple(replace(item, max_rate=Fraction(40))
+                                       for item in one.signals))
+    ticks = [*range(0, 80, 2), *range(5000, 5080, 2)]
+    write_trace(ticks, {'p': [row % 2 == 0 for row in range(len(ticks))]}, tmp_path / 'trace.csv')
+    monitor = build_specification(rated).monitor
+    simulate(monitor, tmp_path / 'trace.csv', tmp_path / 'out.csv', until=9000)
+    assert all(row[1:] == ['1', '1'] for row in rows(tmp_path / 'out.csv')[1:])
+
+
+def test_what_remembers_a_lost_change_stays_violated(tmp_path: Path) -> None:
+    nested = Once(Window(0, 50), Once(Window(1000, 1000), P))
+    one = timed(specification_of([property_of('N', nested), replace(
+        property_of('H', Historically(ALWAYS, Binary(BinaryOperator.OR, nested, P))),
+        report=Report.OCCURRENCE)], (P,)))
+    rated = replace(one, signals=tuple(replace(item, max_rate=Fraction(1, 10 ** 9))
+                                       for item in one.signals))
+    evaluator = Evaluator(build_specification(rated).monitor)
+    columns = [array('B', [1 - row % 2 for row in range(40)])]
+    for _ in evaluator.timed_rows(columns, array('q', [row * 10 for row in range(40)]), 9000):
+        pass
+    assert evaluator.time_counts().overflows > 0
+    assert evaluator.verdicts == [False, False]
+    assert evaluator.requirement_counts(1).announced > 0
