@@ -391,10 +391,9 @@ static void take_due_after_locked(struct fm_engine * engine, int64_t instant, in
 void fm_engine_put_waiting_locked(struct fm_engine * engine, int64_t now)
 {
   const struct fm_waiting * first = fm_reorder_first(&engine->waiting);
-  const int64_t instant = first->stamp < now ? first->stamp : now;
   const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
-  (void)put_locked(
-    engine, first->topic, first->fields, instant < earliest ? earliest : instant);
+  const int64_t instant = first->stamp < earliest ? earliest : first->stamp;
+  (void)put_locked(engine, first->topic, first->fields, instant < now ? instant : now);
   fm_reorder_remove_first(&engine->waiting);
 }
 
@@ -415,20 +414,46 @@ static void wait_locked(
   }
 }
 
+// With stamps of headers: `reorder` before a message was received. What was before is decided.
+static int64_t horizon_locked(struct fm_engine * engine, int64_t received, int64_t now)
+{
+  const int64_t horizon = fm_later(received, -engine->options.reorder);
+  return engine->has_rounds && engine->source == FM_STEADY && received > 0 && horizon < now ?
+         horizon : now;
+}
+
+// A message with a stamp in its header. One that comes too late takes effect at the horizon: what
+// waits, and what is due, until then comes first.
+static void deliver_stamped_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t stamp,
+  int64_t horizon, int64_t now)
+{
+  const bool is_late = stamp < horizon;
+  engine->topics[topic].counts.late += is_late ? 1u : 0u;
+  if (is_late && !engine->has_rounds) {
+    fm_engine_release_locked(engine, now);
+    (void)put_locked(engine, topic, fields, now);
+  } else {
+    wait_locked(engine, topic, fields, is_late ? horizon : stamp, now);
+  }
+}
+
 // Under FM_TIMED: a message that was received at a time of the system, `now` by the source.
 static void deliver_timed_locked(
-  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t stamp,
-  int64_t now)
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields,
+  const struct fm_reading * reading, int64_t received, int64_t now)
 {
   fm_engine_note_restart_locked(engine, now);
-  const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
-  if (engine->options.uses_header_stamps && stamp < earliest) {
-    engine->topics[topic].counts.late += 1;
-    (void)put_locked(engine, topic, fields, earliest);
-  } else if (engine->options.uses_header_stamps || engine->has_rounds) {
-    wait_locked(engine, topic, fields, stamp, now);
+  if (engine->options.uses_header_stamps) {
+    deliver_stamped_locked(
+      engine, topic, fields, reading->stamp, horizon_locked(engine, received, now), now);
+    return;
+  }
+  const int64_t instant = fm_engine_instant_locked(engine, received, now);
+  if (engine->has_rounds) {
+    wait_locked(engine, topic, fields, instant, now);
   } else {
-    take_due_after_locked(engine, put_locked(engine, topic, fields, stamp), now);
+    take_due_after_locked(engine, put_locked(engine, topic, fields, instant), now);
   }
 }
 
@@ -456,9 +481,7 @@ static void deliver_fields_locked(
     deliver_step_locked(
       engine, topic, fields, fm_evaluator_is_timed(evaluator) ? now : stamp, now);
   } else if (fm_evaluator_is_timed(evaluator)) {
-    deliver_timed_locked(
-      engine, topic, fields, engine->options.uses_header_stamps ? reading->stamp :
-      fm_engine_instant_locked(engine, received, now), now);
+    deliver_timed_locked(engine, topic, fields, reading, received, now);
   } else {
     if (!engine->has_rounds) {
       fm_engine_take_due_before_locked(engine, now);

@@ -69,15 +69,15 @@ struct fm_engine_options
 // the end of its round, in the order of reception. With `uses_header_stamps` it takes effect at
 // the stamp in its header. Then it waits for `reorder`: the evaluator is that much behind the
 // clock, so that messages take effect in the order of their stamps, and deadlines come as much
-// later. Up to FM_MOST_WAITING messages wait. A message that is older than what was evaluated
-// already takes effect at once; so does the oldest one that waits, when there is no room. Both are
-// counted. The clock is then that of the stamps: system time, in place of the steady clock. When
+// later. Up to FM_MOST_WAITING messages wait. A message that comes more than `reorder` after its
+// stamp takes effect at the evaluator's time when it comes, after all that is due then. When there
+// is no room, the oldest one that waits takes effect at its stamp. Both are counted. The clock is then that of the stamps: system time, in place of the steady clock. When
 // it is set back, the messages that wait take effect, and the groups start afresh.
 
 /// Messages that took effect out of order.
 struct fm_order_counts
 {
-  uint64_t late;       // older than what was evaluated already
+  uint64_t late;       // more than `reorder` after the stamp
   uint64_t overflows;  // too early, for want of room
 };
 

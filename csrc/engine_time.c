@@ -131,7 +131,7 @@ void fm_engine_release_locked(struct fm_engine * engine, int64_t now)
   const bool goes_back = now < engine->released;
   const struct fm_waiting * first = fm_reorder_first(&engine->waiting);
   while (first != NULL && (goes_back || first->stamp <= now)) {
-    fm_engine_put_waiting_locked(engine, first->stamp);
+    fm_engine_put_waiting_locked(engine, goes_back ? first->stamp : now);
     first = fm_reorder_first(&engine->waiting);
   }
   engine->released = now;

@@ -106,8 +106,8 @@ int64_t fm_engine_steady_time(void);
 /// Queue the violations of engine->found, whose stamps are `later` than found. In engine.c.
 void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t later);
 
-/// Let the first message that waits take effect at its stamp, or `now` if that is earlier. In
-/// engine.c.
+/// Let the first message that waits take effect at its stamp, or the evaluator's time if that is
+/// later, but not after `now`. In engine.c.
 void fm_engine_put_waiting_locked(struct fm_engine * engine, int64_t now);
 
 #endif  // ENGINE_TIME_H_

@@ -300,7 +300,7 @@ class BundleSession:
         if counts.late:
             self._node.get_logger().warning(
                 f'messages on {name} come later than {self.manifest.reorder / 1e9:g} s '
-                '(`reorder`) after their stamps: they take effect when they come')
+                '(`reorder`) after their stamps: they take effect when they come; raise `reorder`')
         else:
             self._node.get_logger().warning(
                 f'messages on {name} take effect too early: too many wait for earlier stamps')

@@ -452,7 +452,75 @@ static void a_message_that_is_too_late_takes_effect_at_once(void)
   CHECK(fm_engine_order_counts(engine, TOPIC_Y).late == 0);
   fm_engine_advance(engine, 2000);
   take(engine, 0);
-  CHECK(is_taken(ANSWER, 1250, 100));  // asked at 1150, until which all was evaluated
+  CHECK(is_taken(ANSWER, 1251, 100));  // asked at 1151: what came before is decided
+  destroy(engine);
+}
+
+static void a_late_message_takes_effect_after_what_is_decided_then(void)
+{
+  struct clock clock = {1000, false};
+  struct fm_engine * engine = make(100);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
+  clock.now = 1110;
+  deliver(engine, TOPIC_Y, false, 1020, 1);
+  deliver(engine, TOPIC_X, true, 1030, 1);
+  // Nothing was taken since. x waits until 1130, its deadline is 1130, and all before 1900 passed.
+  clock.now = 2000;
+  deliver(engine, TOPIC_Y, true, 0, 1);
+  CHECK(fm_engine_order_counts(engine, TOPIC_Y).late == 1);
+  take(engine, 0);
+  CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 1130, 100));
+  deliver(engine, TOPIC_Y, false, 1850, 1);
+  CHECK(fm_engine_order_counts(engine, TOPIC_Y).late == 2);
+  n_taken = 0;
+  clock.now = 3000;
+  take(engine, 0);
+  CHECK(is_taken(ANSWER, 2001, 971));  // asked again at 1901, after the message at 1900
+  CHECK(fm_engine_time_counts(engine).restarts == 0);
+  destroy(engine);
+}
+
+static void late_messages_of_a_round_take_effect_at_its_end(void)
+{
+  struct fm_engine * engine = make(20 * MS);
+  window = 20 * MS;
+  fm_engine_follow_steady(engine);
+  fm_engine_begin(engine);
+  const struct timespec pause = {0, 10 * MS};
+  nanosleep(&pause, NULL);
+  const int64_t now = time_of(CLOCK_REALTIME);
+  fm_engine_begin_round(engine);
+  deliver(engine, TOPIC_X, true, 0, now - 5 * MS);
+  deliver(engine, TOPIC_Y, false, now - 24 * MS, now - 4 * MS);
+  deliver(engine, TOPIC_Y, false, now - 24 * MS - 1, now - 4 * MS);
+  CHECK(fm_engine_order_counts(engine, TOPIC_X).late == 1);
+  CHECK(fm_engine_order_counts(engine, TOPIC_Y).late == 1);
+  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 0);
+  fm_engine_end_round(engine);
+  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 2);
+  window = 100;
+  destroy(engine);
+}
+
+static void messages_of_one_stamp_do_not_move_the_time_back(void)
+{
+  struct clock clock = {1000, false};
+  struct fm_engine * engine = make(50);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
+  for (int k = 0; k < 4; ++k) {
+    deliver(engine, TOPIC_Y, false, 1000, 1);
+    deliver(engine, TOPIC_X, false, 1000, 1);
+  }
+  clock.now = 1050;
+  take(engine, 0);
+  deliver(engine, TOPIC_X, false, 10, 1);
+  deliver(engine, TOPIC_X, false, 10, 1);
+  deliver(engine, TOPIC_X, false, 10, 1);
+  take(engine, 0);
+  CHECK(fm_engine_time_counts(engine).restarts == 0);
+  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 10);
   destroy(engine);
 }
 
@@ -533,6 +601,9 @@ int main(void)
   a_reception_ends_with_its_message_and_wakes_no_thread();
   messages_take_effect_in_the_order_of_their_stamps();
   a_message_that_is_too_late_takes_effect_at_once();
+  a_late_message_takes_effect_after_what_is_decided_then();
+  late_messages_of_a_round_take_effect_at_its_end();
+  messages_of_one_stamp_do_not_move_the_time_back();
   when_too_many_wait_the_oldest_takes_effect();
   when_the_clock_of_stamps_goes_back_what_waits_takes_effect();
   a_message_without_a_stamp_cannot_be_decoded();
