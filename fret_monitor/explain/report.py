@@ -31,6 +31,7 @@ from fret_monitor.bundle.reader import survey_bundle
 from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.explain import sentence as fretish
 from fret_monitor.explain.goals import goals
+from fret_monitor.explain.in_time import confirmed, verdicts_in_time
 from fret_monitor.explain.timeline import drawn, Timeline, timeline
 from fret_monitor.explain.words import in_words
 from fret_monitor.language.fretish import parse_fretish
@@ -182,6 +183,8 @@ def _on_one_line(text: Text) -> Text:
 
 def _explanation(item: Property, subject: Subject, examples: Examples,
                  context: _Context) -> Explanation:
+    if context.is_timed:
+        examples = confirmed(item, subject, examples, context.grids[item.id])
     fields: tuple[tuple[str, str], ...] = ()
     meaning: tuple[tuple[str, str], ...] = (
         ('in words', in_words(item.formula, _WORDS, context.values, context.names,
@@ -194,7 +197,8 @@ def _explanation(item: Property, subject: Subject, examples: Examples,
     return Explanation(
         item.id, item.title, _cut(item.text), fields, meaning, _outlook(examples, context),
         to_smv(item.formula, _FORMULA, context.values, is_timed=context.is_timed),
-        tuple(_remarks(subject, examples, context)), tuple(_timelines(subject, examples, context)))
+        tuple(_remarks(subject, examples, context)),
+        tuple(_timelines(item, subject, examples, context)))
 
 
 def _cut(text: str) -> str:
@@ -261,14 +265,15 @@ def _is_triggered(subject: Subject, trace: Trace) -> bool:
     return not subject.triggers or bool(bits[-1] & 2)
 
 
-def _timelines(subject: Subject, examples: Examples, context: _Context) -> Iterator[Timeline]:
+def _timelines(item: Property, subject: Subject, examples: Examples,
+               context: _Context) -> Iterator[Timeline]:
     for trace, kind in ((examples.satisfying, 'satisfies'), (examples.violating, 'violates'),
                         (examples.recovering, 'is false and recovers')):
         if trace is None:
             continue
         extent = _extent(trace, subject.item.id, context)
         title = f'A trace that {kind}: {subject.item.id}, {extent}'
-        yield _drawing(subject, trace, title, context)
+        yield _drawing(item, subject, trace, title, context)
 
 
 def _extent(trace: Trace, id: str, context: _Context) -> str:
@@ -278,16 +283,20 @@ def _extent(trace: Trace, id: str, context: _Context) -> str:
     return f'{time_text(length(trace) * spacing)}, drawn every {time_text(spacing)}'
 
 
-def _drawing(subject: Subject, trace: Trace, title: str, context: _Context) -> Timeline:
+def _drawing(item: Property, subject: Subject, trace: Trace, title: str,
+             context: _Context) -> Timeline:
     bits, = subject.trials.run([trace])
+    verdicts = [bool(word & 1) for word in bits]
     shown = subject.propositions[:_MAX_BANDS] if length(trace) <= _LONGEST_SHOWN else ()
+    if context.is_timed and shown:
+        verdicts = verdicts_in_time(item, subject, trace, context.grids[item.id])
     labels = [to_smv(node, _WIDTH, context.values, context.names) for node in shown]
     rows = rows_of(trace)
     columns = {signal.name: [row[number] for row in rows]
                for number, signal in enumerate(subject.signals)}
     truths = evaluate_all(shown, columns, subject.item.feedback) if shown else []
     return timeline(title, labels, [[bool(value) for value in column] for column in truths],
-                    [bool(word & 1) for word in bits], context.period(subject.item.id),
+                    verdicts, context.period(subject.item.id),
                     tuple(_values(subject, trace, context)))
 
 
