@@ -23,7 +23,7 @@ from array import array
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 import sys
 from typing import TextIO
@@ -85,7 +85,7 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
         is_timed = monitor.manifest.policy is Policy.TIMED
         reader = TraceReader(str(trace), file, monitor.manifest.inputs, is_timed=is_timed)
         if is_timed:
-            return _run_timed(Evaluator(monitor), reader, out, until)
+            return _run_timed(Evaluator(_without_timeouts(monitor)), reader, out, until)
         return _run(Evaluator(monitor), reader, out)
 
 
@@ -114,6 +114,12 @@ def _run(evaluator: Evaluator, trace: TraceReader, out: TextIO) -> Summary:
         for index in range(len(ids)):
             violations[index] += found[index::len(ids)].count(0)
     return Summary(step, dict(zip(ids, violations, strict=True)), {})
+
+
+def _without_timeouts(monitor: Monitor) -> Monitor:
+    """Return a monitor whose inputs are never silent: each row of a trace sets all of them."""
+    inputs = tuple(replace(item, timeout=None) for item in monitor.manifest.inputs)
+    return replace(monitor, manifest=replace(monitor.manifest, inputs=inputs))
 
 
 def _run_timed(evaluator: Evaluator, trace: TraceReader, out: TextIO,
