@@ -114,6 +114,7 @@ class _BundleReader:
         self._needs_period = needs_period
         self._declared: dict[str, DeclaredName] = {}
         self._unreadable: set[str] = set()
+        self._has_policy = True  # whether it is known what formulas mean
 
     def bundle(self, source: Source) -> Bundle | None:
         """Read a bundle; return None if nothing of it is usable."""
@@ -124,6 +125,9 @@ class _BundleReader:
         read = self._contents(source, shape)
         shared = self._signals(source, shape)
         definitions = tuple(self._definitions(shape))
+        requirements = tuple(read_requirements(shape, self._problems))
+        if not self._has_policy:
+            definitions, requirements = (), ()
         inputs = (*read.inputs, *(item for part in shared for item in part.inputs))
         check_topics(inputs, self._problems)
         return replace(
@@ -132,7 +136,7 @@ class _BundleReader:
             constants=(*read.constants, *(item for part in shared for item in part.constants)),
             inputs=inputs,
             definitions=definitions,
-            requirements=tuple(read_requirements(shape, self._problems)),
+            requirements=requirements,
             unreadable=frozenset(self._unreadable),
         )
 
@@ -182,13 +186,19 @@ class _BundleReader:
     def _evaluation(self, shape: Shape, bundle: Bundle) -> Bundle:
         """Return the bundle with what stands under `evaluation`."""
         node = shape.node('evaluation')
-        mapping = mapping_of(node, "'evaluation'", self._problems, 'policy: every_message')
+        word = node.value if isinstance(node, YamlScalar) else ''
+        is_policy = any(word == item.value for item in Policy)
+        mapping = mapping_of(
+            node, "'evaluation'", self._problems,
+            f'evaluation: {{policy: {word}}}' if is_policy else 'policy: every_message')
         if mapping is None:
+            self._has_policy &= node is None
             return bundle
         part = Shape(mapping, "'evaluation'", _EVALUATION_KEYS, self._problems)
         choice = part.choice('policy', Policy)
         policy = choice or Policy.EVERY_MESSAGE
         is_known = part.lacks('policy') or choice is not None
+        self._has_policy &= is_known
         place = shape.key('evaluation')
         bundle = replace(bundle, policy=policy, period=self._period(
             part, place.span if place else part.span, policy, is_known))

@@ -226,7 +226,7 @@ class _Reading:
 
     def _formula(self, item: Requirement) -> Expression | Equations | Sentence | None:
         try:
-            return read_formula(item.language, item.text)
+            return read_formula(item.language, item.text, is_timed=self._scale.is_timed)
         except CompileError as error:
             self.problems.extend(map(self._with_help, error.diagnostics))
             return None

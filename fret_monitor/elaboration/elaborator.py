@@ -29,7 +29,7 @@ from fractions import Fraction
 from typing import assert_never, NoReturn, TypeAlias
 
 from fret_monitor.elaboration import arithmetic
-from fret_monitor.elaboration.durations import STEPS, TimeScale
+from fret_monitor.elaboration.durations import approximate, STEPS, TimeScale
 from fret_monitor.elaboration.functions import Application, choice, COUNTING, FUNCTIONS, previous
 from fret_monitor.elaboration.scope import Role, Scope
 from fret_monitor.elaboration.terms import (
@@ -40,6 +40,7 @@ from fret_monitor.language.expression import (
     Boolean, Call, children, Conditional, Duration, Expression, Infix, Name, Number, postorder,
     Prefix,
 )
+from fret_monitor.language.fretish_words import TIME
 from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Choice, Constant, FALSE, Formula, FTP, Historically, Once, Previous,
     Since, Triggered, TRUE, Unary, UnaryOperator, WeakYesterday, Window, Yesterday,
@@ -263,6 +264,9 @@ class Elaborator:
         """Return the value of a constant in a bound; refuse other names."""
         declaration = self._scope.find(node.text)
         if declaration is None:
+            if TIME.fullmatch(node.text):
+                refuse('a time is written without quotes', node.span, 'a name in quotes',
+                       f'write {node.text}')
             refuse(f"'{node.text}' is not declared", node.span,
                    'a bound takes numbers and constants',
                    did_you_mean(node.text, self._scope.constants)
@@ -274,6 +278,11 @@ class Elaborator:
         if not isinstance(value, ExactNumber) or value.is_real or value.value < 0:
             is_real = (isinstance(value, ExactNumber) and value.value.denominator == 1
                        and value.is_real)
+            if self._scale.is_timed and isinstance(value, ExactNumber) and value.value > 0:
+                time = approximate(value.value * (self._scale.unit or 1))
+                refuse('a constant in a bound must be a whole number of units', node.span,
+                       f'this is {describe(declaration.term)}' + ', as a real number' * is_real,
+                       f'write the time itself, such as {time} s: a constant has no unit')
             refuse('a bound must be a whole number of steps, at least 0', node.span,
                    f'this is {describe(declaration.term)}' + ', as a real number' * is_real)
         return value.value.numerator

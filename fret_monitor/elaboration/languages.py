@@ -25,9 +25,12 @@ from fret_monitor.language.smv import parse_smv
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Text
 
 
-def read_formula(language: Language, text: Text) -> Expression | Equations | Sentence:
+def read_formula(language: Language, text: Text, *,
+                 is_timed: bool = False) -> Expression | Equations | Sentence:
     """
     Parse the text of a requirement: a sentence in FRETish, an expression in other languages.
+
+    With `is_timed`, for the policy timed, errors advise times instead of ticks.
 
     Raises
     ------
@@ -36,7 +39,7 @@ def read_formula(language: Language, text: Text) -> Expression | Equations | Sen
     """
     try:
         if language is Language.FRETISH:
-            return parse_fretish(text)
+            return parse_fretish(text, is_timed=is_timed)
         return read_expression(language, text)
     except CompileError:
         other = _language_of(text, language)

@@ -190,9 +190,6 @@ class _FretishBuilder(_lalr.ExpressionBuilder):
     def negative_duration(self, parts: list[Any]) -> None:
         fretish_help.refuse_negative(join(parts[0].span, parts[-1].span))
 
-    def bare_duration(self, parts: list[Any]) -> None:
-        fretish_help.refuse_bare(parts[-1].text, join(parts[0].span, parts[-1].span))
-
     def lasting(self, parts: list[Any]) -> TimingPhrase:
         word, duration = parts
         return TimingPhrase(TimingKind(word.text), duration, None,
@@ -285,12 +282,17 @@ _SYNTAX = _lalr.Syntax('fretish.lark', _FretishBuilder(PRECEDENCE, TIME_UNITS),
                        fretish_help.WRITE, lambda text, lexemes, index: None)
 
 
-def parse_fretish(text: Text) -> Sentence:
-    """Return the parts of a sentence; raises `CompileError` with the place of the first error."""
+def parse_fretish(text: Text, *, is_timed: bool = False) -> Sentence:
+    """
+    Return the parts of a sentence; raises `CompileError` with the place of the first error.
+
+    With `is_timed`, for the policy timed, errors advise times instead of ticks.
+    """
     text = _without_stop(text)
     lexemes = _scan(text)
-    fretish_help.check_sentence(text, lexemes)
-    sentence: Sentence = _lalr.parse(_SYNTAX, text, lexemes, 'sentence', _refuse_at('sentence'))
+    fretish_help.check_sentence(text, lexemes, is_timed)
+    sentence: Sentence = _lalr.parse(_SYNTAX, text, lexemes, 'sentence',
+                                     _refuse_at('sentence', is_timed))
     return replace(sentence, remarks=remarks(sentence, lexemes))
 
 
@@ -302,11 +304,12 @@ def parse_fretish_expression(text: Text) -> Expression:
     return tree
 
 
-def _refuse_at(start: str) -> _lalr.RefuseAt:
+def _refuse_at(start: str, is_timed: bool = False) -> _lalr.RefuseAt:
     def refuse_at(text: Text, lexemes: Sequence[Lexeme], index: int) -> NoReturn:
         fitting = _lalr.fitting(_SYNTAX, start, lexemes[:index])
         earlier = _lalr.fitting(_SYNTAX, start, lexemes[:index - 1]) if index else frozenset()
-        fretish_help.refuse_lexeme(fretish_help.Misfit(text, lexemes, index, fitting, earlier))
+        fretish_help.refuse_lexeme(
+            fretish_help.Misfit(text, lexemes, index, fitting, earlier, is_timed))
 
     return refuse_at
 

@@ -23,13 +23,14 @@ from typing import NoReturn
 from fret_monitor.language._lalr import (
     as_written, END, Lexeme, open_brackets, OPERAND_ENDS, OPERAND_STARTS, short,
 )
-from fret_monitor.language.fretish_words import ABBREVIATIONS, WORDS
+from fret_monitor.language.fretish_words import ABBREVIATIONS, TIME, WORDS
 from fret_monitor.model.diagnostics import refuse, Span, Text
 
 WRITE = {'and': '&', 'or': '|', 'not': '!', 'implies': '=>', 'iff': '<=>', 'xor': 'xor',
          'unequal': '!='}
-_EXAMPLE = 'a sentence is like: when p the COMPONENT shall within 3 ticks satisfy q'
-_UNITS = 'ticks, microseconds, milliseconds, seconds, minutes, hours'
+_TIMES = 'microseconds, milliseconds, seconds, minutes, hours'
+_DIGITS = {word: str(number) for number, word in enumerate(
+    ('zero', 'one', 'two', 'three', 'four', 'five', 'six', 'seven', 'eight', 'nine', 'ten'))}
 _FOREIGN = {
     '&&': 'write &', '||': 'write |', '==': 'write =', '<>': 'write !=',
     '%': 'the remainder is mod: x mod 3',
@@ -72,9 +73,8 @@ _EXPECTATIONS = (
     ({'THE', 'NAME'}, 'the component'),
     ({'THE'}, "'the'"),
     ({'SHALL'}, "'shall'"),
-    ({'PLAIN'}, 'a timing (always, within 3 ticks, until p, at the next timepoint)'),
-    ({'UNIT', 'SATISFY'}, f'a unit ({_UNITS})'),
-    ({'UNIT'}, f'a unit ({_UNITS})'),
+    ({'PLAIN'}, 'a timing (always, within 3 UNIT, until p, at the next timepoint)'),
+    ({'UNIT'}, 'a unit (UNITS)'),
     ({'SATISFY'}, "'satisfy'"),
     ({'TIMEPOINT'}, "'timepoint'"),
     ({'WHICH', 'NEXT', 'PREVIOUS'}, "'first', 'same', 'next', 'last', or 'previous occurrence'"),
@@ -103,13 +103,18 @@ _QUALIFIERS = frozenset({'QUALIFIER', 'WHEN', 'IF', 'UNLESS'})
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """The kinds allowed at the unexpected lexeme `index` (`fitting`), one before (`earlier`)."""
+    """
+    The kinds allowed at the unexpected lexeme `index` (`fitting`), one before (`earlier`).
+
+    With `is_timed` the policy is timed: ticks are refused.
+    """
 
     text: Text
     lexemes: Sequence[Lexeme]
     index: int
     fitting: frozenset[str]
     earlier: frozenset[str]
+    is_timed: bool
 
     @property
     def found(self) -> Lexeme:
@@ -121,18 +126,28 @@ class Misfit:
         """The lexeme before it."""
         return self.lexemes[self.index - 1] if self.index else None
 
+    @property
+    def example(self) -> str:
+        """The advice to write a sentence such as this one."""
+        return _example(self.is_timed)
+
     def written(self, lexeme: Lexeme) -> str:
         """Return a lexeme as the user wrote it."""
         return as_written(self.text, lexeme)
 
 
-def check_sentence(text: Text, lexemes: Sequence[Lexeme]) -> None:
+def _example(is_timed: bool) -> str:
+    unit = 'seconds' if is_timed else 'ticks'
+    return f'a sentence is like: when p the COMPONENT shall within 3 {unit} satisfy q'
+
+
+def check_sentence(text: Text, lexemes: Sequence[Lexeme], is_timed: bool) -> None:
     """Refuse an empty sentence, and free text in quotes."""
     if not lexemes:
-        refuse('the sentence is empty', text.span, 'nothing to read here', _EXAMPLE)
+        refuse('the sentence is empty', text.span, 'nothing to read here', _example(is_timed))
     if len(lexemes) == 1 and text.value[lexemes[0].start] == '"':
         refuse('free text cannot be monitored', text.span, 'this is text in quotes',
-               _EXAMPLE)
+               _example(is_timed))
 
 
 def check_expression(lexemes: Sequence[Lexeme]) -> None:
@@ -161,17 +176,12 @@ def refuse_negative(phrase: Span) -> NoReturn:
     refuse('a duration cannot be negative', phrase, 'less than 0')
 
 
-def refuse_bare(number: str, phrase: Span) -> NoReturn:
-    """Refuse `within 10 satisfy`."""
-    refuse('a duration needs a unit', phrase, 'this number has none',
-           f'write {short(number)} ticks for steps, or one of {_UNITS}')
-
-
 def refuse_lexeme(misfit: Misfit) -> NoReturn:
     """Refuse an unexpected lexeme; suggest what was probably meant."""
     _check_english(misfit)
     _check_order(misfit)
     _check_known_slips(misfit)
+    _check_duration(misfit)
     _check_brackets(misfit)
     meant = _meant(misfit)
     if meant is not None:
@@ -179,13 +189,14 @@ def refuse_lexeme(misfit: Misfit) -> NoReturn:
         if lexeme is misfit.found and misfit.before and misfit.before.type == 'NUMBER':
             word = f'{misfit.written(misfit.before)} {word}'
         refuse(f"'{misfit.written(lexeme)}' is not a word that FRETish allows here", lexeme.span,
-               _expectation(misfit.fitting if lexeme is misfit.found else misfit.earlier),
+               _expectation(misfit, misfit.fitting if lexeme is misfit.found else
+                            misfit.earlier),
                f"did you mean '{word}'?")
     found = misfit.found
     if found.type == END:
-        refuse('the sentence ends too early', found.span, _expectation(misfit.fitting),
+        refuse('the sentence ends too early', found.span, _expectation(misfit, misfit.fitting),
                _help(misfit))
-    refuse(_title(misfit), found.span, _expectation(misfit.fitting), _help(misfit))
+    refuse(_title(misfit), found.span, _expectation(misfit, misfit.fitting), _help(misfit))
 
 
 def _title(misfit: Misfit) -> str:
@@ -296,7 +307,7 @@ def _refuse_misplaced_timing(misfit: Misfit) -> NoReturn:
     found, whole, lexemes = misfit.found, misfit.text.value, misfit.lexemes
     end = misfit.index + (1 if found.type == 'PLAIN' else 3)
     kinds = [item.type for item in lexemes[misfit.index:end]]
-    help_ = _EXAMPLE
+    help_ = misfit.example
     if kinds in (['PLAIN'], ['SPAN', 'NUMBER', 'UNIT']) and end < len(lexemes):
         satisfy, response = lexemes[misfit.index - 1].start, lexemes[end].start
         help_ = _to_write(misfit, f'{whole[:satisfy]}{whole[found.start:response].strip()} '
@@ -324,7 +335,7 @@ def _to_write(misfit: Misfit, sentence: str) -> str:
     """Return the advice to write the corrected sentence; an example if more is misplaced."""
     rest = {lexeme.type for lexeme in misfit.lexemes[misfit.index + 1:]}
     if rest & (_TIMINGS | _QUALIFIERS | _PLACES) or len(sentence) > _LONGEST:
-        return _EXAMPLE
+        return misfit.example
     return f"write {' '.join(sentence.split())}"
 
 
@@ -335,16 +346,16 @@ def _check_known_slips(misfit: Misfit) -> None:
     if found.type == 'FOREIGN':
         title = (f"unexpected '{found.text}'" if found.text in '.;' else
                  f"'{found.text}' is not FRETish")
-        refuse(title, found.span, _expectation(misfit.fitting),
+        refuse(title, found.span, _expectation(misfit, misfit.fitting),
                _FOREIGN.get(found.text, ''))
     if found.type in _SYMBOLS and _in_expression(misfit):
         refuse(f"'{misfit.written(found)}' cannot join expressions in FRETish", found.span,
-               _expectation(misfit.fitting), f'write {_SYMBOLS[found.type]}')
+               _expectation(misfit, misfit.fitting), f'write {_SYMBOLS[found.type]}')
     if found.type == 'THEN':
-        refuse("unexpected 'then'", found.span, _expectation(misfit.fitting),
+        refuse("unexpected 'then'", found.span, _expectation(misfit, misfit.fitting),
                'leave it out: if p the COMPONENT shall ... satisfy q')
     if found.type == 'NEGATION':
-        refuse("unexpected 'not'", found.span, _expectation(misfit.fitting),
+        refuse("unexpected 'not'", found.span, _expectation(misfit, misfit.fitting),
                _negated_response(misfit) or 'write when not in m mode, or except in m mode')
     _check_operators(misfit)
 
@@ -377,6 +388,18 @@ def _check_operators(misfit: Misfit) -> None:
                    'not in this language', advice)
 
 
+def _check_duration(misfit: Misfit) -> None:
+    """Refuse `within 10 satisfy`."""
+    number = misfit.before
+    if (number is None or number.type != 'NUMBER' or 'UNIT' not in misfit.fitting
+            or misfit.found.type not in ('SATISFY', 'COMMA', END)):
+        return
+    written = misfit.written(number)
+    help_ = (f'write a time, such as {written} milliseconds or {written} seconds'
+             if misfit.is_timed else f'write {written} ticks for steps, or one of ticks, {_TIMES}')
+    refuse('a duration needs a unit', number.span, 'this number has none', help_)
+
+
 def _check_brackets(misfit: Misfit) -> None:
     found, opened = misfit.found, open_brackets(misfit.lexemes[:misfit.index])
     if found.type == 'RPAR' and not opened:
@@ -392,16 +415,17 @@ def _check_brackets(misfit: Misfit) -> None:
 def _meant(misfit: Misfit) -> tuple[Lexeme, str] | None:
     """Return the misspelled lexeme, and the word that was meant."""
     found, before = misfit.found, misfit.before
-    if found.type == 'NAME' and (word := _closest(found.text, misfit.fitting)):
+    if found.type == 'NAME' and (word := _closest(found.text, misfit.fitting, misfit.is_timed)):
         return found, word
     if before is not None and before.type == 'NAME' and (
-            word := _closest(before.text, misfit.earlier)):
+            word := _closest(before.text, misfit.earlier, misfit.is_timed)):
         return before, word
     return None
 
 
-def _closest(name: str, fitting: frozenset[str]) -> str | None:
-    words = [word for word, kind in WORDS.items() if kind in fitting]
+def _closest(name: str, fitting: frozenset[str], is_timed: bool) -> str | None:
+    words = [word for word, kind in WORDS.items() if kind in fitting
+             and not (is_timed and word in ('tick', 'ticks'))]
     if 'TIMEPOINT' in fitting and name.lower() in _POINTS:
         return 'timepoint'
     meant = _MEANT.get(name.lower())
@@ -428,16 +452,28 @@ def _help(misfit: Misfit) -> str:
         return (f'leave it out; a name is one word, such as {first}_{second}' if is_two
                 else f'leave it out: write {first}')
     if found.type == 'THE' and _wants_operand(misfit):
-        return _EXAMPLE
+        return misfit.example
     if _is_word(found) and _wants_operand(misfit):
         return _quoted_name(misfit)
     if 'SHALL' in misfit.fitting or {'THE', 'NAME'} <= misfit.fitting:
-        return _EXAMPLE
+        return misfit.example
     if misfit.fitting <= {'SATISFY', 'COMMA'} and found.type in OPERAND_STARTS:
         return f'write satisfy before {misfit.written(found)}'
     if 'NUMBER' in misfit.fitting and 'LPAR' not in misfit.fitting:
-        return 'write the number in digits, as FRET requires: 3 ticks'
+        return _number_help(misfit)
     return ''
+
+
+def _number_help(misfit: Misfit) -> str:
+    """Return what to write for `within three seconds` and `within "3 seconds"`."""
+    found = misfit.found
+    if TIME.fullmatch(found.text):
+        return f'write it without quotes: {short(found.text)}'
+    following = misfit.lexemes[misfit.index + 1:misfit.index + 2]
+    unit = next((item.text for item in following if item.type == 'UNIT'),
+                'seconds' if misfit.is_timed else 'ticks')
+    number = _DIGITS.get(found.text.lower(), '3')
+    return f'write the number in digits, as FRET requires: {number} {unit}'
 
 
 def _quoted_name(misfit: Misfit) -> str:
@@ -458,8 +494,10 @@ def _point(misfit: Misfit) -> str:
     return next((item.text for item in near if item.type in ('WHICH', 'NEXT')), 'next')
 
 
-def _expectation(fitting: frozenset[str]) -> str:
-    shown = list(_phrases(fitting))
+def _expectation(misfit: Misfit, fitting: frozenset[str]) -> str:
+    units = _TIMES if misfit.is_timed else f'ticks, {_TIMES}'
+    unit = 'seconds' if misfit.is_timed else 'ticks'
+    shown = [phrase.replace('UNITS', units).replace('UNIT', unit) for phrase in _phrases(fitting)]
     if not shown:
         return 'not allowed here'
     return 'expected ' + ' or '.join([', '.join(shown[:-1]), shown[-1]] if shown[1:] else shown)

@@ -15,6 +15,8 @@
 
 """The words and operators of FRETish, and the kinds of lexemes that its grammar makes of them."""
 
+import re
+
 from fret_monitor.language import _lalr
 from fret_monitor.language.expression import Unit
 
@@ -40,6 +42,8 @@ TIME_UNITS = {
                     Unit.NANOSECOND),
 }
 """The units of a time in a bound, and in the arguments of a function; in any case."""
+TIME = re.compile(rf'([0-9.]+) ?({"|".join(TIME_UNITS)})', re.IGNORECASE)
+"""A time such as `100 ms`."""
 _ONE_EACH = (
     'after', 'and', 'at', 'before', 'during', 'except', 'false', 'if', 'in', 'is', 'mode', 'next',
     'occurrence', 'of', 'only', 'or', 'previous', 'probability', 'satisfy', 'shall', 'the', 'then',

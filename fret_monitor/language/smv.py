@@ -29,7 +29,7 @@ from typing import Any, NoReturn
 from fret_monitor.language import _lalr
 from fret_monitor.language._lalr import join, Lexeme
 from fret_monitor.language.bounds import bound_end
-from fret_monitor.language.expression import Bound, Expression
+from fret_monitor.language.expression import Bound, Duration, Expression
 from fret_monitor.language.fretish_words import TIME_UNITS
 from fret_monitor.language.precedence import Precedence
 from fret_monitor.model.diagnostics import Diagnostic, refuse, Text
@@ -127,8 +127,13 @@ class _SmvBuilder(_lalr.ExpressionBuilder):
 
     def one_number(self, parts: list[Any]) -> NoReturn:
         end = self._end(parts[1])
+        place = join(parts[0].span, parts[2].span)
+        if isinstance(end, Duration):
+            time = end.span.source.text[end.span.start:end.span.end]
+            refuse('a bound must have two times, or a relation', place, 'this is one time',
+                   f'write [0, {time}] for the last {time}, [={time}] for exactly {time} ago')
         number = end if isinstance(end, str) else 'n'
-        refuse('a bound must have two numbers, or a relation', join(parts[0].span, parts[2].span),
+        refuse('a bound must have two numbers, or a relation', place,
                'this is one number',
                f'write [0,{number}] for the last {number} steps, '
                f'[={number}] for exactly {number} steps ago')
