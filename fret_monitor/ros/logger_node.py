@@ -36,7 +36,7 @@ from fret_monitor.ros.feed import ErrorKeeper, Feed
 from fret_monitor.ros.fields import UNDECODABLE
 from fret_monitor.ros.handlers import handler_topic
 from fret_monitor.ros.overrides import DeclaredOverrides, Overrides
-from fret_monitor.ros.pairing import Pairing, ReceivedViolation
+from fret_monitor.ros.pairing import Pairing, ReceivedViolation, Recovery
 from fret_monitor.ros.parameters import LOGGER_PARAMETERS, Parameters, read_settings
 from fret_monitor.ros.qos import violation_request
 from fret_monitor.ros.raw_topic import Deliver, RawTopic
@@ -49,6 +49,8 @@ from std_msgs.msg import Empty
 _CHECK = 1.0  # s between two checks for an error in a thread
 _MOST_WAITING = 1000  # violations; above that, messages wait in the middleware
 _WAIT_S = 0.1
+
+_Report = Callable[[ReceivedViolation | Recovery], None]
 
 
 class LoggerNode(Node):
@@ -68,7 +70,7 @@ class LoggerNode(Node):
         self._pairing = Pairing()
         self._changed = Condition()  # guards the pairing
         self._is_over = False
-        self._reports: dict[str, Callable[[ReceivedViolation], None]] = {}
+        self._reports: dict[str, _Report] = {}
         self._thread = Thread(target=self._report_all, name='reports', daemon=True)
         self._kept = ErrorKeeper()
         with ExitStack() as undo:
@@ -151,13 +153,12 @@ class LoggerNode(Node):
             detail = read_detail(status)
             if status.name not in self._reports or detail is None:
                 continue
-            if detail.is_recovery:
-                self._info(f'{status.name} satisfied again at {detail.stamp:.3f}: '
-                           f'{status.message} {_shown(detail)}')
-            else:
-                with self._changed:
+            with self._changed:
+                if detail.is_recovery:
+                    self._pairing.add_recovery(status.name, detail, monotonic())
+                else:
                     self._pairing.add_detail(status.name, detail, sent)
-                    self._changed.notify_all()
+                self._changed.notify_all()
 
     def _report_all(self) -> None:
         """Log violations once `Pairing` releases them, until the node is destroyed."""
@@ -168,22 +169,26 @@ class LoggerNode(Node):
         while True:
             with self._changed:
                 now = float('inf') if self._is_over else monotonic()
-                violation, due = self._pairing.take(now), self._pairing.next_due
-                if violation is None:
+                item, due = self._pairing.take(now), self._pairing.next_due
+                if item is None:
                     if self._is_over:
                         return
                     self._changed.wait(None if due is None else max(0.0, due - now))
-            if violation is not None:
-                self._reports[violation.requirement](violation)
+            if item is not None:
+                self._reports[item.requirement](item)
 
-    def _report(self, requirement: ManifestRequirement) -> Callable[[ReceivedViolation], None]:
-        """Return the function that logs the violations of a requirement."""
+    def _report(self, requirement: ManifestRequirement) -> _Report:
+        """Return the function that logs the violations of a requirement, and their ends."""
         sentence = ' '.join((requirement.title or requirement.text).split())
         # One call site per severity: rclpy allows only one severity at a call site.
         log = self._error if requirement.severity is Severity.ERROR else self._warn
 
-        def report(violation: ReceivedViolation) -> None:
+        def report(violation: ReceivedViolation | Recovery) -> None:
             detail = violation.detail
+            if isinstance(violation, Recovery):
+                self._info(f'{requirement.id} satisfied again at {violation.detail.stamp:.3f}: '
+                           f'{sentence} {_shown(violation.detail)}')
+                return
             stamp = violation.received / 1e9 if detail is None else detail.stamp
             values = '' if detail is None else f' {_shown(detail)}'
             log(f'{requirement.id} violated at {stamp:.3f}: {sentence}{values}')

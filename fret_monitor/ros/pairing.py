@@ -18,10 +18,14 @@ Pairs violations with their details, which arrive on a topic of their own.
 A violation is published at once and its detail when it is made, so either may arrive first.
 Details come in the order of their violations. Each has the number of details suppressed before it,
 and so the number of violations without a detail between two of them.
+
+That a violation is over comes as a detail only. It is held until the violations of its requirement
+that came before it were returned.
 """
 
 from collections import deque
 from dataclasses import dataclass, field
+from itertools import islice
 
 from fret_monitor.ros.details import Detail
 
@@ -43,6 +47,15 @@ class ReceivedViolation:
 
 
 @dataclass(frozen=True)
+class Recovery:
+    """The end of a violation of a requirement (its id)."""
+
+    requirement: str
+    due: float  # s, as for a violation
+    detail: Detail
+
+
+@dataclass(frozen=True)
 class _WaitingDetail:
     detail: Detail
     sent: int
@@ -57,6 +70,8 @@ class _Stream:
     details: deque[_WaitingDetail] = field(default_factory=lambda: deque(maxlen=_MOST_DETAILS))
     suppressed: int | None = None  # as in the last detail
     passed: int = 0  # violations without a detail since the last pair
+    held: int = 0  # violations not yet returned
+    recoveries: deque[Recovery] = field(default_factory=lambda: deque(maxlen=_MOST_DETAILS))
 
 
 class Pairing:
@@ -81,6 +96,7 @@ class Pairing:
         self._violations.append(violation)
         stream = self._streams.setdefault(requirement, _Stream())
         stream.violations.append(violation)
+        stream.held += 1
         self._pair(stream)
 
     def add_detail(self, requirement: str, detail: Detail, sent: int) -> None:
@@ -93,8 +109,16 @@ class Pairing:
         stream.details.append(_WaitingDetail(detail, sent, without))
         self._pair(stream)
 
-    def take(self, now: float) -> ReceivedViolation | None:
-        """Return the next violation, if it has its detail or has waited long enough."""
+    def add_recovery(self, requirement: str, detail: Detail, now: float) -> None:
+        """Add the end of a violation; `now` is on the monotonic clock."""
+        stream = self._streams.setdefault(requirement, _Stream())
+        stream.recoveries.append(Recovery(requirement, now + WAIT_S, detail))
+
+    def take(self, now: float) -> ReceivedViolation | Recovery | None:
+        """Return the next violation or recovery that need not wait any longer."""
+        for stream in self._streams.values():
+            if stream.recoveries and self._is_next(stream, now):
+                return stream.recoveries.popleft()
         if not self._violations:
             return None
         first = self._violations[0]
@@ -104,12 +128,25 @@ class Pairing:
         if stream.violations and stream.violations[0] is first:
             stream.violations.popleft()
             stream.passed += 1
+        stream.held -= 1
         return self._violations.popleft()
+
+    def _is_next(self, stream: _Stream, now: float) -> bool:
+        """Whether the first recovery of a stream comes before the violations that are held."""
+        recovery = stream.recoveries[0]
+        if not stream.held:
+            # A detail is there whose violation may still come.
+            return not stream.details or recovery.due <= now
+        first = self._violations[0]
+        return first.requirement == recovery.requirement and first.detail is not None \
+            and first.detail.stamp > recovery.detail.stamp
 
     @property
     def next_due(self) -> float | None:
-        """When the next violation is due, on the monotonic clock; None if there is none."""
-        return self._violations[0].due if self._violations else None
+        """When `take` may return something next, on the monotonic clock; None if nothing waits."""
+        due = [stream.recoveries[0].due for stream in self._streams.values()
+               if stream.recoveries and not stream.held]
+        return min([*due, *(item.due for item in islice(self._violations, 1))], default=None)
 
     def _pair(self, stream: _Stream) -> None:
         while stream.details and stream.violations:

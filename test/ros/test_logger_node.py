@@ -123,7 +123,7 @@ MS = 10**6  # ns
 
 def paired(pairing: Pairing, now: float = 1e9) -> list[int | None]:
     """Return the steps of all violations that are due; None for one without a detail."""
-    found = iter(lambda: pairing.take(now), None)
+    found: Any = iter(lambda: pairing.take(now), None)
     return [item.detail.step if item.detail is not None else None for item in found]
 
 
@@ -186,6 +186,56 @@ def test_suppressed_details_do_not_pair_other_details_with_the_wrong_violation(
     assert all(place == step for place, step in claimed)
 
 
+def released(pairing: Pairing, now: float) -> list[str]:
+    """Return what is due, in its order: steps, with a + if a violation is over."""
+    found: Any = iter(lambda: pairing.take(now), None)
+    return ['?' if item.detail is None else f"{item.detail.step}{'+' * item.detail.is_recovery}"
+            for item in found]
+
+
+def over(step: int) -> Detail:
+    return Detail(step, step / 1e3, (), is_recovery=True)
+
+
+def test_the_end_of_a_violation_waits_for_the_violations_before_it() -> None:
+    pairing = Pairing()
+    pairing.add_recovery('R', over(0), now=0.0)
+    assert released(pairing, now=0.0) == ['0+']
+    pairing.add_violation('Q', 0, MS, now=0.0)  # its detail is late; R's go after it
+    pairing.add_detail('R', Detail(1, 0.001, ()), MS)
+    pairing.add_recovery('R', over(2), now=0.0)
+    assert released(pairing, now=0.0) == []  # the violation of step 1 is on its way
+    pairing.add_violation('R', 0, 2 * MS, now=0.1)
+    assert released(pairing, now=0.1) == []
+    pairing.add_detail('Q', Detail(9, 0.001, ()), MS)
+    assert released(pairing, now=0.1) == ['9', '1', '2+']
+    assert pairing.next_due is None
+
+
+def test_the_end_of_a_violation_comes_before_the_next_violation() -> None:
+    pairing = Pairing()
+    pairing.add_detail('R', Detail(0, 0.0, ()), 0)
+    pairing.add_violation('R', 0, 10, now=0.0)
+    assert released(pairing, now=0.0) == ['0']
+    for step in (1, 3):
+        pairing.add_violation('R', 0, step * MS + 10, now=0.0)
+    pairing.add_detail('R', Detail(1, 0.001, ()), MS + 20)
+    pairing.add_recovery('R', over(2), now=0.0)
+    assert released(pairing, now=0.0) == ['1']
+    pairing.add_detail('R', Detail(3, 0.003, ()), 3 * MS + 20)
+    pairing.add_recovery('R', over(4), now=0.0)
+    assert released(pairing, now=0.0) == ['2+', '3', '4+']
+
+
+def test_the_end_of_a_violation_that_never_comes_is_reported() -> None:
+    pairing = Pairing()
+    pairing.add_detail('R', Detail(1, 0.001, ()), MS)
+    pairing.add_recovery('R', over(2), now=0.0)
+    assert released(pairing, now=0.2) == []
+    assert pairing.next_due == 0.3
+    assert released(pairing, now=0.3) == ['2+']
+
+
 def test_a_detail_that_may_be_of_several_violations_is_given_to_none() -> None:
     pairing = Pairing()
     for step in range(200):
@@ -244,5 +294,8 @@ def test_the_end_of_a_violation_is_logged_with_the_time_since_the_requirement_be
         node.wait_for(
             'A-1 satisfied again at 12.346: x < 0.5 [2.5 s after its start: x = 0.7]')
         voice.detail(*timed)
+        voice.recovery(*timed)
         voice.violation()
         assert lines(node, 1)[0] == '12.346: x < 0.5 [2.5 s after its start: x = 0.7]'
+        wait_until(lambda: node.output.count('satisfied again') == 2, 'its end')
+        assert node.output.rindex('satisfied again') > node.output.rindex('A-1 violated')
