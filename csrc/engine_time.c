@@ -125,13 +125,26 @@ static void advance_locked(struct fm_engine * engine, int64_t now)
   } while (fm_evaluator_wake(evaluator) <= now && fm_evaluator_wake(evaluator) != FM_NEVER);
 }
 
-// When time goes back, no waiting message is of the time that comes.
+// No waiting message is of the time that comes. One with a stamp ahead of the time that is over
+// takes effect at its end, so that nothing is due that has never come.
+static void release_all_locked(struct fm_engine * engine)
+{
+  const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
+  const int64_t end = engine->released < earliest ? earliest : engine->released;
+  while (fm_reorder_first(&engine->waiting) != NULL) {
+    fm_engine_put_waiting_locked(engine, end);
+  }
+}
+
 void fm_engine_release_locked(struct fm_engine * engine, int64_t now)
 {
-  const bool goes_back = now < engine->released;
   const struct fm_waiting * first = fm_reorder_first(&engine->waiting);
-  while (first != NULL && (goes_back || first->stamp <= now)) {
-    fm_engine_put_waiting_locked(engine, goes_back ? first->stamp : now);
+  if (now < engine->released) {
+    release_all_locked(engine);
+    first = NULL;
+  }
+  while (first != NULL && first->stamp <= now) {
+    fm_engine_put_waiting_locked(engine, now);
     first = fm_reorder_first(&engine->waiting);
   }
   engine->released = now;
@@ -219,7 +232,7 @@ static void follow(
 {
   fm_engine_lock(engine);
   fm_engine_take_due_now_locked(engine);  // brings the time up to date, for the shift
-  fm_engine_release_locked(engine, INT64_MAX);  // their stamps are of another clock
+  release_all_locked(engine);  // their stamps are of another clock
   engine->released = INT64_MIN;
   engine->source = source;
   engine->now = now;

@@ -561,6 +561,28 @@ static void when_the_clock_of_stamps_goes_back_what_waits_takes_effect(void)
   destroy(engine);
 }
 
+static void when_the_clock_goes_back_no_deadline_is_taken_that_never_came(void)
+{
+  struct clock clock = {10000, false};
+  struct fm_engine * engine = make(50);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
+  deliver(engine, TOPIC_Y, false, 9940, 1);
+  deliver(engine, TOPIC_X, true, 9950, 1);
+  take(engine, 0);  // asked for an answer until 10050
+  deliver(engine, TOPIC_X, false, 20000, 1);
+  clock.now = 500;
+  take(engine, 0);
+  CHECK(fm_engine_time_counts(engine).restarts == 1);
+  CHECK(count_of(ANSWER) == 0);
+  deliver(engine, TOPIC_X, true, 450, 1);
+  deliver(engine, TOPIC_X, false, 9000, 1);  // and of another clock
+  fm_engine_follow_steady(engine);
+  take(engine, 0);
+  CHECK(!is_taken(ANSWER, 550, 100));
+  destroy(engine);
+}
+
 static void a_message_without_a_stamp_cannot_be_decoded(void)
 {
   struct fm_engine * engine = make(50);
@@ -606,6 +628,7 @@ int main(void)
   messages_of_one_stamp_do_not_move_the_time_back();
   when_too_many_wait_the_oldest_takes_effect();
   when_the_clock_of_stamps_goes_back_what_waits_takes_effect();
+  when_the_clock_goes_back_no_deadline_is_taken_that_never_came();
   a_message_without_a_stamp_cannot_be_decoded();
   a_wait_ends_when_a_message_takes_effect();
   return failures == 0 ? 0 : 1;
