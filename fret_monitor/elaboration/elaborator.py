@@ -297,6 +297,10 @@ class Elaborator:
         counts = len(parts) - 1 if isinstance(node, Call) and node.function in COUNTING else 0
         for part in parts[counts:]:
             if isinstance(part, Duration):
+                if isinstance(node, Call) and counts:
+                    time = part.span.source.text[part.span.start:part.span.end]
+                    refuse('a time cannot be used here', part.span, 'the condition stands here',
+                           f'the time comes first: {node.function}({time}, p)')
                 refuse('a time cannot be used here', part.span, 'this has a unit',
                        'only bounds, persisted and occurred take times')
         return [replace(term, value=self._steps(part, term)) for part, term in

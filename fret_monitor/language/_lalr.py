@@ -24,6 +24,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
+from itertools import pairwise
 import re
 from typing import Any, NamedTuple, NoReturn, TypeAlias
 import warnings
@@ -33,7 +34,9 @@ from fret_monitor.language.expression import (
 )
 from fret_monitor.language.precedence import Chain, Operator, Pending, Precedence
 from fret_monitor.language.quoted_text import QuotedText
-from fret_monitor.model.diagnostics import CompileError, Diagnostic, refuse, Span, Text
+from fret_monitor.model.diagnostics import (
+    CompileError, Diagnostic, did_you_mean, refuse, Span, Text,
+)
 
 END = '$END'
 OPERAND_ENDS = frozenset({'NAME', 'NUMBER', 'NEGATIVE', 'TRUE', 'FALSE', 'RPAR'})
@@ -138,6 +141,9 @@ def _lexeme(syntax: Syntax, text: Text, kind: str, start: int, end: int) -> Lexe
         case _:
             if word == "'":
                 _refuse_apostrophe(text, start)
+            if kind == 'NOTNUMBER' and (match := _WITH_UNIT.fullmatch(word)) and (
+                    _END_OF_TIME.match(text.value, end)):
+                _refuse_unit(match[1], match[2], span, syntax.builder.units)
             _refuse_text(syntax, word, span)
     return Lexeme('NAME', word, start, end, span)
 
@@ -300,6 +306,8 @@ def join_times(lexemes: Sequence[Lexeme], units: Collection[str]) -> list[Lexeme
     return joined
 
 
+_WITH_UNIT = re.compile('([0-9]+(?:[.][0-9]+)?)([A-Za-z]+)')
+_END_OF_TIME = re.compile(r'\s*[],]')
 _BEFORE_TIMES = frozenset({'LBRACK', 'LPAR', 'COMMA', 'RELATION'})
 _TIME = re.compile('(.*?) ?([A-Za-z]+)')
 
@@ -333,11 +341,54 @@ def _refuse_lexeme(syntax: Syntax, text: Text, lexemes: Sequence[Lexeme], index:
         _refuse_missing_operand(text, lexemes, index)
     if found.type == END and opened:
         refuse(f"'{as_written(text, opened[-1])}' is not closed", opened[-1].span, 'opened here')
+    check_unit(text, lexemes, index, syntax.builder.units)
     if found.type in OPERAND_STARTS and lexemes[index - 1].type in OPERAND_ENDS:
         _refuse_missing_operator(syntax, text, lexemes[index - 1], found)
     title = 'the formula ends too early' if found.type == END else (
         f"unexpected '{as_written(text, found)}'")
     refuse(title, found.span, _expectation(expected, lexemes[:index], opened))
+
+
+def check_unit(text: Text, lexemes: Sequence[Lexeme], index: int,
+               units: Iterable[str]) -> None:
+    """Refuse a misspelt unit of time, and a unit where numbers have none: `x > 0.5 m`."""
+    number, unit = lexemes[index - 1], lexemes[index]
+    if index == 0 or number.type != 'NUMBER' or unit.type not in ('NAME', 'UNIT'):
+        return
+    word = as_written(text, unit)
+    opened = open_brackets(lexemes[:index])[-1:]
+    is_time = (lexemes[index + 1].type in ('COMMA', 'RBRACK')
+               and lexemes[index - 2].type in _BEFORE_TIMES
+               and (lexemes[index - 2].type != 'RELATION' or lexemes[index - 3] in opened))
+    if is_time and opened and word.lower() not in units:
+        _refuse_unit(number.text, word, unit.span, units)
+    function = next((before.text for before, after in pairwise(lexemes) if after in opened), '')
+    if function in ('persisted', 'occurred') and word.lower() in units:
+        refuse('a time cannot be used here', join(number.span, unit.span),
+               'the condition stands here',
+               f'the time comes first: {function}({number.text} {word}, p)')
+    if word in _PHYSICAL or word.lower() in units:
+        refuse('a number has no unit here', unit.span, 'a unit',
+               'leave it out: a value is in the unit of its message field; only bounds, persisted '
+               'and occurred take times')
+
+
+_PHYSICAL = frozenset({'m', 'cm', 'mm', 'km', 'kg', 'g', 'rad', 'deg', 'degrees', 'Hz', 'N', 'Nm',
+                       'V', 'A', 'W', 'K', 'Pa', 'bar', 'meters', 'metres', 'radians', 'percent'})
+
+
+def _refuse_unit(number: str, word: str, place: Span, units: Iterable[str]) -> NoReturn:
+    refuse(f"'{word}' is not a unit of time", place,
+           'the units are ns, us, ms, s, min, h, and words such as seconds',
+           _unit_help(number, word, units))
+
+
+def _unit_help(number: str, word: str, units: Iterable[str]) -> str:
+    if word == 'm':
+        return 'write ms for milliseconds, min for minutes'
+    if word.lower() == 'hz' and float(number):
+        return f'write the period instead of the rate: {1 / float(number):g} s'
+    return did_you_mean(word.lower(), units)
 
 
 def open_brackets(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -421,7 +472,7 @@ class ExpressionBuilder:
     def __init__(self, precedence: Precedence, units: Mapping[str, Unit]) -> None:
         """Take the precedence of the operators, and the units of time."""
         self._precedence = precedence
-        self._units = units
+        self.units = units
 
     def finish(self, part: Any) -> Expression:
         """Return the tree of a complete expression."""
@@ -462,7 +513,7 @@ class ExpressionBuilder:
         """Build a number with a unit of time."""
         match = _TIME.fullmatch(parts[0].text)
         assert match is not None, parts[0]
-        return Duration(match[1], self._units[match[2].lower()], parts[0].span)
+        return Duration(match[1], self.units[match[2].lower()], parts[0].span)
 
     def negative(self, parts: list[Any]) -> Prefix:
         """Build a number with its sign."""

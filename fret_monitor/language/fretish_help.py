@@ -21,9 +21,9 @@ from difflib import get_close_matches
 from typing import NoReturn
 
 from fret_monitor.language._lalr import (
-    as_written, END, Lexeme, open_brackets, OPERAND_ENDS, OPERAND_STARTS, short,
+    as_written, check_unit, END, Lexeme, open_brackets, OPERAND_ENDS, OPERAND_STARTS, short,
 )
-from fret_monitor.language.fretish_words import ABBREVIATIONS, TIME, WORDS
+from fret_monitor.language.fretish_words import ABBREVIATIONS, TIME, TIME_UNITS, WORDS
 from fret_monitor.model.diagnostics import refuse, Span, Text
 
 WRITE = {'and': '&', 'or': '|', 'not': '!', 'implies': '=>', 'iff': '<=>', 'xor': 'xor',
@@ -182,6 +182,7 @@ def refuse_lexeme(misfit: Misfit) -> NoReturn:
     _check_order(misfit)
     _check_known_slips(misfit)
     _check_duration(misfit)
+    _check_units(misfit)
     _check_brackets(misfit)
     meant = _meant(misfit)
     if meant is not None:
@@ -398,6 +399,25 @@ def _check_duration(misfit: Misfit) -> None:
     help_ = (f'write a time, such as {written} milliseconds or {written} seconds'
              if misfit.is_timed else f'write {written} ticks for steps, or one of ticks, {_TIMES}')
     refuse('a duration needs a unit', number.span, 'this number has none', help_)
+
+
+def _check_units(misfit: Misfit) -> None:
+    """Refuse units of numbers, and durations of conditions: `when p for 3 seconds`."""
+    for index, fitting in ((misfit.index, misfit.fitting), (misfit.index - 1, misfit.earlier)):
+        if 'INFIX' in fitting and index > 0:
+            check_unit(misfit.text, misfit.lexemes, index, TIME_UNITS)
+    found, following = misfit.found, misfit.lexemes[misfit.index + 1:misfit.index + 3]
+    kinds = [item.type for item in following]
+    if (found.text in ('for', 'within') and found.type == 'SPAN' and kinds == ['NUMBER', 'UNIT']
+            and {'INFIX', 'SHALL'} <= misfit.fitting):
+        time = ' '.join(map(misfit.written, following))
+        function = 'persisted' if found.text == 'for' else 'occurred'
+        refuse('a condition has no timing', found.span, 'not allowed here',
+               f'write {function}({time}, p), p the condition')
+    if found.type == 'NUMBER' and misfit.before is not None and misfit.before.type == 'UNIT' and (
+            kinds[:1] == ['UNIT']):
+        refuse('a duration is one number with one unit', found.span, 'a second number',
+               'add them up, as in 1300 milliseconds for 1 second and 300 milliseconds')
 
 
 def _check_brackets(misfit: Misfit) -> None:

@@ -179,8 +179,9 @@ def _explain_time(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnost
     place = join(before.span, found.span) if is_unit else found.span
     sign = lexemes[index - 2 if is_unit else index - 1]
     if sign.type == 'MINUS' and lexemes[lexemes.index(sign) - 1].type not in _lalr.OPERAND_ENDS:
+        time = text.value[(before if is_unit else found).start:found.end]
         return Diagnostic('a bound cannot be negative', join(sign.span, place),
-                          'counts into the past')
+                          'counts into the past', f'[0, {time}] is the last {time}')
     return Diagnostic('a time must stand alone in a bound', place, 'part of an expression',
                       'write it as one number and a unit, as in [0, 2.5 s]')
 
