@@ -214,6 +214,10 @@ class _BundleReader:
             self._problems.error("'reorder' must be a whole number of nanoseconds", text.span,
                                  'at most nine digits behind the point')
         if bundle.policy is Policy.TIMED:
+            if (key := part.key('reorder')) and reorder and stamp is Stamp.RECEIVED:
+                self._problems.warning(
+                    'reorder has no effect with stamp: received', key.span, 'no effect',
+                    'write stamp: header to order messages by their stamps')
             return replace(bundle, unit=unit, stamp=stamp, reorder=int(nanoseconds))
         for key in (part.key(name) for name in _TIMED_KEYS):
             if key is not None and is_known:

@@ -139,7 +139,7 @@ def _bounds(item: Property, policy: Policy, period: Fraction | None) -> str:
         noun = _STEPS[policy][1]
         return f'{shown} {noun.removesuffix("s") if numbers == (1,) else noun}'
     times = ', '.join(f'{float(number * period):g}' for number in numbers[-_MANY:])
-    return f'{shown} steps = {times} s'
+    return f'{shown} step{"" if numbers == (1,) else "s"} = {times} s'
 
 
 def _time(nanoseconds: int) -> str:

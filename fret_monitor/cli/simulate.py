@@ -53,7 +53,8 @@ def run(options: Namespace) -> int:
     summary = simulate(compiled.monitor, options.trace, options.verdicts, compiled.sources,
                        options.until)
     if options.verdicts is not None:
-        print(_shown(summary))
+        noun = 'row' if compiled.monitor.manifest.policy is Policy.TIMED else 'step'
+        print(_shown(summary, noun))
     return 1 if options.fail_on_violation and any(summary.violations.values()) else 0
 
 
@@ -64,11 +65,11 @@ def _seconds(text: str) -> int:
         raise ArgumentTypeError(f"'{text}' is no time: {error}") from None
 
 
-def _shown(summary: Summary) -> str:
-    lines = [counted(summary.steps, 'step')]
+def _shown(summary: Summary, noun: str) -> str:
+    lines = [counted(summary.steps, noun)]
     otherwise = 'satisfied' if summary.steps else 'not judged'
     for name, count in summary.violations.items():
         when = f'first at {seconds_text(summary.first[name])} s, ' if name in summary.first else ''
-        lines.append(f"{name}: violated {when}at {counted(count, 'step')}" if count
+        lines.append(f"{name}: violated {when}at {counted(count, noun)}" if count
                      else f'{name}: {otherwise}')
     return '\n'.join(lines)

@@ -16,8 +16,7 @@
 Warnings about reports and times that are legal, and probably not meant.
 
 The cases: `report: onset` of a requirement that stays violated; under the policy timed, operators
-that look back one nanosecond where no change is looked for, and `reorder` without stamps of
-messages.
+that look back one nanosecond where no change is looked for.
 """
 
 from collections.abc import Iterator
@@ -28,9 +27,10 @@ from fret_monitor.logic.formula import (
 )
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.diagnostics import Diagnostic, Level
-from fret_monitor.model.policies import Policy, Report, Stamp
+from fret_monitor.model.policies import InputSource, Policy, Report
 
-_TEMPORAL = (Historically, Once, Previous, Since, Triggered, WeakYesterday, Yesterday)
+_ONE_BACK = (Previous, WeakYesterday, Yesterday)
+_TEMPORAL = (Historically, Once, Since, Triggered, *_ONE_BACK)
 
 
 def reports_once(specification: Specification) -> Iterator[Diagnostic]:
@@ -48,22 +48,36 @@ def doubtful_instants(specification: Specification) -> Iterator[Diagnostic]:
     """Yield the warnings about formulas of single nanoseconds under the policy timed."""
     if specification.policy is not Policy.TIMED:
         return
+    received = {item.name for item in specification.signals
+                if item.source is InputSource.RECEIVED}
     for item in specification.properties:
         if item.sentence is None:
-            yield from _instants(item)
-    if specification.reorder and specification.stamp is Stamp.RECEIVED:
-        yield Diagnostic('reorder has no effect with stamp: received', None, '',
-                         'write stamp: header to order messages by their stamps', Level.WARNING)
+            yield from _instants(item, received)
 
 
-def _instants(item: Property) -> Iterator[Diagnostic]:
+def _instants(item: Property, received: set[str]) -> Iterator[Diagnostic]:
     nodes = postorder(item.roots)
-    if any(map(_looks_back_alone, _regions(nodes))):
+    name = next(_received_before(nodes, received), '')
+    if name:
+        yield _warning(
+            item, f"{item.id} looks back one nanosecond at '{name}'",
+            'it is true for one nanosecond, when a message comes',
+            f'for a message not long ago write a bound, as in O[0, 100 ms] {name}')
+    elif any(map(_looks_back_alone, _regions(nodes))):
         yield _warning(
             item, f'{item.id} looks back one nanosecond', "under policy: timed 'Y', 'Z' and 'pre'"
             ' see the instant before, not the message before',
             'for a change compare a value with its own past, as in p & Y !p; for a time write a '
             'bound, as in O[0, 100 ms] p')
+
+
+def _received_before(nodes: list[Formula], received: set[str]) -> Iterator[str]:
+    """Yield the names of `received()` inputs that are read one step ago."""
+    for node in nodes:
+        if isinstance(node, _ONE_BACK) and node is not FTP:
+            read = next(_regions([node.argument]))
+            yield from (inner.name for inner in read
+                        if isinstance(inner, Variable) and inner.name in received)
 
 
 def _regions(nodes: list[Formula]) -> Iterator[list[Formula]]:
@@ -94,7 +108,7 @@ def _looks_back_alone(region: list[Formula]) -> bool:
     """Whether an operator looks back one step at inputs that are not read at the step itself."""
     now = {node for node in region if isinstance(node, Variable | Feedback)}
     for node in region:
-        if isinstance(node, Yesterday | WeakYesterday | Previous) and node is not FTP:
+        if isinstance(node, _ONE_BACK) and node is not FTP:
             read = {inner for inner in postorder([node.argument])
                     if isinstance(inner, Variable | Feedback)}
             if read and now.isdisjoint(read):

@@ -46,6 +46,7 @@ _INTEGER = re.compile(r'[+-]?[0-9]+')
 _REAL = re.compile(r'[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf)',
                    re.IGNORECASE)
 TIME = 'time'  # the column with the time of each row, in seconds
+_NAMES_OF_TIME = frozenset({TIME, 't', 'times', 'timestamp', 'stamp', 'seconds', 'sec', 's'})
 _SECONDS = re.compile(r'[+-]?([0-9]+)(?:\.([0-9]*))?')
 _DIGITS = 9  # behind the point of a number of seconds
 _LATEST_NS = 2 ** 62
@@ -276,7 +277,14 @@ class TraceReader:
             1, self._source.line,
             f"the trace has two columns '{TIME}'" if TIME in heading else
             f"the trace has no column '{TIME}'",
-            'under policy: timed each row has a time, in seconds')
+            self._near_time(heading) or 'under policy: timed each row has a time, in seconds')
+
+    def _near_time(self, heading: list[str]) -> str:
+        """Return the advice to rename the column that probably has the times."""
+        inputs = {item.name for item in self._inputs}
+        found = next((name for name in heading if name not in inputs
+                      and name.lower() in _NAMES_OF_TIME), '')
+        return f"rename the column '{found}' to '{TIME}'; its times are in seconds" if found else ''
 
     def _times(self, rows: list[_Row], place: int) -> Iterator[int]:
         for row in rows:

@@ -87,6 +87,14 @@ def test_a_file_of_verdicts_has_what_standard_output_would_have(here: Here) -> N
     assert sorted(os.listdir(here.folder)) == ['out.csv', 'pump.yaml', 'trace.csv']
 
 
+def test_under_timed_the_summary_counts_rows(here: Here) -> None:
+    bundle = here.file('timed.yaml', 'format: 1\nevaluation: {policy: timed}\n'
+                       'inputs: {p: {type: bool}}\nrequirements: [{id: R, ptltl: p}]\n')
+    trace = here.file('trace.csv', 'time,p\n0,1\n1,0\n2,0\n')
+    done = here.run('simulate', bundle, '--trace', trace, '--verdicts', here.folder / 'out.csv')
+    assert done.out == '3 rows\nR: violated first at 1 s, at 2 rows\n'
+
+
 def test_a_trace_without_rows_gives_no_verdicts(here: Here) -> None:
     assert verdicts(here, HEADING) == [['step', 'R-1', 'R,2', 'R"3']]
     assert verdicts(here, HEADING.rstrip()) == [['step', 'R-1', 'R,2', 'R"3']]

@@ -63,6 +63,20 @@ def test_what_concerns_one_nanosecond_is_warned_of(
     assert all(warning in title for title in found)
 
 
+@pytest.mark.parametrize(('text', 'is_doubtful'), [
+    ('H (scanned -> Y scanned)', True), ('H (q -> Z (p & scanned))', True),
+    ('H (scanned & Y !scanned)', True), ('H (O[0, 100 ms] scanned)', False),
+    ('H (q & Y (O[0, 1 s] scanned) & O[0, 1 s] scanned)', False), ('scanned -> q & Y !q', False)])
+def test_a_received_input_one_nanosecond_ago_is_warned_of(
+        tmp_path: Path, text: str, is_doubtful: bool) -> None:
+    scanned = '{topic: t, type: std_msgs/msg/Bool, field: received()}'
+    for policy in ('timed', 'periodic, period: 0.001'):
+        bundle = bundle_of(policy, 'ptltl', text).replace(
+            'inputs: {', f'inputs: {{scanned: {scanned}, ')
+        assert [item for item in titles(tmp_path, bundle) if "at 'scanned'" in item] == [
+            "R looks back one nanosecond at 'scanned'"] * (is_doubtful and policy == 'timed')
+
+
 def test_steps_are_no_nanoseconds_under_other_policies(tmp_path: Path) -> None:
     assert titles(tmp_path, bundle_of('all_inputs', 'ptltl', 'H (p -> Y q)')) == []
 
@@ -81,3 +95,5 @@ def test_an_order_by_stamps_needs_stamps(tmp_path: Path) -> None:
     assert titles(tmp_path, bundle_of(policy + 'header', 'ptltl', 'H p')) == []
     assert titles(tmp_path, bundle_of(policy + 'received', 'ptltl', 'H p')) == [
         'reorder has no effect with stamp: received']
+    (warning,) = read(tmp_path / 'bundle.yaml').warnings
+    assert ':4:29: warning: reorder' in warning.render()

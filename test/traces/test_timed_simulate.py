@@ -118,6 +118,8 @@ def test_nothing_is_written_after_the_last_row_without_until(tmp_path: Path) -> 
 
 @pytest.mark.parametrize(('text', 'place', 'message', 'help'), [
     ('p\n1\n', '1:1', "the trace has no column 'time'", 'under policy: timed each row has a time'),
+    *((f'p,{name}\n1,0\n', '1:1', "the trace has no column 'time'",
+       f"rename the column '{name}' to 'time'") for name in ('Time', 't', 'timestamp')),
     ('time,time,p\n0,0,1\n', '1:1', "the trace has two columns 'time'", ''),
     ('time,p\n0,1\n0,1\n', '3:1', 'the same time as that of the row before', 'it was 0 there'),
     ('time,p\n2.5,1\n2.25,1\n', '3:1', 'a time before that of the row before', 'it was 2.5 there'),
