@@ -412,7 +412,7 @@ bool fm_evaluator_is_stale(const struct fm_evaluator * evaluator, uint32_t input
 struct fm_requirement_counts fm_evaluator_requirement_counts(
   const struct fm_evaluator * evaluator, uint32_t requirement)
 {
-  struct fm_requirement_counts counts = {0, 0, 0, true};
+  struct fm_requirement_counts counts = {0, 0, 0, true, true};
   if (requirement < evaluator->monitor->n_requirements) {
     const struct fm_requirement_cell * cell = &evaluator->requirements[requirement];
     const uint32_t group = evaluator->monitor->requirements[requirement].group;
@@ -420,6 +420,7 @@ struct fm_requirement_counts fm_evaluator_requirement_counts(
     counts.violations = cell->violations;
     counts.announced = cell->announced;
     counts.verdict = evaluator->instance.verdicts[requirement];
+    counts.holds = evaluator->instance.previous[requirement];
   }
   return counts;
 }

@@ -121,6 +121,7 @@ struct fm_requirement_counts
   uint64_t violations;   // steps whose verdict was false, and timeouts that violated
   uint64_t announced;    // those that were reported (all, onsets, or occurrences)
   bool verdict;          // of the last step or timeout; true before the first
+  bool holds;            // what is reported: the verdict, or of H p whose falls are reported, p
 };
 
 /// Counters of an input.

@@ -118,7 +118,7 @@ class Details:
         inputs = self._manifest.inputs
         silent = [inputs[index].name for index in requirement.inputs if index in detail.stale]
         place = _seconds(violation.step) if self._is_timed else str(violation.step)
-        of_all = (place, _seconds(violation.stamp), str(detail.suppressed), ', '.join(silent))
+        of_all = (place, _stamp(violation.stamp), str(detail.suppressed), ', '.join(silent))
         pairs = [
             *zip(_OF_TIMES if self._is_timed else _OF_STEPS, of_all),
             *((_key(inputs[index].name), show(inputs[index], detail.values[index]))
@@ -134,6 +134,12 @@ class Details:
 def _seconds(nanoseconds: int) -> str:
     """Return a time in seconds, exactly, without zeros at its end."""
     return f'{nanoseconds // 10**9}.{nanoseconds % 10**9:09d}'.rstrip('0').rstrip('.')
+
+
+def _stamp(nanoseconds: int) -> str:
+    """Return a time in seconds, exactly, with nine decimals, as `_STAMP` reads it."""
+    whole, rest = divmod(abs(nanoseconds), 10**9)
+    return f"{'-' if nanoseconds < 0 else ''}{whole}.{rest:09d}"
 
 
 _OF_ALL = frozenset((*_OF_STEPS, *_OF_TIMES))

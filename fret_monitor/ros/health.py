@@ -26,7 +26,7 @@ from time import monotonic
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from fret_monitor.model.manifest import ManifestRequirement, ManifestTopic
-from fret_monitor.model.policies import Stale, Stamp
+from fret_monitor.model.policies import Report, Stale, Stamp
 from fret_monitor.ros.details import LEVELS
 from fret_monitor.ros.feed import PublisherStatus
 from fret_monitor.ros.node_time import are_worth_reading
@@ -166,24 +166,28 @@ class Health:
         old = [place for place in item.inputs if place in silent]
         violating = [place for place in old
                      if self._manifest.inputs[place].stale is Stale.VIOLATE]
-        if violating and not counts.verdict:
+        if violating and not counts.holds:
             level = LEVELS[item.severity]
             message = f'violated: nothing comes of {self._named(violating)}'
         elif missing:
             level, message = DiagnosticStatus.WARN, f'no value yet of {self._named(missing)}'
         elif not counts.steps:
             level, message = DiagnosticStatus.WARN, 'not evaluated yet'
-        elif counts.verdict and old:
+        elif counts.holds and old:
             level = DiagnosticStatus.WARN
             message = f'satisfied, on old values of {self._named(old)}'
-        elif counts.verdict:
+        elif counts.holds:
             level, message = DiagnosticStatus.OK, 'satisfied'
         else:
             level, message = LEVELS[item.severity], 'violated'
+        is_timed = self._engine.is_timed
         return self._status(item.id, level, message, {
-            'evaluations' if self._engine.is_timed else 'steps': counts.steps,
-            'violations': counts.violations,
-            'announced': counts.announced, 'text': ' '.join((item.title or item.text).split())})
+            'evaluations' if is_timed else 'steps': counts.steps,
+            'violating evaluations' if is_timed else 'violations': counts.violations,
+            'announced': counts.announced,
+            **({'verdict': str(counts.verdict).lower()}
+               if item.report is Report.OCCURRENCE else {}),
+            'text': ' '.join((item.title or item.text).split())})
 
     def _of_silence(self, index: int, silent: dict[int, Silence]) -> Iterator[tuple[bytes, str]]:
         found = [place for place in self._manifest.topics[index].inputs if place in silent]

@@ -299,7 +299,8 @@ class Engine:
         """Return the counters of a requirement."""
         found = self._library.fm_engine_requirement_counts(self.pointer, index)
         return RequirementCounts(
-            found.steps, found.violations, found.announced, bool(found.verdict))
+            found.steps, found.violations, found.announced, bool(found.verdict),
+            bool(found.holds))
 
     def input_counts(self, index: int) -> InputCounts:
         """Return the counters of an input."""

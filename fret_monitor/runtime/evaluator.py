@@ -57,12 +57,17 @@ class Violation(NamedTuple):
 
 @dataclass(frozen=True)
 class RequirementCounts:
-    """Counters of a requirement, through all resets; `verdict` is of the last step or timeout."""
+    """
+    Counters of a requirement, through all resets; `verdict` is of the last step or timeout.
+
+    `holds` is what reports look at: the verdict; of `H p` with `report: occurrence`, p.
+    """
 
     steps: int
     violations: int
     announced: int
     verdict: bool
+    holds: bool
 
 
 @dataclass(frozen=True)
@@ -409,7 +414,8 @@ class Evaluator:
         """Return the counters of a requirement."""
         found = self._library.fm_evaluator_requirement_counts(self.pointer, index)
         return RequirementCounts(
-            found.steps, found.violations, found.announced, bool(found.verdict))
+            found.steps, found.violations, found.announced, bool(found.verdict),
+            bool(found.holds))
 
     def input_counts(self, index: int) -> InputCounts:
         """Return the counters of an input."""

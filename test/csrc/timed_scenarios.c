@@ -593,7 +593,9 @@ static void occurrences_are_announced_each_time_although_the_verdict_stays_false
   for (int k = 0; k < 3; ++k) {
     message(evaluator, TOPIC_P, true, 100 + 10 * k);
     message(evaluator, TOPIC_P, true, 102 + 10 * k);
+    CHECK(!fm_evaluator_requirement_counts(evaluator, ANSWER).holds);
     message(evaluator, TOPIC_P, false, 105 + 10 * k);
+    CHECK(fm_evaluator_requirement_counts(evaluator, ANSWER).holds);
   }
   uint32_t n = 0;
   for (uint32_t k = 0; k < n_found; ++k) {

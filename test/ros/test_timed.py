@@ -27,7 +27,7 @@ from ros.simulator import simulating, Simulator
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import Bool
 
-OK = b'\0'
+OK, ERROR = b'\0', b'\2'
 ALIVE = """
 format: 1
 inputs:
@@ -138,15 +138,19 @@ def test_a_simulation_that_starts_again_starts_the_requirements_afresh(
         assert not listener.heard
         simulator.go(2.0)
         violated, = listener.wait_for(1)
+        operator.wait_for('ANSWER', ERROR, 'violated')
         assert abs(violated.stamp - 1010.0) < 1e-6 and violated.time is not None
         assert abs(float(violated.time) - 10.0) < 1e-6
         simulator.jump(-1000.0)
         node.wait_for('the requirements start afresh')
-        assert operator.status('time of bundle')[2] == {'restarts': '1'}
+        assert operator.status('time of bundle')[2]['restarts'] == '1'
         # Asked at the begin, for it keeps its values: false at once, for there was no answer.
         partner.expect({'ANSWER': 2})
         answer.publish(Bool(data=True))
         assert listener.wait_for(3)[2].is_recovery
+        values = operator.wait_for('ANSWER', OK, 'satisfied')
+        assert values['verdict'] == 'false'  # of H p; p holds again
+        assert 'violations' not in values and int(values['violating evaluations']) > 1
 
 
 def at(stamp: float, value: float) -> Temperature:
