@@ -133,7 +133,12 @@ class Details:
 
 def _seconds(nanoseconds: int) -> str:
     """Return a time in seconds, exactly, without zeros at its end."""
-    return f'{nanoseconds // 10**9}.{nanoseconds % 10**9:09d}'.rstrip('0').rstrip('.')
+    return _stamp(nanoseconds).rstrip('0').rstrip('.')
+
+
+def _stamp(nanoseconds: int) -> str:
+    """Return a time in seconds with nine decimal places, exactly."""
+    return f'{nanoseconds // 10**9}.{nanoseconds % 10**9:09d}'
 
 
 def _stamp(nanoseconds: int) -> str:
