@@ -70,6 +70,6 @@ def _shown(summary: Summary, noun: str) -> str:
     otherwise = 'satisfied' if summary.steps else 'not judged'
     for name, count in summary.violations.items():
         when = f'first at {seconds_text(summary.first[name])} s, ' if name in summary.first else ''
-        lines.append(f"{name}: violated {when}at {counted(count, noun)}" if count
+        lines.append(f'{name}: violated {when}at {counted(count, noun)}' if count
                      else f'{name}: {otherwise}')
     return '\n'.join(lines)

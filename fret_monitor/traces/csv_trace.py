@@ -284,7 +284,7 @@ class TraceReader:
         inputs = {item.name for item in self._inputs}
         found = next((name for name in heading if name not in inputs
                       and name.lower() in _NAMES_OF_TIME), '')
-        return f"rename the column '{found}' to '{TIME}'; its times are in seconds" if found else ''
+        return f"rename the column '{found}' to '{TIME}', in seconds" if found else ''
 
     def _times(self, rows: list[_Row], place: int) -> Iterator[int]:
         for row in rows:
