@@ -223,6 +223,7 @@ static void restart_time(struct fm_evaluator * evaluator, int64_t now)
 {
   struct fm_instance_time * time = evaluator->instance.time;
   evaluator->counts.restarts += 1;
+  evaluator->counts.restarted_at = now;
   fm_evaluator_shift(evaluator, -fm_since(now, time->now));
   time->clock = now;
   if (evaluator->policy == FM_TIMED) {

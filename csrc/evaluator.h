@@ -154,6 +154,7 @@ struct fm_time_counts
   uint64_t late;         // taken more than half a period after their instant
   uint64_t missed;       // not taken: more than FM_MOST_PERIODS_BEHIND came in between
   uint64_t restarts;     // how often the time went back
+  int64_t restarted_at;  // the time to which it went back last; 0 before
   uint64_t overflows;    // changes more than a `max_rate` allows, since start or reset
 };
 

@@ -134,7 +134,10 @@ class BundleSession:
         self._running.callback(self._forget_timers)
         period = self.opened.period if self.opened.policy is Policy.PERIODIC else None
         self._silence_log = SilenceLog(self._node, self.manifest, self._engine)
-        self._time_log = TimeLog(self._node, self._engine, period)
+        self._time_log = TimeLog(
+            self._node, self._engine, period, is_timed=self._engine.is_timed,
+            has_timeouts=any(item.timeout is not None for item in self.manifest.inputs),
+            reorder=self.manifest.reorder)
         self._health = Health(self._node, self._engine, self._silence_log, period, self._name)
         self._running.callback(self._health.close)
         steady = Clock(clock_type=ClockType.STEADY_TIME)

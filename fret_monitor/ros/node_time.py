@@ -103,11 +103,21 @@ class NodeTime:
 class TimeLog:
     """Logs that `/clock` is missing or went back, and that periods are late."""
 
-    def __init__(self, node: Node, engine: Engine, period: float | None) -> None:
-        """Log for a node; `period` is in seconds, None unless the policy is periodic."""
+    def __init__(self, node: Node, engine: Engine, period: float | None, *, is_timed: bool,
+                 has_timeouts: bool, reorder: int) -> None:
+        """
+        Log for a node.
+
+        `period` is in seconds, None unless the policy is periodic; `reorder` in nanoseconds.
+        """
         self._node = node
         self._engine = engine
         self._period = period
+        self._is_timed = is_timed
+        self._reorder = reorder
+        self._waits = [
+            *(['period'] if period is not None else []), *(['deadline'] if is_timed else []),
+            *(['timeout'] if has_timeouts else [])]  # what ends although no message comes
         self._clock: Any = node.get_clock()
         self._began = monotonic()
         self._is_missing_logged = False
@@ -122,11 +132,12 @@ class TimeLog:
         self._review_clock()
         if counts.restarts > self._restarts:
             self._restarts = counts.restarts
-            outcome = 'timeouts continue from there; values are kept, and the requirements ' \
-                'start afresh' if self._engine.is_timed else 'periods and timeouts continue ' \
-                'from there; values and past of the requirements are kept'
-            self._node.get_logger().warning(
-                f'time went back, to {self._now() / 1e9:.3f} s: {outcome}')
+            waits = ' and '.join(f'{wait}s' for wait in self._waits if wait != 'deadline')
+            outcome = f'{waits} continue from there; ' if waits else ''
+            outcome += 'values are kept, and the requirements start afresh' if self._is_timed \
+                else 'values and past of the requirements are kept'
+            went_to = (counts.restarted_at + self._reorder) / 1e9
+            self._node.get_logger().warning(f'time went back, to {went_to:.3f} s: {outcome}')
         if counts.overflows != self._overflows:
             if counts.overflows > self._overflows and self._throttle.passes():
                 self._node.get_logger().warning(
@@ -158,8 +169,8 @@ class TimeLog:
         elif monotonic() > self._began + _NO_TIME_S and not self._is_missing_logged:
             self._is_missing_logged = True
             self._node.get_logger().warning(
-                'use_sim_time is set and nothing was received on /clock: no period passes, and no '
-                'timeout')
+                'use_sim_time is set and nothing was received on /clock'
+                + (f": no {' and no '.join(self._waits)} passes" if self._waits else ''))
 
 
 def are_worth_reading(before: TimeCounts, now: TimeCounts) -> bool:

@@ -286,7 +286,7 @@ class Engine:
         """Return the counters of the time."""
         found = self._library.fm_engine_time_counts(self.pointer)
         return TimeCounts(found.periods, found.late, found.missed, found.restarts,
-                          found.overflows)
+                          found.overflows, found.restarted_at)
 
     def value(self, index: int) -> bool | int | float | None:
         """Return the current value of an input, None before its first."""

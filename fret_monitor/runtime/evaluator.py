@@ -107,6 +107,7 @@ class TimeCounts:
     Periods taken, those taken late or not at all, and how often time went back.
 
     `overflows` are the changes that found no room in a queue, since start or reset.
+    `restarted_at` is the time to which it went back last, in nanoseconds.
     """
 
     periods: int
@@ -114,6 +115,7 @@ class TimeCounts:
     missed: int
     restarts: int
     overflows: int = 0
+    restarted_at: int = 0
 
 
 class Evaluator:
@@ -408,7 +410,7 @@ class Evaluator:
         """Return the counters of the time."""
         found = self._library.fm_evaluator_time_counts(self.pointer)
         return TimeCounts(found.periods, found.late, found.missed, found.restarts,
-                          found.overflows)
+                          found.overflows, found.restarted_at)
 
     def requirement_counts(self, index: int) -> RequirementCounts:
         """Return the counters of a requirement."""

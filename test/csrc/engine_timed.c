@@ -305,6 +305,7 @@ static void a_clock_that_starts_again_starts_the_groups_afresh(void)
   clock.now = 20;
   deliver(engine, TOPIC_X, true, 0, 1);
   CHECK(fm_engine_time_counts(engine).restarts == 1);
+  CHECK(fm_engine_time_counts(engine).restarted_at == 20);
   clock.now = 119;
   take(engine, 0);
   CHECK(count_of(ANSWER) == 0);

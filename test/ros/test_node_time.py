@@ -14,6 +14,7 @@
 
 """Late and missed periods, and time that goes back, are logged when that is worth reading."""
 
+from time import monotonic
 from types import SimpleNamespace
 from typing import Any
 
@@ -72,13 +73,19 @@ class Recorder:
         self.lines.append(line)
 
 
+def a_log(recorder: Any, period: float | None, *, is_timed: bool = False,
+          has_timeouts: bool = True, reorder: int = 0) -> TimeLog:
+    return TimeLog(recorder, recorder, period, is_timed=is_timed, has_timeouts=has_timeouts,
+                   reorder=reorder)
+
+
 def test_late_periods_are_logged_at_intervals_with_their_total(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     time = [0.0]
     monkeypatch.setattr('fret_monitor.ros.throttle.monotonic', lambda: time[0])
     recorder: Any = Recorder()
-    log = TimeLog(recorder, recorder, 0.1)
+    log = a_log(recorder, 0.1)
     for second in range(120):
         time[0] = float(second)
         recorder.counts = TimeCounts(10 * second, 5 * second, 2 * second, 0)
@@ -97,7 +104,7 @@ def test_a_burst_of_late_periods_is_logged_after_a_long_good_run(
     time = [0.0]
     monkeypatch.setattr('fret_monitor.ros.throttle.monotonic', lambda: time[0])
     recorder: Any = Recorder()
-    log = TimeLog(recorder, recorder, 1 / per_s)
+    log = a_log(recorder, 1 / per_s)
     for second in range(0, 36000, 7):
         time[0] = float(second)
         recorder.counts = TimeCounts(int(second * per_s), 2, 0, 0)
@@ -114,7 +121,7 @@ def test_slow_periods_that_are_often_late_are_logged(monkeypatch: pytest.MonkeyP
     time = [0.0]
     monkeypatch.setattr('fret_monitor.ros.throttle.monotonic', lambda: time[0])
     recorder: Any = Recorder()
-    log = TimeLog(recorder, recorder, 30.0)
+    log = a_log(recorder, 30.0)
     for second in range(1500):
         time[0] = float(second)
         recorder.counts = TimeCounts(second // 30, second // 300, 0, 0)  # one in ten
@@ -126,16 +133,47 @@ def test_slow_periods_that_are_often_late_are_logged(monkeypatch: pytest.MonkeyP
 
 def test_without_periods_only_time_that_goes_back_is_logged() -> None:
     recorder: Any = Recorder()
-    log = TimeLog(recorder, recorder, None)
+    log = a_log(recorder, None)
     recorder.counts = TimeCounts(0, 50, 50, 0)
     log.review()
     assert recorder.lines == []
-    recorder.time = 5_300_000_000
-    recorder.counts = TimeCounts(0, 50, 50, 2)
+    recorder.time = 6_000_000_000  # it has gone on since
+    recorder.counts = TimeCounts(0, 50, 50, 2, 0, 5_300_000_000)
     log.review()
     log.review()
     line, = recorder.lines
-    assert line.startswith('time went back, to 5.300 s: periods and timeouts continue from there')
+    assert line == ('time went back, to 5.300 s: timeouts continue from there; values and past '
+                    'of the requirements are kept')
+
+
+def test_when_the_time_goes_back_timeouts_are_named_only_if_there_are_some() -> None:
+    recorder: Any = Recorder()
+    recorder.time = 101_480_000_000
+    recorder.counts = TimeCounts(0, 0, 0, 1, 0, 99_900_000_000)
+    a_log(recorder, None, is_timed=True, has_timeouts=False, reorder=100_000_000).review()
+    a_log(recorder, 0.1).review()
+    assert recorder.lines == [
+        'time went back, to 100.000 s: values are kept, and the requirements start afresh',
+        'time went back, to 99.900 s: periods and timeouts continue from there; values and past '
+        'of the requirements are kept']
+
+
+@pytest.mark.parametrize(('period', 'is_timed', 'has_timeouts', 'end'), [
+    (None, True, True, ': no deadline and no timeout passes'),
+    (None, True, False, ': no deadline passes'),
+    (0.1, False, False, ': no period passes'),
+    (None, False, False, '/clock')])
+def test_what_a_missing_clock_stops_is_named(
+    monkeypatch: pytest.MonkeyPatch, period: float | None, is_timed: bool, has_timeouts: bool,
+    end: str,
+) -> None:
+    recorder: Any = Recorder()
+    recorder.ros_time_is_active = True
+    log = a_log(recorder, period, is_timed=is_timed, has_timeouts=has_timeouts)
+    later = monotonic() + 6.0
+    monkeypatch.setattr(node_time, 'monotonic', lambda: later)
+    log.review()
+    assert recorder.lines[0].endswith(end)
 
 
 def test_a_missing_clock_is_logged_once_after_five_seconds(
@@ -145,7 +183,7 @@ def test_a_missing_clock_is_logged_once_after_five_seconds(
     monkeypatch.setattr(node_time, 'monotonic', lambda: time[0])
     recorder: Any = Recorder()
     recorder.ros_time_is_active = True
-    log = TimeLog(recorder, recorder, 0.1)
+    log = a_log(recorder, 0.1)
     for second in (101.0, 104.9):
         time[0] = second
         log.review()
@@ -154,4 +192,4 @@ def test_a_missing_clock_is_logged_once_after_five_seconds(
         time[0] = second
         log.review()
     assert recorder.lines == ['use_sim_time is set and nothing was received on /clock: no period '
-                              'passes, and no timeout']
+                              'and no timeout passes']
