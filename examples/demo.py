@@ -54,7 +54,8 @@ TAKES_OFF_AT = 1000.0  # s on /clock, as in quadrotor.py
 TOLERANCE = 0.5  # s between a published message and its reception on /clock
 END_PATIENCE = 10.0  # s
 
-VIOLATED = re.compile(r'(\S+) violated at ([0-9.]+): (.*?)(?: \[(step .*)\])?')
+VIOLATED = re.compile(r'(\S+) violated at ([0-9.]+): (.*?)(?: \[(.* after its start: .*)\])?')
+RECOVERED = re.compile(r'(\S+) satisfied again at ([0-9.]+): .*')
 FLYING = re.compile(r'\s*([0-9.]+) s   wind\s+([0-9.]+) m/s   current\s+([0-9.]+) A(?:   (.*))?')
 
 
@@ -144,6 +145,11 @@ class Story:
         self.paragraph('        ', sentence, 31)
         if values:
             self.paragraph('        ', values, 31)
+
+    def recover(self, name: str, stamp: str) -> None:
+        """Write that a requirement is satisfied again."""
+        flown = float(stamp) - TAKES_OFF_AT
+        self.say(f'  ***** {name} satisfied again at {flown:.1f} s of the flight', 32)
 
 
 def _bar(value: float, most: float, width: int = 16) -> str:
@@ -258,6 +264,8 @@ def _tell_violations(story: Story, logger: Process) -> list[tuple[str, float]]:
         if found:
             story.violate(*found.groups())
             announced.append((found.group(1), float(found.group(2))))
+        elif recovered := RECOVERED.fullmatch(_message(line)):
+            story.recover(*recovered.groups())
         else:
             story.say(f'  logger: {_message(line)}')
     return announced
