@@ -39,8 +39,8 @@ _OURS = frozenset({'s', 'in', 'state', 'inputs', 'verdicts', 'pow', 'fmod', 'fmo
                    'tick', 'next', 'unsettled'})
 _GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+$')
 _MODULE = re.compile(
-    r'(req|occ)_.*|requirements|verdicts|step|step_at|step_any|overflows|reset|monitor|readers|'
-    r'groups?_.*')
+    r'(req|occ)_.*|requirements|verdicts|step|step_at|step_any|overflows|reset|monitor|readers'
+    r'|groups?_.*')
 _LONGEST_PREFIX = 100  # characters; file names begin with the prefix
 
 # Suffixes of the functions in fret_cells.h, by the type of their operands, as in `fm_add_i64`.
