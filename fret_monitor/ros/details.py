@@ -141,11 +141,6 @@ def _stamp(nanoseconds: int) -> str:
     return f'{nanoseconds // 10**9}.{nanoseconds % 10**9:09d}'
 
 
-def _stamp(nanoseconds: int) -> str:
-    """Return a time in seconds, exactly, with nine decimals, as `_STAMP` reads it."""
-    whole, rest = divmod(abs(nanoseconds), 10**9)
-    return f"{'-' if nanoseconds < 0 else ''}{whole}.{rest:09d}"
-
 
 _OF_ALL = frozenset((*_OF_STEPS, *_OF_TIMES))
 
