@@ -137,9 +137,9 @@ def _seconds(nanoseconds: int) -> str:
 
 
 def _stamp(nanoseconds: int) -> str:
-    """Return a time in seconds with nine decimal places, exactly."""
-    return f'{nanoseconds // 10**9}.{nanoseconds % 10**9:09d}'
-
+    """Return a time in seconds, exactly, with nine decimals, as `_STAMP` reads it."""
+    whole, rest = divmod(abs(nanoseconds), 10**9)
+    return f"{'-' if nanoseconds < 0 else ''}{whole}.{rest:09d}"
 
 
 _OF_ALL = frozenset((*_OF_STEPS, *_OF_TIMES))
