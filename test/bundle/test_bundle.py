@@ -153,7 +153,8 @@ def test_the_policy_timed_has_its_keys() -> None:
     assert (bundle.policy, bundle.period, bundle.unit, bundle.stamp, bundle.reorder) == (
         Policy.TIMED, None, Fraction(1), Stamp.RECEIVED, 50_000_000)
     bundle = _parse(_with('evaluation: {policy: timed, unit: 0.1, stamp: header}'))
-    assert (bundle.unit, bundle.stamp, bundle.reorder) == (Fraction(1, 10), Stamp.HEADER, 0)
+    assert (bundle.unit, bundle.stamp, bundle.reorder) == (
+        Fraction(1, 10), Stamp.HEADER, 100_000_000)
     bundle = _parse(_with('evaluation: {policy: timed}'))
     assert (bundle.unit, bundle.stamp, bundle.reorder) == (None, Stamp.RECEIVED, 0)
 
