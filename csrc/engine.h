@@ -71,8 +71,9 @@ struct fm_engine_options
 // clock, so that messages take effect in the order of their stamps, and deadlines come as much
 // later. Up to FM_MOST_WAITING messages wait. A message that comes more than `reorder` after its
 // stamp takes effect at the evaluator's time when it comes, after all that is due then. When there
-// is no room, the oldest one that waits takes effect at its stamp. Both are counted. The clock is then that of the stamps: system time, in place of the steady clock. When
-// it is set back, the messages that wait take effect, and the groups start afresh.
+// is no room, the oldest one that waits takes effect at its stamp. Both are counted. The clock is
+// then that of the stamps: system time, in place of the steady clock. When it is set back, the
+// messages that wait take effect, and the groups start afresh.
 
 /// Messages that took effect out of order.
 struct fm_order_counts
