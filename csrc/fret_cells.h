@@ -213,9 +213,8 @@ static inline bool fm_once_before_at(
 /// lasts. queue[0]: the index of the oldest; queue[1]: how many; queue[2]: the last tick at which
 /// an interval that did not fit is missed; queue[3]: how many did not fit. Then the first and last
 /// tick of each, for `capacity` intervals. The newest ends at FM_NEVER while q lasts; it begins at
-/// FM_NEVER - 1 while p does not hold, so that every tick is the oldest q. All 0 at the start. With
-/// a capacity
-/// of high / (high - low + 2) + 1 everything fits.
+/// FM_NEVER - 1 while p does not hold, so that every tick is the oldest q. All 0 at the start.
+/// With a capacity of high / (high - low + 2) + 1 everything fits.
 static inline int64_t * fm_interval(int64_t * queue, int64_t capacity, int64_t number)
 {
   const int64_t place = queue[0] + number;
