@@ -110,7 +110,7 @@ def test_parameters_read_by_configure_change_only_before_it_and_then_take_effect
         node.wait_for('nothing is monitored until the node is active again')
         assert set_to(partner, policy='sometimes')[0] == (
             False, "parameter 'policy' is 'sometimes', and has to be one of every_message, "
-                   'relevant_message, all_inputs, periodic')
+                   'relevant_message, all_inputs, periodic, timed')
         assert set_to(partner, spec=str(bundle), policy='periodic', rate=20) == [(True, '')] * 3
         assert set_to(partner, period=0.5)[0] == (
             False, "parameters 'period' and 'rate' are both given: give one of them")

@@ -74,7 +74,7 @@ def test_all_problems_of_the_parameters_are_reported_together(context: Context) 
         "error: parameter 'spec' is 12, and has to be a path or a list of paths; quote it: "
         "-p 'spec:=\"12\"'",
         "error: parameter 'policy' is 'sometimes', and has to be one of every_message, "
-        'relevant_message, all_inputs, periodic',
+        'relevant_message, all_inputs, periodic, timed',
         "error: parameter 'period' is -1, and has to be a number above 0 (seconds, say 0.1)",
         "error: parameter 'rate' is 'often', and has to be a number above 0 "
         '(steps a second, say 10.0)',
