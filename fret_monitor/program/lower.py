@@ -52,6 +52,7 @@ from fret_monitor.logic.formula import (
 from fret_monitor.logic.formula import operands as operands_of
 from fret_monitor.logic.specification import Signal, Specification
 from fret_monitor.model.policies import InputSource, Policy, Report
+from fret_monitor.model.times import NANOSECONDS
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, Delay, Equation, FALSE,
@@ -66,7 +67,6 @@ _BOOL = ValueType.BOOL
 _FACTORING_DEPTH = 8  # `b | c` may have a common factor again
 _LAST = Window(1, 1)
 _SHORT_QUEUE = 16  # ticks that a queue covers without a rate
-_TICKS_PER_S = 10 ** 9
 _Windowed: TypeAlias = Once | Historically | Since | Triggered
 _TURNED = {BinaryOperator.GT: BinaryOperator.LT, BinaryOperator.GE: BinaryOperator.LE}
 
@@ -173,7 +173,7 @@ class _Rates:
         if signal.max_rate is None:
             return None
         # Any second may have them all at its end, and the next at its beginning.
-        most = ceil(signal.max_rate * (ticks // _TICKS_PER_S + 1))
+        most = ceil(signal.max_rate * (ticks // NANOSECONDS['s'] + 1))
         topic = signal.topic or signal.name
         if signal.source is InputSource.RECEIVED:
             return {topic: most, ('end', topic): most}

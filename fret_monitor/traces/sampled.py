@@ -16,8 +16,8 @@
 A timed requirement as one that takes a step at every point of a grid of time.
 
 For traces whose inputs change on the grid only, the verdicts on the grid are the same, except for
-what lasts one tick: `Y`, `Z`, `pre` and FTP then last one point of the grid. Examples and drawings
-need no more.
+what lasts one tick: `Y`, `Z`, `pre` and FTP then last one point of the grid. Examples that are
+found on it have to be confirmed in real time (`explain/in_time.py`).
 """
 
 from collections.abc import Iterable
@@ -28,8 +28,8 @@ from fret_monitor.logic.formula import (
     Formula, Historically, Once, postorder, rebuilt, Since, Triggered, Window,
 )
 from fret_monitor.logic.specification import Property
+from fret_monitor.model.times import NANOSECONDS
 
-_NS_PER_S = 10 ** 9
 _MOST_POINTS = 400  # in the longest bound
 _FEWEST_POINTS = 10
 
@@ -45,7 +45,7 @@ def grid_of(item: Property) -> int:
               for end in (node.window.low, node.window.high) if end}
     bounds.discard(0)
     if not bounds:
-        return _NS_PER_S
+        return NANOSECONDS['s']
     exact: int = gcd(*bounds)
     coarse = max(bounds) // _MOST_POINTS
     if exact < coarse:

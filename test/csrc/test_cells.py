@@ -49,6 +49,20 @@ def build(folder: Path, *command: str, source: str = 'cells.c') -> Path:
     return program
 
 
+def with_slip(folder: Path, name: str, right: str, wrong: str) -> Path:
+    """Compile a program with a mistake in the header: `wrong` in place of `right`."""
+    for file in csrc_directory().glob('*.h'):
+        shutil.copy(file, folder)
+    header = folder / 'fret_cells.h'
+    text = header.read_text(encoding='utf-8')
+    assert right in text
+    header.write_text(text.replace(right, wrong), encoding='utf-8')
+    built = run(*gcc(), '-std=c99', '-O1', f'-I{folder}', HERE / f'{name}.c', '-o',
+                folder / name, '-lm')
+    assert built.returncode == 0, built.stdout
+    return folder / name
+
+
 @pytest.fixture(scope='session')
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build the program with the sanitizers, where the compiler has them."""
@@ -138,17 +152,7 @@ SLIPS_AT_TICKS = {
 
 @pytest.mark.parametrize('slip', SLIPS_AT_TICKS)
 def test_a_mistake_in_a_cell_at_ticks_is_detected(tmp_path: Path, slip: str) -> None:
-    right, wrong = SLIPS_AT_TICKS[slip]
-    for file in csrc_directory().glob('*.h'):
-        shutil.copy(file, tmp_path)
-    header = tmp_path / 'fret_cells.h'
-    text = header.read_text(encoding='utf-8')
-    assert right in text
-    header.write_text(text.replace(right, wrong), encoding='utf-8')
-    built = run(*gcc(), '-std=c99', '-O1', f'-I{tmp_path}', HERE / 'cells_at.c', '-o',
-                tmp_path / 'cells_at', '-lm')
-    assert built.returncode == 0, built.stdout
-    assert run(tmp_path / 'cells_at').returncode == 1
+    assert run(with_slip(tmp_path, 'cells_at', *SLIPS_AT_TICKS[slip])).returncode == 1
 
 
 # Some mistakes: the text of the header, and its replacement.
@@ -168,16 +172,6 @@ SLIPS = {
 
 @pytest.mark.parametrize('slip', SLIPS)
 def test_a_mistake_in_the_header_is_detected(tmp_path: Path, slip: str) -> None:
-    right, wrong = SLIPS[slip]
-    for file in csrc_directory().glob('*.h'):
-        shutil.copy(file, tmp_path)
-    header = tmp_path / 'fret_cells.h'
-    text = header.read_text(encoding='utf-8')
-    assert right in text
-    header.write_text(text.replace(right, wrong), encoding='utf-8')
-    built = run(*gcc(), '-std=c99', '-O1', f'-I{tmp_path}', HERE / 'cells.c', '-o',
-                tmp_path / 'cells', '-lm')
-    assert built.returncode == 0, built.stdout
-    done = run(tmp_path / 'cells', 'all')
+    done = run(with_slip(tmp_path, 'cells', *SLIPS[slip]), 'all')
     assert done.returncode == 1
     assert 'not so' in done.stdout
