@@ -29,6 +29,7 @@ import shlex
 import shutil
 import signal
 import subprocess
+from threading import Lock, Thread
 import time
 
 from fret_monitor.native.errors import CompilerError
@@ -182,32 +183,69 @@ class _Running:
 def _run(commands: Iterable[tuple[str, ...]], folder: Path, deadline: float) -> None:
     """Run commands, as many at a time as there are processors; raise for the first that fails."""
     waiting = deque(commands)
-    running: set[_Running] = set()
+    running = _RunningCommands(folder)
     with DefaultSelector() as selector:
         try:
-            while waiting or running:
-                while waiting and len(running) < (os.cpu_count() or 1):
-                    running.add(_start(waiting.popleft(), folder, selector))
-                for ended in _ended(running, selector, deadline):
-                    running.remove(ended)
+            while waiting or running.commands:
+                while waiting and len(running.commands) < (os.cpu_count() or 1):
+                    started = running.start(waiting.popleft())
+                    assert started.process.stdout is not None
+                    selector.register(started.process.stdout, EVENT_READ, started)
+                for ended in _ended(running.commands, selector, deadline):
+                    running.commands.remove(ended)
                     _judge(ended)
         finally:
-            for left in running:
-                _kill(left)
+            running.kill()
 
 
-def _start(command: tuple[str, ...], folder: Path, selector: DefaultSelector) -> _Running:
-    try:
+class _RunningCommands:
+    """
+    The commands that run in a folder.
+
+    A signal handler that raises an exception interrupts the main thread between any two of its
+    instructions. Another thread therefore starts and records a command: none is left running.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.commands: set[_Running] = set()
+        self._folder = folder
+        self._lock = Lock()
+        self._is_over = False
+
+    def start(self, command: tuple[str, ...]) -> _Running:
+        outcome: list[_Running | OSError] = []
+
+        def start_here() -> None:
+            with self._lock:
+                if self._is_over:
+                    return
+                try:
+                    started = _Running(command, self._spawn(command), bytearray())
+                except OSError as error:
+                    outcome.append(error)
+                else:
+                    self.commands.add(started)
+                    outcome.append(started)
+
+        thread = Thread(target=start_here, daemon=True)
+        thread.start()
+        thread.join()
+        if isinstance(outcome[0], OSError):
+            raise CompilerError(f'{command[0]} cannot be run: {outcome[0].strerror}')
+        return outcome[0]
+
+    def _spawn(self, command: tuple[str, ...]) -> subprocess.Popen[bytes]:
         # In a process group of its own, so that killing it also kills its children.
-        process = subprocess.Popen(
-            command, cwd=folder, env=_environment(), stdin=subprocess.DEVNULL,
+        return subprocess.Popen(
+            command, cwd=self._folder, env=_environment(), stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, process_group=0)
-    except OSError as error:
-        raise CompilerError(f'{command[0]} cannot be run: {error.strerror}') from None
-    running = _Running(command, process, bytearray())
-    assert process.stdout is not None
-    selector.register(process.stdout, EVENT_READ, running)
-    return running
+
+    def kill(self) -> None:
+        """Kill what runs, and start nothing more."""
+        with self._lock:
+            self._is_over = True
+        for left in self.commands:
+            _kill(left)
 
 
 def _ended(

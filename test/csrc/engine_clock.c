@@ -41,7 +41,7 @@ enum { BEAT, FED, QUIET, N_REQUIREMENTS, N_TOPICS = 2, MOST = 8192, PATIENCE_MS 
 
 #define MS 1000000
 #define OTHER_CLOCK 4000000000000000000  // ns ahead of the steady one; the system time is less
-#define SYSTEM_TIME_MOVES 1000           // ns, when it is measured better
+#define SYSTEM_TIME_MOVES 100000         // ns, when it is measured better: ten times CLOSE_NS
 
 static int failures = 0;
 

@@ -17,7 +17,10 @@
 from collections.abc import Iterator
 import os
 from pathlib import Path
+import signal
+import subprocess
 import time
+from typing import Any
 
 from fret_monitor.native import Compiler, CompilerError, find_compiler
 from fret_monitor.native.compiler import compile_library
@@ -205,6 +208,23 @@ def test_a_compiler_that_hangs_is_stopped_with_its_child_processes(
     while processes_of(seconds) and time.monotonic() < deadline:
         time.sleep(0.02)
     assert processes_of(seconds) == []
+
+
+def test_a_signal_while_a_command_starts_leaves_none_running(
+        tools: Path, sources: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    spawn = subprocess.Popen
+    started: list[subprocess.Popen[bytes]] = []
+
+    def spawn_and_signal(*arguments: Any, **options: Any) -> subprocess.Popen[bytes]:
+        started.append(spawn(*arguments, **options))
+        signal.raise_signal(signal.SIGINT)
+        return started[-1]
+
+    slow = script(tools, 'cc', 'exec sleep 60')
+    monkeypatch.setattr(subprocess, 'Popen', spawn_and_signal)
+    with pytest.raises(KeyboardInterrupt):
+        compile_library(Compiler((str(slow),), ''), ['good.c'], 'lib.so', folder=sources)
+    assert [process.wait(0) for process in started] == [-signal.SIGKILL]
 
 
 def test_the_first_failure_stops_the_others(tools: Path, sources: Path) -> None:
