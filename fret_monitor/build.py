@@ -121,11 +121,12 @@ def _with_policy(bundle: Bundle, policy: Policy | None, period: Fraction | None,
     policy = policy or bundle.policy
     period = (period or bundle.period) if policy is Policy.PERIODIC else period
     if policy is Policy.PERIODIC and period is None and policy is not bundle.policy:
-        problems.error('the policy periodic needs a period',
+        problems.error(f'the policy periodic needs a period ({bundle.sources[0].name})',
                        help='give a period (seconds) or a rate (Hz)')
     if policy is not Policy.PERIODIC and period is not None:
         problems.error(
-            f'a period or a rate goes with the policy periodic, not with {policy.value}',
+            f'a period or a rate goes with the policy periodic, not with {policy.value} '
+            f'({bundle.sources[0].name})',
             help='policy: periodic; as a parameter of the node, -p policy:=periodic')
     if policy is not Policy.TIMED:
         bundle = replace(bundle, unit=None, stamp=Stamp.RECEIVED, reorder=0)

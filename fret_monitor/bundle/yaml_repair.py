@@ -269,6 +269,11 @@ class Repair:
             place = last_scalar  # a plain text of several lines that has a colon
         if 'flow' in context:
             yield from self._within_braces(place, last)
+        elif any(word in context for word in ('anchor', 'alias', 'tag')):
+            # `{ptltl: !p}`: the brace is read as a part of the tag.
+            keys = _FLOW_KEY.finditer(
+                self._source.text, self._source.line_start(self._line(place)), place + 1)
+            yield from [key.end() for key in keys][-1:]
         line_start = self._source.text.rfind('\n', 0, place) + 1
         match = _VALUE_LINE.match(self._source.text, line_start)
         if match and match.end() <= place:

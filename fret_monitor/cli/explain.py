@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`explain BUNDLE [ID]`: what requirements mean, with example traces as timelines."""
+"""`explain BUNDLE [ID...]`: what requirements mean, with example traces as timelines."""
 
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
@@ -28,7 +28,7 @@ from fret_monitor.model.output import open_output, refuse_overwriting
 def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
-    parser.add_argument('id', metavar='ID', nargs='?', help='one requirement; default: all')
+    parser.add_argument('ids', metavar='ID', nargs='*', help='some requirements; default: all')
     parser.add_argument('--svg', metavar='FILE', type=Path, help='write the timelines as SVG')
     parser.set_defaults(run=run)
 
@@ -39,9 +39,9 @@ def run(options: Namespace) -> int:
     reading = read(bundle)
     if options.svg is not None:
         refuse_overwriting(options.svg, reading.paths)
-    found, warnings = explain(reading, options.id)
+    found, warnings = explain(reading, options.ids)
     for warning in warnings:
-        print(warning, file=sys.stderr)
+        print(warning.render(), file=sys.stderr)
     if options.svg is not None:
         lines = [line for item in found for line in item.timelines]
         with open_output(options.svg) as file:

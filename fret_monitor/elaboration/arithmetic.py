@@ -23,7 +23,7 @@ from fret_monitor.elaboration.terms import (
     alike, cast, common_type, convert, describe, expect_number, Number, promoted, TypedTerm, unify,
 )
 from fret_monitor.logic.formula import (
-    Binary, BinaryOperator, Constant, FALSE, Formula, TRUE, Unary, UnaryOperator,
+    Binary, BinaryOperator, Constant, Conversion, FALSE, Formula, TRUE, Unary, UnaryOperator,
 )
 from fret_monitor.logic.numbers import absolute, ExactNumber, fold, negated, NumberError
 from fret_monitor.model.diagnostics import Problems, refuse, Span
@@ -41,6 +41,7 @@ _MIRRORED = {
 }
 _TRUE_BELOW = (BinaryOperator.LT, BinaryOperator.LE, BinaryOperator.NE)
 _TRUE_ABOVE = (BinaryOperator.GT, BinaryOperator.GE, BinaryOperator.NE)
+_DIVISIONS = {BinaryOperator.DIV: 'x / 0', BinaryOperator.MOD: 'x mod 0'}
 
 
 def minus(term: TypedTerm) -> Number:
@@ -64,18 +65,31 @@ def arithmetic(operator: BinaryOperator, left: TypedTerm, right: TypedTerm, name
     """Return `left operator right`; `name` is the operator as written, at `place`."""
     a, b = expect_number(left, name), expect_number(right, name)
     if isinstance(a, ExactNumber) and isinstance(b, ExactNumber):
-        return _folded(operator, a, b, place, problems)
+        return _folded(operator, a, b, right, place, problems)
     kind = common_type([a, b])
+    if isinstance(b, ExactNumber) and b.value == 0 and operator in _DIVISIONS:
+        _warn_of_zero(operator, kind, right, problems)
     return Binary(operator, cast(left, a, kind), cast(right, b, kind))
 
 
-def _folded(operator: BinaryOperator, a: ExactNumber, b: ExactNumber, place: Span,
-            problems: Problems) -> ExactNumber:
+def _warn_of_zero(operator: BinaryOperator, kind: ValueType, divisor: TypedTerm,
+                  problems: Problems) -> None:
+    if kind.is_integer:
+        label = f'on whole numbers {_DIVISIONS[operator]} is 0'
+    else:
+        label = 'this is infinite, or NaN' if operator is BinaryOperator.DIV else 'this is NaN'
+    problems.warning('a division by zero', divisor.span, label)
+
+
+def _folded(operator: BinaryOperator, a: ExactNumber, b: ExactNumber, right: TypedTerm,
+            place: Span, problems: Problems) -> ExactNumber:
     try:
         result = fold(operator, a, b)
     except NumberError as error:
         refuse('this number cannot be computed', place, str(error))
-    if operator is BinaryOperator.DIV and (b.value == 0 or a.value / b.value != result.value):
+    if operator in _DIVISIONS and b.value == 0:
+        _warn_of_zero(operator, ValueType.INT64, right, problems)
+    elif operator is BinaryOperator.DIV and a.value / b.value != result.value:
         problems.warning(f'{a} / {b} in whole numbers is {result}', place, 'rounded toward zero',
                          f'write {a}.0 / {b} for the exact quotient')
     return result
@@ -172,6 +186,8 @@ def _against(operator: BinaryOperator, formula: Formula, literal: ExactNumber, t
     """Return `formula operator literal`; `term` is the literal with its place."""
     if formula.type.is_integer:
         _warn_of_constant(operator, formula.type, literal, place, problems)
+    if isinstance(formula, Unary) and formula.operator is UnaryOperator.ABS:
+        _warn_of_magnitude(operator, formula.argument, literal, place, problems)
     kind = common_type([formula, literal])
     if kind.is_float:
         return Binary(operator, convert(formula, kind), cast(term, literal, kind))
@@ -201,6 +217,22 @@ def _whole(operator: BinaryOperator, kind: ValueType,
         return BinaryOperator.LE if always else BinaryOperator.GT, Constant(high, kind)
     always = operator in _TRUE_ABOVE
     return BinaryOperator.GE if always else BinaryOperator.LT, Constant(low, kind)
+
+
+def _warn_of_magnitude(operator: BinaryOperator, argument: Formula, literal: ExactNumber,
+                       place: Span, problems: Problems) -> None:
+    """Warn of `abs(x) < 0`: an absolute value is at least 0, except that of INT64_MIN."""
+    if argument.type.is_integer and not isinstance(argument, Conversion):
+        return
+    is_decided = literal.value < 0 or (
+        literal.value == 0 and operator in (BinaryOperator.LT, BinaryOperator.GE))
+    if is_decided and operator in _TRUE_ABOVE:
+        problems.warning('this comparison is true for every number', place,
+                         'an absolute value is at least 0')
+    elif is_decided:
+        problems.warning('this comparison is always false', place,
+                         'an absolute value is at least 0',
+                         'write a limit above 0, as in abs(x) < 0.1')
 
 
 def _warn_of_constant(operator: BinaryOperator, kind: ValueType, literal: ExactNumber,

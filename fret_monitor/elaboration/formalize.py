@@ -52,8 +52,9 @@ def formalize(sentence: Sentence, language: Literal['smv', 'cocospec'] = 'smv',
     problems = Problems()
     term = sentence_term(sentence, scope_by_use(sentence), problems, scale)
     problems.raise_errors()
-    shown = (to_smv if language == 'smv' else to_cocospec)(
-        formula_of(term), _LIMIT, is_timed=scale.is_timed)
+    formula = formula_of(term)
+    shown = to_smv(formula, _LIMIT, is_timed=scale.is_timed, has_typed_names=True) \
+        if language == 'smv' else to_cocospec(formula, _LIMIT, is_timed=scale.is_timed)
     if shown.endswith(' ...'):
         refuse('the formula is too long to be shown', sentence.span,
                f'more than {_LIMIT:,} characters')

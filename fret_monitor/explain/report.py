@@ -19,7 +19,7 @@ Explanations of requirements: fields, meaning in English, formula and example tr
 as text, `svg.to_svg` draws its timelines.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -41,7 +41,7 @@ from fret_monitor.logic.formula import Constant, Formula, postorder, Variable
 from fret_monitor.logic.printing import to_smv, Values
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.diagnostics import (
-    counted, Diagnostic, did_you_mean, Problems, refuse, Source, Text,
+    counted, Diagnostic, did_you_mean, Problems, Source, Text,
 )
 from fret_monitor.model.times import time_text
 from fret_monitor.model.values import ValueType
@@ -98,27 +98,26 @@ class _Context:
         return Fraction(self.grids[id], 10 ** 9) if self.is_timed else self.scale.period
 
 
-def explain(reading: Reading, id: str | None = None
-            ) -> tuple[list[Explanation], tuple[str, ...]]:
+def explain(reading: Reading, ids: Collection[str] = ()
+            ) -> tuple[list[Explanation], tuple[Diagnostic, ...]]:
     """
-    Explain all requirements of a bundle, or the one with an id.
+    Explain the requirements of a bundle with these ids; without any, all of them.
 
     Returns
     -------
-    tuple[list[Explanation], tuple[str, ...]]
-        the explanations in the bundle's order, and warnings about the bundle, rendered.
+    tuple[list[Explanation], tuple[Diagnostic, ...]]
+        the explanations in the bundle's order, and the warnings about them.
 
     Raises
     ------
     CompileError
-        if the bundle has no requirement of that id.
+        if the bundle has no requirement of one of the ids.
     NativeError
         if there is no C compiler, or it fails.
     """
     specification = reading.specification
-    chosen = _chosen(specification, id)
-    ids = {item.id for item in chosen}
-    context = _context(reading.files[0][0], specification, ids)
+    chosen = _chosen(specification, ids)
+    context = _context(reading.files[0][0], specification, {item.id for item in chosen})
     stepped = chosen
     if context.is_timed:
         stepped, context = _on_grid(chosen, context)
@@ -128,8 +127,8 @@ def explain(reading: Reading, id: str | None = None
         for item, subject in zip(chosen, subjects(specification, stepped, context.goals),
                                  strict=True)
     ]
-    return found, tuple(warning.render() for warning in reading.warnings
-                        if id is None or _concerns(warning, chosen))
+    return found, tuple(warning for warning in reading.warnings
+                        if not ids or _concerns(warning, chosen))
 
 
 def _on_grid(chosen: Sequence[Property],
@@ -152,15 +151,16 @@ def _concerns(warning: Diagnostic, chosen: Sequence[Property]) -> bool:
                                and span.end <= place.end for place in places)
 
 
-def _chosen(specification: Specification, id: str | None) -> Sequence[Property]:
-    if id is None:
-        return specification.properties
-    chosen = [item for item in specification.properties if item.id == id]
+def _chosen(specification: Specification, ids: Collection[str]) -> Sequence[Property]:
     known = [item.id for item in specification.properties]
-    if not chosen:
-        refuse(f"the bundle has no requirement '{id}'",
-               help=did_you_mean(id, known) or 'it has ' + ', '.join(known[:_MAX_BANDS]))
-    return chosen
+    problems = Problems()
+    for name in ids:
+        if name not in known:
+            problems.error(
+                f"the bundle has no requirement '{name}'",
+                help=did_you_mean(name, known) or 'it has ' + ', '.join(known[:_MAX_BANDS]))
+    problems.raise_errors()
+    return [item for item in specification.properties if not ids or item.id in ids]
 
 
 def _context(path: Path, specification: Specification, chosen: set[str]) -> _Context:

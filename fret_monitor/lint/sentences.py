@@ -32,9 +32,9 @@ from fret_monitor.model.diagnostics import Diagnostic, Level, Span
 from fret_monitor.model.policies import Policy, Report
 
 _COUNTED = {
-    Policy.EVERY_MESSAGE: 'messages on any mapped topic',
-    Policy.RELEVANT_MESSAGE: 'messages on topics that it reads',
-    Policy.ALL_INPUTS: 'rounds of all inputs',
+    Policy.EVERY_MESSAGE: ('messages', 'on any mapped topic'),
+    Policy.RELEVANT_MESSAGE: ('messages', 'on topics that it reads'),
+    Policy.ALL_INPUTS: ('rounds', 'of all inputs'),
 }
 
 
@@ -72,22 +72,23 @@ def advise_alone(sentence: Sentence, is_timed: bool = False) -> Iterator[Diagnos
     duration = sentence.timing.duration if sentence.timing else None
     if duration is not None and duration.unit in SECONDS:
         yield _warning(
-            f"'{duration.number} {duration.unit.value}' counts {duration.number} steps",
+            f"'{_amount(duration)}' counts {_amount(duration, 'steps')}",
             duration.span, 'a sentence alone has no period',
-            f'write {duration.number} ticks; or, for time, give --policy timed')
+            f"write {_amount(duration, 'ticks')}; or, for time, give --policy timed")
 
 
 def _about_time(sentence: Sentence, duration: Duration,
                 specification: Specification) -> Iterator[Diagnostic]:
-    written = f'{duration.number} {duration.unit.value}'
+    written = _amount(duration)
     count = next(_counts(sentence), None)
     policy, period = specification.policy, specification.period
     if policy in _COUNTED:
+        noun, which = _COUNTED[policy]
         beside = ', and other counts have no unit' if count else ''
         yield _warning(
-            f"'{written}' counts {duration.number} {_COUNTED[policy]}", duration.span,
-            f'the policy is {policy.value}{beside}', f'write {duration.number} ticks; or, for '
-            'time, policy: timed under evaluation')
+            f"'{written}' counts {_amount(duration, noun)} {which}", duration.span,
+            f'the policy is {policy.value}{beside}', f"write {_amount(duration, 'ticks')}; or, "
+            'for time, policy: timed under evaluation')
     elif count is not None and policy is Policy.PERIODIC:
         length = f' of {approximate(period)} s' if period else ''
         yield _warning(
@@ -99,7 +100,7 @@ def _instants(sentence: Sentence) -> Iterator[Diagnostic]:
     """Yield the warnings about answers that are asked for at exactly one nanosecond."""
     timing = sentence.timing
     if timing is not None and timing.kind is TimingKind.AFTER and timing.duration is not None:
-        written = f'{timing.duration.number} {timing.duration.unit.value}'
+        written = _amount(timing.duration)
         yield _warning(
             f"'after {written}' asks for the answer at exactly one nanosecond", timing.span,
             f'just after {written}, and not before',
@@ -108,6 +109,12 @@ def _instants(sentence: Sentence) -> Iterator[Diagnostic]:
         yield _warning(
             "'at the next timepoint' is one nanosecond later", timing.span,
             'the policy is timed', 'write a time, as in within 100 milliseconds')
+
+
+def _amount(duration: Duration, nouns: str = '') -> str:
+    """Return the number of a duration with its unit, or with another noun in the plural."""
+    noun = nouns or duration.unit.value
+    return f"{duration.number} {noun.removesuffix('s') if duration.number == '1' else noun}"
 
 
 def _warning(title: str, span: Span, label: str, help_: str) -> Diagnostic:

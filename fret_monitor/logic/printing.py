@@ -49,15 +49,17 @@ _CUT: Final = ' ...'
 
 
 def to_smv(formula: Formula, limit: int | None = None, values: Values | None = None,
-           names: Mapping[Formula, str] | None = None, is_timed: bool = False) -> str:
+           names: Mapping[Formula, str] | None = None, is_timed: bool = False,
+           has_typed_names: bool = False) -> str:
     """
     Return a formula in FRET's SMV syntax, on one line.
 
     A text longer than `limit` characters is cut to that length and ends with ` ...`. `values`
     replaces numbers that an input is compared with by their names, `names` replaces formulas by
-    their names. With `is_timed`, bounds are nanoseconds, and printed as times.
+    their names. With `is_timed`, bounds are nanoseconds, and printed as times. With
+    `has_typed_names`, functions have FRET's own names (`absReal`), which end in a type.
     """
-    return _render(formula, _Smv(values or {}, is_timed), limit, names)
+    return _render(formula, _Smv(values or {}, is_timed, has_typed_names), limit, names)
 
 
 def to_cocospec(formula: Formula, limit: int | None = None, values: Values | None = None,
@@ -69,7 +71,7 @@ def to_cocospec(formula: Formula, limit: int | None = None, values: Values | Non
     replaces numbers that an input is compared with by their names. With `is_timed`, bounds are
     nanoseconds, and printed as times.
     """
-    return _render(formula, _CocoSpec(values or {}, is_timed), limit)
+    return _render(formula, _CocoSpec(values or {}, is_timed, True), limit)
 
 
 class _Shape(Enum):
@@ -159,9 +161,10 @@ class _Style:
     negation: ClassVar[str]
     reserved: ClassVar[frozenset[str]]
 
-    def __init__(self, values: Values, is_timed: bool) -> None:
+    def __init__(self, values: Values, is_timed: bool, has_typed_names: bool) -> None:
         self._values = values
         self._is_timed = is_timed
+        self._has_typed_names = has_typed_names
 
     def shape(self, node: Formula) -> _Shape:
         match node:
@@ -231,16 +234,22 @@ class _Style:
             case UnaryOperator.NEG:
                 return ['-', _Part(node.argument, _ATOM)]
             case UnaryOperator.ABS:
-                return _call(f'abs{_kind(node)}', _Part(node.argument))
+                return self._function('abs', node, node.argument)
             case _:
                 assert_never(node.operator)
 
     def _binary(self, node: Binary) -> _Pieces:
         if node.operator in _EXTREMES:
-            return _call(f'{node.operator.value}{_kind(node)}', _Part(node.left),
-                         _Part(node.right))
+            return self._function(node.operator.value, node, node.left, node.right)
         left, right = self._sides(node)
         return [left, f' {self.operators[node.operator]} ', right]
+
+    def _function(self, name: str, node: Formula, *arguments: Formula) -> _Pieces:
+        # `absReal(n)` of an integer is a real number, unlike `abs(n)`.
+        converts = node.type.is_float and all(
+            isinstance(item, Conversion) and item.argument.type.is_integer for item in arguments)
+        kind = _kind(node) if self._has_typed_names or converts else ''
+        return _call(f'{name}{kind}', *map(_Part, arguments))
 
     def _sides(self, node: Binary) -> tuple[_Part | str, _Part | str]:
         match self._binary_shape(node):

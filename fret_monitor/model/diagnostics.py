@@ -26,8 +26,11 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
 from functools import cached_property
+from importlib.util import find_spec
+from pathlib import Path
 import shlex
 import sys
+import sysconfig
 from typing import NoReturn
 from unicodedata import east_asian_width
 
@@ -266,5 +269,15 @@ def suggestion(words: Iterable[str]) -> str:
 
 
 def pip_install(*packages: str) -> str:
-    """Return the command that installs packages for the running Python interpreter."""
-    return shlex.join([sys.executable, '-m', 'pip', 'install', *packages])
+    """
+    Return the command that installs packages for the running Python interpreter.
+
+    Outside of a virtual environment, pip refuses to install beside the packages of Debian, as
+    PEP 668 describes, unless it is asked to; with `--user` it changes none of them.
+    """
+    is_managed = sys.prefix == sys.base_prefix and (
+        Path(sysconfig.get_path('stdlib')) / 'EXTERNALLY-MANAGED').is_file()
+    options = ['--user', '--break-system-packages'] if is_managed else []
+    command = shlex.join([sys.executable, '-m', 'pip', 'install', *options, *packages])
+    has_pip = find_spec('pip') is not None or not is_managed
+    return command if has_pip else f'sudo apt install python3-pip && {command}'

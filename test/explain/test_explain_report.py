@@ -37,25 +37,27 @@ def test_explanations_are_their_golden_files(path: Path) -> None:
     golden.check(path, '\n\n'.join('\n'.join(shown(item)) for item in found) + '\n')
 
 
-def test_one_requirement_is_explained_alone(
+def test_some_requirements_are_explained_in_the_order_of_the_bundle(
     tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
-    path = bundle(tmp_path, 'H p', 'H q')
-    assert main(['explain', str(path), 'R1']) == 0
-    said = capsys.readouterr()
-    assert 'R1' in said.out
-    assert 'R0' not in said.out
-    assert said.err == ''
+    path = bundle(tmp_path, 'H p', 'H q', 'p')
+    for ids in (['R1'], ['R2', 'R1']):
+        assert main(['explain', str(path), *ids]) == 0
+        said = capsys.readouterr()
+        found = [line for line in said.out.splitlines() if line in ('R0', 'R1', 'R2')]
+        assert found == sorted(ids)
+        assert said.err == ''
 
 
 def test_an_unknown_id_is_reported_with_a_similar_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert main(['explain', str(bundle(tmp_path, 'H p')), 'R00']) == 1
+    assert main(['explain', str(bundle(tmp_path, 'H p')), 'R00', 'R0', 'other']) == 1
     said = capsys.readouterr()
     assert said.out == ''
     assert "no requirement 'R00'" in said.err
     assert "did you mean 'R0'?" in said.err
+    assert "no requirement 'other'" in said.err
 
 
 def test_a_picture_does_not_overwrite_the_bundle(
