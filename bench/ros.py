@@ -494,7 +494,7 @@ def violations(bench: Bench) -> Iterator[Row]:
 def deadlines(bench: Bench) -> Iterator[Row]:
     """Measure the time from the end of a timeout to its Empty, and an idle monitor's work."""
     work = Work(TOPICS[:1], int(bench.seconds * SILENCES), SILENCES, echo=HANDLER)
-    more = f', timeout: {TIMEOUT}, stale: violate'
+    more = f', timeout: {TIMEOUT}, startup: {TIMEOUT}, stale: violate'
     bundle = bench.bundle(
         'silent', float_input('current', TOPICS[0], more),
         '  - {id: EACH, report: onset, ptltl: "current > 0.0"}\n')
@@ -510,9 +510,9 @@ def deadlines(bench: Bench) -> Iterator[Row]:
 
 def idle(bench: Bench) -> Iterator[Row]:
     """Measure the work of a monitor to which nothing comes, with a hundred timeouts."""
+    more = f', timeout: {TIMEOUT * 10}, startup: {TIMEOUT * 10}'
     bundle = bench.bundle(
-        'idle', ''.join(float_input(f'x{i}', f'x{i}', f', timeout: {TIMEOUT * 10}')
-                        for i in range(REQUIREMENTS)),
+        'idle', ''.join(float_input(f'x{i}', f'x{i}', more) for i in range(REQUIREMENTS)),
         ''.join(f'  - {{id: R{i}, ptltl: "x{i} < 1.0"}}\n' for i in range(REQUIREMENTS)))
     for subject in bench.monitors(bundle):
         found = []

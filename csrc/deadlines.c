@@ -61,6 +61,14 @@ void fm_forget_deadline(struct fm_evaluator * evaluator)
   evaluator->is_exact = false;
 }
 
+// How long an input may have no value until it is silent; 0: for ever.
+static int64_t limit_of(const struct fm_evaluator * evaluator, uint32_t i)
+{
+  const struct fm_input_cell * input = &evaluator->inputs[i];
+  const bool has_come = evaluator->instance.inputs[i].has_come;
+  return input->timeout == 0 || has_come ? input->timeout : input->startup;
+}
+
 static void begin_time(struct fm_evaluator * evaluator, int64_t now)
 {
   const struct fm_instance * instance = &evaluator->instance;
@@ -69,9 +77,9 @@ static void begin_time(struct fm_evaluator * evaluator, int64_t now)
   instance->time->before = now;
   instance->time->clock = now;
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
-    const int64_t timeout = evaluator->inputs[i].timeout;
+    const int64_t limit = limit_of(evaluator, i);
     instance->inputs[i].stored_at = now;
-    instance->inputs[i].due = timeout > 0 ? fm_later(now, timeout) : FM_NEVER;
+    instance->inputs[i].due = limit > 0 ? fm_later(now, limit) : FM_NEVER;
   }
   if (evaluator->period > 0) {
     instance->time->next_period = fm_later(now, evaluator->period);
@@ -153,7 +161,7 @@ static bool is_doubtful(const struct fm_evaluator * evaluator, uint32_t i, int64
 {
   return evaluator->patience > 0 &&
          fm_since(evaluator->instance.inputs[i].due, now) > evaluator->patience &&
-         fm_since(evaluator->instance.time->before, now) > evaluator->inputs[i].timeout / 2;
+         fm_since(evaluator->instance.time->before, now) > limit_of(evaluator, i) / 2;
 }
 
 static void take_timeout(
@@ -161,17 +169,18 @@ static void take_timeout(
 {
   struct fm_input_cell * input = &evaluator->inputs[i];
   struct fm_instance_input * cell = &evaluator->instance.inputs[i];
+  const int64_t limit = limit_of(evaluator, i);
   if (!cell->is_silent && !cell->is_put_off && is_doubtful(evaluator, i, now)) {
     const int64_t late = fm_since(cell->due, now);
     const int64_t least = evaluator->patience > INT64_MAX / 10 ?
       INT64_MAX : 10 * evaluator->patience;
     const int64_t longer = late > least ? late : least;
     cell->is_put_off = true;
-    fm_set_due(evaluator, i, fm_later(now, longer < input->timeout ? longer : input->timeout));
+    fm_set_due(evaluator, i, fm_later(now, longer < limit ? longer : limit));
     return;
   }
   if (!cell->is_silent) {
-    report->stamp = fm_later(cell->stored_at, input->timeout);
+    report->stamp = fm_later(cell->stored_at, limit);
   }
   input->silences += cell->is_silent ? 0u : 1u;
   cell->is_silent = true;

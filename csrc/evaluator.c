@@ -147,6 +147,7 @@ static void note_receipt(struct fm_evaluator * evaluator, uint32_t i, int64_t no
   struct fm_input_cell * input = &evaluator->inputs[i];
   struct fm_instance_input * cell = &evaluator->instance.inputs[i];
   note_value(evaluator, i);
+  cell->has_come = true;
   input->counts.received += 1;
   if (input->timeout > 0 && evaluator->instance.time->has_begun) {
     if (cell->is_silent) {

@@ -103,6 +103,8 @@ struct fm_evaluator_options
   int64_t patience;            // ns, 0: none; see fm_evaluator_advance
   const uint8_t * sources;     // an input: enum fm_source
   bool reports_recoveries;     // also report when what was announced is over
+  const int64_t * startups;    // an input with a timeout: ns without a first value until it is
+                               // silent; 0: as its timeout
 };
 
 /// One announced violation, or the recovery from one: what its report compares is true again.
@@ -169,7 +171,8 @@ FM_EXPORT uint64_t fm_evaluator_bytes(const struct fm_evaluator_options * option
 /// is out of range or out of order, an input has two topics, a requirement is not listed once, by
 /// the group it names, a time is negative, a group has no function for the policy, an input's type
 /// does not fit its source, or the ABI is not FM_ABI. `reports` NULL: every violation is
-/// announced; `timeouts` NULL: none; `violates` NULL: none does; `sources` NULL: all are fields.
+/// announced; `timeouts` NULL: none; `violates` NULL: none does; `sources` NULL: all are fields;
+/// `startups` NULL: all are as the timeouts.
 /// O(bytes).
 FM_EXPORT struct fm_evaluator * fm_evaluator_init(
   void * memory, const struct fm_evaluator_options * options);
@@ -235,10 +238,10 @@ FM_EXPORT int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator);
 /// FM_NEVER: nothing is due then. The violations are as those of fm_evaluator_message. Of one
 /// instant, the timeouts come first, by input, then the period or the deadlines of groups.
 ///
-/// The first call begins the time: all timeouts run from it, whatever was stored before, and the
-/// first period ends one period later. Time that goes back is counted: what was to come in a
-/// second still comes in a second; values and past are kept. Under FM_TIMED the past is not: all
-/// groups start afresh, as with fm_evaluator_reset.
+/// The first call begins the time: all timeouts run from it, whatever was stored before, and for
+/// `startups` where nothing was. The first period ends one period later. Time that goes back is
+/// counted: what was to come in a second still comes in a second; values and past are kept. Under
+/// FM_TIMED the past is not: all groups start afresh, as with fm_evaluator_reset.
 ///
 /// The deadlines of groups, under FM_TIMED: all groups that are due at that instant are evaluated,
 /// in one call.
@@ -258,7 +261,8 @@ FM_EXPORT int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator);
 /// With `patience`, a timeout that is found more than that late, by a time that has moved by more
 /// than half of it at once, is put off, once a silence: the process did not run, or the clock has
 /// jumped, and messages may be waiting to be received. It is looked at again when as long again
-/// has passed, at least ten times `patience` and at most its own length. That is one call, without
+/// has passed, at least ten times `patience` and at most its own length (before the first value
+/// that is `startups`). That is one call, without
 /// a violation. The stamp remains the end of the timeout.
 ///
 /// O(operations) for a period, O(inputs + groups + operations of the groups that are due) for

@@ -45,6 +45,7 @@ struct fm_instance_input
   int64_t stored_at;     // the time of its last store, or the time at which time began
   int64_t due;           // when it times out
   bool has_value;
+  bool has_come;         // a value was received, not only its initial one
   bool is_silent;
   bool is_stale;         // silent, and what reads it is violated
   bool is_put_off;       // its timeout was put off in this silence

@@ -145,6 +145,11 @@ static bool times_are_sound(const struct fm_evaluator_options * options)
       return false;
     }
   }
+  for (uint32_t i = 0; options->startups != NULL && i < options->monitor->n_inputs; ++i) {
+    if (options->startups[i] < 0) {
+      return false;
+    }
+  }
   return options->period >= 0 && options->patience >= 0;
 }
 
@@ -213,6 +218,8 @@ static void make_inputs(
     struct fm_input_cell * input = &evaluator->inputs[i];
     input->topic = NO_TOPIC;
     input->timeout = options->timeouts == NULL ? 0 : options->timeouts[i];
+    input->startup = options->startups == NULL || options->startups[i] == 0 ?
+      input->timeout : options->startups[i];
     input->violates = options->violates != NULL && options->violates[i];
     input->source =
       options->sources == NULL ? FM_FIELD : (enum fm_source)options->sources[i];

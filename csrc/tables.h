@@ -32,6 +32,7 @@ struct fm_input_cell
   uint64_t silences;
   int64_t last_silence;  // how long the last one lasted, ns
   int64_t timeout;       // ns; 0: none
+  int64_t startup;       // ns; in place of `timeout` until a value was received
   uint32_t n_readers;
   uint32_t topic;
   enum fm_source source;

@@ -69,6 +69,7 @@ class InputEntry:
     qos: tuple[tuple[Text, Text], ...]
     timeout: Fraction | None
     stale: Stale | None
+    startup: Fraction | None = None
     max_rate: Fraction | None = None
     damaged: frozenset[str] = frozenset()
     places: tuple[tuple[str, Span], ...] = ()

@@ -36,10 +36,11 @@ from fret_monitor.model.names import (
 from fret_monitor.model.policies import Stale
 
 INPUT_KEYS = ('topic', 'type', 'field', 'initial', 'values', 'qos', 'timeout', 'stale',
-              'max_rate')
+              'startup', 'max_rate')
 _SHORTEST_TIMEOUT_S = Fraction(1, 10 ** 3)
 _LONGEST_TIMEOUT_S = Fraction(10 ** 9)
 _RATES_HZ = (Fraction(1, 10 ** 9), Fraction(10 ** 9))
+_NOTHING = 'none'
 _QOS = {
     'reliability': ('reliable', 'best_effort'),
     'durability': ('volatile', 'transient_local'),
@@ -62,6 +63,7 @@ def read_input(name: DeclaredName, mapping: YamlMapping, problems: Problems) -> 
         qos=tuple(_qos(shape.node('qos'), faults['qos'])),
         timeout=shape.number('timeout', SECONDS, _SHORTEST_TIMEOUT_S, _LONGEST_TIMEOUT_S),
         stale=shape.choice('stale', Stale),
+        startup=shape.number('startup', SECONDS, _SHORTEST_TIMEOUT_S, _LONGEST_TIMEOUT_S),
         max_rate=shape.number('max_rate', MESSAGES_A_SECOND, *_RATES_HZ),
     )
     damaged = {key for key in INPUT_KEYS if shape.is_cut or not shape.lacks(key) and (
@@ -101,7 +103,20 @@ def _check_input(entry: InputEntry, shape: Shape, problems: Problems) -> set[str
     if stale and shape.lacks('timeout'):
         problems.error("'stale' needs a 'timeout'", stale.span,
                        'without a timeout it is never stale', 'timeout: 0.5   # seconds')
+    _check_startup(entry, shape, problems)
     return damaged
+
+
+def _check_startup(entry: InputEntry, shape: Shape, problems: Problems) -> None:
+    key, text = shape.key('startup'), shape.node('startup')
+    if key and shape.lacks('timeout'):
+        problems.error("'startup' needs a 'timeout'", key.span,
+                       'without a timeout nothing is due', 'timeout: 0.5   # seconds')
+    if key and text and entry.timeout and entry.startup and entry.startup < entry.timeout:
+        problems.warning(
+            "'startup' is shorter than 'timeout'", text.span,
+            'the first value is due earlier than any later one', 'remove it for the default: '
+            '10 seconds, or the timeout if that is longer')
 
 
 def _values(node: Node | None, problems: Problems) -> Iterator[ValueEntry]:
@@ -191,7 +206,17 @@ def _check_topic(item: InputEntry, topic: Text, first: InputEntry,
             problems.error(
                 f"inputs on one topic must agree in '{key}'", place,
                 f'{shown(first.name.value)} in {line_of(first.name, place)} '
-                f'has {_written(first, key)}, {shown(item.name.value)} has {_written(item, key)}')
+                f'has {_written(first, key)}, {shown(item.name.value)} has {_written(item, key)}',
+                _missing_line(item, first, key) or _missing_line(first, item, key))
+
+
+def _missing_line(item: InputEntry, other: InputEntry, key: str) -> str:
+    """Return the line to add to an input that has no such key, as the other one has it."""
+    written = _written(other, key)
+    if key in dict(item.places) or key not in dict(other.places) or written == _NOTHING:
+        return ''
+    line = f'{{{written}}}' if key == 'qos' else written
+    return f'add to {shown(item.name.value)}: {key}: {line}'
 
 
 def _qos_of(item: InputEntry) -> object:
@@ -202,9 +227,9 @@ def _written(item: InputEntry, key: str) -> str:
     """Return what is written under a key of an input."""
     place = dict(item.places).get(key)
     if place is None:
-        return 'none'
+        return _NOTHING
     if key == 'qos':
-        return ', '.join(f'{name.value}: {value.value}' for name, value in item.qos) or 'none'
+        return ', '.join(f'{name.value}: {value.value}' for name, value in item.qos) or _NOTHING
     return shown(place.source.text[place.start:place.end])[1:-1]
 
 
@@ -213,5 +238,6 @@ _TOPIC_ASPECTS: tuple[tuple[str, Callable[[InputEntry], object]], ...] = (
     ('qos', _qos_of),
     ('timeout', lambda item: item.timeout),
     ('stale', lambda item: item.stale or Stale.WARN),
+    ('startup', lambda item: item.startup),
     ('max_rate', lambda item: item.max_rate),
 )

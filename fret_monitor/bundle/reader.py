@@ -285,7 +285,7 @@ class _BundleReader:
 
     def _is_usable(self, name: DeclaredName, node: Node, problems: Problems) -> bool:
         """Pass on the problems of an entry; return whether it has none."""
-        self._problems.extend(problems.errors)
+        self._problems.extend((*problems.errors, *problems.warnings))
         is_usable = not problems.errors and not isinstance(node, Unread)
         if not is_usable:
             self._unreadable.add(name.value)

@@ -65,6 +65,7 @@ def _input(signal: Signal) -> ManifestInput:
     return ManifestInput(signal.name, signal.type, signal.topic, signal.message_type,
                          signal.path, signal.values, signal.initial,
                          timeout=signal.timeout, stale=signal.stale,
+                         startup=signal.startup,
                          reduction=signal.reduction, source=signal.source)
 
 

@@ -39,6 +39,7 @@ FindMessage = Callable[[str], MessageLayout]
 
 _PLAIN = {kind.value: kind for kind in ValueType}
 _TEXT = 'string'
+_USUAL_STARTUP_S = 10.0
 _TRUTHS = {'true': TRUE, 'false': FALSE}
 
 
@@ -110,6 +111,7 @@ def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) ->
         qos=tuple((key.value, _qos_value(value.value)) for key, value in entry.qos),
         timeout=None if entry.timeout is None else float(entry.timeout),
         stale=entry.stale or Stale.WARN,
+        startup=_startup(entry),
         reduction=field.reduction if field else '',
         layout=layout,
         max_rate=entry.max_rate,
@@ -125,6 +127,12 @@ def _is_type_damaged(entry: InputEntry, find_message: FindMessage) -> bool:
         return False
     _layout(entry.type.value, entry.type, find_message)
     return True
+
+
+def _startup(entry: InputEntry) -> float | None:
+    if entry.startup is not None:
+        return float(entry.startup)
+    return None if entry.timeout is None else max(_USUAL_STARTUP_S, float(entry.timeout))
 
 
 def _qos_value(text: str) -> str | int:

@@ -38,10 +38,10 @@ class Signal:
 
     `values` are pairs (name, number or string). A string input has type INT32: its value is the
     index of the string in `values`. `initial` is None or a value of the type. `topic` and
-    `message_type` are None for an input without ROS. `timeout` is in seconds; `reduction` is as in
-    `ManifestInput`. `max_rate` is the greatest number of messages a second. `layout` is that of
-    the message; None if the specification was not made from a bundle, and messages cannot be
-    decoded.
+    `message_type` are None for an input without ROS. `timeout` and `startup` are in seconds;
+    `reduction` is as in `ManifestInput`. `max_rate` is the greatest number of messages a second.
+    `layout` is that of the message; None if the specification was not made from a bundle, and
+    messages cannot be decoded.
     """
 
     name: str
@@ -54,6 +54,7 @@ class Signal:
     qos: tuple[tuple[str, str | int], ...]
     timeout: float | None = None
     stale: Stale = Stale.WARN
+    startup: float | None = None
     reduction: str = ''
     layout: MessageLayout | None = field(default=None, repr=False)
     max_rate: Fraction | None = None

@@ -31,7 +31,7 @@ from typing import NoReturn, TypeVar
 from fret_monitor.model.policies import InputSource, Policy, Report, Severity, Stale, Stamp
 from fret_monitor.model.values import ValueType
 
-FORMAT = 3
+FORMAT = 4
 
 SECONDS = 'seconds'  # of a builtin_interfaces/msg/Time or Duration
 REDUCTIONS = ('len', 'min', 'max', 'sum', 'mean', 'any', 'all', 'norm')
@@ -54,8 +54,9 @@ class ManifestInput:
     `initial` is its value before the first message, as stored, or None. `path` is the field path
     within the message: field names and indices. `reduction` is the function applied to the array,
     string or message at the end of the path: one of `REDUCTIONS`, or `SECONDS`; '' for the field's
-    own value. `timeout` is the longest time without a message, in seconds; None: no limit. With
-    the source `received`, `path` is empty; with `age`, it leads to the stamp.
+    own value. `timeout` is the longest time without a message, in seconds; None: no limit.
+    `startup` is the same before the first message; None: as `timeout`. With the source `received`,
+    `path` is empty; with `age`, it leads to the stamp.
     """
 
     name: str
@@ -68,6 +69,7 @@ class ManifestInput:
     reduction: str = ''
     timeout: float | None = None
     stale: Stale = Stale.WARN
+    startup: float | None = None
     source: InputSource = InputSource.FIELD
 
     @property
@@ -332,6 +334,7 @@ def _input(item: _Value) -> ManifestInput:
         reduction=item['reduction'].one_of(('', SECONDS, *REDUCTIONS)),
         timeout=item['timeout'].seconds(),
         stale=item['stale'].choice(Stale),
+        startup=item['startup'].seconds(),
         source=item['source'].choice(InputSource),
     )
 

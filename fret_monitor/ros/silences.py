@@ -59,10 +59,12 @@ class SilenceLog:
         if not indices:
             return
         first = self._manifest.inputs[indices[0]]
+        limit, of = (first.timeout, 'timeout') if self._has_come(indices) else (
+            first.startup or first.timeout, 'startup')
         readers = [item.id for item in self._manifest.requirements
                    if not set(indices).isdisjoint(item.inputs)]
         line = (f'no usable value on {self._node.resolve_topic_name(topic)} within the '
-                f'timeout of {first.timeout:g} s for {self._named(indices)}')
+                f'{of} of {limit:g} s for {self._named(indices)}')
         if readers and first.stale is Stale.VIOLATE:
             self._node.get_logger().error(f'{line}: {some(readers)} violated until one comes')
         else:
@@ -74,6 +76,9 @@ class SilenceLog:
             self._node.get_logger().info(
                 f'values on {self._node.resolve_topic_name(topic)} again after {lasted:.1f} s, '
                 f'for {self._named(indices)}')
+
+    def _has_come(self, indices: Sequence[int]) -> bool:
+        return any(self._engine.input_counts(index).received for index in indices)
 
     def _named(self, indices: Sequence[int]) -> str:
         return some([f"'{self._manifest.inputs[index].name}'" for index in indices])

@@ -449,6 +449,8 @@ class _Options:
               for item in manifest.inputs), 0])
         self._violates = ffi.new('bool[]', [
             *(item.stale is Stale.VIOLATE for item in manifest.inputs), False])
+        self._startups = ffi.new('int64_t[]', [
+            *(nanoseconds(item.startup) for item in manifest.inputs), 0])
         self.pointer = ffi.new('struct fm_evaluator_options *', {
             'monitor': monitor.pointer,
             'topics': self._topics,
@@ -461,6 +463,7 @@ class _Options:
             'patience': nanoseconds(patience),
             'sources': self._sources,
             'reports_recoveries': reports_recoveries,
+            'startups': self._startups,
         })
 
 

@@ -202,6 +202,19 @@ def test_the_details_of_an_input_are_read() -> None:
         Fraction(1, 2), Stale.VIOLATE, 'IDLE')
 
 
+def test_a_startup_shorter_than_the_timeout_is_a_warning(tmp_path: Path) -> None:
+    path = tmp_path / 'bundle.yaml'
+    for seconds, count in (('0.4', 1), ('0.5', 0), ('20', 0)):
+        path.write_text(SMALL.replace(
+            'p: {type: bool}', f'p: {{type: bool, timeout: 0.5, startup: {seconds}}}'))
+        problems = Problems()
+        bundle = survey_bundle(path, problems)
+        assert bundle and bundle.inputs[0].startup == Fraction(seconds)
+        assert not problems.errors
+        assert [item.title for item in problems.warnings] == [
+            "'startup' is shorter than 'timeout'"] * count
+
+
 def test_keys_without_contents_hold_nothing() -> None:
     bundle = _parse(_with('constants:\ndefinitions:\nevaluation:\ntitle:\nsignals: []'))
     assert (bundle.constants, bundle.definitions, bundle.title) == ((), (), '')

@@ -332,7 +332,7 @@ static void disturb(struct fm_engine * engine, struct fm_receiver ** receivers)
 static struct fm_evaluator * make_evaluator(void ** memory)
 {
   const struct fm_evaluator_options options = {
-    &monitor, fed, N_TOPICS, FM_RELEVANT_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false};
+    &monitor, fed, N_TOPICS, FM_RELEVANT_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL};
   *memory = NULL;
   CHECK(posix_memalign(memory, 16, fm_evaluator_bytes(&options)) == 0);
   return fm_evaluator_init(*memory, &options);

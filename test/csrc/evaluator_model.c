@@ -60,6 +60,7 @@ static struct fm_monitor monitor;
 static struct fm_evaluator_options options;
 static uint8_t reports[MAX_REQUIREMENTS];
 static int64_t timeouts[MAX_INPUTS];
+static int64_t startups[MAX_INPUTS];
 static bool violates[MAX_INPUTS];
 static uint8_t sources[MAX_INPUTS];
 static uint32_t occurrences[MAX_REQUIREMENTS];
@@ -244,9 +245,11 @@ static void make_times(void)
 {
   for (uint32_t i = 0; i < MAX_INPUTS; ++i) {
     timeouts[i] = random_below(3) == 0 ? 0 : 1 + random_below(random_below(2) == 0 ? 12 : 60);
+    startups[i] = random_below(3) == 0 ? 0 : 1 + random_below(60);
     violates[i] = random_below(3) != 0;
   }
   options.timeouts = random_below(8) == 0 ? NULL : timeouts;
+  options.startups = random_below(4) == 0 ? NULL : startups;
   options.violates = random_below(8) == 0 ? NULL : violates;
   options.period = random_below(4) == 0 ? 0 : 1 + random_below(random_below(2) == 0 ? 6 : 40);
   options.patience = random_below(2) == 0 ? 0 : 1 + random_below(random_below(2) == 0 ? 4 : 20);
@@ -281,6 +284,7 @@ struct instance
 {
   unsigned char values[8 * MAX_INPUTS];
   bool has_value[MAX_INPUTS];
+  bool has_come[MAX_INPUTS];  // a value that is not its initial one
   bool is_new[MAX_GROUPS][MAX_INPUTS];
   bool is_silent[MAX_INPUTS];
   bool was_put_off[MAX_INPUTS];  // its timeout, by patience, since its last value
@@ -321,7 +325,11 @@ static uint32_t n_expected;
 
 static int64_t timeout_of(uint32_t i)
 {
-  return options.timeouts == NULL ? 0 : timeouts[i];
+  const bool has_timeout = options.timeouts != NULL && timeouts[i] > 0;
+  if (has_timeout && !model.has_come[i] && options.startups != NULL && startups[i] > 0) {
+    return startups[i];
+  }
+  return has_timeout ? timeouts[i] : 0;
 }
 
 static bool is_stale(uint32_t i)
@@ -467,6 +475,7 @@ static void model_receive(uint32_t i, int64_t now)
 {
   bool lost = false;
   model.has_value[i] = true;
+  model.has_come[i] = true;
   model_end_silence(i, now);
   model_begin_timeout(i, now);
   counters.inputs[i].received += 1;

@@ -135,7 +135,7 @@ static struct fm_evaluator_options options_of(enum fm_policy policy)
 {
   const struct fm_evaluator_options options = {
     &MONITOR, TOPICS, N_TOPICS, (uint32_t)policy, ONSET_OF_A, NULL, NULL, 0, 0, NULL,
-    false};
+    false, NULL};
   return options;
 }
 
@@ -563,6 +563,69 @@ static void a_group_that_is_not_ready_is_satisfied_again_when_its_silence_ends(v
   CHECK(fm_evaluator_verdicts(evaluator)[A] && !fm_evaluator_ready(evaluator, 0));
   CHECK(advance(evaluator, 1110) == 3 && is_violation(0, A, 0, 1110));
   CHECK(is_violation(2, B, 1, 1110));
+}
+
+static struct fm_evaluator_options with_startups(
+  const int64_t * timeouts, const int64_t * startups)
+{
+  struct fm_evaluator_options options = timed(FM_PERIODIC, timeouts);
+  options.startups = startups;
+  return options;
+}
+
+static void before_its_first_value_an_input_may_be_silent_for_its_startup(void)
+{
+  const int64_t long_flag[] = {300, 0};
+  const int64_t short_flag[] = {20, 0};
+  struct fm_evaluator_options options = with_startups(BOTH_50, long_flag);
+  struct fm_evaluator * evaluator = begun_at_1000(&options);
+  CHECK(advance(evaluator, 1050) == 3 && fm_evaluator_is_stale(evaluator, LEVEL));
+  CHECK(!silence_of_flag(evaluator).is_silent && fm_evaluator_deadline(evaluator) == 1300);
+  CHECK(advance(evaluator, 1400) == 0 && silence_of_flag(evaluator).is_silent);
+  store_flag(evaluator, true, 1410);
+  CHECK(silence_of_flag(evaluator).lasted == 410 && fm_evaluator_deadline(evaluator) == 1460);
+
+  options = with_startups(FLAG_50, short_flag);
+  evaluator = begun_at_1000(&options);
+  CHECK(advance(evaluator, 1100) == 2 && is_violation(0, A, 0, 1020));
+  store_flag(evaluator, true, 1110);
+  CHECK(advance(evaluator, 1130) == 0 && fm_evaluator_deadline(evaluator) == 1160);
+}
+
+static void a_startup_ends_with_a_value_and_not_with_an_initial_one_or_a_reset(void)
+{
+  const int64_t long_flag[] = {300, 0};
+  const struct fm_evaluator_options options = with_startups(FLAG_50, long_flag);
+  struct fm_evaluator * evaluator = make(&options);
+  store_flag(evaluator, true, 990);
+  CHECK(advance(evaluator, 1000) == 0 && fm_evaluator_deadline(evaluator) == 1050);
+  evaluator = begun_at_1000(&options);
+  fm_evaluator_initial(evaluator, FLAG, (union fm_value){.i = 1});
+  fm_evaluator_unusable(evaluator, FLAG);
+  fm_evaluator_reset(evaluator);
+  CHECK(advance(evaluator, 1100) == 0 && fm_evaluator_deadline(evaluator) == 1300);
+  fm_evaluator_shift(evaluator, 40);
+  CHECK(fm_evaluator_deadline(evaluator) == 1340);
+  CHECK(advance(evaluator, 1340) == 2 && is_violation(0, A, 0, 1340));
+}
+
+static void without_a_timeout_a_startup_has_no_effect(void)
+{
+  const int64_t flag_300[] = {300, 0};
+  const struct fm_evaluator_options options = with_startups(NULL, flag_300);
+  CHECK(fm_evaluator_deadline(begun_at_1000(&options)) == FM_NEVER);
+}
+
+static void a_startup_that_is_found_late_is_put_off_by_its_own_length_at_most(void)
+{
+  const int64_t flag_300[] = {300, 0};
+  struct fm_evaluator_options options = with_startups(FLAG_50, flag_300);
+  options.patience = 2;
+  struct fm_evaluator * evaluator = begun_at_1000(&options);
+  CHECK(advance(evaluator, 1151) == 0 && advance(evaluator, 1301) == 2);  // half of it at once
+  evaluator = begun_at_1000(&options);
+  CHECK(advance(evaluator, 1900) == 0 && fm_evaluator_deadline(evaluator) == 2200);
+  CHECK(advance(evaluator, 2201) == 2 && is_violation(0, A, 0, 1300));
 }
 
 static void a_timeout_comes_exactly_at_its_instant(void)
@@ -1269,7 +1332,7 @@ static const struct fm_monitor TYPES = {
 static struct fm_evaluator * with_types(void)
 {
   const struct fm_evaluator_options options = {
-    &TYPES, NULL, 0, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false};
+    &TYPES, NULL, 0, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL};
   return make(&options);
 }
 
@@ -1475,6 +1538,9 @@ static void negative_times_are_refused(void)
   options.timeouts = negative;
   CHECK(make(&options) == NULL);
   options.timeouts = NULL;
+  options.startups = negative;
+  CHECK(make(&options) == NULL);
+  options.startups = NULL;
   options.period = -1;
   CHECK(make(&options) == NULL);
   options.period = 0;
@@ -1556,6 +1622,10 @@ static const struct scenario SCENARIOS[] = {
   SCENARIO(without_timeouts_and_periods_nothing_is_due),
   SCENARIO(an_input_that_never_came_is_silent_a_timeout_after_the_time_began),
   SCENARIO(a_group_that_is_not_ready_is_satisfied_again_when_its_silence_ends),
+  SCENARIO(before_its_first_value_an_input_may_be_silent_for_its_startup),
+  SCENARIO(a_startup_ends_with_a_value_and_not_with_an_initial_one_or_a_reset),
+  SCENARIO(without_a_timeout_a_startup_has_no_effect),
+  SCENARIO(a_startup_that_is_found_late_is_put_off_by_its_own_length_at_most),
   SCENARIO(a_timeout_comes_exactly_at_its_instant),
   SCENARIO(a_timeout_is_stamped_with_its_instant_however_late),
   SCENARIO(a_message_at_the_instant_of_a_timeout_comes_before_it),

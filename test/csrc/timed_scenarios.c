@@ -196,7 +196,7 @@ static uint32_t n_found;
 static struct fm_evaluator_options options_of(void)
 {
   const struct fm_evaluator_options options = {
-    &MONITOR, TOPICS, N_TOPICS, FM_TIMED, ALL_OCCURRENCES, NULL, NULL, 0, 0, SOURCES, false};
+    &MONITOR, TOPICS, N_TOPICS, FM_TIMED, ALL_OCCURRENCES, NULL, NULL, 0, 0, SOURCES, false, NULL};
   return options;
 }
 

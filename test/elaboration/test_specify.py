@@ -258,6 +258,19 @@ requirements:
     assert result.signals[0].qos == (('reliability', 'best_effort'), ('depth', 7))
 
 
+def test_a_startup_is_ten_seconds_or_the_timeout_if_that_is_longer() -> None:
+    result = specified("""
+inputs:
+  none: {topic: a, type: std_msgs/msg/Bool}
+  usual: {topic: b, type: std_msgs/msg/Bool, timeout: 0.5}
+  slow: {topic: c, type: std_msgs/msg/Bool, timeout: 30}
+  own: {topic: d, type: std_msgs/msg/Bool, timeout: 30, startup: 2}
+requirements:
+  - {id: R, ptltl: none}
+""")
+    assert [item.startup for item in result.signals] == [None, 10.0, 30.0, 2.0]
+
+
 def test_messages_come_from_where_the_caller_says() -> None:
     asked = []
 

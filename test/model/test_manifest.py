@@ -52,9 +52,13 @@ ANYTHING: list[Any] = [None, True, -1, 0.5, float('nan'), HUGE, 'x\ud800', [], {
 ALLOWED: dict[str, list[Any]] = {
     'period': [0.5],
     'inputs[0].timeout': [None, 0.5],
+    'inputs[0].startup': [None, 0.5],
     'inputs[1].timeout': [None, 0.5],
+    'inputs[1].startup': [None, 0.5],
     'inputs[2].timeout': [None, 0.5],
+    'inputs[2].startup': [None, 0.5],
     'inputs[3].timeout': [None, 0.5],
+    'inputs[3].startup': [None, 0.5],
     'inputs[0].initial': [None, True],
     'inputs[1].initial': [None, -1],
     'inputs[2].initial': [None, -1, 0.5, float('nan')],
@@ -141,7 +145,7 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
 @pytest.mark.parametrize(('key', 'value', 'expected'), [
     ('source_hash', None, '(source_hash must be a text, not None)'),
     ('format', True, '(format must be a whole number from 0, not True)'),
-    ('format', 1, 'manifest has format 1, this version reads 3: compile the bundle again'),
+    ('format', 1, 'manifest has format 1, this version reads 4: compile the bundle again'),
     ('period', 0, '(period must be a number of seconds above 0, not 0)'),
     ('period', float('inf'), '(period must be a number of seconds above 0, not inf)'),
     ('symbol', '../x', "(symbol must be a name in C, not '../x')"),

@@ -42,7 +42,8 @@ requirements:
 TIMEOUT = """
 format: 1
 inputs:
-  x: {topic: x, type: std_msgs/msg/Float32, timeout: 2.0, stale: violate}
+  x: {topic: x, type: std_msgs/msg/Float32, timeout: 2.0, startup: 2.0,
+      stale: violate}
 evaluation: {policy: periodic, period: 0.05}
 requirements:
   - {id: R, ptltl: "x < 1.0"}

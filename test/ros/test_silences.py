@@ -19,14 +19,16 @@ from typing import Any
 from fret_monitor import build
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.ros.silences import SilenceLog, some
-from fret_monitor.runtime import Silence
+from fret_monitor.runtime import InputCounts, Silence
 import pytest
 
 BUNDLE = """
 format: 1
 inputs:
-  x: {topic: t, type: geometry_msgs/msg/Point, field: x, timeout: 1.5, stale: violate}
-  y: {topic: t, type: geometry_msgs/msg/Point, field: y, timeout: 1.5, stale: violate}
+  x: {topic: t, type: geometry_msgs/msg/Point, field: x, timeout: 1.5, startup: 3,
+      stale: violate}
+  y: {topic: t, type: geometry_msgs/msg/Point, field: y, timeout: 1.5, startup: 3,
+      stale: violate}
   z: {topic: z, type: std_msgs/msg/Float32, timeout: 0.5}
   n: {topic: n, type: std_msgs/msg/Float32}
 requirements:
@@ -42,10 +44,14 @@ class Recorder:
 
     def __init__(self) -> None:
         self.silences = {index: Silence(0, 0, False) for index in (X, Y, Z)}
+        self.received = 1
         self.lines: list[tuple[str, str]] = []
 
     def silence(self, index: int) -> Silence:
         return self.silences[index]
+
+    def input_counts(self, index: int) -> InputCounts:
+        return InputCounts(self.received, 0, 0)
 
     def resolve_topic_name(self, name: str) -> str:
         return f'/robot/{name}'
@@ -106,6 +112,17 @@ def test_a_silence_between_two_reviews_is_logged_with_its_end(manifest: Manifest
         [('warning', "no usable value on /robot/z within the timeout of 0.5 s for 'z'"),
          ('info', "values on /robot/z again after 2.0 s, for 'z'")],
         [('warning', "no usable value on /robot/z within the timeout of 0.5 s for 'z'")],
+    ]
+
+
+def test_a_silence_before_the_first_value_is_logged_with_the_startup(manifest: Manifest) -> None:
+    recorder = Recorder()
+    recorder.received = 0
+    is_silent = Silence(1, 12 * SECOND, True)
+    assert reviewed(recorder, manifest, {X: is_silent}, {Z: is_silent}) == [
+        [('error', "no usable value on /robot/t within the startup of 3 s for 'x': R violated "
+                   'until one comes')],
+        [('warning', "no usable value on /robot/z within the startup of 10 s for 'z'")],
     ]
 
 

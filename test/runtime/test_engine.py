@@ -30,7 +30,8 @@ SECOND = 10**9
 BUNDLE = """
 format: 1
 inputs:
-  x: {topic: x, type: std_msgs/msg/Float32, timeout: 1.0, stale: violate}
+  x: {topic: x, type: std_msgs/msg/Float32, timeout: 1.0, startup: 1.0,
+      stale: violate}
   y: {topic: y, type: std_msgs/msg/String, values: {GO: go, STOP: stop}}
 evaluation: {policy: relevant_message}
 requirements:
