@@ -14,6 +14,7 @@
 
 """From a bundle to a folder for a robot: reproducible, and written completely or not at all."""
 
+from dataclasses import replace
 from fractions import Fraction
 import os
 from pathlib import Path
@@ -179,6 +180,26 @@ def test_the_same_bundle_gives_the_same_bytes(pump: Path, tmp_path: Path) -> Non
         made.append(contents(out))
     assert made[0] == made[1] == made[2]
     assert len(made[0]) >= 9
+
+
+def test_a_topic_with_its_fields_gives_the_same_c_as_its_inputs(tmp_path: Path) -> None:
+    path = tmp_path / 'base.yaml'
+    requirement = 'requirements:\n  - {id: R, ptltl: "far -> speed < 1.0"}\n'
+    odom = 'type: nav_msgs/msg/Odometry, qos: {depth: 5}, timeout: 1, stale: violate, startup: 3'
+    made = []
+    for inputs in (f"""
+inputs:
+  speed: {{topic: odom, {odom}, field: norm(twist.twist.linear), initial: 0}}
+  far: {{topic: odom, {odom}, field: received()}}
+""", f"""
+topics:
+  odom:
+    {{{odom}, fields: {{speed: {{field: norm(twist.twist.linear), initial: 0}}, far: received()}}}}
+"""):
+        path.write_text(f'format: 1{inputs}{requirement}')
+        generated = generate_monitor(read(path))
+        made.append((generated.module, replace(generated.manifest, bundle_hash='')))
+    assert made[0] == made[1]
 
 
 def test_another_text_gives_another_hash(pump: Path) -> None:

@@ -57,22 +57,29 @@ class InputEntry:
     An input; `field` is the path as written, None if it was omitted.
 
     `damaged` are the keys with refused values, and 'name' if its name was refused; `places` are
-    the places of the keys in which inputs on one topic must agree.
+    the places of the keys in which inputs on one topic must agree. `block` is the key under
+    `topics` that it is written in, None for one under `inputs`.
     """
 
     name: Text
-    topic: Text | None
-    type: Text | None
-    field: Text | None
-    initial: Text | None
-    values: tuple[ValueEntry, ...]
-    qos: tuple[tuple[Text, Text], ...]
-    timeout: Fraction | None
-    stale: Stale | None
+    topic: Text | None = None
+    type: Text | None = None
+    field: Text | None = None
+    initial: Text | None = None
+    values: tuple[ValueEntry, ...] = ()
+    qos: tuple[tuple[Text, Text], ...] = ()
+    timeout: Fraction | None = None
+    stale: Stale | None = None
     startup: Fraction | None = None
     max_rate: Fraction | None = None
     damaged: frozenset[str] = frozenset()
     places: tuple[tuple[str, Span], ...] = ()
+    block: Text | None = None
+
+    @property
+    def owner(self) -> Text:
+        """The name under which the keys of its topic are written: the topic's or its own."""
+        return self.block or self.name
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,8 @@
 """
 Reads the inputs of a bundle, and checks that inputs on one topic agree.
 
-`read_input` returns an `InputEntry` even if some keys are refused, which are in `damaged`.
+An input is written under `inputs`, or as a field under `topics`. Its `InputEntry` is returned even
+if some keys are refused, which are in `damaged`.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -35,8 +36,12 @@ from fret_monitor.model.names import (
 )
 from fret_monitor.model.policies import Stale
 
-INPUT_KEYS = ('topic', 'type', 'field', 'initial', 'values', 'qos', 'timeout', 'stale',
-              'startup', 'max_rate')
+_FIELD_KEYS = ('field', 'initial', 'values')
+_TOPIC_KEYS = ('qos', 'timeout', 'stale', 'startup', 'max_rate')
+INPUT_KEYS = ('topic', 'type', *_FIELD_KEYS, *_TOPIC_KEYS)
+BLOCK_KEYS = ('type', *_TOPIC_KEYS, 'fields')
+_SLIPS = {'message': 'type', 'message_type': 'type', 'msg': 'type', 'path': 'field'}
+_FIELDS_EXAMPLE = 'fields: {altitude: pose.pose.position.z}'
 _SHORTEST_TIMEOUT_S = Fraction(1, 10 ** 3)
 _LONGEST_TIMEOUT_S = Fraction(10 ** 9)
 _RATES_HZ = (Fraction(1, 10 ** 9), Fraction(10 ** 9))
@@ -50,32 +55,106 @@ _QOS = {
 
 
 def read_input(name: DeclaredName, mapping: YamlMapping, problems: Problems) -> InputEntry:
-    shape = Shape(mapping, 'an input', INPUT_KEYS, problems,
-                  {'message': 'type', 'message_type': 'type', 'msg': 'type', 'path': 'field'})
-    faults = {key: Problems() for key in ('values', 'qos')}
-    entry = InputEntry(
-        name=name.text,
-        topic=_checked(shape, 'topic', topic_fault, problems),
+    """Return an entry under `inputs`."""
+    shape = Shape(mapping, 'an input', INPUT_KEYS, problems, _SLIPS)
+    topic = _checked(shape, 'topic', topic_fault, problems)
+    entry = InputEntry(name.text, topic=topic, damaged=_refused(shape, topic=topic))
+    return _with_field(_with_topic_keys(entry, shape, problems), shape, problems)
+
+
+def read_block(topic: YamlScalar, mapping: YamlMapping,
+               problems: Problems) -> tuple[InputEntry, YamlMapping | None]:
+    """
+    Return what an entry under `topics` says of the topic, and its fields by name.
+
+    Each input of the topic begins as this entry, see `read_field`.
+    """
+    shape = Shape(mapping, 'a topic', BLOCK_KEYS, problems, _SLIPS, dict.fromkeys(
+        _FIELD_KEYS, f'it belongs under fields, as in\n{_FIELDS_EXAMPLE}'))
+    report_fault(topic_fault(topic.value), topic.text, problems)
+    entry = InputEntry(topic.text, topic=topic.text, block=topic.text)
+    entry = _with_topic_keys(entry, shape, problems)
+    if entry.type and entry.type.value in PLAIN_TYPES:
+        problems.error(f'{shown(entry.type.value)} is not a message type', entry.type.span,
+                       'only a message has fields', 'type: std_msgs/msg/Float32')
+    fields = mapping_of(shape.node('fields'), "'fields'", problems, _FIELDS_EXAMPLE)
+    if shape.lacks('fields') or fields is not None and not fields.entries:
+        problems.error(f'the topic {shown(topic.value)} has no fields', topic.span,
+                       'these become the inputs, by name', _FIELDS_EXAMPLE)
+    return entry, fields
+
+
+def read_field(block: InputEntry, name: DeclaredName, node: Node,
+               problems: Problems) -> InputEntry | None:
+    """Return an input of a topic: the path of its field, or a mapping with it."""
+    entry = replace(block, name=name.text)
+    what = f'the input {shown(name.value)}'
+    if isinstance(node, YamlScalar):
+        path = text_of(node, what, problems)
+        damaged = frozenset() if path else frozenset(['field'])
+        return replace(entry, field=path, damaged=entry.damaged | damaged)
+    mapping = mapping_of(node, what, problems, f'{name.value}: pose.pose.position.z')
+    if mapping is None:
+        return None
+    shape = Shape(mapping, 'a field', _FIELD_KEYS, problems, _SLIPS, dict.fromkeys(
+        ('type', *_TOPIC_KEYS), "it belongs to the topic, beside 'fields'"))
+    return _with_field(entry, shape, problems)
+
+
+def _with_topic_keys(entry: InputEntry, shape: Shape, problems: Problems) -> InputEntry:
+    """Return an input with the keys in which all inputs on one topic agree."""
+    found = Problems()
+    entry = replace(
+        entry,
         type=_checked(shape, 'type', type_fault, problems),
-        field=shape.text('field'),
-        initial=shape.text('initial'),
-        values=tuple(_values(shape.node('values'), faults['values'])),
-        qos=tuple(_qos(shape.node('qos'), faults['qos'])),
+        qos=tuple(_qos(shape.node('qos'), found)),
         timeout=shape.number('timeout', SECONDS, _SHORTEST_TIMEOUT_S, _LONGEST_TIMEOUT_S),
         stale=shape.choice('stale', Stale),
         startup=shape.number('startup', SECONDS, _SHORTEST_TIMEOUT_S, _LONGEST_TIMEOUT_S),
         max_rate=shape.number('max_rate', MESSAGES_A_SECOND, *_RATES_HZ),
-    )
-    damaged = {key for key in INPUT_KEYS if shape.is_cut or not shape.lacks(key) and (
-        shape.key(key) is None or getattr(entry, key) is None)}
-    for key, found in faults.items():
-        problems.extend(found.errors)
-        damaged.update([key] if found.errors or isinstance(shape.node(key), Unread) else ())
-    damaged |= _check_input(entry, shape, problems)
-    places = tuple((key, node.span if isinstance(node, YamlScalar) else written.span)
-                   for key, _ in _TOPIC_ASPECTS
-                   if (node := shape.node(key)) and (written := shape.key(key)))
-    return replace(entry, damaged=frozenset(damaged), places=places)
+        places=tuple((key, node.span if isinstance(node, YamlScalar) else written.span)
+                     for key, _ in _TOPIC_ASPECTS
+                     if (node := shape.node(key)) and (written := shape.key(key))))
+    damaged = entry.damaged | _refused(
+        shape, type=entry.type, timeout=entry.timeout, stale=entry.stale, startup=entry.startup,
+        max_rate=entry.max_rate) | _refused_with(found, shape, 'qos', problems)
+    if shape.lacks('type'):
+        damaged |= {'type'}
+        kind = 'input' if entry.block is None else 'topic'
+        is_plain = entry.block is None and shape.lacks('topic')
+        problems.error(
+            f'the {kind} {shown(entry.name.value)} has no type', entry.name.span,
+            help='type: float64' if is_plain else 'type: std_msgs/msg/Float32')
+    _check_times(entry, shape, problems)
+    return replace(entry, damaged=damaged)
+
+
+def _with_field(entry: InputEntry, shape: Shape, problems: Problems) -> InputEntry:
+    """Return an input with the keys of its own value."""
+    found = Problems()
+    entry = replace(entry, field=shape.text('field'), initial=shape.text('initial'),
+                    values=tuple(_values(shape.node('values'), found)))
+    damaged = entry.damaged | _refused(shape, field=entry.field, initial=entry.initial) \
+        | _refused_with(found, shape, 'values', problems)
+    if entry.field and entry.type and entry.type.value in PLAIN_TYPES and entry.block is None:
+        damaged |= {'field'}
+        problems.error(f"'{entry.type.value}' has no fields", entry.field.span,
+                       'only a message has fields', "remove 'field', or name a message type")
+    return replace(entry, damaged=damaged)
+
+
+def _refused(shape: Shape, **values: object) -> frozenset[str]:
+    """Return the keys that are written, and whose values were refused."""
+    return frozenset(key for key, value in values.items() if shape.is_cut or (
+        not shape.lacks(key) and (shape.key(key) is None or value is None)))
+
+
+def _refused_with(found: Problems, shape: Shape, key: str, problems: Problems) -> frozenset[str]:
+    """Pass on the problems of a mapping under a key; return the key if it was refused."""
+    problems.extend(found.errors)
+    is_refused = bool(found.errors) or isinstance(shape.node(key), Unread) or bool(
+        _refused(shape, **{key: ()}))
+    return frozenset([key] if is_refused else ())
 
 
 def _checked(shape: Shape, key: str, find_fault: Callable[[str], Fault | None],
@@ -87,34 +166,19 @@ def _checked(shape: Shape, key: str, find_fault: Callable[[str], Fault | None],
     return text if fault is None else None
 
 
-def _check_input(entry: InputEntry, shape: Shape, problems: Problems) -> set[str]:
-    """Check the keys of an input that depend on one another; return the refused ones."""
-    damaged = set()
-    if shape.lacks('type'):
-        damaged.add('type')
-        problems.error(
-            f'the input {shown(entry.name.value)} has no type', entry.name.span,
-            help='type: float64' if shape.lacks('topic') else 'type: std_msgs/msg/Float32')
-    if entry.field and entry.type and entry.type.value in PLAIN_TYPES:
-        damaged.add('field')
-        problems.error(f"'{entry.type.value}' has no fields", entry.field.span,
-                       'only a message has fields', "remove 'field', or name a message type")
-    stale = shape.key('stale')
+def _check_times(entry: InputEntry, shape: Shape, problems: Problems) -> None:
+    """Check the keys that go with a timeout."""
+    stale, startup = shape.key('stale'), shape.key('startup')
     if stale and shape.lacks('timeout'):
         problems.error("'stale' needs a 'timeout'", stale.span,
                        'without a timeout it is never stale', 'timeout: 0.5   # seconds')
-    _check_startup(entry, shape, problems)
-    return damaged
-
-
-def _check_startup(entry: InputEntry, shape: Shape, problems: Problems) -> None:
-    key, text = shape.key('startup'), shape.node('startup')
-    if key and shape.lacks('timeout'):
-        problems.error("'startup' needs a 'timeout'", key.span,
+    if startup and shape.lacks('timeout'):
+        problems.error("'startup' needs a 'timeout'", startup.span,
                        'without a timeout nothing is due', 'timeout: 0.5   # seconds')
-    if key and text and entry.timeout and entry.startup and entry.startup < entry.timeout:
+    place = dict(entry.places).get('startup')
+    if place and entry.timeout and entry.startup and entry.startup < entry.timeout:
         problems.warning(
-            "'startup' is shorter than 'timeout'", text.span,
+            "'startup' is shorter than 'timeout'", place,
             'the first value is due earlier than any later one', 'remove it for the default: '
             '10 seconds, or the timeout if that is longer')
 
@@ -193,7 +257,9 @@ def _whole(text: str) -> int:
 def check_topics(inputs: Iterable[InputEntry], problems: Problems) -> None:
     """Check that inputs on one topic agree in the keys that concern the topic."""
     first: dict[str, InputEntry] = {}
-    for item in inputs:
+    # All inputs of a block share its keys: one of them is enough.
+    owners = {id(item.owner): item for item in inputs}
+    for item in owners.values():
         if item.topic is not None:
             _check_topic(item, item.topic, first.setdefault(item.topic.value, item), problems)
 
@@ -205,8 +271,8 @@ def _check_topic(item: InputEntry, topic: Text, first: InputEntry,
             place = dict(item.places).get(key, topic.span)
             problems.error(
                 f"inputs on one topic must agree in '{key}'", place,
-                f'{shown(first.name.value)} in {line_of(first.name, place)} '
-                f'has {_written(first, key)}, {shown(item.name.value)} has {_written(item, key)}',
+                f'{shown(first.owner.value)} in {line_of(first.owner, place)} has '
+                f'{_written(first, key)}, {shown(item.owner.value)} has {_written(item, key)}',
                 _missing_line(item, first, key) or _missing_line(first, item, key))
 
 
@@ -216,7 +282,8 @@ def _missing_line(item: InputEntry, other: InputEntry, key: str) -> str:
     if key in dict(item.places) or key not in dict(other.places) or written == _NOTHING:
         return ''
     line = f'{{{written}}}' if key == 'qos' else written
-    return f'add to {shown(item.name.value)}: {key}: {line}'
+    again = '' if item.block or other.block else "\nor write the topic once, under 'topics'"
+    return f'add to {shown(item.owner.value)}: {key}: {line}{again}'
 
 
 def _qos_of(item: InputEntry) -> object:

@@ -29,7 +29,9 @@ from pathlib import Path
 from fret_monitor.bundle.bundle import Bundle, ConstantEntry, Definition, InputEntry
 from fret_monitor.bundle.declared_name import declared_name, DeclaredName
 from fret_monitor.bundle.formulas import read_definition
-from fret_monitor.bundle.inputs import check_topics, INPUT_KEYS, read_input
+from fret_monitor.bundle.inputs import (
+    BLOCK_KEYS, check_topics, INPUT_KEYS, read_block, read_field, read_input,
+)
 from fret_monitor.bundle.requirements import read_requirements
 from fret_monitor.bundle.source_file import read_source
 from fret_monitor.bundle.yaml_shape import (
@@ -48,9 +50,9 @@ FORMAT = '1'
 
 _SHORTEST_PERIOD_S = Fraction(1, 10 ** 9)  # ROS counts time in nanoseconds
 _LONGEST_PERIOD_S = Fraction(10 ** 9)
-_SIGNALS_KEYS = ('format', 'title', 'description', 'constants', 'inputs')
+_SIGNALS_KEYS = ('format', 'title', 'description', 'constants', 'inputs', 'topics')
 _BUNDLE_KEYS = (
-    'format', 'component', 'title', 'description', 'signals', 'constants', 'inputs',
+    'format', 'component', 'title', 'description', 'signals', 'constants', 'inputs', 'topics',
     'definitions', 'evaluation', 'report', 'severity', 'requirements')
 _LONGEST_REORDER_S = Fraction(3600)
 _USUAL_REORDER_S = Fraction(1, 10)
@@ -70,6 +72,7 @@ inputs:
 requirements:
   - id: R1
     ptltl: "H (speed <= 2.0)\""""
+_TOPICS_EXAMPLE = 'odom: {type: nav_msgs/msg/Odometry, fields: {height: pose.pose.position.z}}'
 _SIGNALS_EXAMPLE = 'inputs:\n  speed: {topic: speed, type: std_msgs/msg/Float32}'
 
 
@@ -177,7 +180,7 @@ class _BundleReader:
             title=shape.free_text('title'),
             description=shape.free_text('description'),
             constants=tuple(self._constants(shape)),
-            inputs=tuple(self._inputs(shape)),
+            inputs=(*self._inputs(shape), *self._topics(shape)),
             definitions=(),
             policy=Policy.EVERY_MESSAGE,
             period=None,
@@ -263,7 +266,7 @@ class _BundleReader:
 
     def _named(self, shape: Shape, key: str,
                example: str) -> Iterator[tuple[DeclaredName, Node]]:
-        """Yield the entries under `constants`, `inputs` or `definitions`."""
+        """Yield the entries under `constants`, `inputs`, `topics` or `definitions`."""
         mapping = mapping_of(shape.node(key), f"'{key}'", self._problems, example)
         for name, node in mapping.entries if mapping else ():
             yield declared_name(name), node
@@ -292,17 +295,9 @@ class _BundleReader:
         return is_usable
 
     def _inputs(self, shape: Shape) -> Iterator[InputEntry]:
-        inputs = list(self._named(
-            shape, 'inputs', 'speed: {topic: speed, type: std_msgs/msg/Float32}'))
-        for (name, node), (following, after) in zip(inputs, [*inputs[1:], *inputs[-1:]]):
-            if isinstance(node, YamlScalar) and name.value in INPUT_KEYS:
-                self._report_outdented(name)
-                continue
+        example = 'speed: {topic: speed, type: std_msgs/msg/Float32}'
+        for name, node in self._indented(shape, 'inputs', INPUT_KEYS, example):
             problems = Problems()
-            if (is_empty(node) and isinstance(after, YamlScalar)
-                    and following.value in INPUT_KEYS):
-                self._unreadable.add(name.value)
-                continue
             self._declare(name, problems)
             damaged = {'name'} if problems.errors else set()
             what = f'the input {shown(name.value)}'
@@ -313,13 +308,47 @@ class _BundleReader:
             if entry is not None:
                 yield replace(entry, damaged=entry.damaged | damaged)
 
-    def _report_outdented(self, name: DeclaredName) -> None:
-        """Report a key of an input that is indented like the input's name."""
-        self._problems.error(
-            f"'{name.value}' is a key of an input, not an input", name.span,
-            'not indented under the name of an input',
-            'indent it deeper than the name of its input')
-        self._unreadable.add(name.value)
+    def _topics(self, shape: Shape) -> Iterator[InputEntry]:
+        """Read the entries under `topics`; each field of one is an input."""
+        for topic, node in self._indented(shape, 'topics', BLOCK_KEYS, _TOPICS_EXAMPLE):
+            problems = Problems()
+            mapping = mapping_of(node, f'the topic {shown(topic.value)}', problems,
+                                 _TOPICS_EXAMPLE)
+            block, fields = read_block(topic.key, mapping, problems) if mapping else (None, None)
+            self._problems.extend((*problems.errors, *problems.warnings))
+            is_refused = bool(problems.errors) or isinstance(node, Unread)
+            for key, field in fields.entries if fields else ():
+                name = declared_name(key)
+                if is_refused:
+                    self._unreadable.add(name.value)
+                if block is not None:
+                    yield from self._field(block, name, field)
+
+    def _field(self, block: InputEntry, name: DeclaredName, node: Node) -> Iterator[InputEntry]:
+        problems = Problems()
+        self._declare(name, problems)
+        damaged = {'name'} if problems.errors else set()
+        entry = read_field(block, name, node, problems)
+        self._is_usable(name, node, problems)
+        if entry is not None:
+            yield replace(entry, damaged=entry.damaged | damaged)
+
+    def _indented(self, shape: Shape, key: str, inner: tuple[str, ...],
+                  example: str) -> Iterator[tuple[DeclaredName, Node]]:
+        """Yield the entries of mappings under a key; report their own keys among them."""
+        what = {'inputs': 'an input', 'topics': 'a topic'}[key]
+        found = list(self._named(shape, key, example))
+        for (name, node), (following, after) in zip(found, [*found[1:], *found[-1:]]):
+            if isinstance(node, YamlScalar) and name.value in inner:
+                self._problems.error(
+                    f"'{name.value}' is a key of {what}, not {what}", name.span,
+                    f'not indented under the name of {what}',
+                    f'indent it deeper than the name of its {key[:-1]}')
+                self._unreadable.add(name.value)
+            elif is_empty(node) and isinstance(after, YamlScalar) and following.value in inner:
+                self._unreadable.add(name.value)
+            else:
+                yield name, node
 
     def _definitions(self, shape: Shape) -> Iterator[Definition]:
         for name, node in self._named(shape, 'definitions', 'fast: speed > 2.0'):

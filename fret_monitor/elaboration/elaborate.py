@@ -144,7 +144,7 @@ class _Reading:
         field = signal.layout.find_field('header')
         if field is None or str(field.type) != _HEADER:
             self.problems.error(
-                f"'{entry.name}' has no stamp: {signal.layout.name} has no field 'header' of the "
+                f"'{entry.owner}' has no stamp: {signal.layout.name} has no field 'header' of the "
                 f'type {_HEADER}', entry.type.span, 'stamp: header needs one',
                 'write stamp: received under evaluation, or take a stamped message')
 

@@ -585,8 +585,7 @@ def _text(value: str) -> Text:
 
 
 def _entry(name: str, kind: str, field: str | None) -> InputEntry:
-    return InputEntry(_text(name), None, _text(kind), _text(field) if field else None, None,
-                      (), (), None, None)
+    return InputEntry(_text(name), type=_text(kind), field=_text(field) if field else None)
 
 
 def _signal(name: str, kind: ValueType) -> Signal:

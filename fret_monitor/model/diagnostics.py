@@ -234,8 +234,8 @@ class Problems:
 
 
 def by_place(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Return diagnostics in the order of their files and places; those without a place first."""
-    return tuple(sorted(diagnostics, key=_place))
+    """Return diagnostics, each once, by file and place; those without a place first."""
+    return tuple(sorted(dict.fromkeys(diagnostics), key=_place))
 
 
 def _place(item: Diagnostic) -> tuple[str, int]:

@@ -202,6 +202,33 @@ def test_the_details_of_an_input_are_read() -> None:
         Fraction(1, 2), Stale.VIOLATE, 'IDLE')
 
 
+def test_topics_are_read_as_inputs_that_share_the_keys_of_their_topic() -> None:
+    bundle = _parse(SMALL.replace('p: {type: bool}', """
+  p: {topic: flag, type: std_msgs/msg/Bool}
+topics:
+  ~/state:
+    type: pkg_a/msg/State
+    qos: {depth: 5}
+    timeout: 0.5
+    stale: violate
+    startup: 3
+    max_rate: 20
+    fields:
+      state: {field: state, values: {IDLE: 0, LANDING: -1}, initial: IDLE}
+      '"hello there"': norm(twist)
+      only: {}"""))
+    _, *fields = bundle.inputs
+    assert [(item.name.value, str(item.field), str(item.initial)) for item in fields] == [
+        ('state', 'state', 'IDLE'), ('hello there', 'norm(twist)', 'None'),
+        ('only', 'None', 'None')]
+    for item in fields:
+        assert item.topic and item.type and (item.topic.value, item.type.value) == (
+            '~/state', 'pkg_a/msg/State')
+        assert [(str(key), str(value)) for key, value in item.qos] == [('depth', '5')]
+        assert (item.timeout, item.stale, item.startup, item.max_rate) == (
+            Fraction(1, 2), Stale.VIOLATE, Fraction(3), Fraction(20))
+
+
 def test_a_startup_shorter_than_the_timeout_is_a_warning(tmp_path: Path) -> None:
     path = tmp_path / 'bundle.yaml'
     for seconds, count in (('0.4', 1), ('0.5', 0), ('20', 0)):
@@ -223,11 +250,13 @@ def test_keys_without_contents_hold_nothing() -> None:
 def test_signals_files_add_inputs_and_constants(tmp_path: Path) -> None:
     (tmp_path / 'shared').mkdir()
     (tmp_path / 'shared' / 'a.yaml').write_text('constants: {limit: 2}\n')
-    (tmp_path / 'b.yaml').write_text('format: 1\ninputs:\n  speed: {type: float64}\n')
+    (tmp_path / 'b.yaml').write_text(
+        'format: 1\ninputs:\n  speed: {type: float64}\n'
+        'topics:\n  flag: {type: std_msgs/msg/Bool, fields: {on: data}}\n')
     path = tmp_path / 'main.yaml'
     path.write_text(_with('signals: [shared/a.yaml, b.yaml]'))
     bundle = read_bundle(path)
-    assert [item.name.value for item in bundle.inputs] == ['p', 'speed']
+    assert [item.name.value for item in bundle.inputs] == ['p', 'speed', 'on']
     assert [item.name.value for item in bundle.constants] == ['limit']
     assert [Path(item.name) for item in bundle.sources] == [
         path, tmp_path / 'shared' / 'a.yaml', tmp_path / 'b.yaml']

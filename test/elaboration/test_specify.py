@@ -258,6 +258,17 @@ requirements:
     assert result.signals[0].qos == (('reliability', 'best_effort'), ('depth', 7))
 
 
+def test_a_mistake_in_the_type_of_a_topic_is_reported_once() -> None:
+    with pytest.raises(CompileError, match="has no message 'Nope'") as caught:
+        specified("""
+topics:
+  flag: {type: std_msgs/msg/Nope, fields: {a: x, b: y}}
+requirements:
+  - {id: R, ptltl: a -> b}
+""")
+    assert len(caught.value.diagnostics) == 1
+
+
 def test_a_startup_is_ten_seconds_or_the_timeout_if_that_is_longer() -> None:
     result = specified("""
 inputs:
