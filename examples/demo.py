@@ -187,7 +187,8 @@ def _perform(story: Story, log: Path) -> list[tuple[str, float]]:
     for item in specification.properties:
         story.paragraph(f'  {item.id}  ', item.title or item.text)
     story.say()
-    with _process('monitor', f'spec:={BUNDLE}', 'use_sim_time:=true') as monitor, \
+    with _process('monitor', f'spec:={BUNDLE}', 'use_sim_time:=true',
+                  'log_violations:=false') as monitor, \
             _process('logger', f'spec:={BUNDLE}', 'use_sim_time:=true') as logger:
         story.say('  monitor: ' + _message(monitor.wait_for('watching', START_PATIENCE)))
         story.say('  logger:  ' + _message(logger.wait_for('listening', START_PATIENCE)))

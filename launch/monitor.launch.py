@@ -38,6 +38,7 @@ ARGUMENTS = {
     'period': ('', 'seconds between two steps, with the policy periodic'),
     'rate': ('', 'steps a second, with the policy periodic'),
     'hot_path': ('', 'whether C takes the messages: auto, on or off'),
+    'log_violations': ('', 'whether the monitor logs violations; default: if logger is false'),
     'handler_depth': ('', 'violations that a slow listener may be behind'),
     'autostart': ('true', 'whether the monitor configures and activates itself'),
     'namespace': ('', 'where relative topics and the handlers lie'),
@@ -49,7 +50,7 @@ ARGUMENTS = {
 PATHS = ('spec', 'library')
 OF_BOTH = (*PATHS, 'policy', 'period', 'rate', 'handler_depth', 'use_sim_time')
 TYPES = {'period': float, 'rate': float, 'handler_depth': int, 'autostart': bool,
-         'use_sim_time': bool}
+         'log_violations': bool, 'use_sim_time': bool}
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -60,6 +61,8 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def _nodes(context: LaunchContext) -> list[Node]:
+    has_logger = IfCondition(LaunchConfiguration('logger'))
+    logs_once = {'log_violations': not has_logger.evaluate(context)}
     common = {
         'package': 'fret_monitor', 'output': 'screen',
         'namespace': LaunchConfiguration('namespace'),
@@ -67,10 +70,11 @@ def _nodes(context: LaunchContext) -> list[Node]:
     return [
         LifecycleNode(
             executable='monitor', name=LaunchConfiguration('name'),
-            parameters=[_given(context, *OF_BOTH, 'hot_path', 'autostart')], **common),
+            parameters=[logs_once, _given(
+                context, *OF_BOTH, 'hot_path', 'autostart', 'log_violations')], **common),
         Node(
             executable='logger', name='fret_logger', parameters=[_given(context, *OF_BOTH)],
-            condition=IfCondition(LaunchConfiguration('logger')), **common),
+            condition=has_logger, **common),
     ]
 
 

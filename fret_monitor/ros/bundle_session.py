@@ -40,6 +40,8 @@ from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import Refusal
 from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH
 from fret_monitor.ros.silences import SilenceLog
+from fret_monitor.ros.violation_lines import ViolationLines
+from fret_monitor.ros.violation_log import ViolationLog
 from fret_monitor.runtime import Engine, Evaluator, OrderCounts
 from fret_monitor.runtime.fields import Outcome, read_fields
 
@@ -61,12 +63,14 @@ class BundleSession:
     """
 
     def __init__(self, node: Node, opened: Opened, *, hot_path: str = 'auto',
-                 name: str = '', handler_depth: int = DEFAULT_HANDLER_DEPTH) -> None:
+                 log_violations: bool = True, name: str = '',
+                 handler_depth: int = DEFAULT_HANDLER_DEPTH) -> None:
         """
         Prepare to monitor.
 
-        `hot_path` decides whether C takes the messages (auto, on, off); `name` is the bundle's
-        name in diagnostics, empty if the node has only one bundle.
+        `hot_path` decides whether C takes the messages (auto, on, off), `log_violations` whether
+        the node logs the violations; `name` is the bundle's name in diagnostics, empty if the
+        node has only one bundle.
 
         Raises
         ------
@@ -76,6 +80,7 @@ class BundleSession:
         self.opened = opened
         self._node = node
         self._hot_path = hot_path
+        self._logs_violations = log_violations
         self._name = name
         self._advertised = ExitStack()
         self._running = ExitStack()
@@ -220,7 +225,8 @@ class BundleSession:
         self._running.callback(time.close)
         announcer = Announcer(engine, middleware, self._handlers.publishers)
         self._running.callback(announcer.join)
-        self._running.callback(DetailPublisher(engine, self._details).end)
+        self._running.callback(
+            DetailPublisher(engine, self._details, self._violation_log(engine)).end)
         self._running.callback(feed.close)
         for index, topic in enumerate(self.manifest.topics):
             kind = self._classes[topic.message_type]
@@ -234,6 +240,13 @@ class BundleSession:
         engine.begin()  # after the subscriptions, so that no timeout runs while they are made
         # Logged after the start, since rclpy needs 0.1 s for its first log line.
         self._node.get_logger().info(f'messages are taken {self._way}', once=True)
+
+    def _violation_log(self, engine: Engine) -> ViolationLog | None:
+        if not self._logs_violations:
+            return None
+        logger = self._node.get_logger()
+        lines = [ViolationLines.of(logger, item) for item in self.manifest.requirements]
+        return ViolationLog(lines, engine.requirement_counts, self._details.describe)
 
     def _class_in_place(self, middleware: Middleware, topic: str, message_class: Any) -> Any:
         """Return the class for reading in place, or `message_class` if messages must be copied."""

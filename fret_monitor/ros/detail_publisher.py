@@ -12,25 +12,27 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The thread that publishes the details of violations; `hot_path.Announcer` publishes the rest."""
+"""The thread that publishes and logs details; `hot_path.Announcer` announces violations."""
 
 from threading import Event, Thread
 
 from fret_monitor.ros import native_lifetimes
 from fret_monitor.ros.details import Details
-from fret_monitor.runtime import Engine, ViolationDetail
+from fret_monitor.ros.violation_log import LOGGED_PER_S, ViolationLog
+from fret_monitor.runtime import Engine, MOST_DETAILS_PER_S, ViolationDetail
 
 _WAIT_MS = 200  # longest wait for a detail; closing the engine ends it at once
 _POLL_S = 0.1  # between two checks for a subscriber, where the middleware has no matched event
 
 
 class DetailPublisher:
-    """Publishes the details of violations while their topic has a subscriber."""
+    """Publishes the details of violations while their topic has a subscriber, and logs them."""
 
-    def __init__(self, engine: Engine, details: Details) -> None:
-        """Start the thread."""
+    def __init__(self, engine: Engine, details: Details, log: ViolationLog | None) -> None:
+        """Start the thread; `log` is None if violations are not logged."""
         self._engine = engine
         self._details = details
+        self._log = log
         self._is_over = Event()
         self._thread = Thread(target=self._run, name='details', daemon=True)
         native_lifetimes.keep(self)
@@ -47,24 +49,33 @@ class DetailPublisher:
 
     def _run(self) -> None:
         while not self._is_over.is_set():
-            are_wanted = self._are_wanted()
-            self._engine.want_details(are_wanted)
-            if not are_wanted:
+            has_listeners = self._has_listeners()
+            self._engine.want_details(
+                has_listeners or self._log is not None,
+                MOST_DETAILS_PER_S if has_listeners else LOGGED_PER_S)
+            if not has_listeners and self._log is None:
                 self._details.listening.wait(_POLL_S)
                 self._details.listening.clear()
             elif (detail := self._engine.take_detail(_WAIT_MS)) is not None:
-                self._publish(detail)
+                self._take(detail)
+            if self._log is not None:
+                self._log.review()
         while (detail := self._engine.take_detail(0)) is not None:
-            self._publish(detail)
+            self._take(detail)
+        if self._log is not None:
+            self._log.end()
 
-    def _are_wanted(self) -> bool:
+    def _has_listeners(self) -> bool:
         try:
             return self._details.listeners() > 0
         except RuntimeError:  # the context was shut down
             return False
 
-    def _publish(self, detail: ViolationDetail) -> None:
-        try:
-            self._details.publish(detail)
-        except RuntimeError:  # the context was shut down
-            pass
+    def _take(self, detail: ViolationDetail) -> None:
+        if self._has_listeners():
+            try:
+                self._details.publish(detail)
+            except RuntimeError:  # the context was shut down
+                pass
+        if self._log is not None:
+            self._log.add(detail)

@@ -18,7 +18,7 @@ The details of violations: `copilot/violations` (docs/ros.md, Topics).
 A detail has the requirement, the step and time of the violation, and the values of its inputs;
 under the policy timed, the time since the requirement began in place of the step. A status with
 the level OK says that a violation is over. Details are built only while the topic has a
-subscriber. The handler's message does not wait for them.
+subscriber or violations are logged. The handler's message does not wait for them.
 """
 
 from dataclasses import dataclass
@@ -107,6 +107,12 @@ class Details:
         array = DiagnosticArray(status=[self._status(detail)])
         array.header.stamp = as_time(detail.violation.stamp)
         self._publisher.publish(array)
+
+    def describe(self, detail: ViolationDetail) -> Detail:
+        """Return the details of a violation as a subscriber reads them."""
+        found = read_detail(self._status(detail))
+        assert found is not None
+        return found
 
     def close(self) -> None:
         """Withdraw the topic."""

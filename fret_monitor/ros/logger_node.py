@@ -28,10 +28,9 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.manifest import ManifestRequirement
-from fret_monitor.model.policies import Severity
 from fret_monitor.ros import native_lifetimes
 from fret_monitor.ros.compiled import open_manifests
-from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
+from fret_monitor.ros.details import DETAILS_TOPIC, read_detail
 from fret_monitor.ros.feed import ErrorKeeper, Feed
 from fret_monitor.ros.fields import UNDECODABLE
 from fret_monitor.ros.handlers import handler_topic
@@ -40,6 +39,7 @@ from fret_monitor.ros.pairing import Pairing, ReceivedViolation, Recovery
 from fret_monitor.ros.parameters import LOGGER_PARAMETERS, Parameters, read_settings
 from fret_monitor.ros.qos import violation_request
 from fret_monitor.ros.raw_topic import Deliver, RawTopic
+from fret_monitor.ros.violation_lines import ViolationLines
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -179,34 +179,14 @@ class LoggerNode(Node):
 
     def _report(self, requirement: ManifestRequirement) -> _Report:
         """Return the function that logs the violations of a requirement, and their ends."""
-        sentence = ' '.join((requirement.title or requirement.text).split())
-        # One call site per severity: rclpy allows only one severity at a call site.
-        log = self._error if requirement.severity is Severity.ERROR else self._warn
+        lines = ViolationLines.of(self.get_logger(), requirement)
 
         def report(violation: ReceivedViolation | Recovery) -> None:
             detail = violation.detail
             if isinstance(violation, Recovery):
-                self._info(f'{requirement.id} satisfied again at {violation.detail.stamp:.3f}: '
-                           f'{sentence} {_shown(violation.detail)}')
-                return
-            stamp = violation.received / 1e9 if detail is None else detail.stamp
-            values = '' if detail is None else f' {_shown(detail)}'
-            log(f'{requirement.id} violated at {stamp:.3f}: {sentence}{values}')
+                lines.satisfied(detail)
+            else:
+                lines.violated(
+                    violation.received / 1e9 if detail is None else detail.stamp, detail)
 
         return report
-
-    def _info(self, text: str) -> None:
-        self.get_logger().info(text)
-
-    def _error(self, text: str) -> None:
-        self.get_logger().error(text)
-
-    def _warn(self, text: str) -> None:
-        self.get_logger().warning(text)
-
-
-def _shown(detail: Detail) -> str:
-    values = ', '.join(f'{name} = {value}' for name, value in detail.values)
-    silent = f', nothing comes of {detail.silent}' if detail.silent else ''
-    place = f'step {detail.step}' if detail.time is None else f'{detail.time} s after its start'
-    return f'[{place}{silent}: {values}]'

@@ -140,7 +140,8 @@ class MonitorNode(LifecycleNode):
             for item, name in zip(opened, _names(opened)):
                 self._sessions.append(BundleSession(
                     self, item, hot_path=settings.hot_path, name=name,
-                    handler_depth=settings.handler_depth))
+                    handler_depth=settings.handler_depth,
+                    log_violations=settings.log_violations))
             undo.pop_all()
         self._warn([warning for item in opened for warning in item.warnings])
         self._warn(Overrides.of(self).unused([

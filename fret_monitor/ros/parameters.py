@@ -67,6 +67,8 @@ MONITOR_PARAMETERS = {
     'handler_depth': Described(
         DEFAULT_HANDLER_DEPTH, 'violations that a slow listener of one handler may be behind '
                                'before it loses some; read by `configure`'),
+    'log_violations': Described(True, 'whether the node logs violations and their ends; false if '
+                                      'the logger does; read by `configure`'),
     'autostart': Described(True, 'whether the node configures and activates itself at its start',
                            read_only=True),
     'log_level': _LOG_LEVEL,
@@ -120,6 +122,7 @@ class Settings:
     period: Fraction | None = None
     hot_path: str = 'auto'
     handler_depth: int = DEFAULT_HANDLER_DEPTH
+    log_violations: bool = True
 
 
 class Parameters:
@@ -216,16 +219,21 @@ def _level(given: Mapping[str, Any], problems: list[str]) -> LoggingSeverity:
 
 
 def _autostart(given: Mapping[str, Any], problems: list[str]) -> None:
-    value = given.get('autostart', True)
+    _truth(given, 'autostart', problems)
+
+
+def _truth(given: Mapping[str, Any], name: str, problems: list[str]) -> bool:
+    value = given.get(name, True)
     if not isinstance(value, bool):
-        problems.append(f"parameter 'autostart' is {value!r}, and has to be true or false")
+        problems.append(f"parameter '{name}' is {value!r}, and has to be true or false")
+    return bool(value)
 
 
 def _settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
     return Settings(
         _origins(given, problems), _policy(given, problems), _period(given, problems),
         _word(given, 'hot_path', _HOT_PATHS, problems) or 'auto',
-        _depth(given, problems))
+        _depth(given, problems), _truth(given, 'log_violations', problems))
 
 
 def _origins(given: Mapping[str, Any], problems: list[str]) -> tuple[Origin, ...]:

@@ -14,7 +14,9 @@
 
 """The evaluator and the engine of `csrc`, wrapped for Python; independent of ROS."""
 
-from fret_monitor.runtime.engine import Engine, OrderCounts, Receipt, ViolationDetail
+from fret_monitor.runtime.engine import (
+    Engine, MOST_DETAILS_PER_S, OrderCounts, Receipt, ViolationDetail,
+)
 from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, NEVER, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
 )
@@ -23,6 +25,7 @@ __all__ = [
     'Engine',
     'Evaluator',
     'InputCounts',
+    'MOST_DETAILS_PER_S',
     'NEVER',
     'OrderCounts',
     'Receipt',

@@ -33,7 +33,7 @@ from fret_monitor.runtime.evaluator import (
 )
 
 MOST_DETAILS_PER_S = 100
-"""Details of a requirement in a second; the others are counted."""
+"""Details of a requirement in a second for subscribers; the others are counted."""
 
 _BATCH = 64
 
@@ -224,9 +224,9 @@ class Engine:
         count = self._library.fm_engine_take(self.pointer, batch, _BATCH, milliseconds)
         return [Violation(item.requirement, item.step, item.stamp) for item in batch[0:count]]
 
-    def want_details(self, are_wanted: bool) -> None:
+    def want_details(self, are_wanted: bool, most_per_s: int = MOST_DETAILS_PER_S) -> None:
         """Queue details from now on; or queue none, and drop those in the queue."""
-        self._library.fm_engine_want_details(self.pointer, are_wanted, MOST_DETAILS_PER_S)
+        self._library.fm_engine_want_details(self.pointer, are_wanted, most_per_s)
 
     def take_detail(self, milliseconds: int) -> ViolationDetail | None:
         """Return the next detail; wait if there is none. One thread at a time."""

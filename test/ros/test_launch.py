@@ -20,10 +20,12 @@ import signal
 import stat
 import subprocess
 import sys
+from time import sleep
 
 import fret_monitor
 import pytest
 from ros.harness import Partner, wait_until
+from std_msgs.msg import Float32
 
 pytest.importorskip('launch')
 pytest.importorskip('launch_ros')
@@ -113,8 +115,18 @@ def test_launch_starts_the_nodes_and_ends_them(
         wait_until(lambda: found() == nodes, f'the nodes {nodes}')
         wait_until(lambda: partner.node.count_subscribers('/x')
                    + partner.node.count_subscribers('/robot/x') == 1, 'the subscription')
+        if arguments == ['spec:=bundle.yaml']:
+            x = partner.publisher(Float32, '/x')
+            partner.wait_for_listener(x)
+            wait_until(lambda: partner.node.count_subscribers('/copilot/handlerpropR1') == 1,
+                       'the logger')
+            sleep(1.0)  # until the monitor has matched it too
+            x.publish(Float32(data=0.7))
+            sleep(1.0)
         process.send_signal(signal.SIGINT)
         output, _ = process.communicate(timeout=30)
+        # Once, although there are two nodes that could log it.
+        assert output.count('R1 violated') == (arguments == ['spec:=bundle.yaml']), output
         assert output.count('process has finished cleanly') == len(nodes), output
         assert ('waiting to be configured' in output) is ('autostart:=false' in arguments)
     finally:

@@ -303,7 +303,7 @@ def test_the_logger_writes_id_sentence_and_time_by_severity(
         node.wait_for('R-5 violated')
         lines = {line.split()[1]: line for line in node.output.splitlines()}
         assert lines['R-6'].startswith('WARN R-6 violated at ')
-        assert lines['R-6'].endswith(': x shall be small')
+        assert lines['R-6'].endswith(': x shall be small (x < 2.0)')
         assert lines['R-5'].startswith('ERROR R-5 violated at ')
         assert lines['R-5'].endswith(': p')
         assert abs(float(lines['R-6'].split()[4].rstrip(':')) - now) < 20
@@ -322,7 +322,7 @@ requirements:
   - {id: R-1, title: "stand still", ptltl: "step = GO | x < 0.25", severity: warn}
   - {id: R-2, ptltl: "x < 0.25"}
 """)
-    with monitoring(partner, '-p', f'spec:={bundle}', handlers=('R_1', 'R_2')), \
+    with monitoring(partner, '-p', f'spec:={bundle}', handlers=('R_1', 'R_2')) as node, \
             started('logger', '-p', f'spec:={bundle}') as logger:
         heard: list[Any] = []
         partner.node.create_subscription(
@@ -347,8 +347,14 @@ requirements:
         assert 0 <= float(values[1][1]) - before / 1e9 < 20
         assert values[2:] == [
             ('suppressed', '0'), ('silent', ''), ('x', '0.3'), ('input step', 'IDLE')]
-        logger.wait_for(': stand still [step 1: x = 0.3, step = IDLE]')
-        logger.wait_for(f'R-2 violated at {float(values[1][1]):.3f}: x < 0.25 [step 1: x = 0.3]')
+        for logging in (logger, node):
+            logging.wait_for(
+                ': stand still (step = GO | x < 0.25) [step 1: x = 0.3, step = IDLE]')
+            logging.wait_for(
+                f'R-2 violated at {float(values[1][1]):.3f}: x < 0.25 [step 1: x = 0.3]')
+        assert re.search('WARN.*R-1 violated', node.output)
+        x.publish(Float32(data=0.2))
+        until_told(node, 'INFO.*R-2 satisfied again at .*step 2: x = 0.2', lambda: None)
 
 
 def test_details_are_limited_and_counted_while_handlers_publish_every_violation(

@@ -35,7 +35,7 @@ requirements:
   - {id: R-1, ptltl: "x < 0.5"}
 """
 NAMES = ['spec', 'library', 'policy', 'period', 'rate', 'hot_path', 'handler_depth',
-         'autostart', 'log_level']
+         'log_violations', 'autostart', 'log_level']
 
 
 @pytest.fixture
