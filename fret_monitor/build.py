@@ -18,12 +18,14 @@ The stages in a row, from a bundle to a monitor that runs.
     text -> Bundle -> Specification -> MonitorProgram -> C module + Manifest -> library -> Monitor
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 import hashlib
 from pathlib import Path
 
 from fret_monitor.bundle.bundle import Bundle
+from fret_monitor.bundle.constants import override_constants
 from fret_monitor.bundle.reader import survey_bundle
 from fret_monitor.codegen.describe import describe
 from fret_monitor.codegen.module import CModule, generate
@@ -34,7 +36,9 @@ from fret_monitor.lint.sentences import doubtful_sentences
 from fret_monitor.lint.unread import unread_topics
 from fret_monitor.logic.specification import Specification
 from fret_monitor.messages.installed import fingerprint
-from fret_monitor.model.diagnostics import by_place, CompileError, Diagnostic, Problems
+from fret_monitor.model.diagnostics import (
+    by_place, CompileError, Diagnostic, Level, Problems, Text,
+)
 from fret_monitor.model.manifest import FORMAT, Manifest
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.native.cache import build_library, runtime_headers
@@ -51,7 +55,8 @@ class Reading:
     What a bundle means, the warnings about it, and its hash.
 
     `files` are the files that were read, the bundle first, each with the SHA-256 of its text;
-    `messages` are its message types, each with the fingerprint of its definition.
+    `messages` are its message types, each with the fingerprint of its definition; `constants` are
+    names with the values that were used, as written.
     """
 
     specification: Specification
@@ -59,6 +64,7 @@ class Reading:
     bundle_hash: str
     files: tuple[tuple[Path, str], ...]
     messages: tuple[tuple[str, str], ...] = ()
+    constants: tuple[tuple[str, str], ...] = ()
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -83,31 +89,56 @@ class GeneratedMonitor:
     sources: tuple[Path, ...]
 
 
-def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = None) -> Reading:
+def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
+         constants: Mapping[str, Text] | None = None) -> Reading:
     """
     Read a bundle and elaborate it.
 
-    `policy` and `period` (seconds) override those of the bundle.
+    `policy`, `period` (seconds) and `constants` (see `override_constants`) override those of the
+    bundle.
 
     Raises
     ------
     CompileError
         with all problems of the bundle.
     """
-    problems = Problems()
+    problems, constants = Problems(), constants or {}
     needs_period = period is None and policy in (None, Policy.PERIODIC)
     written = survey_bundle(path, problems, needs_period=needs_period)
     if written is None:
         raise CompileError(problems.errors)
-    bundle = _with_policy(written, policy, period, problems)
-    specification, warnings = specify(bundle, problems=problems)
+    bundle = override_constants(
+        _with_policy(written, policy, period, problems), constants, problems)
+    specification, warnings = _specify(bundle, written, problems)
     warnings = by_place((*warnings, *doubtful_sentences(specification),
                          *unread_topics(bundle, specification),
                          *reports_once(specification), *doubtful_instants(specification)))
     messages = _messages(specification)
-    return Reading(specification, warnings, _bundle_hash(bundle, specification, messages),
+    values = tuple((item.name.value, item.value.value) for item in bundle.constants)
+    overrides = {name: text.value for name, text in constants.items()}
+    return Reading(specification, warnings,
+                   _bundle_hash(bundle, specification, messages, overrides),
                    tuple((Path(source.name), text_hash(source.text)) for source in bundle.sources),
-                   messages)
+                   messages, values)
+
+
+def _specify(bundle: Bundle, written: Bundle,
+             problems: Problems) -> tuple[Specification, tuple[Diagnostic, ...]]:
+    """Elaborate a bundle; the errors name constants that are not as they were written."""
+    try:
+        return specify(bundle, problems=problems)
+    except CompileError as error:
+        changed = [(old.value, new.value) for old, new in zip(
+            written.constants, bundle.constants, strict=True) if new is not old]
+        causes = [Diagnostic(f'with {new.source.name} = {new} in place of {old}',
+                             level=Level.WARNING) for old, new in changed]
+        raise CompileError((*error.diagnostics, *causes)) from None
+
+
+def constant_names(path: Path) -> tuple[str, ...]:
+    """Return the names of the constants of a bundle, as far as it can be read."""
+    bundle = survey_bundle(path, Problems())
+    return tuple(item.name.value for item in bundle.constants) if bundle else ()
 
 
 def _messages(specification: Specification) -> tuple[tuple[str, str], ...]:
@@ -139,12 +170,13 @@ def text_hash(text: str) -> str:
 
 
 def _bundle_hash(bundle: Bundle, specification: Specification,
-                 messages: tuple[tuple[str, str], ...]) -> str:
+                 messages: tuple[tuple[str, str], ...], constants: Mapping[str, str]) -> str:
     """Hash the files' texts, the message definitions and the overrides."""
     parts = [str(FORMAT), bundle.name, *(source.text for source in bundle.sources)]
     parts += [repr(signal) for signal in specification.signals]
     parts += [f'{name} {fingerprint}' for name, fingerprint in messages]
     parts += [specification.policy.value, str(specification.period)]
+    parts += [f'{name}={value}' for name, value in sorted(constants.items())]
     return text_hash('\0'.join(parts))
 
 
@@ -162,7 +194,7 @@ def generate_monitor(reading: Reading, *,
     layouts = tuple(lay_out(group) for group in program.groups)
     check_bounds(program, layouts, max_state_bytes)
     module = generate(program, layouts)
-    manifest = describe(program, layouts, module, reading.bundle_hash)
+    manifest = describe(program, layouts, module, reading.bundle_hash, reading.constants)
     warnings = by_place((*reading.warnings,
                          *constant_verdicts(reading.specification, program)))
     return GeneratedMonitor(reading.specification, program, layouts, module, manifest, warnings,
@@ -185,9 +217,10 @@ def compile_monitor(generated: GeneratedMonitor) -> CompiledMonitor:
 
 
 def build(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
+          constants: Mapping[str, Text] | None = None,
           max_state_bytes: int = MAX_STATE_BYTES) -> CompiledMonitor:
     """Read, generate and compile a bundle; errors as `read` and `compile_monitor`."""
-    reading = read(path, policy=policy, period=period)
+    reading = read(path, policy=policy, period=period, constants=constants)
     return compile_monitor(generate_monitor(reading, max_state_bytes=max_state_bytes))
 
 

@@ -20,7 +20,8 @@ compiler, and this package. A note in the cache records all of them; it is used 
 changed and the library is intact.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 from hashlib import sha256
 import json
@@ -30,7 +31,7 @@ import tempfile
 from typing import Any, TYPE_CHECKING
 
 from fret_monitor.messages.installed import find_message, fingerprint
-from fret_monitor.model.diagnostics import CompileError, Diagnostic, Level, Source, Span
+from fret_monitor.model.diagnostics import CompileError, Diagnostic, Level, Source, Span, Text
 from fret_monitor.model.manifest import Manifest, ManifestError
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.cache import (
@@ -47,10 +48,10 @@ _NOTES = 'bundles'
 _MOST_NOTES = 1000  # beyond this the least recently used are removed
 
 
-def start(path: Path, *, policy: Policy | None = None,
-          period: Fraction | None = None) -> CompiledMonitor:
+def start(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
+          constants: Mapping[str, Text] | None = None) -> CompiledMonitor:
     """
-    Return a compiled bundle; `policy` and `period` (seconds) override those of the bundle.
+    Return a compiled bundle; `policy`, `period` (seconds) and `constants` override the bundle's.
 
     Raises
     ------
@@ -59,13 +60,14 @@ def start(path: Path, *, policy: Policy | None = None,
     NativeError
         if there is no C compiler, it fails, or the cache is not safe to use.
     """
-    note = _note(path, policy, period)
+    overrides = _Overrides(policy, period, constants or {})
+    note = _note(path, overrides)
     found = _recall(note, path) if note else None
-    return found or _build(path, policy, period, note)
+    return found or _build(path, overrides, note)
 
 
-def manifest_of(path: Path, *, policy: Policy | None = None,
-                period: Fraction | None = None) -> Manifest:
+def manifest_of(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
+                constants: Mapping[str, Text] | None = None) -> Manifest:
     """
     Return the manifest of a bundle, as `start` would; needs no compiler.
 
@@ -74,36 +76,54 @@ def manifest_of(path: Path, *, policy: Policy | None = None,
     CompileError
         with all problems of the bundle.
     """
+    overrides = _Overrides(policy, period, constants or {})
     try:
-        note = _note(path, policy, period)
+        note = _note(path, overrides)
         found = _recall(note, path) if note else None
     except NativeError:
         found = None  # without a compiler there is no note: its name depends on it
     if found:
         return found.manifest
-    from fret_monitor.build import generate_monitor, read
-    return generate_monitor(read(path, policy=policy, period=period)).manifest
+    from fret_monitor.build import generate_monitor
+    return generate_monitor(overrides.read(path)).manifest
 
 
-def _build(path: Path, policy: Policy | None, period: Fraction | None,
-           note: Path | None) -> CompiledMonitor:
+@dataclass(frozen=True)
+class _Overrides:
+    policy: Policy | None
+    period: Fraction | None
+    constants: Mapping[str, Text]
+
+    def read(self, path: Path) -> 'Reading':
+        from fret_monitor.build import read
+        return read(path, policy=self.policy, period=self.period, constants=self.constants)
+
+    def texts(self) -> Iterator[str]:
+        """Yield all that distinguishes these overrides from others."""
+        yield from (repr(self.policy), repr(self.period))
+        for name, text in sorted(self.constants.items()):
+            yield from (name, text.source.name, text.value)
+
+
+def _build(path: Path, overrides: _Overrides, note: Path | None) -> CompiledMonitor:
     # Imported here: loading parsers and generator takes longer than a start from a note.
-    from fret_monitor.build import compile_monitor, generate_monitor, read
-    reading = read(path, policy=policy, period=period)
+    from fret_monitor.build import compile_monitor, generate_monitor
+    reading = overrides.read(path)
     compiled = compile_monitor(generate_monitor(reading))
     if note:
         _remember(note, compiled, reading)
     return compiled
 
 
-def _note(path: Path, policy: Policy | None, period: Fraction | None) -> Path | None:
+def _note(path: Path, overrides: _Overrides) -> Path | None:
     """Return the file of the note on a bundle; None if the bundle cannot be read."""
     try:
         text = path.read_bytes()
     except OSError:
         return None
-    parts = [os.fsencode(Path.cwd() / path), os.fsencode(path), text, repr(policy).encode(),
-             repr(period).encode(), find_compiler().identity.encode(), *_package()]
+    parts = [os.fsencode(Path.cwd() / path), os.fsencode(path), text,
+             find_compiler().identity.encode(), *_package(),
+             *(item.encode('utf-8', 'surrogatepass') for item in overrides.texts())]
     # Each part with its length, so that different parts never give the same text.
     name = _hash(b''.join(b'%d:%b' % (len(part), part) for part in parts))
     return cache_directory() / _NOTES / f'{name}.json'

@@ -30,6 +30,7 @@ from launch.launch_description import LaunchDescription
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode, Node
 from launch_ros.parameter_descriptions import ParameterValue
+import yaml
 
 ARGUMENTS = {
     'spec': ('', 'the bundle, a YAML file, or a list of them in brackets'),
@@ -37,6 +38,7 @@ ARGUMENTS = {
     'policy': ('', "when a step happens, instead of the bundle's policy"),
     'period': ('', 'seconds between two steps, with the policy periodic'),
     'rate': ('', 'steps a second, with the policy periodic'),
+    'constants': ('', "values in place of the bundle's: {v_max: 0.8, is_outdoors: true}"),
     'hot_path': ('', 'whether C takes the messages: auto, on or off'),
     'log_violations': ('', 'whether the monitor logs violations; default: if logger is false'),
     'handler_depth': ('', 'violations that a slow listener may be behind'),
@@ -70,10 +72,11 @@ def _nodes(context: LaunchContext) -> list[Node]:
     return [
         LifecycleNode(
             executable='monitor', name=LaunchConfiguration('name'),
-            parameters=[logs_once, _given(
+            parameters=[logs_once, _constants(context), _given(
                 context, *OF_BOTH, 'hot_path', 'autostart', 'log_violations')], **common),
         Node(
-            executable='logger', name='fret_logger', parameters=[_given(context, *OF_BOTH)],
+            executable='logger', name='fret_logger',
+            parameters=[_constants(context), _given(context, *OF_BOTH)],
             condition=has_logger, **common),
     ]
 
@@ -83,6 +86,15 @@ def _given(context: LaunchContext, *names: str) -> dict[str, ParameterValue]:
     texts = {name: LaunchConfiguration(name).perform(context) for name in names}
     return {name: ParameterValue(LaunchConfiguration(name), value_type=_type(name, text))
             for name, text in texts.items() if text}
+
+
+def _constants(context: LaunchContext) -> dict[str, object]:
+    """Return the parameters `constants.NAME`; launch_ros joins the names of nested mappings."""
+    text = LaunchConfiguration('constants').perform(context)
+    values = yaml.safe_load(text) if text else {}
+    if not isinstance(values, dict):
+        raise ValueError(f'constants:={text} is not a mapping: write constants:="{{v_max: 0.8}}"')
+    return {'constants': values} if values else {}
 
 
 def _type(name: str, text: str) -> object:

@@ -26,7 +26,7 @@ import sys
 from typing import Any
 
 from fret_monitor import build
-from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.diagnostics import CompileError, Source, Text
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.cache import cache_directory, evaluator_library
 from fret_monitor.native.monitor import CompiledMonitor
@@ -256,12 +256,17 @@ def test_other_overrides_or_compilers_cause_a_new_build(
     start(bundle, policy=Policy.PERIODIC, period=Fraction(1, 10))
     start(bundle, policy=Policy.PERIODIC, period=Fraction(1, 5))
     assert [item.manifest.period for item in built] == [None, None, 0.1, 0.2]
+    for value in ('2.5', '3.5', '2.5'):
+        start(bundle, constants={'limit': Text.whole(Source('parameter', value))})
+    assert [item.manifest.constants for item in built[3:]] == [
+        (('limit', '1.0'),), (('limit', '2.5'),), (('limit', '3.5'),)]
+    assert len({item.manifest.bundle_hash for item in built}) == 6
     wrapper = tmp_path / 'cc'
     wrapper.write_text('#!/bin/sh\nexec gcc "$@"\n')
     wrapper.chmod(0o755)
     monkeypatch.setenv('CC', str(wrapper))
     start(bundle)
-    assert len(built) == 5
+    assert len(built) == 7
 
 
 @pytest.mark.parametrize('damage', DAMAGES)

@@ -27,6 +27,7 @@ import os
 from pathlib import Path
 
 from fret_monitor.bundle.bundle import Bundle, ConstantEntry, Definition, InputEntry
+from fret_monitor.bundle.constants import read_constant
 from fret_monitor.bundle.declared_name import declared_name, DeclaredName
 from fret_monitor.bundle.formulas import read_definition
 from fret_monitor.bundle.inputs import (
@@ -35,14 +36,14 @@ from fret_monitor.bundle.inputs import (
 from fret_monitor.bundle.requirements import read_requirements
 from fret_monitor.bundle.source_file import read_source
 from fret_monitor.bundle.yaml_shape import (
-    HERTZ, is_empty, kind_of, line_of, mapping_of, SECONDS, Shape, text_of,
+    HERTZ, is_empty, line_of, mapping_of, SECONDS, Shape, text_of,
 )
 from fret_monitor.bundle.yaml_tree import (
     Node, read_tree, Unread, YamlList, YamlMapping, YamlScalar,
 )
 from fret_monitor.model.diagnostics import CompileError, Problems, Source, Span, Text
 from fret_monitor.model.names import (
-    fret_name, LONGEST_PATH, name_fault, number_fault, quoted_name_fault, shown,
+    fret_name, LONGEST_PATH, name_fault, quoted_name_fault, shown,
 )
 from fret_monitor.model.policies import Policy, Stamp
 
@@ -260,7 +261,7 @@ class _BundleReader:
         for name, node in self._named(shape, 'constants', 'cc_t: 15.0'):
             problems = Problems()
             self._declare(name, problems)
-            text = _constant(node, f'the constant {shown(name.value)}', problems)
+            text = read_constant(node, f'the constant {shown(name.value)}', problems)
             if self._is_usable(name, node, problems) and text is not None:
                 yield ConstantEntry(name.text, text)
 
@@ -397,19 +398,6 @@ class _BundleReader:
             return None
         return self._contents(
             source, Shape(mapping, 'a signals file', _SIGNALS_KEYS, self._problems))
-
-
-def _constant(node: Node, what: str, problems: Problems) -> Text | None:
-    must = f'{what} must be a number, true or false'
-    if isinstance(node, YamlMapping | YamlList):
-        problems.error(must, node.span, f'this is {kind_of(node)}')
-        return None
-    text = text_of(node, what, problems)
-    if text is not None and text.value.lower() not in ('true', 'false'):
-        fault = number_fault(text.value)
-        if fault is not None:
-            problems.error(f'{must}, and is {kind_of(node)}', text.span, help=fault.help)
-    return text
 
 
 def _resolved(path: Path) -> Path:

@@ -15,18 +15,19 @@
 """`check BUNDLE...`: all problems of a bundle, or a table of its requirements."""
 
 from argparse import ArgumentParser, Namespace
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 import sys
 
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
+from fret_monitor.cli.constants import add_constants
 from fret_monitor.elaboration.durations import approximate
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import CompileError, counted
+from fret_monitor.model.diagnostics import CompileError, counted, Text
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.model.times import time_text
 from fret_monitor.program.layout import lay_out, state_bytes
@@ -48,18 +49,19 @@ _FORMULA_WIDTH = 2000
 def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('bundles', metavar='BUNDLE', nargs='+', help=BUNDLE_HELP)
+    add_constants(parser)
     parser.set_defaults(run=run)
 
 
 def run(options: Namespace) -> int:
     """Check each bundle; return 1 if any has an error."""
-    return max([_check(name) for name in options.bundles])
+    return max([_check(name, dict(options.constants)) for name in options.bundles])
 
 
-def _check(name: str) -> int:
+def _check(name: str, constants: Mapping[str, Text]) -> int:
     try:
         path = existing_bundle(name)
-        generated = generate_monitor(read(path))
+        generated = generate_monitor(read(path, constants=constants))
     except CompileError as error:
         print(error, file=sys.stderr)
         return 1

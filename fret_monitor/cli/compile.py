@@ -20,6 +20,7 @@ from pathlib import Path
 import sys
 
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read, write
+from fret_monitor.cli.constants import add_constants
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.native.stack import worst_stack
@@ -29,6 +30,7 @@ from fret_monitor.program.cost import step_cost
 def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
+    add_constants(parser)
     parser.add_argument('--output', metavar='DIR', type=Path, required=True)
     parser.add_argument('--worst-case', action='store_true',
                         help='print the most instructions and stack that a step takes')
@@ -37,7 +39,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Compile a bundle to a folder."""
-    generated = generate_monitor(read(existing_bundle(options.bundle)))
+    generated = generate_monitor(
+        read(existing_bundle(options.bundle), constants=dict(options.constants)))
     for warning in generated.warnings:
         print(warning.render(), file=sys.stderr)
     write(generated, options.output)

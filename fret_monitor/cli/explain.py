@@ -19,6 +19,7 @@ from pathlib import Path
 import sys
 
 from fret_monitor.build import read
+from fret_monitor.cli.constants import add_constants
 from fret_monitor.explain.report import explain, shown
 from fret_monitor.explain.svg import to_svg
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
@@ -28,6 +29,7 @@ from fret_monitor.model.output import open_output, refuse_overwriting
 def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
+    add_constants(parser)
     parser.add_argument('ids', metavar='ID', nargs='*', help='some requirements; default: all')
     parser.add_argument('--svg', metavar='FILE', type=Path, help='write the timelines as SVG')
     parser.set_defaults(run=run)
@@ -36,7 +38,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Explain a bundle."""
     bundle = existing_bundle(options.bundle)
-    reading = read(bundle)
+    reading = read(bundle, constants=dict(options.constants))
     if options.svg is not None:
         refuse_overwriting(options.svg, reading.paths)
     found, warnings = explain(reading, options.ids)

@@ -23,6 +23,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from fret_monitor.build import generate_monitor, read
+from fret_monitor.cli.constants import add_constants
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted, pip_install, refuse
 from fret_monitor.model.output import open_output, refuse_overwriting
@@ -37,6 +38,7 @@ _NEEDED = {'z3': 'z3-solver', 'pycparser': 'pycparser'}
 def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
+    add_constants(parser)
     parser.add_argument('--sources', metavar='DIR', type=Path,
                         help='require that this folder holds, word for word, the C that is proved')
     parser.add_argument('--json', action='store_true', help='print the certificate as JSON')
@@ -64,7 +66,7 @@ def run(options: Namespace) -> int:
     from fret_monitor.proving.certificate import as_dict, Certificate, lines
     from fret_monitor.proving.verification import verify
     bundle = existing_bundle(options.bundle)
-    generated = generate_monitor(read(bundle))
+    generated = generate_monitor(read(bundle, constants=dict(options.constants)))
     for warning in generated.warnings:
         print(warning.render(), file=sys.stderr)
     if options.sources is not None:

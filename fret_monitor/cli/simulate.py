@@ -18,6 +18,7 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 import sys
 
+from fret_monitor.cli.constants import add_constants
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted, refuse
 from fret_monitor.model.policies import Policy
@@ -29,6 +30,7 @@ from fret_monitor.traces.simulate import simulate, Summary
 def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
+    add_constants(parser)
     parser.add_argument('--trace', metavar='FILE.csv', type=Path, required=True,
                         help='one column for each input, one row for each step; under '
                         'policy: timed also a column `time`, in seconds')
@@ -43,7 +45,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Run the monitors over a trace; return 1 at a violation with --fail-on-violation."""
-    compiled = start(existing_bundle(options.bundle))
+    compiled = start(existing_bundle(options.bundle), constants=dict(options.constants))
     for warning in compiled.warnings:
         print(warning.render(), file=sys.stderr)
     if options.until is not None and compiled.monitor.manifest.policy is not Policy.TIMED:

@@ -29,8 +29,8 @@ _LONGEST_FORMULA = 10_000
 
 
 def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: CModule,
-             bundle_hash: str) -> Manifest:
-    """Return the manifest of a program and its generated C."""
+             bundle_hash: str, constants: tuple[tuple[str, str], ...] = ()) -> Manifest:
+    """Return the manifest of a program and its generated C; see `Manifest` for `constants`."""
     group_of = {number: index for index, group in enumerate(program.groups)
                 for number in group.properties}
     values = {signal.name: signal.values for signal in program.signals if signal.values}
@@ -58,6 +58,7 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         readers=module.readers,
         stamp=program.stamp,
         reorder=program.reorder,
+        constants=constants,
     )
 
 

@@ -122,7 +122,8 @@ class Manifest:
     is the SHA-256 of what was compiled (bundle, signals files, message definitions),
     `source_hash` of the C text; `sources` are the file names of the generated C. `period` is in
     seconds. `readers` is the exported function that returns the extractors of the topics, '' if
-    there are none. `stamp` and `reorder` (nanoseconds) belong to the policy timed.
+    there are none. `stamp` and `reorder` (nanoseconds) belong to the policy timed. `constants` are
+    names with the values that were compiled in, as written.
     """
 
     name: str
@@ -141,6 +142,7 @@ class Manifest:
     readers: str = ''
     stamp: Stamp = Stamp.RECEIVED
     reorder: int = 0
+    constants: tuple[tuple[str, str], ...] = ()
 
     def to_json(self) -> str:
         """Return the JSON text; equal manifests give equal texts."""
@@ -317,6 +319,8 @@ def _manifest(content: _Value) -> Manifest:
         readers=content['readers'].symbol_or_empty(),
         stamp=content['stamp'].choice(Stamp),
         reorder=content['reorder'].nanoseconds(),
+        constants=tuple((name.text(), value.text())
+                        for name, value in content['constants'].pairs()),
     )
 
 

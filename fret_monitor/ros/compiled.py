@@ -19,7 +19,7 @@ Parser, code generator and compiler are imported only to compile a bundle: a com
 on robots that have none of them.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 import os
@@ -27,8 +27,9 @@ from pathlib import Path
 from time import monotonic, time
 
 from fret_monitor.model.bundle_files import refuse_missing
-from fret_monitor.model.diagnostics import CompileError, Problems
+from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, Text
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
+from fret_monitor.model.names import exact, fret_name
 from fret_monitor.model.policies import Policy
 from fret_monitor.native import load, load_evaluator, Monitor, NativeError
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
@@ -63,15 +64,20 @@ def open_monitors(settings: Settings) -> list[Opened]:
         with all problems of the bundles, the folders, the compiler, or their combination.
     """
     opened = _all(lambda origin: _open(settings, origin), settings.origins)
-    _refuse_shared_handlers(settings.origins, [item.monitor.manifest for item in opened])
+    _refuse_combinations(settings, [item.monitor.manifest for item in opened])
     return opened
 
 
 def open_manifests(settings: Settings) -> list[Manifest]:
     """Return the manifests of the bundles or compiled folders; raises `Refusal`."""
     manifests = _all(lambda origin: _manifest(settings, origin), settings.origins)
-    _refuse_shared_handlers(settings.origins, manifests)
+    _refuse_combinations(settings, manifests)
     return manifests
+
+
+def _refuse_combinations(settings: Settings, manifests: Sequence[Manifest]) -> None:
+    _refuse_unknown_constants(settings, manifests)
+    _refuse_shared_handlers(settings.origins, manifests)
 
 
 def _all[T](open_one: Callable[[Origin], T], origins: Sequence[Origin]) -> list[T]:
@@ -145,10 +151,35 @@ def _manifest(settings: Settings, origin: Origin) -> Manifest:
     if origin.library is not None:
         manifest = open_folder(origin.library).manifest
         _refuse_other_bundle(origin.spec, origin.library, manifest)
+        _refuse_constants(settings, manifest)
         return manifest
     assert origin.spec is not None
     from fret_monitor.start import manifest_of
-    return manifest_of(origin.spec, policy=settings.policy, period=settings.period)
+    return manifest_of(origin.spec, policy=settings.policy, period=settings.period,
+                       constants=_constants(settings, origin.spec))
+
+
+def _constants(settings: Settings, spec: Path) -> Mapping[str, Text]:
+    """Return the constants that are meant for a bundle: of several bundles, those it has."""
+    if len(settings.origins) == 1 or not settings.constants:
+        return settings.constants
+    from fret_monitor.build import constant_names
+    names = {fret_name(name) for name in constant_names(spec)}
+    return {name: text for name, text in settings.constants.items() if fret_name(name) in names}
+
+
+def _refuse_unknown_constants(settings: Settings, manifests: Sequence[Manifest]) -> None:
+    """Refuse constants that none of several bundles has."""
+    names = [name for manifest in manifests for name, _ in manifest.constants]
+    known = {fret_name(name) for name in names}
+    problems = []
+    for name, text in settings.constants.items():
+        if fret_name(name) not in known:
+            hint = did_you_mean(name, names) or (
+                f'the constants are {", ".join(names)}' if names else 'they have no constants')
+            problems.append(f'{text.source.name}: no bundle has this constant: {hint}')
+    if problems:
+        raise Refusal(*problems)
 
 
 @contextmanager
@@ -165,7 +196,8 @@ def _as_refusal() -> Iterator[None]:
 def _compile(settings: Settings, spec: Path) -> Opened:
     from fret_monitor.start import start
     began, clock = time(), monotonic()
-    compiled = start(spec, policy=settings.policy, period=settings.period)
+    compiled = start(spec, policy=settings.policy, period=settings.period,
+                     constants=_constants(settings, spec))
     is_new = compiled.library.stat().st_mtime >= began
     how = f'compiled in {monotonic() - clock:.1f} s' if is_new else 'found compiled'
     manifest = compiled.manifest
@@ -176,6 +208,7 @@ def _compile(settings: Settings, spec: Path) -> Opened:
 def _open_library(settings: Settings, origin: Origin, directory: Path) -> Opened:
     folder = open_folder(directory)
     _refuse_other_bundle(origin.spec, directory, folder.manifest)
+    _refuse_constants(settings, folder.manifest)
     policy = _policy_of(settings, folder.manifest)
     private = folder.private()  # so that replacing the folder does no harm
     monitor = load(private.library, folder.manifest, origin=folder.library)
@@ -192,6 +225,18 @@ def _refuse_other_bundle(spec: Path | None, directory: Path, manifest: Manifest)
         raise Refusal(
             f"'{directory}' was not compiled from '{spec}' as it is now; compile it "
             f'anew: fret-monitor compile {spec} --output {directory}')
+
+
+def _refuse_constants(settings: Settings, manifest: Manifest) -> None:
+    """Refuse other values of what is compiled into a folder."""
+    compiled = {fret_name(name): value for name, value in manifest.constants}
+    for name, text in settings.constants.items():
+        value = compiled.get(fret_name(name), text.value)
+        if value != text.value and (exact(value) is None or exact(value) != exact(text.value)):
+            raise Refusal(
+                f'{text.source.name}: {name} is compiled into the folder, as {value}: '
+                f'compile the folder with --constant {name}={text.value}, or name the bundle '
+                'instead, -p spec:=FILE')
 
 
 def _policy_of(settings: Settings, manifest: Manifest) -> Policy:

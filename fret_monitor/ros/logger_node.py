@@ -101,8 +101,11 @@ class LoggerNode(Node):
         super().destroy_node()
 
     def _begin(self) -> None:
-        settings = read_settings(Parameters(self, LOGGER_PARAMETERS).values())
-        requirements = [requirement for manifest in open_manifests(settings)
+        parameters = Parameters(self, LOGGER_PARAMETERS)
+        settings = read_settings(parameters.values())
+        manifests = open_manifests(settings)
+        parameters.show_constants(manifests)
+        requirements = [requirement for manifest in manifests
                         for requirement in manifest.requirements]
         self._reports = {item.id: self._report(item) for item in requirements}
         overrides = Overrides.of(self)

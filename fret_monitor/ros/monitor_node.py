@@ -135,6 +135,7 @@ class MonitorNode(LifecycleNode):
         settings = read_settings(self._declared.values())
         opened = open_monitors(settings)
         self._refuse_two_types(opened)
+        self._declared.show_constants(item.monitor.manifest for item in opened)
         with ExitStack() as undo:
             undo.callback(self._release)
             for item, name in zip(opened, _names(opened)):

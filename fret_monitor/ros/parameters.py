@@ -18,8 +18,8 @@ The ROS parameters of the nodes: declared, described, checked.
 All problems are reported together, each with what to write instead.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import zip_longest
 from math import isfinite
@@ -27,8 +27,10 @@ from pathlib import Path
 from typing import Any
 
 from fret_monitor.model.bundle_files import find_bundle
-from fret_monitor.model.diagnostics import CompileError, did_you_mean
+from fret_monitor.model.diagnostics import CompileError, did_you_mean, Text
+from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy
+from fret_monitor.ros.constants import constant_texts, ConstantParameters
 from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH, LARGEST_DEPTH
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -73,6 +75,7 @@ MONITOR_PARAMETERS = {
                            read_only=True),
     'log_level': _LOG_LEVEL,
 }
+_CONSTANT = "a constant of a bundle, with a value in place of the bundle's; read by `configure`"
 LOGGER_PARAMETERS = {
     'spec': Described('', _SPEC, read_only=True),
     'library': Described('', _LIBRARY, read_only=True),
@@ -123,6 +126,7 @@ class Settings:
     hot_path: str = 'auto'
     handler_depth: int = DEFAULT_HANDLER_DEPTH
     log_violations: bool = True
+    constants: Mapping[str, Text] = field(default_factory=dict)
 
 
 class Parameters:
@@ -147,6 +151,8 @@ class Parameters:
         for name, item in table.items():
             node.declare_parameter(name, item.default, ParameterDescriptor(
                 description=item.description, read_only=item.read_only, dynamic_typing=True))
+        self._constants = ConstantParameters(
+            node, _CONSTANT, read_only=table['spec'].read_only)
         self._warn_of_slips()
         if problems := _found(_level, self.values()) + _found(_autostart, self.values()):
             raise Refusal(*problems)
@@ -156,13 +162,20 @@ class Parameters:
 
     def values(self) -> dict[str, Any]:
         """Return the values of all parameters in the table."""
-        return {name: self._node.get_parameter(name).value for name in self._table}
+        values = {name: self._node.get_parameter(name).value for name in self._table}
+        return values | self._constants.overrides()
+
+    def show_constants(self, manifests: Iterable[Manifest]) -> None:
+        """Declare a parameter for each constant of the bundles, with the value in use."""
+        self._constants.show(pair for item in manifests for pair in item.constants)
 
     def _warn_of_slips(self) -> None:
         # Only a warning: a file with the wildcard `/**` also has parameters of other nodes.
         for name in self._node._parameter_overrides:
             if name.startswith('qos_overrides.'):
                 continue  # `Overrides` reads them
+            if self._constants.has(name):
+                continue
             if name not in _KNOWN and not self._node.has_parameter(name):
                 hint = did_you_mean(name, self._table) or f'this node has {", ".join(self._table)}'
                 self._node.get_logger().warning(f"ignored parameter '{name}': {hint}")
@@ -174,7 +187,8 @@ class Parameters:
         if overrides:
             return SetParametersResult(successful=False, reason=(
                 f"{', '.join(overrides)}: read at the start of the process only"))
-        new = {item.name: item.value for item in parameters if item.name in self._table}
+        new = {item.name: item.value for item in parameters if item.name in self._table
+               or self._constants.has(item.name)}
         problems = _found(_settings, self.values() | new) + _found(_level, new)
         fixed = [name for name in new if name != 'log_level']
         reason = self._why_fixed()
@@ -233,7 +247,8 @@ def _settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
     return Settings(
         _origins(given, problems), _policy(given, problems), _period(given, problems),
         _word(given, 'hot_path', _HOT_PATHS, problems) or 'auto',
-        _depth(given, problems), _truth(given, 'log_violations', problems))
+        _depth(given, problems), _truth(given, 'log_violations', problems),
+        constant_texts(given, problems))
 
 
 def _origins(given: Mapping[str, Any], problems: list[str]) -> tuple[Origin, ...]:

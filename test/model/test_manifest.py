@@ -43,7 +43,8 @@ MANIFEST = Manifest(
     requirements=(ManifestRequirement('R', 'handlerpropR', 'text', '', 'on', Report.ONSET,
                                       Severity.WARN, 0, (0, 2)),),
     state_bytes=8, bundle_hash='b', source_hash='s', sources=('pump.h', 'pump.c'),
-    readers='fm_pump_readers', stamp=Stamp.HEADER, reorder=50_000_000)
+    readers='fm_pump_readers', stamp=Stamp.HEADER, reorder=50_000_000,
+    constants=(('v_max', '0.5'),))
 
 HUGE = 7 * 10 ** 400
 ANYTHING: list[Any] = [None, True, -1, 0.5, float('nan'), HUGE, 'x\ud800', [], {}, [[]], [None]]
@@ -75,7 +76,7 @@ ALLOWED: dict[str, list[Any]] = {
     'groups[0].operations': [HUGE],
     'state_bytes': [HUGE],
 }
-EMPTY = ('path', 'values', 'qos', 'sources', 'topics')  # lists that may be empty
+EMPTY = ('path', 'values', 'qos', 'sources', 'topics', 'constants')  # lists that may be empty
 EMPTY_INDICES = ('topics[0].inputs', 'topics[1].inputs', 'groups[0].inputs',
                  'groups[0].requirements', 'requirements[0].inputs', 'requirements')
 OPTIONAL = ('.topic', 'inputs[0].message_type', 'inputs[1].message_type',

@@ -1,0 +1,94 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The parameters `constants.NAME`: other values for constants of the bundles.
+
+Those that are given are declared at the start; the others when the bundles are known, with the
+values of the bundles, so that `ros2 param` shows all.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from fret_monitor.model.diagnostics import Source, Text
+from fret_monitor.model.names import is_integer, number_fault
+
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
+
+PREFIX = 'constants.'
+_LARGEST = 2 ** 63
+
+
+class ConstantParameters:
+    """The declared parameters `constants.NAME` of a node."""
+
+    def __init__(self, node: Node, description: str, read_only: bool) -> None:
+        """Declare those that were given."""
+        self._node = node
+        self._descriptor = ParameterDescriptor(
+            description=description, read_only=read_only, dynamic_typing=True)
+        self._of_bundles: dict[str, Any] = {}
+        self._declared = [name for name in node._parameter_overrides if name.startswith(PREFIX)]
+        for name in self._declared:
+            node.declare_parameter(name, 0, self._descriptor)
+
+    def has(self, name: str) -> bool:
+        """Return whether a parameter is one of these."""
+        return name in self._declared
+
+    def overrides(self) -> dict[str, Any]:
+        """Return those whose values do not come from the bundles."""
+        values = {name: self._node.get_parameter(name).value for name in self._declared}
+        return {name: value for name, value in values.items()
+                if name not in self._of_bundles or value != self._of_bundles[name]}
+
+    def show(self, constants: Iterable[tuple[str, str]]) -> None:
+        """Declare the constants of the bundles; those of earlier bundles are no more."""
+        overrides = self.overrides()
+        for name in [name for name in self._declared if name not in overrides]:
+            self._node.undeclare_parameter(name)
+            self._declared.remove(name)
+        self._of_bundles = {}
+        for name, text in constants:
+            parameter = PREFIX + name
+            if parameter not in self._declared:
+                self._of_bundles[parameter] = _value(text)
+                self._node.declare_parameter(parameter, _value(text), self._descriptor)
+                self._declared.append(parameter)
+
+
+def constant_texts(given: Mapping[str, Any], problems: list[str]) -> dict[str, Text]:
+    """Return the constants among parameters, by name, each with its parameter as the source."""
+    found = {}
+    for parameter in (name for name in given if name.startswith(PREFIX)):
+        value = given[parameter]
+        if not isinstance(value, bool | int | float | str):
+            problems.append(f"parameter '{parameter}' is {value!r}, and has to be a number, true "
+                            'or false')
+        else:
+            text = str(value).lower() if isinstance(value, bool) else str(value)
+            found[parameter.removeprefix(PREFIX)] = Text.whole(
+                Source(f'parameter {parameter}', text))
+    return found
+
+
+def _value(text: str) -> bool | int | float | str:
+    """Return the value of a constant for a parameter; its text if it does not fit."""
+    if text.lower() in ('true', 'false'):
+        return text.lower() == 'true'
+    if is_integer(text) and abs(int(text)) < _LARGEST:
+        return int(text)
+    return text if is_integer(text) or number_fault(text) else float(text)
