@@ -18,8 +18,9 @@
 /// `compile` generates one reader for each topic from the message definition. Contract: a reader
 /// reads only `size` bytes at `message`, at any alignment; it does not allocate, keeps no state,
 /// fails only by the stated return value, and has no undefined behaviour for any bytes. Any
-/// thread. O(fields up to the last one needed), and O(elements) for each array that is reduced,
-/// and for each array of strings or messages before the last field needed.
+/// thread. O(fields up to the last one needed), O(elements reduced) for each array, and
+/// O(elements) for each array of strings or messages that is searched, or before the last field
+/// needed.
 
 #ifndef FRET_FIELDS_H_
 #define FRET_FIELDS_H_
@@ -33,7 +34,9 @@ enum fm_outcome
   FM_FIELD_OUTSIDE = 1,  // the index is outside its array, which has `length` elements
   FM_FIELD_UNNAMED = 2,  // the string is not one of the input's `values`; it has `length` bytes
                          // (a wstring: UTF-16 units)
-  FM_FIELD_EMPTY = 3     // the minimum, maximum or mean of an empty array
+  FM_FIELD_EMPTY = 3,    // the minimum, maximum or mean of an empty array, or anything of a sector
+                         // without elements
+  FM_FIELD_ABSENT = 4    // the name is not in its array, which has `length` elements
 };
 
 /// A field of a message.

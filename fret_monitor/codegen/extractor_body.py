@@ -19,7 +19,7 @@ It reads the fields in the order of the definition, skips those that are not nee
 after the last one that is needed.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from fret_monitor.codegen.c import string_literal
@@ -27,9 +27,11 @@ from fret_monitor.codegen.comments import comment
 from fret_monitor.codegen.message_sizes import STRINGS
 from fret_monitor.codegen.skippers import array_bound, Skippers, unsigned
 from fret_monitor.logic.specification import Signal
+from fret_monitor.messages.field_path import SCAN_ANGLES
 from fret_monitor.messages.installed import nested_layout
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
-from fret_monitor.model.manifest import SECONDS
+from fret_monitor.model.manifest import ANGLES, SECONDS
+from fret_monitor.model.paths import FieldPath, LookUp, name_as_written, Sector, Slice
 from fret_monitor.model.policies import InputSource
 from fret_monitor.model.values import ValueType
 
@@ -39,26 +41,48 @@ class Need:
     """
     The inputs that read a field or element, or something inside it.
 
-    `whole` are the inputs that read the field itself, with their indices among the inputs of the
-    topic. `items` are the needs of its elements by index, `fields` those of its fields by name.
+    `whole` are the inputs that read the field itself or a part of its array, with their indices
+    among the inputs of the topic. `items` are the needs of its elements by index, `found` those of
+    elements that are looked up, `fields` those of its fields by name.
+
+    `is_kept` means that code further on uses the value, `wanted` are the strings whose indices in
+    this array it uses. Generated code leaves the value in the variable `local`, the indices in the
+    variables of `wanted`, and the place of the first element of an array in `begin`.
     """
 
     whole: list[tuple[int, Signal]] = field(default_factory=list)
     items: dict[int, 'Need'] = field(default_factory=dict)
+    found: dict[LookUp, 'Need'] = field(default_factory=dict)
     fields: dict[str, 'Need'] = field(default_factory=dict)
+    is_kept: bool = False
+    wanted: dict[str, str] = field(default_factory=dict)
+    local: str = ''
+    begin: str = ''
 
-    def at(self, path: Iterable[str | int]) -> 'Need':
-        """Return the need of the field at the end of a path."""
-        need = self
+    def at(self, path: FieldPath) -> 'Need':
+        """Return the need of the field at the end of a path, and note what it needs beside it."""
+        need = parent = self
         for step in path:
-            need = need.items.setdefault(step, Need()) if isinstance(step, int) \
-                else need.fields.setdefault(step, Need())
+            match step:
+                case str():
+                    need, parent = need.fields.setdefault(step, Need()), need
+                case int():
+                    need = need.items.setdefault(step, Need())
+                case LookUp():
+                    if step.is_parallel:
+                        parent.at(step.key).wanted.setdefault(step.name, '')
+                    need = need.found.setdefault(step, Need())
+                case Sector():
+                    for name in SCAN_ANGLES:
+                        parent.at((name,)).is_kept = True
+                case Slice():
+                    pass
         return need
 
     def places(self) -> list[int]:
         """Return the indices of all inputs that read it, or anything inside it."""
         found = [place for place, _ in self.whole]
-        for inner in (*self.items.values(), *self.fields.values()):
+        for inner in (*self.items.values(), *self.found.values(), *self.fields.values()):
             found += inner.places()
         return sorted(found)
 
@@ -97,10 +121,27 @@ class ExtractorWriter:
             remaining.discard(item.name)
             yield from self._field(layout, item.type, need.fields[item.name], path + item.name,
                                    is_last and not remaining)
+            if not remaining:
+                yield from self._deferred(layout, need, path)
             if is_last and not remaining:
                 return
         assert not remaining, remaining
         yield from self._past(layout, waiting, path)
+
+    def _deferred(self, layout: MessageLayout, need: Need, path: str) -> Iterator[str]:
+        """Compute what needs several fields of a message, after all of them were read."""
+        for item in layout.fields:
+            inner = need.fields.get(item.name, Need())
+            for place, signal in inner.whole:
+                if signal.path and isinstance(sector := signal.path[-1], Sector):
+                    angles = [need.fields[name].local for name in SCAN_ANGLES]
+                    yield from self._sector(item.type.base, inner.local, angles, place, signal,
+                                            sector, path + item.name)
+            for part, found in inner.found.items():
+                if part.is_parallel:
+                    index = need.fields[part.key[0]].wanted[part.name]
+                    yield from self._parallel(layout, item, inner, found, index,
+                                              f'{path}{item.name}[{part}]')
 
     def _past(self, layout: MessageLayout, fields: Sequence[MessageField],
               path: str) -> Iterator[str]:
@@ -130,22 +171,21 @@ class ExtractorWriter:
         if kind.base in STRINGS:
             yield from self._text(kind.base, need, path)
         elif not kind.is_message:
-            yield from self._number(kind.base, need.whole, path)
+            yield from self._number(kind.base, need, path)
         elif need.whole:
             yield from self._scalars(nested_layout(layout, kind), need, path)
         else:
             yield from self._message(nested_layout(layout, kind), need, path + '.', is_last)
 
-    def _number(self, base: str, whole: Sequence[tuple[int, Signal]],
-                path: str) -> Iterator[str]:
+    def _number(self, base: str, need: Need, path: str) -> Iterator[str]:
         kind = ValueType.of_field(base)
         read = f'fm_cdr_{kind.value}(&c)'
-        yield from _explain(whole, path)
-        if len(whole) > 1:
-            local = self._local('value')
-            yield f'const {kind.c_name} {local} = {read};'
-            read = local
-        yield from (f'fields[{place}] = {_field_of(kind, read)};' for place, _ in whole)
+        yield from _explain(need.whole, path) if need.whole else comment(path)
+        if len(need.whole) > 1 or need.is_kept:
+            need.local = self._local('value')
+            yield f'const {kind.c_name} {need.local} = {read};'
+            read = need.local
+        yield from (f'fields[{place}] = {_field_of(kind, read)};' for place, _ in need.whole)
 
     def _scalars(self, layout: MessageLayout, need: Need, path: str) -> Iterator[str]:
         """Read all fields of a message of numbers, and compute the inputs from them."""
@@ -162,6 +202,9 @@ class ExtractorWriter:
             elif signal.reduction == SECONDS:
                 yield f'fields[{place}] = fm_field_f(' \
                       f'fm_cdr_seconds({local["sec"]}, {local["nanosec"]}));'
+            elif signal.reduction in ANGLES:
+                numbers = ', '.join(f'(double){local[name]}' for name in 'xyzw')
+                yield f'fields[{place}] = fm_field_{signal.reduction}({numbers});'
             else:
                 yield from self._norm(place, [local[item.name] for item in layout.fields])
         for name, inner in need.fields.items():
@@ -180,8 +223,8 @@ class ExtractorWriter:
         yield f'fields[{place}] = fm_field_f(sqrt({total}));'
 
     def _text(self, base: str, need: Need, path: str) -> Iterator[str]:
-        text = self._local('text')
-        yield from _explain(need.whole, path)
+        text = need.local = self._local('text')
+        yield from _explain(need.whole, path) if need.whole else comment(path)
         yield f'const struct fm_cdr_text {text} = fm_cdr_{base}(&c);'
         for place, signal in need.whole:
             if signal.reduction:
@@ -218,16 +261,71 @@ class ExtractorWriter:
         yield from comment(f'{path}: {kind}')
         yield f'const struct fm_cdr_array {array} =' + \
               f' fm_cdr_array(&c, {item.size}u, {count});'
+        need.local = array
         for place, signal in need.whole:
+            part = signal.path[-1]
+            if isinstance(part, Sector):
+                continue  # see _deferred
             yield from _explain([(place, signal)], path)
-            yield f'fields[{place}] = fm_field_u({array}.count);' if signal.reduction == 'len' \
-                else f'fields[{place}] = fm_field_{signal.reduction}_{item.value}(&{array});'
+            if isinstance(part, Slice):
+                yield from self._slice(array, item.size, part, place, _reduced(item, signal))
+            else:
+                yield f'fields[{place}] = {_reduced(item, signal)(array)};'
         for index, inner in sorted(need.items.items()):
             read = _field_of(item, f'fm_cdr_{item.value}_at(&{array}, {index}u)')
             yield from _explain(inner.whole, f'{path}[{index}]')
             for place, _ in inner.whole:
                 yield f'fields[{place}] = {array}.count > {index}u ?'
                 yield f'  {read} : fm_field_outside({array}.count);'
+
+    def _slice(self, array: str, size: int, part: Slice, place: int,
+               reduced: Callable[[str], str]) -> Iterator[str]:
+        """Reduce the slice of an array, which must lie in it."""
+        local = self._local('part')
+        stop = f'{array}.count' if part.stop is None else part.stop
+        yield f'struct fm_cdr_array {local};'
+        yield f'fields[{place}] = fm_cdr_slice(&{local}, &{array}, {size}u, {part.start or 0}, ' \
+              f'{stop}) ?'
+        yield f'  {reduced(local)} : fm_field_outside({array}.count);'
+
+    def _sector(self, base: str, array: str, angles: Sequence[str], place: int, signal: Signal,
+                sector: Sector, path: str) -> Iterator[str]:
+        """Reduce the elements of a scan in a sector."""
+        kind = ValueType.of_field(base)
+        parts, count = self._local('parts'), self._local('count')
+        function = 'fm_field_len' if signal.reduction == 'len' \
+            else f'fm_field_{signal.reduction}_{kind.value}'
+        yield from _explain([(place, signal)], path)
+        yield f'struct fm_cdr_array {parts}[FM_CDR_PARTS];'
+        yield f'const uint32_t {count} = fm_cdr_sector('
+        yield f'  {parts}, &{array}, {kind.size}u, (double){angles[0]}, (double){angles[1]},'
+        yield f'  {sector.first!r}, {sector.width!r});'
+        yield f'fields[{place}] = {count} > 0u ?'
+        yield f'  {function}({parts}, {count}) : fm_field_empty();'
+
+    def _parallel(self, layout: MessageLayout, item: MessageField, need: Need, found: Need,
+                  index: str, path: str) -> Iterator[str]:
+        """Read the element of an array at the index of a name in the array beside it."""
+        kind = item.type
+        if kind.is_message or kind.base in STRINGS:
+            end = self._local('end')
+            yield f'const size_t {end} = c.at;'
+            yield f'if ({index} < {need.local}) {{'
+            yield f'  c.at = {need.begin};'
+            yield from _indented(self._skippers.elements(layout, kind, index, '&c'))
+            yield from _indented(self._element(layout, FieldType(kind.base), found, path, True))
+            yield '} else {'
+            yield from (f'  fields[{place}] = fm_field_absent({index}, {need.local});'
+                        for place in found.places())
+            yield '}'
+            yield f'c.at = {end};'
+            return
+        number = ValueType.of_field(kind.base)
+        read = _field_of(number, f'fm_cdr_{number.value}_at(&{need.local}, {index})')
+        yield from _explain(found.whole, path)
+        for place, _ in found.whole:
+            yield f'fields[{place}] = {index} < {need.local}.count ?'
+            yield f'  {read} : fm_field_absent({index}, {need.local}.count);'
 
     def _long_array(self, layout: MessageLayout, kind: FieldType, need: Need, path: str,
                     is_last: bool) -> Iterator[str]:
@@ -237,19 +335,31 @@ class ExtractorWriter:
         if kind.array is not ArrayKind.FIXED:
             count = self._local('count')
             yield f'const uint32_t {count} = fm_cdr_count(&c, {array_bound(kind)});'
+        need.local = count
         for place, signal in need.whole:
             yield from _explain([(place, signal)], path)
-            yield f'fields[{place}] = fm_field_u({count});'
+            if isinstance(part := signal.path[-1], Slice):
+                array = self._local('array')
+                yield f'const struct fm_cdr_array {array} = {{NULL, {count}, false}};'
+                yield from self._slice(array, 0, part, place, _length)
+            else:
+                yield f'fields[{place}] = fm_field_u({count});'
+        searched = {part: inner for part, inner in need.found.items() if not part.is_parallel}
         # The length is valid only if the message contains all elements.
-        is_whole = not is_last or bool(need.whole)
+        is_whole = not is_last or bool(need.whole) or len(searched) < len(need.found)
+        has_search = bool(searched or need.wanted)
+        if len(searched) < len(need.found) or has_search and need.items:
+            need.begin = self._local('begin')
+            yield f'const size_t {need.begin} = c.at;'
         done = self._local('done')
-        if is_whole and need.items:
+        skips_rest = is_whole and not has_search
+        if skips_rest and need.items:
             yield f'uint32_t {done} = 0u;'
         before = 0
         for index, inner in sorted(need.items.items()):
-            stays = not is_whole and index == max(need.items)
+            stays = not skips_rest and index == max(need.items)
             body = list(self._item(layout, kind, inner, path, index, before, stays))
-            if is_whole:
+            if skips_rest:
                 body.append(f'{done} = {index + 1}u;')
             yield f'if ({count} > {index}u) {{'
             yield from _indented(body)
@@ -258,9 +368,68 @@ class ExtractorWriter:
                         for place in inner.places())
             yield '}'
             before = index + 1
-        if is_whole:
+        if skips_rest:
             left = f'{count} - {done}' if need.items else count
             yield from self._skippers.elements(layout, kind, left, '&c')
+        if has_search and need.items:
+            yield f'c.at = {need.begin};'
+        if need.wanted:
+            yield from self._find_strings(kind, need, path, count, is_whole)
+        elif searched:
+            yield from self._search(layout, kind, searched, path, count, is_whole)
+
+    def _find_strings(self, kind: FieldType, need: Need, path: str, count: str,
+                      is_whole: bool) -> Iterator[str]:
+        """Find the indices of names in an array of strings."""
+        for name in need.wanted:
+            need.wanted[name] = self._local('index')
+            yield from comment(f'{path}: the index of {name_as_written(name)}')
+            yield f'uint32_t {need.wanted[name]} = UINT32_MAX;'
+        text = self._local('text')
+        yield from self._loop(count, [*need.wanted.values()], 'UINT32_MAX', is_whole, [
+            f'const struct fm_cdr_text {text} = fm_cdr_{kind.base}(&c);',
+            *(line for name, index in need.wanted.items()
+              for line in _compare(text, name, index, 'UINT32_MAX', 'i'))])
+
+    def _search(self, layout: MessageLayout, kind: FieldType, searched: dict[LookUp, Need],
+                path: str, count: str, is_whole: bool) -> Iterator[str]:
+        """Find elements by the names in them, and read what is needed of them."""
+        inner = nested_layout(layout, kind)
+        keys, places = Need(), {}
+        for part in searched:
+            places[part] = self._local('found')
+            yield from comment(f'{path}: where {part}')
+            yield f'size_t {places[part]} = SIZE_MAX;'
+        here = self._local('here')
+        texts = {part: keys.at(part.key) for part in searched}
+        body = [f'const size_t {here} = c.at;',
+                *self._message(inner, keys, f'{path}[i].', is_last=False)]
+        for part, place in places.items():
+            body += _compare(texts[part].local, part.name, place, 'SIZE_MAX', here)
+        yield from self._loop(count, [*places.values()], 'SIZE_MAX', is_whole, body)
+        end = self._local('end')
+        if is_whole:
+            yield f'const size_t {end} = c.at;'
+        for part, found in searched.items():
+            yield f'if ({places[part]} != SIZE_MAX) {{'
+            yield f'  c.at = {places[part]};'
+            yield from _indented(self._element(layout, FieldType(kind.base), found,
+                                               f'{path}[{part}]', True))
+            yield '} else {'
+            yield from (f'  fields[{place}] = fm_field_absent(UINT32_MAX, {count});'
+                        for place in found.places())
+            yield '}'
+        if is_whole:
+            yield f'c.at = {end};'
+
+    def _loop(self, count: str, wanted: Sequence[str], nothing: str, is_whole: bool,
+              body: Iterable[str]) -> Iterator[str]:
+        """Yield a loop over elements; unless all must be in the message, until all are found."""
+        is_open = ' || '.join(f'{name} == {nothing}' for name in wanted)
+        goes_on = '' if is_whole else f' && ({is_open})' if len(wanted) > 1 else f' && {is_open}'
+        yield f'for (uint32_t i = 0u; i < {count} && c.ok{goes_on}; ++i) {{'
+        yield from _indented(body)
+        yield '}'
 
     def _item(self, layout: MessageLayout, kind: FieldType, need: Need, path: str, index: int,
               before: int, is_last: bool) -> Iterator[str]:
@@ -273,6 +442,24 @@ class ExtractorWriter:
 
 def _indented(lines: Iterable[str]) -> Iterator[str]:
     return (f'  {line}' if line else '' for line in lines)
+
+
+def _compare(text: str, name: str, found: str, nothing: str, here: str) -> list[str]:
+    """Return C that notes the first place at which a text is a name."""
+    data = name.encode('utf-8', 'surrogatepass')
+    return [f'if ({found} == {nothing} && fm_cdr_is(&{text}, {string_literal(data)}, '
+            f'{len(data)}u)) {{', f'  {found} = {here};', '}']
+
+
+def _length(array: str) -> str:
+    return f'fm_field_u({array}.count)'
+
+
+def _reduced(kind: ValueType, signal: Signal) -> Callable[[str], str]:
+    """Return what makes C that reduces an array of numbers from the array's name."""
+    if signal.reduction == 'len':
+        return _length
+    return lambda array: f'fm_field_{signal.reduction}_{kind.value}(&{array}, 1u)'
 
 
 def _units(name: str, data: bytes) -> Iterator[str]:
@@ -289,7 +476,9 @@ def _explain(whole: Iterable[tuple[int, Signal]], path: str) -> Iterator[str]:
     """Yield a comment with the inputs that are read next, and their fields."""
     for _, signal in whole:
         function = InputSource.AGE.value if signal.source is InputSource.AGE else signal.reduction
-        what = f'{function}({path})' if function else path
+        part = signal.path[-1] if signal.path else ''
+        shown = f'{path}[{part}]' if isinstance(part, Slice | Sector) else path
+        what = f'{function}({shown})' if function else path
         yield from comment(f'{signal.name}: {what}')
 
 

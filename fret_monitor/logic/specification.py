@@ -27,6 +27,7 @@ from fret_monitor.language.sentence import Sentence
 from fret_monitor.logic.formula import Feedback, Formula, postorder, Variable
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import Span
+from fret_monitor.model.paths import FieldPath
 from fret_monitor.model.policies import InputSource, Policy, Report, Severity, Stale, Stamp
 from fret_monitor.model.values import ValueType
 
@@ -48,7 +49,7 @@ class Signal:
     type: ValueType
     topic: str | None
     message_type: str | None
-    path: tuple[str | int, ...]
+    path: FieldPath
     values: tuple[tuple[str, int | str], ...]
     initial: bool | int | float | None
     qos: tuple[tuple[str, str | int], ...]

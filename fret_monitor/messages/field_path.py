@@ -15,11 +15,11 @@
 """
 Field paths: the part of a message that an input reads.
 
-A path such as `pose.position.z` or `ranges[3]` leads to a scalar; a time, such as `header.stamp`,
-is read in seconds. A reduction such as `max(ranges)` or `norm(velocity)` computes one value from
-an array or a message. `received()` is true at the step of a message, and `age(header.stamp)` is
-the seconds between a stamp in the message and its reception. `resolve_field` returns the steps of
-the path and the type of the value.
+A path such as `pose.position.z`, `ranges[3]` or `status[name = imu].level` leads to a scalar; a
+time, such as `header.stamp`, is read in seconds. A reduction such as `max(ranges[:90])` or
+`norm(velocity)` computes one value from an array, a part of one, or a message. `received()` is
+true at the step of a message, and `age(header.stamp)` is the seconds between a stamp in the
+message and its reception. `resolve_field` returns the steps of the path and the type of the value.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,9 +29,13 @@ from typing import NoReturn
 
 from fret_monitor.messages.installed import check_complete, listed, nested_layout
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
+from fret_monitor.messages.path_parts import read_part
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, refuse, Span, Text
-from fret_monitor.model.manifest import REDUCTIONS, SECONDS
+from fret_monitor.model.manifest import ANGLES, REDUCTIONS, SECONDS
 from fret_monitor.model.names import index_fault, shown
+from fret_monitor.model.paths import (
+    ArrayPart, FieldPath, LookUp, name_as_written, Sector, Slice, Step,
+)
 from fret_monitor.model.policies import InputSource
 from fret_monitor.model.values import ValueType
 
@@ -45,13 +49,19 @@ _MAX_LISTED = 12
 _MAX_DEPTH = 8
 _MAX_INDEX = 2 ** 31 - 1
 
-_STEP = re.compile(r'(?P<name>[A-Za-z][A-Za-z0-9_]*)(?:\[(?P<index>[0-9]+)\])?')
+_STEP = re.compile(r'(?P<name>[A-Za-z][A-Za-z0-9_]*)'
+                   r'(?P<part>\[(?P<inside>(?:"(?:[^"\\]|\\.)*"|[^]["])*)\])?')
 _OPEN_INDEX = re.compile(r'(.*\[[0-9]+)[^].[]*')
 _CALL = re.compile(r'\s*(?P<function>[A-Za-z_][A-Za-z0-9_]*)\s*\(\s*(?P<path>.*?)\s*\)\s*')
 
 _OF_NUMBERS = ('len', 'min', 'max', 'sum', 'mean', 'norm')
 _OF_TRUTHS = ('len', 'any', 'all')
 _OF_OTHERS = ('len',)
+_XYZW = {(name, True) for name in 'xyzw'}
+_OF_QUATERNIONS = ('norm', *ANGLES)
+
+SCAN_ANGLES = ('angle_min', 'angle_increment')
+"""The fields of a message that give the directions of the elements of its arrays."""
 
 
 @dataclass(frozen=True)
@@ -59,12 +69,12 @@ class ResolvedField:
     """
     Where a field path leads, and what is taken there.
 
-    `path` holds names and indices; `type_name` is the type of the value, with `byte` and `char` as
+    `path` is as in `model.paths`; `type_name` is the type of the value, with `byte` and `char` as
     `uint8`; `types` are the types of the fields on the way, one for each name in the path.
     `reduction` and `source` are as in `ManifestInput`.
     """
 
-    path: tuple[str | int, ...]
+    path: FieldPath
     type_name: str
     types: tuple[FieldType, ...]
     reduction: str = ''
@@ -75,14 +85,14 @@ class ResolvedField:
 class _End:
     """Where a path ends: in which message, and whether at one element of its array."""
 
-    path: tuple[str | int, ...]
+    path: FieldPath
     types: tuple[FieldType, ...]
     inside: MessageLayout
 
     @property
     def type(self) -> FieldType:
         kind = self.types[-1]
-        is_element = isinstance(self.path[-1], int)
+        is_element = isinstance(self.path[-1], int | LookUp)
         return FieldType(kind.base, text_limit=kind.text_limit) if is_element else kind
 
     @property
@@ -124,16 +134,17 @@ def resolve_field(layout: MessageLayout, path_text: Text | None,
 
 
 def _follow(layout: MessageLayout, path_text: Text) -> _End:
-    path: list[str | int] = []
+    path: FieldPath = ()
     types: list[FieldType] = []
     inside = layout
     steps = list(_steps(path_text, layout))
-    for match in steps:
+    for number, (match, part) in enumerate(steps, start=1):
         if types:
             inside = _inside(inside, types[-1], path_text, match)
-        types.append(_step(inside, match, path_text, match is steps[-1]))
-        path.extend([match['name'], *([int(match['index'])] if match['index'] else [])])
-    return _End(tuple(path), tuple(types), inside)
+        kind, taken = _step(inside, match, part, path_text, is_last=number == len(steps))
+        types.append(kind)
+        path += taken
+    return _End(path, tuple(types), inside)
 
 
 def _resolved(end: _End) -> ResolvedField:
@@ -202,6 +213,8 @@ def _functions(end: _End) -> tuple[str, ...]:
         return _OF_TRUTHS if kind.base == 'bool' else _OF_NUMBERS
     if kind.is_message and not end.is_time:
         inner = nested_layout(end.inside, kind)
+        if {(item.name, item.type.base.startswith('float')) for item in inner.fields} == _XYZW:
+            return _OF_QUATERNIONS
         return ('norm',) if inner.fields and all(map(_is_number, inner.fields)) else ()
     return ()
 
@@ -254,19 +267,26 @@ def _only_field(layout: MessageLayout, type_text: Text) -> ResolvedField:
     return _resolved(end)
 
 
-def _steps(path_text: Text, layout: MessageLayout) -> Iterator[re.Match[str]]:
-    """Yield name and index of each step of a path."""
+def _steps(path_text: Text,
+           layout: MessageLayout) -> Iterator[tuple[re.Match[str], ArrayPart | None]]:
+    """Yield name and part of each step of a path."""
     place = 0
     while True:
         match = _STEP.match(path_text.value, place)
         end = match.end() if match else place
+        part = read_part(_part_text(match, path_text)) if match and match['part'] else None
+        if match is not None and match['part'] and part is None:
+            refuse(f'{shown(path_text.value)} is not a field path',
+                   path_text.at(*match.span('part')),
+                   'expected an index, a slice, angles, or a name to look up',
+                   _help([f'{path_text.value[:match.start("part")]}[0]{path_text.value[end:]}']))
         if match is None or path_text.value[end:end + 1] not in ('', '.'):
             rest = path_text.at(min(end, max(len(path_text.value) - 1, 0)), len(path_text.value))
             is_open = _OPEN_INDEX.fullmatch(path_text.value)
             refuse(f'{shown(path_text.value)} is not a field path', rest,
                    'expected names with dots between them, and indices from 0',
                    _help([f'{is_open[1]}]'] if is_open else _leaf_paths(layout)))
-        yield match
+        yield match, part
         if end == len(path_text.value):
             return
         place = end + 1
@@ -281,31 +301,130 @@ def _inside(layout: MessageLayout, kind: FieldType, path_text: Text,
     return nested_layout(layout, kind, path_text.at(0, match.start() - 1))
 
 
-def _step(layout: MessageLayout, match: re.Match[str], path_text: Text,
-          is_last: bool) -> FieldType:
-    """Look up one step of a path, and check its index against the array."""
+def _step(layout: MessageLayout, match: re.Match[str], part: ArrayPart | None, path_text: Text,
+          *, is_last: bool) -> tuple[FieldType, FieldPath]:
+    """Look up one step of a path, and check what is taken of an array."""
     found = layout.find_field(match['name'])
     place = path_text.at(match.start('name'), match.end('name'))
     if found is None:
         _refuse_field(layout, match, path_text, place)
     kind = found.type
-    if match['index'] is None and kind.array is not ArrayKind.NONE and not is_last:
-        refuse(f"'{found.name}' is {_kind(kind)}", place, 'which element?',
-               _help([f'{path_text.value[:match.end()]}[0]{path_text.value[match.end():]}']))
-    if match['index'] is not None:
-        _check_index(kind, match, path_text)
-    return kind
-
-
-def _check_index(kind: FieldType, match: re.Match[str], path_text: Text) -> None:
-    place = path_text.at(match.start('index') - 1, match.end('index') + 1)
+    if part is None:
+        if kind.array is not ArrayKind.NONE and not is_last:
+            refuse(f"'{found.name}' is {_kind(kind)}", place, 'which element?',
+                   _help([f'{path_text.value[:match.end()]}[0]{path_text.value[match.end():]}']))
+        return kind, (found.name,)
+    place = path_text.at(*match.span('part'))
     if kind.array is ArrayKind.NONE:
         refuse(f"'{match['name']}' is {_kind(kind)}, not an array", place, 'remove this')
-    limit = _MAX_INDEX if kind.size is None else kind.size - 1
-    digits = match['index'].lstrip('0') or '0'
-    if len(digits) > 10 or int(digits) > limit:
-        refuse(f"'{match['name']}' is {_kind(kind)}: it has no element {shown(digits)[1:-1]}",
-               place, f'the last element is {limit}')
+    if isinstance(part, Slice | Sector) and not is_last:
+        before, after = path_text.value[:match.start('part')], path_text.value[match.end():]
+        refuse('a part of an array has no fields', place, 'which element?',
+               _help([f'{before}[0]{after}']))
+    match part:
+        case int():
+            _check_index(kind, part, match, place)
+        case Slice():
+            _check_slice(kind, part, match, place)
+        case Sector():
+            _check_sector(layout, kind, match, place)
+        case LookUp():
+            part = _look_up(layout, found, part, _part_text(match, path_text))
+    return kind, (found.name, part)
+
+
+def _part_text(match: re.Match[str], path_text: Text) -> Text:
+    start, stop = match.span('inside')
+    return Text(path_text.value[start:stop], path_text.source, path_text.offsets[start:stop + 1])
+
+
+def _check_index(kind: FieldType, index: int, match: re.Match[str], place: Span) -> None:
+    limit = _limit(kind) - 1
+    if index > limit:
+        refuse(f"'{match['name']}' is {_kind(kind)}: it has no element "
+               f"{shown(match['inside'].strip().lstrip('0'))[1:-1]}", place,
+               f'the last element is {limit}')
+
+
+def _limit(kind: FieldType) -> int:
+    """Return the largest length of an array."""
+    return _MAX_INDEX + 1 if kind.size is None else kind.size
+
+
+def _check_slice(kind: FieldType, part: Slice, match: re.Match[str], place: Span) -> None:
+    """Refuse a slice that is empty or beyond the array in every message."""
+    limit = _limit(kind)
+    start, stop = part.start or 0, limit if part.stop is None else part.stop
+    if max(start, -start, stop, -stop) > limit:
+        refuse(f"'{match['name']}' is {_kind(kind)}: it has no part [{part}]", place,
+               f'it has at most {limit} elements' if kind.array is not ArrayKind.FIXED
+               else f'it has {limit} elements')
+    is_length_known = kind.array is ArrayKind.FIXED or part.stop is None or stop < 0
+    first = max(start, 0) if start >= 0 or not is_length_known else start + limit
+    end = stop + limit if stop < 0 else stop
+    if first >= end:
+        is_turned = end < first and start * stop > 0
+        refuse(f'the slice is {"reversed" if is_turned else "empty"}', place,
+               'the start is included, the stop is not',
+               f'write [{part.stop}:{part.start}]' if is_turned else '')
+
+
+def _check_sector(layout: MessageLayout, kind: FieldType, match: re.Match[str],
+                  place: Span) -> None:
+    """Check that the directions of an array's elements are known: as those of a LaserScan."""
+    for name in SCAN_ANGLES:
+        found = layout.find_field(name)
+        if found is None or found.type.base not in ('float32', 'float64') \
+                or found.type.array is not ArrayKind.NONE:
+            refuse(f"the directions of '{match['name']}' are not known", place,
+                   f"{layout.name} has no float field '{name}'",
+                   f'without {" and ".join(SCAN_ANGLES)}, take elements by index, '
+                   f"as in {match['name']}[0:10]")
+    if kind.is_message or kind.base in _STRINGS:
+        refuse(f"'{match['name']}' is {_kind(kind)}", place, 'sectors are of arrays of numbers')
+
+
+def _look_up(layout: MessageLayout, found: MessageField, part: LookUp, text: Text) -> LookUp:
+    """Find the strings that a look-up compares: in the elements, or in an array beside them."""
+    start = len(text.value) - len(text.value.lstrip())
+    place = text.at(start, start + len('.'.join(part.key)))
+    inner = nested_layout(layout, found.type, place) if found.type.is_message else None
+    if inner is not None and inner.find_field(part.key[0]):
+        _check_key(layout, found, _key_type(inner, part.key), 'string', part, place)
+        return part
+    beside = _key_type(layout, part.key[:1]) if len(part.key) == 1 else None
+    _check_key(layout, found, beside, 'string[]', part, place)
+    return LookUp(part.key, part.name, is_parallel=True)
+
+
+def _key_type(layout: MessageLayout, key: tuple[str, ...]) -> FieldType | None:
+    """Return the type of a field, None if there is none, or it is within an array."""
+    found = layout.find_field(key[0])
+    if found is None or len(key) == 1:
+        return found.type if found else None
+    if not found.type.is_message or found.type.array is not ArrayKind.NONE:
+        return None
+    return _key_type(nested_layout(layout, found.type), key[1:])
+
+
+def _check_key(layout: MessageLayout, found: MessageField, kind: FieldType | None,
+               wanted: str, part: LookUp, place: Span) -> None:
+    is_array = wanted.endswith('[]')
+    if kind is not None and kind.base == 'string' and is_array is (
+            kind.array is not ArrayKind.NONE):
+        return
+    keys = [item.name for item in layout.fields if item.type.base == 'string'
+            and item.type.array is not ArrayKind.NONE and item is not found]
+    if found.type.is_message:
+        inner = nested_layout(layout, found.type)
+        keys += [path for path in _leaf_paths(inner) if '[' not in path
+                 and (of := _key_type(inner, tuple(path.split('.')))) and of.base == 'string']
+    key = '.'.join(part.key)
+    others = [f'{found.name}[{other} = {name_as_written(part.name)}]' for other in keys]
+    label = 'no such field' if kind is None else f'this is {_kind(kind)}, not a {wanted}'
+    refuse(f"the elements of '{found.name}' have no names {shown(key)}", place, label,
+           did_you_mean(key, keys) or (f'write {" or ".join(others)}' if others else
+                                       f'take an element by its index, as in {found.name}[0]'))
 
 
 def _refuse_field(layout: MessageLayout, match: re.Match[str], path_text: Text,
@@ -325,6 +444,9 @@ def _refuse_field(layout: MessageLayout, match: re.Match[str], path_text: Text,
 
 def _refuse_array(end: _End, path_text: Text) -> NoReturn:
     path = path_text.value
+    if isinstance(end.path[-1], Slice | Sector):
+        refuse(f'{shown(path)} is a part of an array ({end.type})', path_text.span,
+               'which function of it?', _help([f'{name}({path})' for name in _functions(end)]))
     name = str(end.path[-1])
     others = [f'{function}({path})' for function in _functions(end)]
     refuse(f"'{name}' is {_kind(end.type)}",
@@ -419,12 +541,13 @@ def check_reachable(layout: MessageLayout, field: ResolvedField, place: Span | N
     """
     around: list[str] = []
     types = iter(field.types)
-    for step in field.path:
-        if isinstance(step, int):
+    for step, part in zip(field.path, (*field.path[1:], None)):
+        if not isinstance(step, str):
             continue
         around.append(layout.name)
         names = [item.name for item in layout.fields]
-        for item in layout.fields[:names.index(step)]:
+        last = max(names.index(name) for name in (step, *_beside(part)))
+        for item in layout.fields[:last]:
             if item.type.is_message:
                 inside = nested_layout(layout, item.type, place)
                 check_complete(inside, place, tuple(around))
@@ -434,3 +557,10 @@ def check_reachable(layout: MessageLayout, field: ResolvedField, place: Span | N
         layout = nested_layout(layout, kind, place)
         if kind.array is not ArrayKind.NONE:
             check_complete(layout, place, tuple(around))
+
+
+def _beside(part: Step | None) -> tuple[str, ...]:
+    """Return the fields beside an array that a part of it needs."""
+    if isinstance(part, Sector):
+        return SCAN_ANGLES
+    return part.key if isinstance(part, LookUp) and part.is_parallel else ()

@@ -28,13 +28,15 @@ import math
 import re
 from typing import NoReturn, TypeVar
 
+from fret_monitor.model.paths import FieldPath, LookUp, Sector, Slice, Step
 from fret_monitor.model.policies import InputSource, Policy, Report, Severity, Stale, Stamp
 from fret_monitor.model.values import ValueType
 
 FORMAT = 4
 
 SECONDS = 'seconds'  # of a builtin_interfaces/msg/Time or Duration
-REDUCTIONS = ('len', 'min', 'max', 'sum', 'mean', 'any', 'all', 'norm')
+ANGLES = ('yaw', 'pitch', 'roll')  # of a quaternion
+REDUCTIONS = ('len', 'min', 'max', 'sum', 'mean', 'any', 'all', 'norm', *ANGLES)
 
 _SYMBOL = re.compile('[A-Za-z_][A-Za-z0-9_]*')
 _Choice = TypeVar('_Choice', bound=Enum)
@@ -52,7 +54,7 @@ class ManifestInput:
     `value_type` is the type in which it is stored. `values` are the names of its values: (name,
     number or string); a string input is stored as int32, the index of its string in `values`.
     `initial` is its value before the first message, as stored, or None. `path` is the field path
-    within the message: field names and indices. `reduction` is the function applied to the array,
+    within the message, as in `model.paths`. `reduction` is the function applied to the array,
     string or message at the end of the path: one of `REDUCTIONS`, or `SECONDS`; '' for the field's
     own value. `timeout` is the longest time without a message, in seconds; None: no limit.
     `startup` is the same before the first message; None: as `timeout`. With the source `received`,
@@ -63,7 +65,7 @@ class ManifestInput:
     value_type: ValueType
     topic: str | None
     message_type: str | None
-    path: tuple[str | int, ...]
+    path: FieldPath
     values: tuple[tuple[str, int | str], ...]
     initial: bool | int | float | None
     reduction: str = ''
@@ -238,6 +240,12 @@ class _Value:
             self.refuse(wanted)
         return self.found
 
+    def whole_or_none(self) -> int | None:
+        return None if self.found is None else self.whole()
+
+    def truth(self) -> bool:
+        return self.found if isinstance(self.found, bool) else self.refuse('true or false')
+
     def natural(self) -> int:
         number = self.whole('a whole number from 0')
         return number if number >= 0 else self.refuse('a whole number from 0')
@@ -249,8 +257,18 @@ class _Value:
     def text_or_whole(self) -> str | int:
         return self.text() if isinstance(self.found, str) else self.whole('a text or whole number')
 
-    def step(self) -> str | int:
-        return self.text() if isinstance(self.found, str) else self.natural()
+    def step(self) -> Step:
+        if isinstance(self.found, str):
+            return self.text()
+        if not isinstance(self.found, dict):
+            return self.natural()
+        if 'start' in self.found:
+            return Slice(self['start'].whole_or_none(), self['stop'].whole_or_none())
+        if 'first' in self.found:
+            return Sector(float(self['first'].number('a number')),
+                          float(self['width'].number('a number')), self['written'].text())
+        return LookUp(tuple(item.text() for item in self['key'].items()), self['name'].text(),
+                      self['is_parallel'].truth())
 
     def index(self, count: int) -> int:
         number = self.natural()
@@ -290,7 +308,7 @@ class _Value:
         if self.found is None:
             return None
         if kind is ValueType.BOOL:
-            return self.found if isinstance(self.found, bool) else self.refuse('true or false')
+            return self.truth()
         if kind.is_float:
             return self.number('a number')
         low, high = kind.limits

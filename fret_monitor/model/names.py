@@ -43,7 +43,7 @@ _DERIVED = {
 }
 _TOPIC_TOKEN = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
 _SUBSTITUTION = re.compile(r'\{(?:node|ns|namespace)\}')
-_WRONG_INDEX = re.compile(r'\[(?:\s*-\s*[0-9]+\s*|[^][]*(?P<slice>:)[^][]*)\]')
+_WRONG_INDEX = re.compile(r'\[\s*-\s*[0-9]+\s*\]')
 _MAX_SHOWN = 60
 LONGEST_PATH = 4096  # characters; a path is not shortened, since its end matters most
 _MAX_EXPONENT = 30
@@ -107,14 +107,10 @@ def quoted_name_fault(name: str) -> Fault | None:
 
 
 def index_fault(path: str) -> Fault | None:
-    """Find an index of a field path that counts from the end, or a slice; help with the path."""
-    match = _WRONG_INDEX.search(path)
-    if match is None:
+    """Find an index of a field path that counts from the end; help with the path."""
+    if _WRONG_INDEX.search(path) is None:
         return None
-    if not match['slice']:
-        return Fault('an index is a number from 0', _WRONG_INDEX.sub('[0]', path))
-    return Fault('an index is a number from 0; slices are not supported',
-                 _WRONG_INDEX.sub('' if '(' in path else '[0]', path))
+    return Fault('an index is a number from 0', _WRONG_INDEX.sub('[0]', path))
 
 
 def _identifier(name: str) -> str:

@@ -19,10 +19,12 @@ C reads the fields (`csrc/fret_fields.h`). Only the text for a log line is made 
 """
 
 from importlib import import_module
+from operator import attrgetter
 from types import ModuleType
 from typing import Any
 
 from fret_monitor.model.manifest import ManifestInput
+from fret_monitor.model.paths import LookUp, path_text, Sector, Slice
 
 from rclpy.serialization import deserialize_message
 
@@ -65,28 +67,54 @@ def _class_of(module: ModuleType, name: str) -> Any:
 
 def why_unusable(item: ManifestInput, message: bytes, kind: Any) -> str:
     """Return why the field of an input cannot be used in a serialized message, for the log."""
-    field = _path_text(item.path)
+    field = path_text(item.path)
     try:
         value = deserialize_message(message, kind)
     except UNDECODABLE:
         return f'{field} cannot be read'
+    beside = value
     for place, step in enumerate(item.path):
         if isinstance(step, str):
-            value = getattr(value, step)
-        elif step < len(value):
-            value = value[step]
+            beside, value = value, getattr(value, step)
+            continue
+        array = path_text(item.path[:place])
+        which = 'the array' if place == len(item.path) - 1 else array
+        size = f'{which} has {len(value)} element{"" if len(value) == 1 else "s"}'
+        if isinstance(step, Sector):
+            return f'{item.reduction}({field}) has no value ({_of_sector(beside)})'
+        if isinstance(step, Slice):
+            if not _lies_within(step, len(value)):
+                return f'{item.reduction}({field}) cannot be read ({size})'
+            value = value[step.start:step.stop]
         else:
-            array = _path_text(item.path[:place])
-            which = 'the array' if place == len(item.path) - 1 else array
-            size = f'{len(value)} element{"" if len(value) == 1 else "s"}'
-            return f'{field} cannot be read ({which} has {size})'
+            index = _index_of(step, beside, value) if isinstance(step, LookUp) else step
+            if index is None:
+                return f'{field} cannot be read ({array} has no element of this name)'
+            if index >= len(value):
+                return f'{field} cannot be read ({size})'
+            value = value[index]
     if item.reduction:
-        return f'{item.reduction}({field}) has no value (the array is empty)'
+        part = 'slice' if isinstance(item.path[-1], Slice) else 'array'
+        return f'{item.reduction}({field}) has no value (the {part} is empty)'
     shown = repr(value)
     if len(shown) > _SHOWN:
         shown = shown[:_SHOWN] + '...'
     return f'{field} is {shown}, which is not among its values in the bundle'
 
 
-def _path_text(path: tuple[str | int, ...]) -> str:
-    return ''.join(f'[{step}]' if isinstance(step, int) else f'.{step}' for step in path)[1:]
+def _lies_within(part: Slice, size: int) -> bool:
+    """Whether a slice is one of an array of `size` elements."""
+    start, stop = part.start or 0, size if part.stop is None else part.stop
+    return 0 <= start + size * (start < 0) <= stop + size * (stop < 0) <= size
+
+
+def _index_of(part: LookUp, beside: Any, array: Any) -> int | None:
+    """Return the index of a name in the array beside another, or among an array's elements."""
+    names = getattr(beside, part.key[0]) if part.is_parallel \
+        else (attrgetter('.'.join(part.key))(element) for element in array)
+    return next((index for index, name in enumerate(names) if name == part.name), None)
+
+
+def _of_sector(scan: Any) -> str:
+    return 'no element is in the sector: angle_min is ' \
+        f'{scan.angle_min:g}, angle_increment is {scan.angle_increment:g}'

@@ -35,6 +35,7 @@ class Outcome(Enum):
     OUTSIDE = 1
     UNNAMED = 2
     EMPTY = 3
+    ABSENT = 4
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ class FieldReading:
 
     For an input that is an age, it is the stamp in nanoseconds.
 
-    `length` is the length of the array if the index is outside it, or that of the string if it is
-    not one of the input's `values`.
+    `length` is the length of the array if the index or name is not in it, or that of the string
+    if it is not one of the input's `values`.
     """
 
     outcome: Outcome

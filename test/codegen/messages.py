@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 import math
+from operator import attrgetter
 import struct
 from types import SimpleNamespace
 from typing import Any
@@ -32,8 +33,10 @@ from typing import Any
 from fret_monitor.logic.specification import Signal
 from fret_monitor.messages.field_path import resolve_field
 from fret_monitor.messages.installed import nested_layout
-from fret_monitor.messages.layout import ArrayKind, FieldType, MessageLayout
+from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
 from fret_monitor.model.diagnostics import Source, Text
+from fret_monitor.model.manifest import ANGLES
+from fret_monitor.model.paths import LookUp, path_text, Sector, Slice
 from fret_monitor.model.values import ValueType
 from fret_monitor.runtime.fields import FieldReading, Outcome
 from hypothesis import strategies as st
@@ -43,6 +46,7 @@ FORMATS = {
     'bool': '?', 'byte': 'B', 'char': 'B', 'int8': 'b', 'uint8': 'B', 'int16': 'h', 'uint16': 'H',
     'int32': 'i', 'uint32': 'I', 'int64': 'q', 'uint64': 'Q', 'float32': 'f', 'float64': 'd'}
 WORDS = (('EMPTY', ''), ('IDLE', 'idle'), ('ODD', 'é😀"\\?'), ('LONG', 'a' * 40))
+PARTS = ('[1:3]', '[-2:]', '[:-1]', '[2:]', '[-30 deg : 90 deg]', '[150 deg : -150 deg]')
 _TIMES = ('builtin_interfaces/msg/Time', 'builtin_interfaces/msg/Duration')
 _DEEPEST = 6
 _LONGEST = 5
@@ -185,12 +189,33 @@ def taken(message: Any, signal: Signal) -> FieldReading:
     """Return what an input must read from a tree or a message object."""
     value, base = message, _base(signal)
     for step in signal.path:
-        if isinstance(step, str):
-            value = getattr(value, step)
-        elif step < len(value):
-            value = value[step]
-        else:
+        index: int | None = None
+        match step:
+            case str():
+                beside, value = value, getattr(value, step)
+                continue
+            case Slice():
+                indices = [index + len(value) if index < 0 else index
+                           for index in (step.start or 0, _stop(step, value))]
+                if not 0 <= indices[0] <= indices[1] <= len(value):
+                    return FieldReading(Outcome.OUTSIDE, None, len(value))
+                value = [value[index] for index in range(*indices)]
+                continue
+            case Sector():
+                value = [value[index] for index in in_sector(
+                    beside.angle_min, beside.angle_increment, len(value), step)]
+                if not value:
+                    return FieldReading(Outcome.EMPTY, None)
+                continue
+            case LookUp():
+                index = _place_of(step, beside, value)
+                if index is None:
+                    return FieldReading(Outcome.ABSENT, None, len(value))
+            case int():
+                index = step
+        if index >= len(value):
             return FieldReading(Outcome.OUTSIDE, None, len(value))
+        value = value[index]
     if signal.reduction:
         return _reduced(signal.reduction, value, base)
     if base in ('string', 'wstring'):
@@ -200,12 +225,37 @@ def taken(message: Any, signal: Signal) -> FieldReading:
     return FieldReading(Outcome.READ, _plain(value))
 
 
+def _stop(step: Slice, value: Any) -> int:
+    return len(value) if step.stop is None else step.stop
+
+
+def _place_of(step: LookUp, beside: Any, array: Any) -> int | None:
+    """Return the index of the first element of a name."""
+    names = getattr(beside, step.key[0]) if step.is_parallel \
+        else [attrgetter('.'.join(step.key))(element) for element in array]
+    return list(names).index(step.name) if step.name in names else None
+
+
+def in_sector(least: float, increment: float, count: int, sector: Sector) -> list[int]:
+    """Return the indices of a scan's elements in a sector, by the angle of each."""
+    turn = 2 * math.pi
+    size = abs(increment)
+    if not (abs(least) <= 2 * turn and 0 < size <= turn and turn / size < 2 ** 32
+            and (count - 1) * size <= 2 * turn):
+        return []
+    found = []
+    for index in range(count):
+        past = (least + index * increment - sector.first) % turn
+        if past <= sector.width + 0.01 * size or past >= turn - 0.01 * size:
+            found.append(index)
+    return found
+
+
 @cache
 def _base(signal: Signal) -> str:
     """Return the type of the field that an input reads, or of its elements."""
     assert signal.layout is not None
-    steps = (f'[{step}]' if isinstance(step, int) else f'.{step}' for step in signal.path)
-    path = ''.join(steps)[1:]
+    path = path_text(signal.path)
     call = f'{signal.reduction}({path})' if signal.reduction not in ('', 'seconds') else path
     return resolve_field(signal.layout, text(call), text(signal.layout.name)).types[-1].base
 
@@ -269,12 +319,29 @@ def _extreme(choose: Callable[[list[Any]], Any]) -> Callable[[list[Any], str], A
     return lambda values, _: choose([value for value in values if value == value] or values)
 
 
+def _turned(x: float, y: float, z: float, w: float) -> tuple[float, float, float]:
+    """Return yaw, pitch and roll of a quaternion."""
+    square = x * x + y * y + z * z + w * w
+    sine = 2 * (w * y - x * z) / square if square else math.nan
+    if math.isnan(sine):
+        return sine, sine, sine
+    sine = max(-1.0, min(1.0, sine))
+    if abs(sine) > 0.99999:
+        return (math.atan2(2 * (w * z - x * y), w * w - x * x + y * y - z * z), math.asin(sine),
+                0.0)
+    return (math.atan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z), math.asin(sine),
+            math.atan2(2 * (y * z + w * x), w * w - x * x - y * y + z * z))
+
+
 REDUCE: dict[str, Callable[[list[Any], str], Any]] = {
     'min': _extreme(min),
     'max': _extreme(max),
     'sum': _sum,
     'mean': lambda values, _: _total(map(float, values)) / len(values),
     'norm': lambda values, _: math.sqrt(_total(float(value) * float(value) for value in values)),
+    'yaw': lambda values, _: _turned(*values)[0],
+    'pitch': lambda values, _: _turned(*values)[1],
+    'roll': lambda values, _: _turned(*values)[2],
     'any': lambda values, _: any(values),
     'all': lambda values, _: all(values),
 }
@@ -307,14 +374,29 @@ def written_paths(layout: MessageLayout, prefix: str = '', depth: int = 0) -> It
     for item in layout.fields:
         path, kind = prefix + item.name, item.type
         if kind.array is not ArrayKind.NONE:
-            yield from (f'{function}({path})' for function in ('len', *REDUCE))
+            yield from (f'{function}({path}{part})' for function in ('len', *REDUCE)
+                        for part in ('', *PARTS))
+            for one in _looked_up(layout, item, prefix):
+                yield one
+                yield f'len({one})'
+                if kind.is_message:
+                    yield from written_paths(nested_layout(layout, kind), f'{one}.', depth + 1)
         last = 9 if kind.size is None else kind.size - 1
         for one in [path] if kind.array is ArrayKind.NONE else \
                 [f'{path}[{index}]' for index in sorted({0, 1, 3, last}) if index <= last]:
             yield one
-            yield from (f'{function}({one})' for function in ('len', 'norm'))
+            yield from (f'{function}({one})' for function in ('len', 'norm', *ANGLES))
             if kind.is_message:
                 yield from written_paths(nested_layout(layout, kind), f'{one}.', depth + 1)
+
+
+def _looked_up(layout: MessageLayout, array: MessageField, prefix: str) -> Iterator[str]:
+    """Yield elements of an array by all names there may be."""
+    inside = nested_layout(layout, array.type).fields if array.type.is_message else ()
+    for item in (*layout.fields, *inside):
+        if item.type.base == 'string':
+            yield f'{prefix}{array.name}[{item.name} = idle]'
+            yield f'{prefix}{array.name}[{item.name} = ""]'
 
 
 def signal_of(layout: MessageLayout, name: str, topic: str, field: str) -> Signal:

@@ -18,6 +18,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import islice
+import math
 from pathlib import Path
 from random import Random
 import shutil
@@ -26,8 +27,8 @@ import subprocess
 from typing import Any
 
 from codegen.messages import (
-    message_class, message_object, same, serialize, signal_of, taken, text, Topic, trees,
-    weight, written_paths,
+    message_class, message_object, same, serialize, signal_of, taken, text, Topic, Tree,
+    trees, weight, written_paths,
 )
 from differential.compiled import (
     c_module, clang, compile_c, CSRC, gcc, unoptimised, WARNINGS, write_module,
@@ -74,6 +75,12 @@ WRITTEN = {
         'Odd', 'Odd[]', 'Odd[3]', 'Steps[]', 'Steps[2]', 'Nothing[]', 'Nothing[2]', 'Named[]',
         'wstring[2]', 'string[]', 'float64[]', 'float64[<=3]'))},
     'lay_msgs/msg/BehindSome': ['uint32 a', 'uint8 b', 'uint16 c', 'uint8 d', 'uint8 behind'],
+    # Arrays before and after what gives directions and names to their elements.
+    'lay_msgs/msg/Scan': ['float32[] before', 'float32 angle_min', 'int16[<=4] between',
+                          'float64 angle_increment', 'bool[3] after'],
+    'lay_msgs/msg/Robot': ['float64[] position', 'Named[<=4] parts', 'string[] name',
+                           'Named[] limbs', 'Quadruple[3] turns', 'uint8[] effort', 'string last'],
+    'lay_msgs/msg/Quadruple': ['float64 x', 'float64 y', 'float64 z', 'float64 w'],
     'lay_msgs/msg/Deep': ['bool first', 'Boxes boxes', 'Boxes[<=2] more', 'int64 last'],
 }
 
@@ -304,6 +311,130 @@ def test_an_empty_array_has_a_sum_but_no_mean() -> None:
         'norm(x)': FieldReading(Outcome.READ, 0.0), 'min(x)': empty, 'max(x)': empty,
         'mean(x)': empty, 'any(y)': FieldReading(Outcome.READ, False),
         'all(y)': FieldReading(Outcome.READ, True)}
+
+
+# -- parts of arrays ------------------------------------------------------------------------------
+
+
+SCAN = 'float32[] intensities\nfloat32 angle_min\nfloat32 angle_increment\nfloat32[] ranges'
+SECTORS = ('0 deg : 90 deg', '-30 deg : 30 deg', '150 deg : -150 deg', '-180 deg : 180 deg',
+           '135 deg : -135 deg', '0.5 rad : 0.51 rad', '10 deg : 9.5 deg', '-90 deg : -0.1 rad')
+
+
+@pytest.fixture(scope='module')
+def scan() -> tuple[Topic, Monitor]:
+    """Build extractors of sectors, of arrays before and after the angles."""
+    layout = parse_message(SCAN, 'a')
+    fields = [f'{function}({array}[{sector}])' for sector in SECTORS
+              for array in ('ranges', 'intensities') for function in ('len', 'mean')]
+    topic = Topic(layout, tuple(signal_of(layout, f'x{place}', 'scan', field)
+                                for place, field in enumerate(fields)))
+    return topic, build_topics([topic])
+
+
+def sectors(scan: tuple[Topic, Monitor], least: float, increment: float,
+            count: int) -> dict[str, float | None]:
+    """Return how many elements of a scan are in each sector; check them against the reference."""
+    topic, monitor = scan
+    least, increment = struct.unpack('2f', struct.pack('2f', least, increment))
+    numbers = [float(number) for number in range(count)]
+    tree = Tree(angle_min=least, angle_increment=increment, ranges=numbers,
+                intensities=numbers[::-1])
+    for big in (False, True):
+        found = read_fields(monitor, 0, serialize(topic.layout, tree, big=big))
+        assert_same(topic, found, tree)
+    assert found is not None
+    return {sector: found[4 * place].value for place, sector in enumerate(SECTORS)}
+
+
+def test_the_elements_at_both_ends_are_in_a_sector(scan: tuple[Topic, Monitor]) -> None:
+    whole = sectors(scan, -math.pi, math.tau / 720, 720)
+    assert list(whole.values()) == [181, 121, 121, 720, 181, 1, 720, 169]
+    from_0 = sectors(scan, 0, math.tau / 360, 360)
+    assert list(from_0.values()) == [91, 61, 61, 360, 91, 1, 360, 85]
+    behind = sectors(scan, math.radians(-135), math.radians(0.25), 1081)
+    assert list(behind.values()) == [361, 241, None, 1081, 2, 2, 1080, 338]
+    turned = sectors(scan, math.radians(135), math.radians(-0.25), 1081)
+    assert list(turned.values()) == [361, 241, None, 1081, 2, 2, 1080, 338]
+    # The first and the last element have the same direction.
+    assert sectors(scan, -math.pi, math.radians(1), 361)['135 deg : -135 deg'] == 92
+
+
+def test_angles_that_are_none_of_a_scan_have_no_sectors(scan: tuple[Topic, Monitor]) -> None:
+    nan, infinity = math.nan, math.inf
+    for least, increment, count in (
+            (0, 0, 5), (0, -0.0, 5), (nan, 0.1, 5), (0, nan, 5), (infinity, 0.1, 5),
+            (0, infinity, 1), (0, -infinity, 5), (0, 7, 1), (12.6, 0.1, 9), (0, 1e-10, 9),
+            (0, 1e-45, 9), (0, 0.1, 128), (0, 0.1, 0)):
+        assert set(sectors(scan, least, increment, count).values()) == {None}
+
+
+@settings(max_examples=300, suppress_health_check=list(HealthCheck), deadline=None)
+@given(st.floats(-13, 13, width=32), st.floats(0.015625, 7, width=32), st.booleans(),
+       st.integers(0, 200))
+def test_a_sector_is_what_the_angle_of_each_element_says(
+        scan: tuple[Topic, Monitor], least: float, size: float, turned: bool,
+        count: int) -> None:
+    sectors(scan, least, -size if turned else size, count)
+
+
+def test_an_element_is_looked_up_by_its_first_name(prefix: Path) -> None:
+    layout = find_message('lay_msgs/msg/Robot', [prefix])
+    parts = [Tree(odd=Tree(a=n, b=n / 2, c=0), name=name, nothing=Tree())
+             for n, name in enumerate(('hand', 'idle', 'idle', ''))]
+    turn = Tree(x=0.0, y=0.0, z=1.0, w=1.0)
+    robot = Tree(position=[0.5, 1.5, 2.5], parts=parts, name=['hip', 'hand', 'idle', 'hip', 'leg'],
+                 limbs=parts[1:], turns=[turn] * 3, effort=[1], last='idle')
+    topic = Topic(layout, tuple(signal_of(layout, f'x{place}', 'x', field) for place, field in (
+        enumerate(('position[name = hip]', 'position[name = leg]', 'position[name = knee]',
+                   'parts[name = idle].odd.a', 'parts[name = ""].odd.b', 'parts[name = leg].odd.a',
+                   'parts[0].odd.a', 'limbs[name = hand].odd.a', 'effort[name = hand]',
+                   'yaw(turns[name = idle])', 'name[name = idle]', 'last')))))
+    monitor = build_topics([topic])
+    for big in (False, True):
+        found = read_fields(monitor, 0, serialize(layout, robot, big=big))
+        assert_same(topic, found, robot)
+    assert found is not None
+    assert [reading.value for reading in found] == [
+        0.5, None, None, 1, 1.5, None, 0, None, None, math.pi / 2, 1, 1]
+    assert [reading.outcome.name for reading in found if reading.value is None] == [
+        'OUTSIDE', 'ABSENT', 'ABSENT', 'ABSENT', 'OUTSIDE']
+
+
+def test_a_search_stops_at_a_length_beyond_the_message(prefix: Path) -> None:
+    layout = find_message('lay_msgs/msg/Robot', [prefix])
+    for field in ('position[name = x]', 'parts[name = x].odd.a', 'limbs[name = x].odd.a'):
+        for length in (2 ** 32 - 1, 2 ** 30, 9):
+            for numbers in ((length,), (0, length), (0, 0, length), (0, 0, 0, length)):
+                message = message_of(*numbers, *[0] * 20)
+                found = read_one(layout, field, message)
+                assert found is None or found.value is None
+
+
+def test_the_angles_of_a_quaternion_are_turns_about_z_then_y_then_x(prefix: Path) -> None:
+    layout = find_message('lay_msgs/msg/Robot', [prefix])
+    topic = Topic(layout, tuple(signal_of(layout, name, 'x', f'{name}(turns[0])')
+                                for name in ('yaw', 'pitch', 'roll')))
+    monitor = build_topics([topic])
+
+    def read(*numbers: float) -> list[float]:
+        turns = [Tree(**dict(zip('xyzw', numbers)))] * 3
+        robot = Tree(position=[], parts=[], name=[], limbs=[], turns=turns, effort=[], last='')
+        found = read_fields(monitor, 0, serialize(layout, robot))
+        assert found is not None
+        return [float(reading.value) for reading in found if reading.value is not None]
+
+    for angles in ((0, 0, 0), (40, 20, 10), (-170, -80, 175), (90, 0, 0), (10, 90, 0),
+                   (-100, -90, 0)):
+        (cz, cy, cx), (sz, sy, sx) = (
+            [function(math.radians(angle) / 2) for angle in angles]
+            for function in (math.cos, math.sin))
+        numbers = (sx * cy * cz - cx * sy * sz, cx * sy * cz + sx * cy * sz,
+                   cx * cy * sz - sx * sy * cz, cx * cy * cz + sx * sy * sz)
+        for length in (1, -1, 1e-3):
+            turned = read(*(length * number for number in numbers))
+            assert [math.degrees(angle) for angle in turned] == pytest.approx(angles, abs=1e-6)
+    assert all(map(math.isnan, read(0, 0, 0, 0)))
 
 
 @pytest.mark.parametrize('header', [

@@ -139,7 +139,7 @@ static void feed(
     fm_evaluator_undecodable(evaluator, topic);
   } else {
     for (uint32_t i = 0u; i < reader->n_inputs; ++i) {
-      if (fields[i].outcome > FM_FIELD_EMPTY) {
+      if (fields[i].outcome > FM_FIELD_ABSENT) {
         abort();
       }
       if (fields[i].outcome == FM_FIELD_READ) {

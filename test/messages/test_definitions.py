@@ -14,6 +14,7 @@
 
 """Message definitions are read as by rosidl, and field paths lead to the right fields."""
 
+import math
 from pathlib import Path
 import sys
 from typing import Any
@@ -23,6 +24,7 @@ from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageLayout
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Source, Text
 from fret_monitor.model.packages import search_path
+from fret_monitor.model.paths import FieldPath, LookUp, Sector, Slice
 from hypothesis import given, strategies
 import pytest
 from stages import parse_message
@@ -65,6 +67,12 @@ def prefix(tmp_path: Path) -> Path:
         'pkg_a/msg/Broken': 'float32 x\nfloat32\n',
         'pkg_a/msg/Empty': '# nothing\n',
         'pkg_b/msg/Battery': 'float64 charge\nCell[] cells\n',
+        'pkg_a/msg/Joint': 'string name\nstd_msgs/Header head\nfloat32 angle\nTurn turn\n'
+                           'string[] words\n',
+        'pkg_a/msg/Body': 'string[] tags\nJoint[] joints\n',
+        'pkg_a/msg/Turn': 'float64 w\nfloat64 x\nfloat64 y\nfloat64 z\n',
+        'pkg_a/msg/Scan':
+            'float32 angle_min\nfloat64 angle_increment\nint8[] x\nWheel[] wheels\n',
         'pkg_b/msg/Cell': 'float32 voltage\n',
         'pkg_b/srv/Switch': '# turn it\nbool on\n--- \nbool success\nstring message\n',
         'pkg_b/srv/Half': 'bool on\n',
@@ -84,7 +92,7 @@ def _text(value: str) -> Text:
     return Text.whole(Source('bundle.yaml', value))
 
 
-def _leads_to(layout: MessageLayout, path: str | None) -> tuple[tuple[str | int, ...], str]:
+def _leads_to(layout: MessageLayout, path: str | None) -> tuple[FieldPath, str]:
     found = resolve_field(layout, None if path is None else _text(path), _text('pkg_a/msg/X'))
     return found.path, found.type_name
 
@@ -190,10 +198,66 @@ def test_any_text_is_read_or_refused(text: str) -> None:
     ('letter', (('letter',), 'uint8')),
     ('wide', (('wide',), 'wstring')),
     ('on', (('on',), 'bool')),
+    ('min(ranges[30:90])', (('ranges', Slice(30, 90)), 'float32')),
+    ('mean(ranges[ -10 : ])', (('ranges', Slice(-10, None)), 'float64')),
+    ('len(wheels[:-1])', (('wheels', Slice(None, -1)), 'uint32')),
+    ('max(limits[-5:5])', (('limits', Slice(-5, 5)), 'float64')),
+    ('sum(corners[:])', (('corners', Slice(None, None)), 'int64')),
+    ('limits[tags = ""]', (('limits', LookUp(('tags',), '', is_parallel=True)), 'float64')),
 ])
 def test_a_field_path_leads_to_a_scalar(
-        prefix: Path, path: str, expected: tuple[tuple[str | int, ...], str]) -> None:
+        prefix: Path, path: str, expected: tuple[FieldPath, str]) -> None:
     assert _leads_to(find_message('pkg_a/msg/State', [prefix]), path) == expected
+
+
+@pytest.mark.parametrize(('path', 'expected'), [
+    ('joints[name = elbow].angle', (
+        ('joints', LookUp(('name',), 'elbow'), 'angle'), 'float32')),
+    ('joints[ head.frame_id="a \\"b\\" \\\\]" ].angle', (
+        ('joints', LookUp(('head', 'frame_id'), 'a "b" \\]'), 'angle'), 'float32')),
+    ('norm(joints[tags = /x/y-1.2:3].turn)', (
+        ('joints', LookUp(('tags',), '/x/y-1.2:3', is_parallel=True), 'turn'), 'float64')),
+    ('yaw(joints[0].turn)', (('joints', 0, 'turn'), 'float64')),
+])
+def test_elements_are_looked_up_by_a_name_in_them_or_beside_them(
+        prefix: Path, path: str, expected: tuple[FieldPath, str]) -> None:
+    assert _leads_to(find_message('pkg_a/msg/Body', [prefix]), path) == expected
+
+
+@pytest.mark.parametrize(('path', 'title', 'column', 'help'), [
+    ('joints[nam = x].angle', "the elements of 'joints' have no names 'nam'", 8,
+     "did you mean 'name'?"),
+    ('joints[angle = x].angle', "the elements of 'joints' have no names 'angle'", 8,
+     'write joints[tags = x] or joints[name = x] or joints[head.frame_id = x]'),
+    ('joints[words = x].angle', "the elements of 'joints' have no names 'words'", 8,
+     'write joints[tags = x] or joints[name = x] or joints[head.frame_id = x]'),
+    ('yaw(tags)', "'yaw' does not apply to the array 'tags' (string[])", 1,
+     'field: len(tags)'),
+    ('yaw()', "'yaw' needs a field", 1, 'field: "yaw(joints[0].turn)"'),
+])
+def test_a_look_up_by_what_is_no_name_is_refused(
+        prefix: Path, path: str, title: str, column: int, help: str) -> None:
+    error = _refused(find_message('pkg_a/msg/Body', [prefix]), path)
+    assert title in error.title
+    assert error.span is not None
+    assert (error.span.column, error.help) == (column, help)
+
+
+def test_a_sector_needs_the_directions_of_numbers(prefix: Path) -> None:
+    layout = find_message('pkg_a/msg/Scan', [prefix])
+    for text, first, width in (
+            ('-30 deg : 30 deg', -30, 60), ('150deg:-150deg', 150, 60),
+            ('350 deg : 370 deg', -10, 20),
+            ('-180 deg : 180 deg', -180, 360), ('0 deg : 360 deg', 0, 360),
+            ('.5 rad : -0.5 rad', math.degrees(0.5), 360 - math.degrees(1))):
+        ((_, sector), kind) = _leads_to(layout, f'min(x[{text}])')
+        assert isinstance(sector, Sector)
+        assert (str(sector), kind) == (text, 'int8')
+        assert math.degrees(sector.first) % 360 == pytest.approx(first % 360)
+        assert math.degrees(sector.width) == pytest.approx(width)
+    error = _refused(layout, 'len(wheels[0 deg : 9 deg])')
+    assert (error.title, error.label) == (
+        "'wheels' is an array (pkg_a/msg/Wheel[])", 'sectors are of arrays of numbers')
 
 
 def test_the_types_on_the_way_are_given(prefix: Path) -> None:
@@ -223,8 +287,40 @@ def test_the_types_on_the_way_are_given(prefix: Path) -> None:
      'field: "wheels[0].speed"   # or wheels[0].locked'),
     ('ranges[99999999999999]', 'it has no element 99999999999999', 7, ''),
     ('ranges[-1]', 'an index is a number from 0', 1, 'field: "ranges[0]"'),
-    ('ranges[:3]', 'slices are not supported', 1, 'field: "ranges[0]"'),
-    ('min(ranges[0:90])', 'slices are not supported', 1, 'field: min(ranges)'),
+    ('ranges[1:3]', "'ranges[1:3]' is a part of an array (float32[])", 1,
+     'field: "len(ranges[1:3])"   # or min(ranges[1:3]), max(ranges[1:3]), sum(ranges[1:3]), '
+     'mean(ranges[1:3]), norm(ranges[1:3])'),
+    ('wheels[1:3].speed', 'a part of an array has no fields', 7, 'field: "wheels[0].speed"'),
+    ('min(ranges[420:300])', 'the slice is reversed', 11, 'write [300:420]'),
+    ('min(ranges[-2:-5])', 'the slice is reversed', 11, 'write [-5:-2]'),
+    ('min(ranges[7:7])', 'the slice is empty', 11, ''),
+    ('min(ranges[:0])', 'the slice is empty', 11, ''),
+    ('min(ranges[-5:0])', 'the slice is empty', 11, ''),
+    ('min(limits[5:])', 'the slice is empty', 11, ''),
+    ('min(limits[4:-1])', 'the slice is empty', 11, ''),
+    ('min(corners[-2:1])', 'the slice is empty', 12, ''),
+    ('min(corners[1:4])', "'corners' is an array (int16[3]): it has no part [1:4]", 12, ''),
+    ('min(limits[-6:])', "'limits' is an array (float64[<=5]): it has no part [-6:]", 11, ''),
+    ('min(ranges[0:90:2])', 'a slice has no step', 12, 'write [0:90]'),
+    ('min(count[0:9])', "'count' is a uint64, not an array", 10, ''),
+    ('min(ranges[-30 deg : 30 deg])', "the directions of 'ranges' are not known", 11,
+     'without angle_min and angle_increment, take elements by index, as in ranges[0:10]'),
+    ('min(ranges[-30 : 30 deg])', 'a sector is two angles, each with its unit, deg or rad', 12,
+     'such as [-30 deg : 30 deg]'),
+    ('min(ranges[-30 degrees : 30 deg])', 'a sector is two angles, each with its unit', 12,
+     'write deg for degrees'),
+    ('min(ranges[10 deg : 370.5 deg])', 'the sector is larger than a full turn', 12,
+     'a whole turn is [-180 deg : 180 deg]'),
+    ('min(ranges[1 rad : 1.0 rad])', 'the sector is empty', 12,
+     'a whole turn is [-180 deg : 180 deg]'),
+    ('limits[name = x]', "the elements of 'limits' have no names 'name'", 8,
+     'write limits[tags = x]'),
+    ('limits[wide = x]', "the elements of 'limits' have no names 'wide'", 8,
+     'write limits[tags = x]'),
+    ('limits[tags = left wheel]', "'left wheel' must be in quotes", 15,
+     'write [tags = "left wheel"]'),
+    ('limits[tags == x]', "a look-up has one '='", 13, 'write [tags = x]'),
+    ('limits[tags = ]', 'a name is missing after the =', 15, 'write [tags = ""]'),
 ])
 def test_a_path_that_leads_nowhere_is_refused_with_what_there_is(
         prefix: Path, path: str, title: str, column: int, help: str) -> None:
