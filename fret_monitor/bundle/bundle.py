@@ -23,6 +23,7 @@ from enum import Enum
 from fractions import Fraction
 
 from fret_monitor.model.diagnostics import Source, Span, Text
+from fret_monitor.model.names import handler_name
 from fret_monitor.model.policies import Policy, Report, Severity, Stale, Stamp
 
 
@@ -111,12 +112,6 @@ class Requirement:
     def handler(self) -> str:
         """The name of its handler, see `handler_name`."""
         return handler_name(self.id.value)
-
-
-def handler_name(id: str) -> str:
-    """Return `handlerprop` and the id, with `_` for characters that C or ROS does not allow."""
-    letters = (c if c.isascii() and (c.isalnum() or c == '_') else '_' for c in id)
-    return 'handlerprop' + ''.join(letters)
 
 
 @dataclass(frozen=True, eq=False)

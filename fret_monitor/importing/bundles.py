@@ -18,7 +18,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fret_monitor.bundle.bundle import handler_name
 from fret_monitor.bundle.reader import parse_bundle
 from fret_monitor.importing.compare import Difference, differences
 from fret_monitor.importing.component import Component
@@ -29,7 +28,7 @@ from fret_monitor.importing.topics import Connection
 from fret_monitor.model.diagnostics import (
     CompileError, counted, Diagnostic, did_you_mean, Level, Problems, refuse, Source,
 )
-from fret_monitor.model.names import fret_name, shown
+from fret_monitor.model.names import fret_name, handler_name, HANDLER_PREFIX, shown
 from fret_monitor.model.output import open_output, refuse_overwriting
 from fret_monitor.traces.csv_trace import trace_text
 
@@ -148,7 +147,7 @@ def _targets(components: Sequence[Component], folder: Path) -> list[Path]:
 
 
 def _file_name(name: str) -> str:
-    return handler_name(name).removeprefix('handlerprop')[:_LONGEST_NAME] or 'component'
+    return handler_name(name).removeprefix(HANDLER_PREFIX)[:_LONGEST_NAME] or 'component'
 
 
 def _imported(found: Draft, path: Path, problems: Problems) -> Imported:

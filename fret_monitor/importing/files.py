@@ -26,7 +26,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fret_monitor.bundle.bundle import handler_name, Language
+from fret_monitor.bundle.bundle import Language
 from fret_monitor.bundle.source_file import read_source
 from fret_monitor.importing.component import Component, ComponentRequirement, ComponentVariable
 from fret_monitor.importing.fret import (
@@ -38,7 +38,7 @@ from fret_monitor.importing.topics import (
     Connection, is_database, is_list, read_database, read_list,
 )
 from fret_monitor.model.diagnostics import did_you_mean, Problems, refuse, Source, Span
-from fret_monitor.model.names import fret_name, handler_fault, shown
+from fret_monitor.model.names import fret_name, handler_fault, handler_name, shown
 
 MAX_BYTES = 256 * 2 ** 20  # FRET writes about 10 KiB for each requirement
 _KINDS = ('a project or component specification of FRET (JSON), its Lustre, a variable database '

@@ -29,6 +29,7 @@ from fret_monitor.model.values import ValueType
 
 MAX_TOPIC = 247  # rmw: 255 less 8 that are reserved for the prefixes of DDS
 HANDLER_TOPIC = 'copilot/'
+HANDLER_PREFIX = 'handlerprop'
 
 # As in formulas: FRET's names may have points and percent signs inside.
 _IDENTIFIER = re.compile(r'[A-Za-z_$][A-Za-z0-9_$]*(?:[.%][A-Za-z0-9_$]+)*')
@@ -153,6 +154,12 @@ def _length_fault(topic: str, what: str) -> Fault | None:
     if length <= MAX_TOPIC:
         return None
     return Fault(f'{what} is longer than ROS allows ({length} characters, at most {MAX_TOPIC})')
+
+
+def handler_name(id: str) -> str:
+    """Return `handlerprop` and the id, with `_` for characters that C or ROS does not allow."""
+    letters = (c if c.isascii() and (c.isalnum() or c == '_') else '_' for c in id)
+    return HANDLER_PREFIX + ''.join(letters)
 
 
 def handler_fault(handler: str) -> Fault | None:

@@ -23,6 +23,7 @@ other, which loses the order across topics.
 The subscriptions are used by the feed's thread only, and not by an executor.
 """
 
+from collections import deque
 from collections.abc import Mapping, Set
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
@@ -126,7 +127,7 @@ _OVERLAP = 2.0  # s until the old subscription is closed, at most
 _ASSURED = 0.5  # s until it is closed if the new one has matched all publishers
 _GRACE = 1.0  # s after it was closed, during which duplicates are still recognised
 _NAMED = 2.0  # s until a publisher is logged without the name of its node
-_UNNAMED = '_NODE_NAME_UNKNOWN_'
+UNNAMED = '_NODE_NAME_UNKNOWN_'
 _MOST_AT_ONCE = 1000  # messages taken of a subscription before others have their turn
 _LOSSES_S = 10.0  # between two log lines about lost messages of a topic
 
@@ -162,6 +163,8 @@ class Feed:
         self._node = node
         self._rounds = rounds
         self._topics: list[_Subscribed] = []
+        self._added: deque[_Subscribed] = deque()  # since the start, until the next review
+        self._removed: deque[str] = deque()
         self._next_reviewed = 0
         self._closing = Event()
         self._thread = Thread(target=self._run, name='feed', daemon=True)
@@ -175,7 +178,7 @@ class Feed:
     def subscribe(self, name: str, message_type: str, message_class: Any, topic: Topic,
                   fixed: Mapping[str, str | int]) -> None:
         """
-        Subscribe to a topic, before `start`.
+        Subscribe to a topic; after `start` this takes effect at the next review.
 
         C listens for all topics of a feed, or for none. `fixed` is the part of the quality of
         service that does not follow the publishers (`qos.wanted_profile`).
@@ -186,10 +189,14 @@ class Feed:
             if the middleware refuses: for example a second type of a topic in one process.
         """
         try:
-            self._topics.append(
+            (self._added if self._thread.is_alive() else self._topics).append(
                 _Subscribed(self._node, name, message_type, message_class, topic, fixed))
         except _rclpy.RCLError as error:
             raise Refusal(self._why_refused(name, message_type, error)) from None
+
+    def unsubscribe(self, name: str) -> None:
+        """End the subscription to a topic, at the next review; for nodes without an engine."""
+        self._removed.append(name)
 
     def _why_refused(self, name: str, message_type: str, error: Exception) -> str:
         full_name = self._node.resolve_topic_name(name)
@@ -230,7 +237,8 @@ class Feed:
         with ExitStack() as last:  # all of them run, even if one is interrupted
             last.callback(self._guard.destroy_when_not_in_use)
             last.callback(self._topics.clear)
-            for topic in self._topics:
+            last.callback(self._added.clear)
+            for topic in {*self._topics, *self._added}:
                 last.callback(topic.close)
             self.end()
             native_lifetimes.release(self)
@@ -273,7 +281,20 @@ class Feed:
             if not self._closing.is_set() and not self._is_behind:
                 self._rounds.end_round()
 
+    def _add_and_remove(self) -> None:
+        while self._added:
+            topic = self._added[0]
+            self._topics.append(topic)
+            self._added.popleft()
+            topic.open()
+        while self._removed:
+            name = self._removed.popleft()
+            for topic in [item for item in self._topics if item.name == name]:
+                self._topics.remove(topic)
+                topic.close()
+
     def _review(self) -> None:
+        self._add_and_remove()
         begin = self._next_reviewed
         for topic in self._topics[begin:begin + _REVIEWED_AT_ONCE]:
             topic.review()
@@ -348,7 +369,7 @@ class _Subscribed:
         self.topic = topic
         self._message_class = message_class
         self._node = node
-        self._name = name
+        self.name = name
         self._message_type = message_type
         self._fixed = fixed
         self.status = PublisherStatus()
@@ -400,7 +421,7 @@ class _Subscribed:
         self._let_go()
         if self._receiver is not None and self.topic.listens:
             self._receiver.poll()
-        publishers = self._node.get_publishers_info_by_topic(self._name)
+        publishers = self._node.get_publishers_info_by_topic(self.name)
         same_type = [item for item in publishers if item.topic_type == self._message_type]
         others = [item for item in publishers if item.topic_type != self._message_type]
         wanted = qos.wanted_profile((item.qos_profile for item in same_type), self._fixed)
@@ -433,7 +454,7 @@ class _Subscribed:
         now = monotonic()
         self._unnamed = {
             gid: self._unnamed.get(gid, now) for gid in (
-                bytes(item.endpoint_gid) for item in publishers if item.node_name == _UNNAMED)}
+                bytes(item.endpoint_gid) for item in publishers if item.node_name == UNNAMED)}
         gids = {bytes(item.endpoint_gid) for item in publishers}
         return gids - {gid for gid, since in self._unnamed.items() if now < since + _NAMED}
 
@@ -475,7 +496,7 @@ class _Subscribed:
             self.topic.end_handover()
 
     def _subscribe(self, profile: QoSProfile) -> RclSubscription:
-        return RclSubscription(self._node, self._message_class, self._name, profile)
+        return RclSubscription(self._node, self._message_class, self.name, profile)
 
     def _log_lost(self) -> None:
         lost = self.status.lost - self._logged_losses
@@ -516,6 +537,6 @@ class _Subscribed:
 
 
 def _who(publisher: TopicEndpointInfo) -> str:
-    if publisher.node_name == _UNNAMED:
+    if publisher.node_name == UNNAMED:
         return 'a publisher of no known node'
     return f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'

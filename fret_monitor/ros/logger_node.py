@@ -19,16 +19,19 @@ It subscribes to the handler topics of the same bundle, so it can run on another
 monitor. The monitor does not need it.
 """
 
-from collections.abc import Callable
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from threading import Condition, Thread
 from time import monotonic
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.manifest import ManifestRequirement
+from fret_monitor.model.names import handler_name
+from fret_monitor.model.policies import Severity
 from fret_monitor.ros import native_lifetimes
+from fret_monitor.ros.announced import Announced, News
 from fret_monitor.ros.compiled import open_manifests
 from fret_monitor.ros.details import DETAILS_TOPIC, read_detail
 from fret_monitor.ros.feed import ErrorKeeper, Feed
@@ -36,7 +39,7 @@ from fret_monitor.ros.fields import UNDECODABLE
 from fret_monitor.ros.handlers import handler_topic
 from fret_monitor.ros.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.pairing import Pairing, ReceivedViolation, Recovery
-from fret_monitor.ros.parameters import LOGGER_PARAMETERS, Parameters, read_settings
+from fret_monitor.ros.parameters import LOGGER_PARAMETERS, Parameters, read_settings, Refusal
 from fret_monitor.ros.qos import violation_request
 from fret_monitor.ros.raw_topic import Deliver, RawTopic
 from fret_monitor.ros.violation_lines import ViolationLines
@@ -46,15 +49,18 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Empty
 
-_CHECK = 1.0  # s between two checks for an error in a thread
+_CHECK = 0.5  # s between two checks for errors in threads, and for monitors
 _MOST_WAITING = 1000  # violations; above that, messages wait in the middleware
 _WAIT_S = 0.1
 
-_Report = Callable[[ReceivedViolation | Recovery], None]
-
 
 class LoggerNode(Node):
-    """Logs violations from its construction until `destroy_node`; this needs no executor."""
+    """
+    Logs violations from its construction until `destroy_node`; this needs no executor.
+
+    With an executor it also follows monitors that are configured again: it then reads its bundle
+    again, and listens for all that those monitors announce.
+    """
 
     def __init__(self, node_name: str = 'fret_logger', **options: Any) -> None:
         """
@@ -70,7 +76,12 @@ class LoggerNode(Node):
         self._pairing = Pairing()
         self._changed = Condition()  # guards the pairing
         self._is_over = False
-        self._reports: dict[str, _Report] = {}
+        self._lines: dict[str, ViolationLines] = {}  # by handler
+        self._outside: dict[str, str] = {}  # handlers that are not in the bundle, with topics
+        self._followed: dict[str, str] = {}  # topics of handlers, with the names in `_feed`
+        self._requirements: Sequence[ManifestRequirement] = ()
+        self._announced = Announced(self)
+        self._monitors: set[str] = set()  # that announce requirements of the bundle, or did
         self._thread = Thread(target=self._report_all, name='reports', daemon=True)
         self._kept = ErrorKeeper()
         with ExitStack() as undo:
@@ -79,10 +90,12 @@ class LoggerNode(Node):
             undo.pop_all()
 
     def _check(self) -> None:
-        """Raise the error that ended a thread, if any, in the executor."""
+        """Follow monitors that were configured; raise the error that ended a thread, if any."""
         for failure in (self._feed.failure, self._kept.error):
             if failure is not None:
                 raise failure
+        if (news := self._announced.news()) is not None:
+            self._follow(news)
 
     def end(self) -> None:
         """End the threads, after what was received is logged; a second call does nothing."""
@@ -101,37 +114,85 @@ class LoggerNode(Node):
         super().destroy_node()
 
     def _begin(self) -> None:
-        parameters = Parameters(self, LOGGER_PARAMETERS)
-        settings = read_settings(parameters.values())
-        manifests = open_manifests(settings)
-        parameters.show_constants(manifests)
-        requirements = [requirement for manifest in manifests
-                        for requirement in manifest.requirements]
-        self._reports = {item.id: self._report(item) for item in requirements}
-        overrides = Overrides.of(self)
-        fixed = violation_request(settings.handler_depth)
-
-        def request(name: str) -> dict[str, str | int]:
-            return overrides.apply(self.resolve_topic_name(name), fixed)
-
+        self._parameters = Parameters(self, LOGGER_PARAMETERS)
+        self._settings = read_settings(self._parameters.values())
+        self._overrides = Overrides.of(self)
+        self._fixed = violation_request(self._settings.handler_depth)
         self._feed.subscribe(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
-                             RawTopic(self._keep_details), request(DETAILS_TOPIC))
-        for requirement in requirements:
-            name = handler_topic(requirement)
-            self._feed.subscribe(name, 'std_msgs/msg/Empty', Empty,
-                                 RawTopic(self._receive(requirement)), request(name))
+                             RawTopic(self._keep_details), self._request(DETAILS_TOPIC))
+        self._requirements = self._read()
+        self._listen(())
         self._feed.start()
         native_lifetimes.keep(self)
         self._thread.start()
-        names = [DETAILS_TOPIC, *map(handler_topic, requirements)]
-        DeclaredOverrides(self, {self.resolve_topic_name(name): fixed for name in names})
+        DeclaredOverrides(self, {name: self._fixed for name in (
+            self.resolve_topic_name(DETAILS_TOPIC), *self._followed)})
         self.create_timer(_CHECK, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.get_logger().info(
-            f'listening for violations of {counted(len(requirements), "requirement")}: '
-            + ', '.join(requirement.id for requirement in requirements[:10])
-            + (', ...' if len(requirements) > 10 else ''))
+        self.get_logger().info(self._contents())
 
-    def _receive(self, requirement: ManifestRequirement) -> Deliver:
+    def _read(self) -> Sequence[ManifestRequirement]:
+        manifests = open_manifests(self._settings)
+        self._parameters.show_constants(manifests)
+        return [requirement for manifest in manifests for requirement in manifest.requirements]
+
+    def _request(self, name: str) -> dict[str, str | int]:
+        return self._overrides.apply(self.resolve_topic_name(name), self._fixed)
+
+    def _contents(self) -> str:
+        names = [*(item.id for item in self._requirements), *self._outside]
+        return (f'listening for violations of {counted(len(names), "requirement")}: '
+                + ', '.join(names[:10]) + (', ...' if len(names) > 10 else ''))
+
+    def _listen(self, outside: Iterable[str]) -> None:
+        """Subscribe to the handlers of the bundle and to topics `outside` it, and to no others."""
+        wanted = {self.resolve_topic_name(handler_topic(item)): (handler_topic(item), item.handler)
+                  for item in self._requirements}
+        self._outside = {topic.rpartition('/')[2]: topic for topic in sorted(outside)}
+        wanted |= {topic: (topic, handler) for handler, topic in self._outside.items()}
+        # Lines of former requirements stay, for violations that wait to be logged.
+        self._lines |= {
+            item.handler: ViolationLines.of(self.get_logger(), item)
+            for item in self._requirements} | {
+            handler: ViolationLines(self.get_logger(), handler, topic, Severity.ERROR)
+            for handler, topic in self._outside.items()}
+        for topic in self._followed.keys() - wanted.keys():
+            self._feed.unsubscribe(self._followed.pop(topic))
+        for topic in sorted(wanted.keys() - self._followed.keys()):
+            name, handler = wanted[topic]
+            self._feed.subscribe(name, 'std_msgs/msg/Empty', Empty,
+                                 RawTopic(self._receive(handler)), self._request(name))
+            self._followed[topic] = name
+
+    def _follow(self, news: News) -> None:
+        """
+        Read the bundle again, since a monitor was configured, and listen for what it announces.
+
+        A monitor counts if it announces a requirement of the bundle, or did before: the others
+        of the namespace may have loggers of their own.
+        """
+        before, topics = self._requirements, set(self._followed)
+        outside_before = set(self._outside)
+        try:
+            self._requirements = self._read()
+        except Refusal as refusal:
+            self.get_logger().error(f'{refusal}\nthe bundle cannot be read again; what was read '
+                                    'before is used')
+        inside = {self.resolve_topic_name(handler_topic(item)) for item in self._requirements}
+        ours = {name for name, handlers in news.handlers.items()
+                if name in self._monitors or handlers & (inside | topics)}
+        again = news.configured & self._monitors
+        self._monitors |= ours
+        self._listen(set().union(*(news.handlers[name] for name in ours)) - inside)
+        if self._requirements == before and set(self._outside) == outside_before and not again:
+            return
+        names = sorted(again or news.configured & ours or news.configured)
+        self.get_logger().info(f'{", ".join(names)} was configured: now {self._contents()}')
+        if self._outside:
+            self.get_logger().warning(
+                f'{", ".join(self._outside)}: announced, and not in the bundle of this logger; '
+                'they are logged as their details describe them')
+
+    def _receive(self, handler: str) -> Deliver:
         """Return the callback for a handler."""
         uses_received = not self.get_parameter('use_sim_time').value
 
@@ -141,7 +202,7 @@ class LoggerNode(Node):
             with self._changed:
                 while len(self._pairing) >= _MOST_WAITING and self._thread.is_alive():
                     self._changed.wait(_WAIT_S)
-                self._pairing.add_violation(requirement.id, received, sent, monotonic())
+                self._pairing.add_violation(handler, received, sent, monotonic())
                 self._changed.notify_all()
 
         return receive
@@ -153,14 +214,16 @@ class LoggerNode(Node):
         except UNDECODABLE:
             return  # any node may publish here; the violation is logged without details
         for status in array.status:
-            detail = read_detail(status)
-            if status.name not in self._reports or detail is None:
+            detail, handler = read_detail(status), handler_name(status.name)
+            if handler not in self._lines or detail is None:
                 continue
+            if handler in self._outside:
+                self._lines[handler] = self._described(status)
             with self._changed:
                 if detail.is_recovery:
-                    self._pairing.add_recovery(status.name, detail, monotonic())
+                    self._pairing.add_recovery(handler, detail, monotonic())
                 else:
-                    self._pairing.add_detail(status.name, detail, sent)
+                    self._pairing.add_detail(handler, detail, sent)
                 self._changed.notify_all()
 
     def _report_all(self) -> None:
@@ -178,18 +241,16 @@ class LoggerNode(Node):
                         return
                     self._changed.wait(None if due is None else max(0.0, due - now))
             if item is not None:
-                self._reports[item.requirement](item)
+                self._log(item)
 
-    def _report(self, requirement: ManifestRequirement) -> _Report:
-        """Return the function that logs the violations of a requirement, and their ends."""
-        lines = ViolationLines.of(self.get_logger(), requirement)
+    def _log(self, item: ReceivedViolation | Recovery) -> None:
+        lines, detail = self._lines[item.requirement], item.detail
+        if isinstance(item, Recovery):
+            lines.satisfied(detail)
+        else:
+            lines.violated(item.received / 1e9 if detail is None else detail.stamp, detail)
 
-        def report(violation: ReceivedViolation | Recovery) -> None:
-            detail = violation.detail
-            if isinstance(violation, Recovery):
-                lines.satisfied(detail)
-            else:
-                lines.violated(
-                    violation.received / 1e9 if detail is None else detail.stamp, detail)
-
-        return report
+    def _described(self, status: DiagnosticStatus) -> ViolationLines:
+        """Return the lines of a requirement that is not in the bundle."""
+        severity = Severity.WARN if status.level == DiagnosticStatus.WARN else Severity.ERROR
+        return ViolationLines(self.get_logger(), status.name, status.message, severity)

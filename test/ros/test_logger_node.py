@@ -24,6 +24,7 @@ from fret_monitor.ros.details import Detail
 from fret_monitor.ros.pairing import Pairing
 from fret_monitor.start import manifest_of
 import pytest
+from rclpy.node import Node
 from rclpy.publisher import Publisher
 from ros.harness import BEST_EFFORT, NodeProcess, Partner, started, wait_until
 from std_msgs.msg import Empty
@@ -52,12 +53,17 @@ def _is_heard(publisher: Publisher) -> bool:
 class Voice:
     """Publishes the messages of a monitor, and others."""
 
-    def __init__(self, partner: Partner) -> None:
-        self._empty = partner.publisher(Empty, 'copilot/handlerpropA_1')
+    def __init__(self, partner: Partner, handler: str = 'handlerpropA_1') -> None:
+        self._partner = partner
+        self._empty = partner.publisher(Empty, f'copilot/{handler}')
         self._details = partner.publisher(diagnostic_msgs.DiagnosticArray, 'copilot/violations')
         for publisher in (self._empty, self._details):
             wait_until(partial(_is_heard, publisher), 'a logger')
         sleep(0.5)  # until the logger has matched, and perhaps replaced its subscription
+
+    def cleanup(self) -> None:
+        for publisher in (self._empty, self._details):
+            self._partner.node.destroy_publisher(publisher)
 
     def violation(self) -> None:
         self._empty.publish(Empty())
@@ -299,3 +305,35 @@ def test_the_end_of_a_violation_is_logged_with_the_time_since_the_requirement_be
         assert lines(node, 1)[0] == '12.346: x < 0.5 [2.5 s after its start: x = 0.7]'
         wait_until(lambda: node.output.count('satisfied again') == 2, 'its end')
         assert node.output.rindex('satisfied again') > node.output.rindex('A-1 violated')
+
+
+def test_the_logger_follows_a_monitor_that_is_configured_again(
+    partner: Partner, arguments: tuple[str, ...], tmp_path: Path,
+) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    with started('logger', *arguments) as node:
+        other = Node('other', context=partner.context)  # it may have a logger of its own
+        other.create_publisher(Empty, 'copilot/handlerpropZ_9', 10)
+        other.create_publisher(diagnostic_msgs.DiagnosticArray, 'copilot/violations', 10)
+        voice = Voice(partner)
+        sleep(1.0)
+        assert 'configured' not in node.output
+        voice.cleanup()
+        bundle.write_text(BUNDLE.replace('A-1', 'B-2'))
+        voice = Voice(partner, 'handlerpropB_2')
+        node.wait_for('/partner was configured: now listening for violations of 1 requirement: '
+                      'B-2')
+        voice.violation()
+        node.wait_for('B-2 violated')
+        voice.cleanup()
+        bundle.write_text('format: 2')
+        voice = Voice(partner, 'handlerpropC_3')  # of a bundle that this logger does not have
+        node.wait_for('the bundle cannot be read again; what was read before is used')
+        node.wait_for('requirements: B-2, handlerpropC_3')
+        voice.detail(*right(7), name='C-3')
+        voice.violation()
+        node.wait_for('C-3 violated at 12.346: x < 0.5 [step 7: x = 0.7]')
+        wait_until(lambda: not partner.node.count_subscribers('/copilot/handlerpropA_1'),
+                   'the end of the first subscription')
+        assert not partner.node.count_subscribers('/copilot/handlerpropZ_9')
+        other.destroy_node()
