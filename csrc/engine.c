@@ -26,6 +26,7 @@
 #include "instance.h"
 
 #define MILLISECOND_NS 1000000
+#define FEWEST_AHEAD_NS (100 * (int64_t)MILLISECOND_NS)
 
 uint32_t fm_engine_abi(void) {return FM_ENGINE_ABI;}
 
@@ -178,13 +179,14 @@ bool fm_engine_is_closed(struct fm_engine * engine)
 
 void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t later)
 {
+  const uint32_t n_details = engine->outbox.n_details;
   for (uint32_t k = 0; k < n; ++k) {
     engine->found[k].stamp = fm_later(engine->found[k].stamp, later);
     fm_outbox_add(&engine->outbox, &engine->found[k], engine->options.evaluator);
   }
   if (n > 0) {
     pthread_cond_signal(&engine->violation_queued);
-    if (engine->outbox.wants_details) {
+    if (engine->outbox.n_details != n_details) {
       pthread_cond_signal(&engine->detail_queued);
     }
   }
@@ -422,6 +424,15 @@ static int64_t horizon_locked(struct fm_engine * engine, int64_t received, int64
          horizon : now;
 }
 
+// A stamp that is ahead of the clock delays its message without any other sign of it.
+static void count_ahead(struct fm_order_counts * counts, int64_t ahead, int64_t reorder)
+{
+  if (ahead > reorder && ahead > FEWEST_AHEAD_NS) {
+    counts->ahead += 1;
+    counts->most_ahead = ahead > counts->most_ahead ? ahead : counts->most_ahead;
+  }
+}
+
 // A message with a stamp in its header. One that comes too late takes effect at the horizon: what
 // waits, and what is due, until then comes first.
 static void deliver_stamped_locked(
@@ -430,6 +441,9 @@ static void deliver_stamped_locked(
 {
   const bool is_late = stamp < horizon;
   engine->topics[topic].counts.late += is_late ? 1u : 0u;
+  count_ahead(
+    &engine->topics[topic].counts, stamp - fm_later(now, engine->options.reorder),
+    engine->options.reorder);
   if (is_late && !engine->has_rounds) {
     fm_engine_release_locked(engine, now);
     (void)put_locked(engine, topic, fields, now);
@@ -579,7 +593,7 @@ struct fm_time_counts fm_engine_time_counts(struct fm_engine * engine)
 
 struct fm_order_counts fm_engine_order_counts(struct fm_engine * engine, uint32_t topic)
 {
-  struct fm_order_counts counts = {0, 0};
+  struct fm_order_counts counts = {0, 0, 0, 0};
   if (topic < engine->options.n_topics) {
     fm_engine_lock(engine);
     counts = engine->topics[topic].counts;

@@ -47,7 +47,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 3u
+#define FM_ENGINE_ABI 4u
 
 struct fm_engine;
 
@@ -75,11 +75,13 @@ struct fm_engine_options
 // then that of the stamps: system time, in place of the steady clock. When it is set back, the
 // messages that wait take effect, and the groups start afresh.
 
-/// Messages that took effect out of order.
+/// Messages that took effect out of order, or wait for long.
 struct fm_order_counts
 {
   uint64_t late;       // more than `reorder` after the stamp
   uint64_t overflows;  // too early, for want of room
+  uint64_t ahead;      // stamp more than `reorder`, and 0.1 s, after the time of its reception
+  int64_t most_ahead;  // ns, the longest of these times; 0 if there is none
 };
 
 /// The result of delivering a message.
@@ -204,7 +206,7 @@ FM_EXPORT struct fm_input_counts fm_engine_input_counts(
 FM_EXPORT struct fm_topic_counts fm_engine_topic_counts(
   struct fm_engine * engine, uint32_t topic);
 FM_EXPORT struct fm_time_counts fm_engine_time_counts(struct fm_engine * engine);
-/// The messages of a topic that took effect out of order.
+/// The messages of a topic that took effect out of order, or wait for long.
 FM_EXPORT struct fm_order_counts fm_engine_order_counts(
   struct fm_engine * engine, uint32_t topic);
 /// Takes what is due first, while a clock is followed. O(what is due).

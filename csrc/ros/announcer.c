@@ -24,7 +24,7 @@
 #include <string.h>
 
 #define BATCH 64u
-#define WAIT_MS 1000u  // closing the engine wakes it at once
+#define WAIT_MS 500u  // closing the engine wakes it at once
 
 struct fm_announcer
 {
@@ -33,6 +33,7 @@ struct fm_announcer
   void ** publishers;
   uint32_t n_publishers;
   pthread_t thread;
+  uint64_t turns;  // atomic
 };
 
 static void publish(struct fm_announcer * announcer, const struct fm_violation * violation)
@@ -61,6 +62,7 @@ static void * run(void * argument)
     for (uint32_t k = 0; k < n; ++k) {
       publish(announcer, &batch[k]);
     }
+    __atomic_fetch_add(&announcer->turns, 1u, __ATOMIC_RELAXED);
   } while (n > 0 || !is_closed);
   return NULL;
 }
@@ -107,6 +109,11 @@ struct fm_announcer * fm_announcer_start(
     return NULL;
   }
   return announcer;
+}
+
+uint64_t fm_announcer_turns(const struct fm_announcer * announcer)
+{
+  return __atomic_load_n(&announcer->turns, __ATOMIC_RELAXED);
 }
 
 void fm_announcer_join(struct fm_announcer * announcer)

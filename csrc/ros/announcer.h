@@ -37,6 +37,10 @@ FM_EXPORT struct fm_announcer * fm_announcer_start(
   struct fm_engine * engine, const struct fm_middleware * middleware, void * const * publishers,
   uint32_t n_publishers);
 
+/// Return how often the thread has looked for violations and deadlines: at least twice a second,
+/// unless it hangs. From any thread, before fm_announcer_join. O(1).
+FM_EXPORT uint64_t fm_announcer_turns(const struct fm_announcer * announcer);
+
 /// Wait for the thread, which ends when the engine is closed and all violations are published, and
 /// free the announcer. Call it once, from any other thread.
 FM_EXPORT void fm_announcer_join(struct fm_announcer * announcer);

@@ -85,6 +85,7 @@ class BundleSession:
         self._advertised = ExitStack()
         self._running = ExitStack()
         self._feed: Feed | None = None
+        self._announcer: Announcer | None = None
         self._health: Health | None = None
         self._missing_timer: Timer | None = None
         self._logged: set[int | str] = set()  # keys of log lines that appear only once
@@ -171,6 +172,11 @@ class BundleSession:
         self._running.close()
         self._advertised.close()
 
+    def turns(self) -> tuple[int, int]:
+        """Return counters of both threads that monitor; each grows within a second."""
+        return (self._announcer.turns if self._announcer is not None else 0,
+                self._feed.turns if self._feed is not None else 0)
+
     def reset(self) -> int:
         """Reset all step groups between two steps; return how many there are."""
         self._engine.reset()
@@ -240,6 +246,7 @@ class BundleSession:
         engine.begin()  # after the subscriptions, so that no timeout runs while they are made
         # Logged after the start, since rclpy needs 0.1 s for its first log line.
         self._node.get_logger().info(f'messages are taken {self._way}', once=True)
+        self._announcer = announcer
 
     def _violation_log(self, engine: Engine) -> ViolationLog | None:
         if not self._logs_violations:
@@ -275,7 +282,10 @@ class BundleSession:
         for topic in range(len(self.manifest.topics)):
             if self._engine.topic_counts(topic).undecodable:
                 self._log_undecodable(topic)
-            if self._engine.order_counts(topic) != OrderCounts(0, 0):
+            counts = self._engine.order_counts(topic)
+            if counts.ahead:
+                self._log_ahead(topic, counts)
+            if counts.late or counts.overflows:
                 self._log_out_of_order(topic)
             message = self._engine.evidence(topic)
             if message is not None:
@@ -307,6 +317,15 @@ class BundleSession:
             self._node.get_logger().error(
                 f'a message on {self._node.resolve_topic_name(mapped.name)} cannot be decoded as '
                 f'{mapped.message_type}; such messages are counted and are no step')
+
+    def _log_ahead(self, topic: int, counts: OrderCounts) -> None:
+        mapped = self.manifest.topics[topic]
+        if self._is_news(f'stamps of {mapped.name}'):
+            self._node.get_logger().warning(
+                f'stamps of messages on {self._node.resolve_topic_name(mapped.name)} are '
+                f"{counts.most_ahead / 1e9:.1f} s ahead of this node's clock: the messages take "
+                'effect that much later; synchronize the clocks; /diagnostics counts such '
+                'messages')
 
     def _log_out_of_order(self, topic: int) -> None:
         mapped = self.manifest.topics[topic]

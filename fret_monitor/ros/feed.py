@@ -174,6 +174,8 @@ class Feed:
         self._waited: list[Any] = []  # the handles of all subscriptions
         self._wait_set: Any = None
         self._kept = ErrorKeeper()
+        self.turns = 0
+        """How often the thread has looked for work: several times a second unless it hangs."""
 
     def subscribe(self, name: str, message_type: str, message_class: Any, topic: Topic,
                   fixed: Mapping[str, str | int]) -> None:
@@ -260,6 +262,7 @@ class Feed:
     def _loop(self) -> None:
         next_review = monotonic()
         while not self._closing.is_set():
+            self.turns += 1
             if monotonic() >= next_review:
                 self._review()
                 next_review = monotonic() + _REVIEW_PERIOD

@@ -58,7 +58,7 @@ class Health:
         self._received = [0] * len(self._manifest.topics)
         self._unusable = [0] * len(self._manifest.inputs)
         self._lost = [0] * len(self._manifest.topics)
-        self._out_of_order = [OrderCounts(0, 0)] * len(self._manifest.topics)
+        self._out_of_order = [OrderCounts()] * len(self._manifest.topics)
         self._unpublished = 0
         self._silences = silences
         self._period = period
@@ -121,6 +121,9 @@ class Health:
         if now.overflows > before.overflows:
             yield DiagnosticStatus.WARN, \
                 f'{now.overflows - before.overflows} too early since the last report'
+        if now.ahead > before.ahead:
+            yield DiagnosticStatus.WARN, \
+                f'{now.ahead - before.ahead} ahead of the clock since the last report'
 
     def _of_periods(self) -> Iterator[DiagnosticStatus]:
         before, self._time_counts = self._time_counts, self._engine.time_counts()
@@ -223,7 +226,8 @@ class Health:
                 'undecodable': counts.undecodable, 'lost': status.lost,
                 'publishers': status.publishers,
                 **({'late': self._out_of_order[index].late,
-                    'too early': self._out_of_order[index].overflows}
+                    'too early': self._out_of_order[index].overflows,
+                    'ahead': self._out_of_order[index].ahead}
                    if self._manifest.stamp is Stamp.HEADER else {}),
                 **{f'unusable {name}': self._unusable[place] for name, place in names.items()
                    if self._unusable[place]},

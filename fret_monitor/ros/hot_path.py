@@ -266,6 +266,7 @@ class Announcer:
         self._engine = engine
         self._middleware = middleware
         self._pointer: Any = ffi.NULL
+        self._lock = Lock()  # guards the pointer
         with ExitStack() as undo:
             for item in publishers:
                 undo.enter_context(item.handle)
@@ -282,10 +283,18 @@ class Announcer:
     def end(self) -> None:
         """Close the engine, and wait until the thread has emptied its queue; idempotent."""
         self._engine.close()
-        pointer, self._pointer = self._pointer, ffi.NULL
+        with self._lock:
+            pointer, self._pointer = self._pointer, ffi.NULL
         if pointer != ffi.NULL:
             self._library.fm_announcer_join(pointer)
         native_lifetimes.release(self)
+
+    @property
+    def turns(self) -> int:
+        """How often the thread has looked for work: at least twice a second unless it hangs."""
+        with self._lock:
+            return 0 if self._pointer == ffi.NULL else int(
+                self._library.fm_announcer_turns(self._pointer))
 
     def join(self) -> None:
         """Do as `end`; afterwards the publishers may be destroyed."""

@@ -125,8 +125,8 @@ class LoggerNode(Node):
         self._feed.start()
         native_lifetimes.keep(self)
         self._thread.start()
-        DeclaredOverrides(self, {name: self._fixed for name in (
-            self.resolve_topic_name(DETAILS_TOPIC), *self._followed)})
+        topics = [self.resolve_topic_name(DETAILS_TOPIC), *self._followed]
+        DeclaredOverrides(self, dict.fromkeys(topics, self._fixed))
         self.create_timer(_CHECK, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(self._contents())
 

@@ -25,6 +25,7 @@ from fret_monitor.ros.compiled import open_monitors, Opened
 from fret_monitor.ros.duplicate_nodes import DuplicateNodes
 from fret_monitor.ros.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.parameters import MONITOR_PARAMETERS, Parameters, read_settings, Refusal
+from fret_monitor.ros.sign_of_life import SignOfLife
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -54,6 +55,7 @@ class MonitorNode(LifecycleNode):
         """
         self._sessions: list[BundleSession] = []
         self._declared_overrides: DeclaredOverrides | None = None
+        self._sign_of_life: SignOfLife | None = None
         self._is_active = False
         self._is_starting = False
         self._failure: Exception | None = None
@@ -175,6 +177,7 @@ class MonitorNode(LifecycleNode):
             for session in self._sessions:
                 session.start()
             self._is_active = True
+            self._sign_of_life = SignOfLife(self, [session.turns for session in self._sessions])
             undo.pop_all()
         for line in announcement([session.opened for session in self._sessions]):
             self.get_logger().info(line)
@@ -183,11 +186,18 @@ class MonitorNode(LifecycleNode):
             for session in self._sessions for topic in session.manifest.topics})
 
     def _deactivate(self) -> None:
+        self._end_sign_of_life()
         self._is_active = False
         for session in self._sessions:
             session.stop()
 
+    def _end_sign_of_life(self) -> None:
+        if self._sign_of_life is not None:
+            self._sign_of_life.close()
+            self._sign_of_life = None
+
     def _release(self) -> None:
+        self._end_sign_of_life()
         self._is_active = False
         if self._declared_overrides is not None:
             self._declared_overrides.close()

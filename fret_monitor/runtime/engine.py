@@ -49,13 +49,16 @@ class Receipt(Enum):
 @dataclass(frozen=True)
 class OrderCounts:
     """
-    Messages of a topic that took effect out of the order of their stamps.
+    Messages of a topic that took effect out of the order of their stamps, or wait for long.
 
     `late` are older than what was evaluated before; `overflows` could not wait, for want of room.
+    The stamps of `ahead` were ahead of the clock, by `most_ahead` nanoseconds at most.
     """
 
-    late: int
-    overflows: int
+    late: int = 0
+    overflows: int = 0
+    ahead: int = 0
+    most_ahead: int = 0
 
 
 @dataclass(frozen=True)
@@ -249,9 +252,9 @@ class Engine:
         return value
 
     def order_counts(self, topic: int) -> OrderCounts:
-        """Return how many messages of a topic took effect out of order."""
+        """Return how many messages of a topic took effect out of order, or wait for long."""
         found = self._library.fm_engine_order_counts(self.pointer, topic)
-        return OrderCounts(found.late, found.overflows)
+        return OrderCounts(found.late, found.overflows, found.ahead, found.most_ahead)
 
     def evidence(self, topic: int) -> bytes | None:
         """Take the kept message with a field that could not be used; None if there is none."""

@@ -457,6 +457,20 @@ static void a_message_that_is_too_late_takes_effect_at_once(void)
   destroy(engine);
 }
 
+static void a_stamp_ahead_of_the_clock_is_counted(void)
+{
+  struct fm_engine * engine = make(50);
+  fm_engine_advance(engine, 1000);
+  deliver(engine, TOPIC_X, true, 1010 + 100000000, 1010);
+  CHECK(fm_engine_order_counts(engine, TOPIC_X).ahead == 0);
+  deliver(engine, TOPIC_X, true, 1010 + 300000000, 1010);
+  deliver(engine, TOPIC_X, true, 1010 + 200000000, 1010);
+  CHECK(fm_engine_order_counts(engine, TOPIC_X).ahead == 2);
+  CHECK(fm_engine_order_counts(engine, TOPIC_X).most_ahead == 300000000);
+  CHECK(fm_engine_order_counts(engine, TOPIC_Y).ahead == 0);
+  destroy(engine);
+}
+
 static void a_late_message_takes_effect_after_what_is_decided_then(void)
 {
   struct clock clock = {1000, false};
@@ -624,6 +638,7 @@ int main(void)
   a_reception_ends_with_its_message_and_wakes_no_thread();
   messages_take_effect_in_the_order_of_their_stamps();
   a_message_that_is_too_late_takes_effect_at_once();
+  a_stamp_ahead_of_the_clock_is_counted();
   a_late_message_takes_effect_after_what_is_decided_then();
   late_messages_of_a_round_take_effect_at_its_end();
   messages_of_one_stamp_do_not_move_the_time_back();
