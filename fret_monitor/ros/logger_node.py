@@ -27,7 +27,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fret_monitor.model.diagnostics import counted
-from fret_monitor.model.manifest import ManifestRequirement
+from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.model.names import handler_name
 from fret_monitor.model.policies import Severity
 from fret_monitor.ros import native_lifetimes
@@ -114,13 +114,15 @@ class LoggerNode(Node):
         super().destroy_node()
 
     def _begin(self) -> None:
-        self._parameters = Parameters(self, LOGGER_PARAMETERS)
-        self._settings = read_settings(self._parameters.values())
+        parameters = Parameters(self, LOGGER_PARAMETERS)
+        self._settings = read_settings(parameters.values())
         self._overrides = Overrides.of(self)
         self._fixed = violation_request(self._settings.handler_depth)
         self._feed.subscribe(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
                              RawTopic(self._keep_details), self._request(DETAILS_TOPIC))
-        self._requirements = self._read()
+        manifests = open_manifests(self._settings)
+        parameters.show_constants(manifests)  # they are read-only, so they stay as they are now
+        self._requirements = _requirements(manifests)
         self._listen(())
         self._feed.start()
         native_lifetimes.keep(self)
@@ -129,11 +131,6 @@ class LoggerNode(Node):
         DeclaredOverrides(self, dict.fromkeys(topics, self._fixed))
         self.create_timer(_CHECK, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(self._contents())
-
-    def _read(self) -> Sequence[ManifestRequirement]:
-        manifests = open_manifests(self._settings)
-        self._parameters.show_constants(manifests)
-        return [requirement for manifest in manifests for requirement in manifest.requirements]
 
     def _request(self, name: str) -> dict[str, str | int]:
         return self._overrides.apply(self.resolve_topic_name(name), self._fixed)
@@ -173,7 +170,7 @@ class LoggerNode(Node):
         before, topics = self._requirements, set(self._followed)
         outside_before = set(self._outside)
         try:
-            self._requirements = self._read()
+            self._requirements = _requirements(open_manifests(self._settings))
         except Refusal as refusal:
             self.get_logger().error(f'{refusal}\nthe bundle cannot be read again; what was read '
                                     'before is used')
@@ -254,3 +251,7 @@ class LoggerNode(Node):
         """Return the lines of a requirement that is not in the bundle."""
         severity = Severity.WARN if status.level == DiagnosticStatus.WARN else Severity.ERROR
         return ViolationLines(self.get_logger(), status.name, status.message, severity)
+
+
+def _requirements(manifests: Iterable[Manifest]) -> list[ManifestRequirement]:
+    return [item for manifest in manifests for item in manifest.requirements]

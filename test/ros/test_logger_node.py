@@ -33,6 +33,7 @@ diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
 
 BUNDLE = """
 format: 1
+constants: {x_max: 0.5}
 inputs:
   x: {topic: x, type: std_msgs/msg/Float32}
 requirements:
