@@ -38,6 +38,11 @@ ROS_TEST_WHEELS = [
     'ros-jazzy-test-msgs>=2.0,<3',
 ]
 
+# What `fret-monitor bag` needs.
+BAG = [
+    'rosbags>=0.11,<0.12',
+]
+
 # What `fret-monitor prove` needs.
 PROVE = [
     'pycparser>=2.21',
@@ -45,6 +50,7 @@ PROVE = [
 ]
 
 TEST = [
+    *BAG,
     *PROVE,
     'catkin-pkg>=1',
     'colcon-core>=0.18',
@@ -109,7 +115,7 @@ setup(
     # the scripts that setuptools writes look at this list.
     install_requires=['cffi>=1.16', 'lark-parser>=0.12,<1', 'PyYAML>=6'],
     extras_require={
-        'prove': PROVE, 'ros': ROS_WHEELS, 'ros-test': ROS_TEST_WHEELS, 'test': TEST,
+        'bag': BAG, 'prove': PROVE, 'ros': ROS_WHEELS, 'ros-test': ROS_TEST_WHEELS, 'test': TEST,
     },
     entry_points={
         'console_scripts': [

@@ -143,6 +143,7 @@ struct fm_engine * fm_engine_create(const struct fm_engine_options * options)
     free_memory(engine);
     return NULL;
   }
+  engine->outbox.keeps_recoveries = options->takes_recoveries;
   find_sources(engine);
   return engine;
 }
@@ -361,6 +362,22 @@ static void store_locked(
       fm_evaluator_store(engine->options.evaluator, fed->inputs[k], fields[k].value, now);
     } else {
       fm_evaluator_unusable(engine->options.evaluator, fed->inputs[k]);
+    }
+  }
+}
+
+void fm_engine_set_values_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t received)
+{
+  const struct fm_topic * fed = &engine->options.topics[topic];
+  const uint8_t * sources = engine->options.sources;
+  const struct fm_field * prepared = prepare_locked(engine, topic, fields, received);
+  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+    const uint32_t input = fed->inputs[k];
+    if (prepared[k].outcome != FM_FIELD_READ) {
+      fm_evaluator_unusable(engine->options.evaluator, input);
+    } else if (sources == NULL || sources[input] != FM_RECEPTION) {
+      fm_evaluator_store(engine->options.evaluator, input, prepared[k].value, received);
     }
   }
 }

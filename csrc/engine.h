@@ -63,6 +63,7 @@ struct fm_engine_options
   const uint8_t * sources;            // those of the evaluator
   bool uses_header_stamps;            // under FM_TIMED: see below
   int64_t reorder;                    // ns; 0 or more
+  bool takes_recoveries;              // with the violations; if the evaluator reports them
 };
 
 // Under FM_TIMED a message takes effect when it was received, by the source's time; in rounds, at

@@ -150,7 +150,7 @@ void fm_engine_release_locked(struct fm_engine * engine, int64_t now)
   engine->released = now;
 }
 
-static void take_due_locked(struct fm_engine * engine, int64_t now)
+void fm_engine_take_due_by_locked(struct fm_engine * engine, int64_t now)
 {
   fm_engine_release_locked(engine, now);
   advance_locked(engine, now);
@@ -159,7 +159,7 @@ static void take_due_locked(struct fm_engine * engine, int64_t now)
 void fm_engine_note_restart_locked(struct fm_engine * engine, int64_t now)
 {
   if (now < engine->released) {
-    take_due_locked(engine, now);
+    fm_engine_take_due_by_locked(engine, now);
   }
 }
 
@@ -173,8 +173,7 @@ void fm_engine_take_due_before_locked(struct fm_engine * engine, int64_t now)
   }
 }
 
-// The next instant at which something happens though no message comes.
-static int64_t deadline_locked(struct fm_engine * engine)
+int64_t fm_engine_deadline_locked(struct fm_engine * engine)
 {
   const struct fm_waiting * first = fm_reorder_first(&engine->waiting);
   const int64_t deadline = fm_evaluator_deadline(engine->options.evaluator);
@@ -188,7 +187,7 @@ void fm_engine_take_due_now_locked(struct fm_engine * engine)
     !engine->is_closed && read_source_locked(engine, 0, &now))
   {
     join_source_locked(engine, now);
-    take_due_locked(engine, now);
+    fm_engine_take_due_by_locked(engine, now);
   }
 }
 
@@ -221,7 +220,7 @@ void fm_engine_advance(struct fm_engine * engine, int64_t now)
   fm_engine_lock(engine);
   if (engine->source == FM_TOLD && !engine->is_closed) {
     engine->has_begun = true;
-    take_due_locked(engine, fm_later(now, -engine->options.reorder));
+    fm_engine_take_due_by_locked(engine, fm_later(now, -engine->options.reorder));
   }
   fm_engine_unlock(engine);
 }
@@ -284,7 +283,7 @@ void fm_engine_end_round(struct fm_engine * engine)
 {
   fm_engine_lock(engine);
   if (engine->has_begun && engine->has_round && engine->source != FM_TOLD && !engine->is_closed) {
-    take_due_locked(engine, engine->round);
+    fm_engine_take_due_by_locked(engine, engine->round);
   }
   fm_engine_unlock(engine);
 }
@@ -294,7 +293,7 @@ int64_t fm_engine_time_left(struct fm_engine * engine, int64_t most)
   int64_t left = most;
   fm_engine_lock(engine);
   if (engine->has_begun && engine->source == FM_STEADY) {
-    const int64_t deadline = deadline_locked(engine);
+    const int64_t deadline = fm_engine_deadline_locked(engine);
     int64_t now;
     (void)read_source_locked(engine, 0, &now);
     left = deadline <= now ? 0 : fm_between(now, deadline);
@@ -315,7 +314,7 @@ int64_t fm_engine_deadline(struct fm_engine * engine)
 {
   fm_engine_lock(engine);
   const int64_t deadline =
-    engine->has_begun ? deadline_locked(engine) : FM_NEVER;
+    engine->has_begun ? fm_engine_deadline_locked(engine) : FM_NEVER;
   fm_engine_unlock(engine);
   return deadline;
 }
@@ -346,7 +345,7 @@ static void wait_for_deadline_locked(struct fm_engine * engine, int64_t end)
     ahead = fm_between(steady, now);
   }
   const int64_t last = fm_later(end, ahead);
-  const int64_t deadline = waits ? deadline_locked(engine) : last;
+  const int64_t deadline = waits ? fm_engine_deadline_locked(engine) : last;
   engine->wakes_at = deadline < last ? deadline : last;
   FM_PAUSE();
   fm_engine_wait_locked(

@@ -83,6 +83,13 @@ int64_t fm_engine_stamps_ahead_locked(struct fm_engine * engine);
 /// Take what is due before a message that takes effect `now`.
 void fm_engine_take_due_before_locked(struct fm_engine * engine, int64_t now);
 
+/// Let the waiting messages take effect whose time has come, and take what is due by `now`.
+void fm_engine_take_due_by_locked(struct fm_engine * engine, int64_t now);
+
+/// The next instant at which something happens though no message comes; INT64_MIN before the time
+/// has begun.
+int64_t fm_engine_deadline_locked(struct fm_engine * engine);
+
 /// Take what is due by the clock that is followed, unless that is left to the end of a round.
 void fm_engine_take_due_now_locked(struct fm_engine * engine);
 
@@ -105,6 +112,11 @@ int64_t fm_engine_steady_time(void);
 
 /// Queue the violations of engine->found, whose stamps are `later` than found. In engine.c.
 void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t later);
+
+/// Set the inputs of a topic from fields that were read, and count those that cannot be used. No
+/// step; a reception is none. In engine.c.
+void fm_engine_set_values_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t received);
 
 /// Let the first message that waits take effect at its stamp, or the evaluator's time if that is
 /// later, but not after `now`. In engine.c.

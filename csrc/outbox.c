@@ -151,7 +151,7 @@ void fm_outbox_add(
   struct fm_outbox * outbox, const struct fm_violation * violation,
   const struct fm_evaluator * evaluator)
 {
-  if (!violation->is_recovery) {
+  if (!violation->is_recovery || outbox->keeps_recoveries) {
     add_violation(outbox, violation);
   }
   if (outbox->wants_details) {

@@ -50,6 +50,7 @@ struct fm_outbox
   uint32_t n_details;
   uint32_t most_details_per_s;
   bool wants_details;
+  bool keeps_recoveries;       // as violations; set by the owner
 };
 
 /// Make an empty outbox. Returns false if memory is short; the caller must call fm_outbox_free
@@ -59,10 +60,10 @@ bool fm_outbox_init(struct fm_outbox * outbox, const struct fm_monitor * monitor
 /// Free its memory. A zeroed outbox may be freed. O(1).
 void fm_outbox_free(struct fm_outbox * outbox);
 
-/// Queue a violation (not a recovery), and a detail with the evaluator's current values if details
-/// are wanted and within their limit. Amortised O(1), O(inputs) with a detail; allocates when the
-/// queue grows. If the queue is full (2^20) or cannot grow, the violation is counted as
-/// unpublished.
+/// Queue a violation (a recovery with `keeps_recoveries` only), and a detail with the evaluator's
+/// current values if details are wanted and within their limit. Amortised O(1), O(inputs) with a
+/// detail; allocates when the queue grows. If the queue is full (2^20) or cannot grow, the
+/// violation is counted as unpublished.
 void fm_outbox_add(
   struct fm_outbox * outbox, const struct fm_violation * violation,
   const struct fm_evaluator * evaluator);

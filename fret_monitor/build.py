@@ -26,10 +26,11 @@ from pathlib import Path
 
 from fret_monitor.bundle.bundle import Bundle
 from fret_monitor.bundle.constants import override_constants
-from fret_monitor.bundle.reader import survey_bundle
+from fret_monitor.bundle.reader import survey_bundle, USUAL_REORDER_S
 from fret_monitor.codegen.describe import describe
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.elaboration.elaborate import specify
+from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.lint.constant_verdicts import constant_verdicts
 from fret_monitor.lint.instants import doubtful_instants, reports_once
 from fret_monitor.lint.sentences import doubtful_sentences
@@ -90,12 +91,13 @@ class GeneratedMonitor:
 
 
 def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
-         constants: Mapping[str, Text] | None = None) -> Reading:
+         constants: Mapping[str, Text] | None = None, stamp: Stamp | None = None,
+         find_message: FindMessage | None = None) -> Reading:
     """
     Read a bundle and elaborate it.
 
-    `policy`, `period` (seconds) and `constants` (see `override_constants`) override those of the
-    bundle.
+    `policy`, `period` (seconds), `constants` (see `override_constants`) and `stamp` override those
+    of the bundle. `find_message` returns the layout of a message type; None: of what is installed.
 
     Raises
     ------
@@ -107,9 +109,9 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
     written = survey_bundle(path, problems, needs_period=needs_period)
     if written is None:
         raise CompileError(problems.errors)
-    bundle = override_constants(
-        _with_policy(written, policy, period, problems), constants, problems)
-    specification, warnings = _specify(bundle, written, problems)
+    with_policy = _with_stamp(_with_policy(written, policy, period, problems), stamp, problems)
+    bundle = override_constants(with_policy, constants, problems)
+    specification, warnings = _specify(bundle, written, problems, find_message)
     warnings = by_place((*warnings, *doubtful_sentences(specification),
                          *unread_topics(bundle, specification),
                          *reports_once(specification), *doubtful_instants(specification)))
@@ -122,11 +124,12 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
                    messages, values)
 
 
-def _specify(bundle: Bundle, written: Bundle,
-             problems: Problems) -> tuple[Specification, tuple[Diagnostic, ...]]:
+def _specify(
+    bundle: Bundle, written: Bundle, problems: Problems, find_message: FindMessage | None,
+) -> tuple[Specification, tuple[Diagnostic, ...]]:
     """Elaborate a bundle; the errors name constants that are not as they were written."""
     try:
-        return specify(bundle, problems=problems)
+        return specify(bundle, find_message, problems=problems)
     except CompileError as error:
         changed = [(old.value, new.value) for old, new in zip(
             written.constants, bundle.constants, strict=True) if new is not old]
@@ -162,6 +165,15 @@ def _with_policy(bundle: Bundle, policy: Policy | None, period: Fraction | None,
     if policy is not Policy.TIMED:
         bundle = replace(bundle, unit=None, stamp=Stamp.RECEIVED, reorder=0)
     return replace(bundle, policy=policy, period=period)
+
+
+def _with_stamp(bundle: Bundle, stamp: Stamp | None, problems: Problems) -> Bundle:
+    if stamp is None or stamp is bundle.stamp:
+        return bundle
+    if bundle.policy is not Policy.TIMED:
+        problems.error(f'stamps count under the policy timed, not under {bundle.policy.value}')
+    return replace(bundle, stamp=stamp, reorder=int(
+        USUAL_REORDER_S * 10**9) if stamp is Stamp.HEADER else 0)
 
 
 def text_hash(text: str) -> str:
@@ -217,10 +229,12 @@ def compile_monitor(generated: GeneratedMonitor) -> CompiledMonitor:
 
 
 def build(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
-          constants: Mapping[str, Text] | None = None,
+          constants: Mapping[str, Text] | None = None, stamp: Stamp | None = None,
+          find_message: FindMessage | None = None,
           max_state_bytes: int = MAX_STATE_BYTES) -> CompiledMonitor:
-    """Read, generate and compile a bundle; errors as `read` and `compile_monitor`."""
-    reading = read(path, policy=policy, period=period, constants=constants)
+    """Read, generate and compile a bundle; arguments and errors as `read`, `compile_monitor`."""
+    reading = read(path, policy=policy, period=period, constants=constants, stamp=stamp,
+                   find_message=find_message)
     return compile_monitor(generate_monitor(reading, max_state_bytes=max_state_bytes))
 
 

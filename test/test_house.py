@@ -60,7 +60,9 @@ KEYS = {
     'yaml': 'python3-yaml',
 }
 # Only with wheels: a ROS 2 installation has no key for these, and their tests are skipped there.
-OPTIONAL = {'atheris', 'catkin_pkg', 'pycparser', 'reelay', 'xdist', 'z3', 'ziglang'}
+OPTIONAL = {
+    'apsw', 'atheris', 'backports', 'catkin_pkg', 'compression', 'pycparser', 'reelay', 'rosbags',
+    'xdist', 'z3', 'ziglang'}
 
 
 def git(*arguments: str) -> str:

@@ -55,10 +55,11 @@ LEVELS = {
     'fret_monitor.importing': 16,
     'fret_monitor.ros': 17,
     'fret_monitor.bag': 17,
-    'fret_monitor.cli': 17,
-    'fret_monitor.__main__': 18,
+    'fret_monitor.cli': 18,  # its verb `bag` calls that face
+    'fret_monitor.__main__': 19,
 }
-FACES = {name for name, level in LEVELS.items() if level == 17}
+FACES = {name for name, level in LEVELS.items() if level in (17, 18)}
+BETWEEN_FACES = {('fret_monitor.cli', 'fret_monitor.bag')}
 LEAN = {'fret_monitor.native', 'fret_monitor.runtime'}
 LEAN_LEVELS = {0, 1, 9, 10}
 # Packages of ROS that are not named `*_msgs`.
@@ -204,6 +205,7 @@ def test_the_faces_do_not_import_each_other() -> None:
         each for each in inside()
         if place(each.importer) in FACES and place(each.imported) in FACES
         and place(each.importer) != place(each.imported)
+        and (place(each.importer), place(each.imported)) not in BETWEEN_FACES
     ]
     assert not wrong, told(wrong)
 

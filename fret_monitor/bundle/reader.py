@@ -56,7 +56,7 @@ _BUNDLE_KEYS = (
     'format', 'component', 'title', 'description', 'signals', 'constants', 'inputs', 'topics',
     'definitions', 'evaluation', 'report', 'severity', 'requirements')
 _LONGEST_REORDER_S = Fraction(3600)
-_USUAL_REORDER_S = Fraction(1, 10)
+USUAL_REORDER_S = Fraction(1, 10)
 _TIMED_KEYS = ('unit', 'stamp', 'reorder')
 _EVALUATION_KEYS = ('policy', 'period', 'rate', *_TIMED_KEYS)
 _ELSEWHERE = {
@@ -216,7 +216,7 @@ class _BundleReader:
         reorder = part.number('reorder', SECONDS, Fraction(0), _LONGEST_REORDER_S)
         if reorder is None:
             # Without any, every message would be late.
-            reorder = _USUAL_REORDER_S if stamp is Stamp.HEADER else Fraction(0)
+            reorder = USUAL_REORDER_S if stamp is Stamp.HEADER else Fraction(0)
         nanoseconds = reorder * 10 ** 9
         if nanoseconds.denominator != 1 and (text := part.text('reorder')):
             self._problems.error("'reorder' must be a whole number of nanoseconds", text.span,

@@ -36,6 +36,7 @@ _VERBS = {
     'check': 'print all problems of a bundle, or its requirements',
     'formalize': 'print the formula of a FRETish sentence',
     'simulate': 'run the monitors over a CSV trace',
+    'bag': 'run the compiled monitors over recordings',
     'compile': 'write C, libraries and manifest to a folder',
     'bench': 'measure step time, state and compile time',
     'import': 'make a bundle from a FRET project or an Ogma set-up',

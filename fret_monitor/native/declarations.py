@@ -29,7 +29,7 @@ from fret_monitor.native.cache import csrc_directory
 
 HEADERS = (
     'fret_monitor.h', 'fret_fields.h', 'evaluator.h', 'handover.h', 'outbox.h', 'engine.h',
-    'ros/middleware.h', 'ros/in_place.h', 'ros/receiver.h', 'ros/announcer.h',
+    'records.h', 'ros/middleware.h', 'ros/in_place.h', 'ros/receiver.h', 'ros/announcer.h',
 )
 
 _C_LIBRARY = """

@@ -19,6 +19,8 @@ Its mutex is in C and is held only inside a call, so that a thread never waits f
 interpreter lock while it holds the mutex. Independent of ROS.
 """
 
+from array import array
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
@@ -36,6 +38,7 @@ MOST_DETAILS_PER_S = 100
 """Details of a requirement in a second for subscribers; the others are counted."""
 
 _BATCH = 64
+_MOST_QUEUED = 1 << 14  # violations of a recording that wait to be taken
 
 
 class Receipt(Enum):
@@ -85,9 +88,12 @@ class Engine:
     All methods may be called from any thread at any time, except where stated.
     """
 
-    def __init__(self, evaluator: Evaluator) -> None:
+    def __init__(self, evaluator: Evaluator, *, takes_recoveries: bool = False) -> None:
         """
         Share an evaluator; no other code may call it from now on.
+
+        With `takes_recoveries`, `take` and `records` also return the ends of violations, if the
+        evaluator reports them.
 
         Raises
         ------
@@ -111,6 +117,7 @@ class Engine:
             'sources': options.sources,
             'uses_header_stamps': uses_header_stamps,
             'reorder': manifest.reorder if uses_header_stamps else 0,
+            'takes_recoveries': takes_recoveries,
         }))
         if pointer == ffi.NULL:
             raise LibraryError('the library does not read the topics of its manifest')
@@ -162,6 +169,56 @@ class Engine:
         origin.gid, origin.is_retired = gid, is_retired
         return Receipt(self._library.fm_engine_message(
             self.pointer, topic, ffi.from_buffer('uint8_t[]', message), len(message), origin))
+
+    def records(self, topics: 'array[int]', times: 'array[int]', ends: 'array[int]',
+                messages: bytes, *, begin: int = 0,
+                only_values: bool = False) -> Iterator[list[Violation]]:
+        """
+        Deliver messages of a recording, in the order of their times, while the time is told.
+
+        What is due between them is taken first. All must be taken from the iterator.
+
+        Parameters
+        ----------
+        topics
+            typecode `I`: of each message, an index in the manifest's topics.
+        times
+            typecode `q`: when each was received, in nanoseconds.
+        ends
+            typecode `Q`: where each ends in `messages`.
+        messages
+            the serialized messages, one after another.
+        begin
+            the first message to deliver.
+        only_values
+            whether they set their inputs and are no steps: they are before the begin.
+
+        Yields
+        ------
+        list[Violation]
+            those so far, in the order in which they were found.
+        """
+        records = ffi.new('struct fm_records *', {
+            'topics': ffi.from_buffer('uint32_t[]', topics),
+            'times': ffi.from_buffer('int64_t[]', times),
+            'ends': ffi.from_buffer('uint64_t[]', ends),
+            'bytes': ffi.from_buffer('uint8_t[]', messages),
+            'n': len(topics), 'next': begin, 'only_values': only_values})
+        while not self._library.fm_engine_records(self.pointer, records, _MOST_QUEUED):
+            yield self._take_all()
+        yield self._take_all()
+
+    def advance_all(self, now: int) -> Iterator[list[Violation]]:
+        """Move the time while it is told, and yield what is found until then, as `records`."""
+        while not self._library.fm_engine_advance_all(self.pointer, now, _MOST_QUEUED):
+            yield self._take_all()
+        yield self._take_all()
+
+    def _take_all(self) -> list[Violation]:
+        found: list[Violation] = []
+        while batch := self.take(0):
+            found += batch
+        return found
 
     def reset(self) -> None:
         """Put all groups at their start; the inputs keep their values, and the counters go on."""
@@ -225,7 +282,8 @@ class Engine:
         """
         batch: Any = ffi.new('struct fm_violation[]', _BATCH)
         count = self._library.fm_engine_take(self.pointer, batch, _BATCH, milliseconds)
-        return [Violation(item.requirement, item.step, item.stamp) for item in batch[0:count]]
+        return [Violation(item.requirement, item.step, item.stamp, bool(item.is_recovery))
+                for item in batch[0:count]]
 
     def want_details(self, are_wanted: bool, most_per_s: int = MOST_DETAILS_PER_S) -> None:
         """Queue details from now on; or queue none, and drop those in the queue."""

@@ -47,12 +47,14 @@ class Violation(NamedTuple):
     """
     An announced violation: a requirement (index), the step of its group, its time (ns).
 
-    Under the policy timed, `step` is the time since the group began, in nanoseconds.
+    Under the policy timed, `step` is the time since the group began, in nanoseconds. With
+    `is_recovery` it is the end of one: what the requirement's report compares is true again.
     """
 
     requirement: int
     step: int
     stamp: int
+    is_recovery: bool = False
 
 
 @dataclass(frozen=True)
@@ -377,6 +379,16 @@ class Evaluator:
     def reset(self) -> None:
         """Put all groups at their start; the inputs keep their values, and the counters go on."""
         self._library.fm_evaluator_reset(self.pointer)
+
+    def save(self) -> bytes:
+        """Return a copy of the instance: values, state, readiness, verdicts and times."""
+        block = ffi.new('char[]', self._library.fm_evaluator_instance_bytes(self.pointer))
+        self._library.fm_evaluator_save(self.pointer, block)
+        return bytes(ffi.buffer(block))
+
+    def restore(self, instance: bytes) -> None:
+        """Put back an instance that an evaluator of the same monitor and options has saved."""
+        self._library.fm_evaluator_restore(self.pointer, ffi.from_buffer(instance))
 
     def ready(self, group: int) -> bool:
         """Return whether every input that a group reads has a value."""

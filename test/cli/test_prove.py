@@ -73,7 +73,6 @@ requirements:
 
 
 def test_the_certificate_of_a_timed_bundle_speaks_of_ticks(here: Here) -> None:
-    # It includes the proof of the queue for every window and tick, which takes longest.
     done = here.run('prove', here.file('timed.yaml', TIMED))
     assert (done.status, done.err) == (0, '')
     assert done.out.startswith('timed.yaml: proved, 3 requirements\n')

@@ -35,7 +35,7 @@ from differential.compiled import (
 )
 from fret_monitor.build import build_specification
 from fret_monitor.logic.formula import TRUE
-from fret_monitor.logic.specification import Signal, Specification
+from fret_monitor.logic.specification import Specification
 from fret_monitor.messages.field_path import resolve_field
 from fret_monitor.messages.installed import find_message
 from fret_monitor.messages.layout import MessageLayout
@@ -50,9 +50,8 @@ from stages import parse_message
 from strategies import property_of
 
 HERE = Path(__file__).resolve().parent
-SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-O1')
+SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-g', '-O1')
 MOST_INPUTS = 40  # for each type: compiling thousands takes long
-MOST_ATTACKED = 15  # of those; they are compiled three times, twice with sanitizers
 HEAVY = 400  # a message with more values than this takes too long to draw
 
 # All scalar types, at every offset, with arrays and strings between them.
@@ -161,8 +160,7 @@ def ours(prefix: Path) -> tuple[list[Topic], Monitor]:
               for name in WRITTEN if WRITTEN[name]]
     topics = [topic_of(find_message(name, [prefix]), number, most)
               for number, (name, most) in enumerate(chosen)]
-    with unoptimised():
-        return topics, build_topics(topics)
+    return topics, build_topics(topics)
 
 
 @pytest.fixture(scope='session')
@@ -185,7 +183,7 @@ def assert_same(topic: Topic, found: tuple[FieldReading, ...] | None, message: A
 # -- valid messages -------------------------------------------------------------------------------
 
 
-@settings(max_examples=300, suppress_health_check=list(HealthCheck), deadline=None)
+@settings(max_examples=500, suppress_health_check=list(HealthCheck), deadline=None)
 @given(data=st.data())
 def test_extractors_read_what_was_serialized_in_either_byte_order(
         ours: tuple[list[Topic], Monitor], data: st.DataObject) -> None:
@@ -205,7 +203,7 @@ def test_extractors_read_the_same_values_as_python(
     number = installed().index(name)
     topic = topics[number]
 
-    @settings(max_examples=6, suppress_health_check=list(HealthCheck), deadline=None,
+    @settings(max_examples=12, suppress_health_check=list(HealthCheck), deadline=None,
               database=None)
     @given(tree=trees(topic.layout))
     def compare(tree: Any) -> None:
@@ -549,17 +547,11 @@ def damaged(message: bytes, rng: Random) -> bytes:
     return bytes(data)
 
 
-def attacked(topic: Topic) -> tuple[Signal, ...]:
-    """Return inputs from the whole of a message, the last one among them."""
-    step = 1 + (len(topic.signals) - 1) // MOST_ATTACKED
-    return topic.signals[::-step][::-1]
-
-
 @pytest.fixture(scope='session')
 def attack(ours: tuple[list[Topic], Monitor],
            tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Write the extractors of our messages and a corpus for them; return folder and file."""
-    topics = [replace(topic, signals=attacked(topic)) for topic in ours[0]]
+    topics = [replace(topic, signals=topic.signals[:MOST_INPUTS]) for topic in ours[0]]
     folder = tmp_path_factory.mktemp('attack')
     write_module(c_module(specification_for(topics)), folder)
     file = folder / 'corpus'
@@ -586,7 +578,7 @@ def sanitized() -> list[tuple[str, ...]]:
     found: list[tuple[str, ...]] = []
     probe = 'int main(void) {return 0;}\n'
     for compiler, flags in ((gcc(), SANITIZERS), (clang(), (
-            '-fsanitize=undefined', '-fno-sanitize-recover=all', '-O1'))):
+            '-fsanitize=undefined', '-fno-sanitize-recover=all', '-g', '-O1'))):
         if compiler and subprocess.run(
                 [*compiler, *flags, '-x', 'c', '-', '-o', '/dev/null'], input=probe, text=True,
                 capture_output=True, check=False).returncode == 0:

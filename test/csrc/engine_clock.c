@@ -150,7 +150,7 @@ static struct fm_engine * make(void ** memory, int64_t fed_ms)
   CHECK(posix_memalign(memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
   const struct fm_engine_options made = {
     fm_evaluator_init(*memory, &options), &monitor, &readers, topics, N_TOPICS,
-    NULL, false, 0};
+    NULL, false, 0, false};
   struct fm_engine * engine = fm_engine_create(&made);
   CHECK(engine != NULL);
   return engine;

@@ -368,7 +368,7 @@ int main(void)
   void * memory;
   const struct fm_engine_options options = {
     make_evaluator(&memory), &monitor, &readers, fed, N_TOPICS,
-    NULL, false, 0};
+    NULL, false, 0, false};
   struct fm_engine * engine = fm_engine_create(&options);
   CHECK(engine != NULL);
   void * publishers[] = {(void *)(uintptr_t)&numbers[0], (void *)(uintptr_t)&numbers[1]};

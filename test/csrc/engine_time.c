@@ -79,7 +79,7 @@ static struct fm_engine * make(uint32_t policy, int64_t timeout, int64_t patienc
   CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
   const struct fm_engine_options made = {
     fm_evaluator_init(memory, &options), &monitor, &readers, topics, 1,
-    NULL, false, 0};
+    NULL, false, 0, false};
   struct fm_engine * engine = fm_engine_create(&made);
   CHECK(engine != NULL);
   return engine;
@@ -382,11 +382,11 @@ static void an_engine_of_another_abi_is_refused(void)
     {FM_ABI, 1, (const struct fm_reader[]) {{read_message, 2, NULL}}}};
   for (size_t k = 0; k < sizeof(misfits) / sizeof(*misfits); ++k) {
     const struct fm_engine_options made = {evaluator, &monitor, &misfits[k], topics, 1,
-      NULL, false, 0};
+      NULL, false, 0, false};
     CHECK(fm_engine_create(&made) == NULL);
   }
   const struct fm_engine_options none = {
-    evaluator, &monitor, NULL, topics, 1, NULL, false, 0};
+    evaluator, &monitor, NULL, topics, 1, NULL, false, 0, false};
   CHECK(fm_engine_create(&none) == NULL);
   free(memory);
 }

@@ -166,7 +166,7 @@ static struct fm_engine * make(int64_t reorder)
   CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
   const struct fm_engine_options made = {
     fm_evaluator_init(memory, &options), &monitor, &readers, topics, N_TOPICS, sources,
-    reorder >= 0, reorder < 0 ? 0 : reorder};
+    reorder >= 0, reorder < 0 ? 0 : reorder, false};
   struct fm_engine * engine = fm_engine_create(&made);
   CHECK(engine != NULL);
   return engine;

@@ -15,8 +15,8 @@
 """
 The cells and arithmetic that generated C uses, against their definitions.
 
-The program is `cells.c` beside this file; it runs under two compilers, both standards, the levels
-of optimization, and the sanitizers of gcc.
+The program is `cells.c` beside this file; it runs under two compilers, both standards, all levels
+of optimization, and the sanitizers.
 """
 
 from pathlib import Path
@@ -86,7 +86,7 @@ def test_every_check_of_the_program_is_run(program: Path) -> None:
 
 @pytest.mark.parametrize(('name', 'standard', 'level'), [
     ('gcc', 'c99', '-O0'), ('gcc', 'c11', '-O1'), ('gcc', 'c99', '-O2'), ('gcc', 'c11', '-O3'),
-    ('clang', 'c11', '-O1'), ('clang', 'c99', '-O2')])
+    ('clang', 'c11', '-O0'), ('clang', 'c99', '-O2')])
 def test_every_check_holds_without_a_warning(
     tmp_path: Path, name: str, standard: str, level: str,
 ) -> None:

@@ -40,7 +40,7 @@ from fret_monitor.model.values import ValueType
 from strategies import as_term, property_of
 
 HERE = Path(__file__).resolve().parent
-SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-O1')
+SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-g', '-O1')
 EVALUATOR = ('evaluator', 'deadlines', 'steps', 'tables', 'instance')
 # Common types, with strings and arrays before numbers, beside those that the tests define.
 TYPES = ('nav_msgs/msg/Odometry', 'sensor_msgs/msg/BatteryState', 'sensor_msgs/msg/JointState',

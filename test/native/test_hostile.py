@@ -18,6 +18,7 @@ Disks, caches and compilers that fail at a start, with real processes and file s
 See also test_cache.py and test_compiler.py.
 """
 
+from collections.abc import Iterator
 import os
 from pathlib import Path
 import resource
@@ -51,17 +52,11 @@ home = home_of_the_test
 
 
 @pytest.fixture
-def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """
-    Return the command of a start: it builds or finds a bundle's library, and runs it.
-
-    The cache is empty, so that it builds all of the C: without optimisation, which takes long.
-    """
-    real = ' '.join(find_compiler().command)
-    monkeypatch.setenv('CC', str(script(tmp_path, 'fast', f'exec {real} "$@" -O0')))
+def start(tmp_path: Path) -> Iterator[list[str]]:
+    """Return the command of a start: it builds or finds a bundle's library, and runs it."""
     (tmp_path / 'b.yaml').write_text(BUNDLE)
     (tmp_path / 'trace.csv').write_text(TRACE)
-    return command('simulate', tmp_path / 'b.yaml', '--trace', tmp_path / 'trace.csv')
+    yield command('simulate', tmp_path / 'b.yaml', '--trace', tmp_path / 'trace.csv')
 
 
 def run(start: list[str], **changes: str) -> 'subprocess.CompletedProcess[str]':

@@ -1,0 +1,100 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// records.c: see records.h for the contract.
+
+#include "records.h"
+
+#include "engine_time.h"
+#include "instance.h"
+
+static bool is_full(const struct fm_engine * engine, uint32_t most)
+{
+  return engine->outbox.n_violations >= most;
+}
+
+// Take what is due before `now`, one instant after another. Returns whether all was taken. Nothing
+// is due before the time has begun.
+static bool take_all_due_locked(
+  struct fm_engine * engine, int64_t now, uint32_t most, uint64_t * left)
+{
+  int64_t deadline = fm_engine_deadline_locked(engine);
+  while (deadline != INT64_MIN && deadline < now && *left > 0 && !is_full(engine, most)) {
+    fm_engine_take_due_by_locked(engine, deadline);
+    deadline = fm_engine_deadline_locked(engine);
+    *left -= 1;
+  }
+  return deadline == INT64_MIN || deadline >= now || *left == 0;
+}
+
+static void set_values_locked(
+  struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size, int64_t time)
+{
+  int64_t stamp;
+  if (fm_engine_read(engine, topic, message, size, engine->fields, &stamp)) {
+    fm_engine_set_values_locked(engine, topic, engine->fields, time);
+  } else {
+    fm_evaluator_undecodable(engine->options.evaluator, topic);
+  }
+}
+
+static void deliver_locked(
+  struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size, int64_t time)
+{
+  const struct fm_origin origin = {time, 0, 0, NULL, false};
+  struct fm_reading reading = {engine->fields, message, size, 0, false};
+  reading.is_decoded =
+    fm_engine_read(engine, topic, message, size, engine->fields, &reading.stamp);
+  (void)fm_engine_deliver_locked(engine, topic, &reading, &origin);
+}
+
+bool fm_engine_records(struct fm_engine * engine, struct fm_records * records, uint32_t most)
+{
+  fm_engine_lock(engine);
+  uint64_t left = FM_MOST_BETWEEN_RECORDS;
+  while (records->next < records->n && !is_full(engine, most)) {
+    const uint64_t k = records->next;
+    const uint64_t begin = k == 0 ? 0 : records->ends[k - 1];
+    const int64_t time = records->times[k];
+    const uint32_t topic = records->topics[k];
+    const size_t size = (size_t)(records->ends[k] - begin);
+    if (topic < engine->options.n_topics && records->only_values) {
+      set_values_locked(engine, topic, records->bytes + begin, size, time);
+    } else if (topic < engine->options.n_topics) {
+      if (!take_all_due_locked(engine, fm_later(time, -engine->options.reorder), most, &left)) {
+        break;
+      }
+      deliver_locked(engine, topic, records->bytes + begin, size, time);
+    }
+    records->next += 1;
+    left = FM_MOST_BETWEEN_RECORDS;
+  }
+  const bool are_all = records->next == records->n;
+  fm_engine_unlock(engine);
+  return are_all;
+}
+
+bool fm_engine_advance_all(struct fm_engine * engine, int64_t now, uint32_t most)
+{
+  fm_engine_lock(engine);
+  uint64_t left = FM_MOST_BETWEEN_RECORDS;
+  engine->has_begun = true;
+  const int64_t end = fm_later(now, -engine->options.reorder);
+  const bool is_there = take_all_due_locked(engine, end, most, &left);
+  if (is_there) {
+    fm_engine_take_due_by_locked(engine, end);
+  }
+  fm_engine_unlock(engine);
+  return is_there;
+}

@@ -1,0 +1,359 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Runs a bundle over a recording: what the node would have said of it.
+
+The same engine as the node's is given the serialized messages and their times of reception.
+Timeouts, periods and deadlines are taken between the messages, by the recording's time.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+import tempfile
+from typing import Protocol
+
+from fret_monitor.bag.moments import Moment
+from fret_monitor.bag.recording import DamagedRecording, Recording
+from fret_monitor.build import build
+from fret_monitor.messages.installed import find_message, fingerprint
+from fret_monitor.messages.layout import MessageLayout
+from fret_monitor.model.diagnostics import (
+    CompileError, counted, did_you_mean, refuse, Text,
+)
+from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.packages import search_path
+from fret_monitor.model.policies import Policy, Report, Stale, Stamp
+from fret_monitor.native.monitor import CompiledMonitor, Monitor
+from fret_monitor.runtime.engine import Engine
+from fret_monitor.runtime.evaluator import Evaluator, NEVER, Violation
+from fret_monitor.start import manifest_of, start
+
+MOST_KEPT = 10_000
+"""Occurrences of a requirement whose times are kept; the others are counted."""
+
+_MOST_DEADLINES = 100_000  # that are looked at after the end, for verdicts that are open
+
+
+@dataclass(frozen=True)
+class Selection:
+    """
+    How a recording is read.
+
+    `namespace` is that of the node, `remaps` are names of topics, as in the bundle and as
+    recorded. `begin` and `end` limit what is judged, `until` is how far the time goes on after
+    the last message. `is_partial`: judge what can be read of a damaged recording. `may_miss`: a
+    topic that was not recorded is no error. `stamp` and `constants` override the bundle's.
+    """
+
+    namespace: str = '/'
+    remaps: Mapping[str, str] = field(default_factory=dict)
+    begin: Moment | None = None
+    end: Moment | None = None
+    until: Moment | None = None
+    is_partial: bool = False
+    may_miss: bool = False
+    stamp: Stamp | None = None
+    constants: Mapping[str, Text] = field(default_factory=dict)
+
+
+@dataclass
+class Findings:
+    """
+    What was found about one requirement; `since` it is violated (ns).
+
+    `verdict` is None if it was never evaluated, or if it is open: it would become false with no
+    further message. `occurrences` are counted; of the first `MOST_KEPT` the times are in `spans`:
+    begin and end (ns), None while it lasts. `violations` counts violating steps, None under the
+    policy timed. `longest` is in nanoseconds.
+    """
+
+    id: str
+    verdict: bool | None = None
+    is_open: bool = False
+    violations: int | None = 0
+    occurrences: int = 0
+    longest: int = 0
+    since: int | None = None
+    spans: list[tuple[int, int | None]] = field(default_factory=list)
+
+    @property
+    def first(self) -> int | None:
+        """The time of the first occurrence, in nanoseconds."""
+        return self.spans[0][0] if self.spans else None
+
+
+@dataclass(frozen=True)
+class Result:
+    """
+    What was found in one recording.
+
+    `recorded` and `read` count the messages of each mapped topic. `begin` and `end` are the
+    judged time (ns). `errors` say what is missing or damaged: without any, all was seen.
+    """
+
+    path: Path
+    manifest: Manifest
+    recorded: Mapping[str, int]
+    read: Mapping[str, int]
+    findings: tuple[Findings, ...]
+    errors: tuple[str, ...]
+    begin: int
+    end: int
+
+    @property
+    def is_violated(self) -> bool:
+        """Whether any requirement was violated."""
+        return any(item.verdict is False for item in self.findings)
+
+
+class Changes(Protocol):
+    """Takes the changes of verdicts, in the order in which they were found."""
+
+    def begin(self, time: int, ids: Sequence[str]) -> None:
+        """Begin at a time (ns), with all requirements fulfilled."""
+
+    def change(self, time: int, index: int, is_fulfilled: bool) -> None:
+        """Take that a requirement is fulfilled, or violated, from a time on."""
+
+
+Progress = Callable[[int], None]
+"""Takes the number of messages read so far."""
+
+
+def check_recording(
+    bundle: Path, path: Path, selection: Selection, *, changes: Changes | None = None,
+    on_progress: Progress | None = None,
+) -> Result:
+    """
+    Run a bundle over a recording.
+
+    Raises
+    ------
+    CompileError
+        if the bundle is wrong, or the recording cannot be opened, or does not fit the bundle.
+    NativeError
+        if the bundle cannot be compiled.
+    """
+    with Recording(path) as recording, tempfile.TemporaryDirectory() as folder:
+        compiled = _compiled(bundle, recording, Path(folder), selection)
+        return _Run(compiled.monitor, recording, selection, changes, on_progress).result()
+
+
+def _compiled(bundle: Path, recording: Recording, folder: Path,
+              selection: Selection) -> CompiledMonitor:
+    """Compile a bundle for the message definitions of a recording."""
+    recording.write_definitions(folder)
+    prefixes = (folder, *search_path())
+
+    def find(name: str, *_: object) -> MessageLayout:
+        return find_message(name, prefixes)
+
+    if selection.stamp is None:
+        try:
+            manifest = manifest_of(bundle, constants=selection.constants)
+        except CompileError:
+            pass  # perhaps its messages are only in the recording
+        else:
+            types = {item.message_type for item in manifest.topics}
+            if all(fingerprint(find(name)) == fingerprint(find_message(name)) for name in types):
+                return start(bundle, constants=selection.constants)
+    return build(bundle, stamp=selection.stamp, constants=selection.constants,
+                 find_message=find)
+
+
+class _Run:
+    """One run of an engine over a recording."""
+
+    def __init__(self, monitor: Monitor, recording: Recording, selection: Selection,
+                 changes: Changes | None, on_progress: Progress | None) -> None:
+        self._recording = recording
+        self._selection = selection
+        self._changes = changes
+        self._on_progress = on_progress
+        self._monitor = _reporting_occurrences(monitor)
+        self._manifest = monitor.manifest
+        self._evaluator = Evaluator(self._monitor, reports_recoveries=True)
+        self._engine = Engine(self._evaluator, takes_recoveries=True)
+        self._errors: list[str] = []
+        self._read = [0] * len(self._manifest.topics)
+        self._findings = [Findings(item.id) for item in self._manifest.requirements]
+
+    def result(self) -> Result:
+        manifest, recording, selection = self._manifest, self._recording, self._selection
+        names = [resolved(topic.name, selection) for topic in manifest.topics]
+        wanted = dict(self._wanted(names))
+        begin = _at(selection.begin, recording, recording.start)
+        last = _at(selection.end, recording, recording.end)
+        if last < begin:
+            refuse('the end is before the begin', help='--from and --to, in this order')
+        if self._changes is not None:
+            self._changes.begin(begin, [item.id for item in manifest.requirements])
+        self._play(wanted, begin, last)
+        end = max(last, _at(selection.until, recording, last))
+        self._take(self._engine.advance_all(end + manifest.reorder))
+        self._finish(end)
+        recorded = {name: recording.recorded[name] for name in names}
+        read = dict(zip(names, self._read))
+        if last >= recording.end:
+            self._compare(recorded, read)
+        return Result(recording.path, manifest, recorded, read, tuple(self._findings),
+                      tuple(self._errors), begin, end)
+
+    def _wanted(self, names: list[str]) -> Iterator[tuple[tuple[str, str], int]]:
+        types = self._recording.types
+        seen: dict[str, int] = {}
+        for index, (name, topic) in enumerate(zip(names, self._manifest.topics)):
+            if name in seen:
+                other = self._manifest.topics[seen[name]].name
+                refuse(f"'{other}' and '{topic.name}' are one topic here, {name}",
+                       help='give it one name in the bundle')
+            seen[name] = index
+            found = types.get(name, set())
+            if topic.message_type in found:
+                yield (name, topic.message_type), index
+            others = sorted(found - {topic.message_type})
+            if others:
+                self._errors.append(f'{name} was recorded as {" and ".join(others)}, the bundle '
+                                    f'says {topic.message_type}')
+            elif not found and not self._selection.may_miss:
+                near = did_you_mean(name, types)
+                self._errors.append(f'{name} was not recorded' + (f': {near}' if near else ''))
+
+    def _play(self, wanted: Mapping[tuple[str, str], int], begin: int, last: int) -> None:
+        has_begun = False
+        total = 0
+        try:
+            for batch in self._recording.batches(wanted, last):
+                for topic, count in batch.read.items():
+                    self._read[topic] += count
+                total += len(batch.topics)
+                before = sum(time < begin for time in batch.times) \
+                    if batch.times[0] < begin else 0
+                if before:
+                    self._take(self._engine.records(
+                        batch.topics[:before], batch.times[:before], batch.ends[:before],
+                        batch.messages, only_values=True))
+                if before == len(batch.topics):
+                    continue
+                if not has_begun:
+                    self._engine.advance(begin)
+                    has_begun = True
+                self._take(self._engine.records(
+                    batch.topics, batch.times, batch.ends, batch.messages, begin=before))
+                if self._on_progress is not None:
+                    self._on_progress(total)
+        except DamagedRecording as error:
+            self._errors.append(f'the recording cannot be read to its end: {error}')
+        if not has_begun:
+            self._engine.advance(begin)
+
+    def _take(self, found: Iterable[list[Violation]]) -> None:
+        for batch in found:
+            for index, _, stamp, is_recovery in batch:
+                if is_recovery:
+                    _end(self._findings[index], stamp)
+                else:
+                    _begin(self._findings[index], stamp)
+                if self._changes is not None:
+                    self._changes.change(stamp, index, is_recovery)
+
+    def _finish(self, end: int) -> None:
+        """Set the verdicts; complain of messages that could not be used."""
+        manifest = self._manifest
+        is_timed = manifest.policy is Policy.TIMED
+        counts = [self._engine.requirement_counts(k) for k in range(len(self._findings))]
+        is_open = self._open() if is_timed else set()
+        for index, (findings, found) in enumerate(zip(self._findings, counts)):
+            findings.violations = None if is_timed else found.violations
+            if found.violations or findings.occurrences:
+                findings.verdict = False
+            elif found.steps and index not in is_open:
+                findings.verdict = True
+            findings.is_open = findings.verdict is None and bool(found.steps)
+            if findings.since is not None:
+                findings.longest = max(findings.longest, end - findings.since)
+        for index, topic in enumerate(manifest.topics):
+            if count := self._engine.topic_counts(index).undecodable:
+                self._errors.append(f'{counted(count, "message")} of {topic.name} cannot be '
+                                    f'decoded as {topic.message_type}')
+        times = self._engine.time_counts()
+        if times.missed:
+            self._errors.append(f'{counted(times.missed, "period")} in gaps of the recording '
+                                'were left out')
+        if times.overflows:
+            self._errors.append(f'{counted(times.overflows, "change")} came faster than max_rate '
+                                'says')
+
+    def _open(self) -> set[int]:
+        """Return the requirements that would be violated if no further message came."""
+        forgiving = replace(self._monitor, manifest=replace(self._monitor.manifest, inputs=tuple(
+            replace(item, stale=Stale.WARN) for item in self._monitor.manifest.inputs)))
+        later = Evaluator(forgiving)
+        later.restore(self._evaluator.save())
+        found: set[int] = set()
+        for _ in range(_MOST_DEADLINES):
+            deadline = later.deadline
+            if deadline == NEVER:
+                break
+            found.update(item.requirement for item in later.advance(deadline))
+        return found
+
+    def _compare(self, recorded: Mapping[str, int], read: Mapping[str, int]) -> None:
+        for name, count in recorded.items():
+            if count != read[name]:
+                self._errors.append(
+                    f'{name}: {counted(count, "message")} recorded, {read[name]:,} read')
+
+
+def _begin(findings: Findings, stamp: int) -> None:
+    findings.occurrences += 1
+    findings.since = stamp
+    if len(findings.spans) < MOST_KEPT:
+        findings.spans.append((stamp, None))
+
+
+def _end(findings: Findings, stamp: int) -> None:
+    since, findings.since = findings.since, None
+    if since is not None:
+        findings.longest = max(findings.longest, stamp - since)
+        if findings.spans[-1] == (since, None):
+            findings.spans[-1] = (since, stamp)
+
+
+def _reporting_occurrences(monitor: Monitor) -> Monitor:
+    """Return a monitor that reports the begin of each violation, whatever its bundle says."""
+    requirements = tuple(replace(item, report=Report.OCCURRENCE)
+                         for item in monitor.manifest.requirements)
+    return replace(monitor, manifest=replace(monitor.manifest, requirements=requirements))
+
+
+def resolved(topic: str, selection: Selection) -> str:
+    """Return the name under which a topic of the bundle was recorded."""
+    name = _absolute(topic, selection.namespace)
+    renamed = {_absolute(old, selection.namespace): _absolute(new, selection.namespace)
+               for old, new in selection.remaps.items()}
+    return renamed.get(name, name)
+
+
+def _absolute(name: str, namespace: str) -> str:
+    if name.startswith('/'):
+        return name
+    parts = [part for part in (*namespace.split('/'), *name.split('/')) if part]
+    return '/' + '/'.join(parts)
+
+
+def _at(moment: Moment | None, recording: Recording, otherwise: int) -> int:
+    return otherwise if moment is None else moment.in_recording(recording.start, recording.end)

@@ -1,0 +1,143 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Checks many recordings, in several processes; a run that stopped goes on where it was.
+
+A recording that cannot be checked is one line of the results; it never ends the run.
+"""
+
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from concurrent.futures import as_completed, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+import hashlib
+import json
+from multiprocessing import get_context
+from pathlib import Path
+
+from fret_monitor.bag.check import check_recording, Result, Selection
+from fret_monitor.bag.recording import files_of
+from fret_monitor.bag.results import failed_line, json_line
+from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.native.errors import NativeError
+
+_BLOCK = 1 << 20
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one recording: its line of JSON, and a result or an error."""
+
+    path: Path
+    line: str
+    result: Result | None
+    error: str = ''
+
+
+def check_one(bundle: Path, path: Path, selection: Selection, *,
+              with_hash: bool = False) -> Outcome:
+    """Check a recording; what is wrong with it becomes part of the outcome."""
+    result = None
+    error = ''
+    try:
+        result = check_recording(bundle, path, selection)
+        line = json_line(result)
+    except (CompileError, NativeError, OSError) as problem:
+        error = str(problem)
+        line = failed_line(path, error)
+    if with_hash:
+        line = json.dumps({**json.loads(line), 'sha256': digest(path)}, ensure_ascii=False)
+    return Outcome(path, line, result, error)
+
+
+def digest(path: Path) -> str | None:
+    """Return the SHA-256 of a recording's files, in the order of their names; None: unreadable."""
+    found = hashlib.sha256()
+    try:
+        for file in files_of(path):
+            with file.open('rb') as content:
+                while block := content.read(_BLOCK):
+                    found.update(block)
+    except OSError:
+        return None
+    return found.hexdigest()
+
+
+def check_all(bundle: Path, paths: Sequence[Path], selection: Selection, *, jobs: int,
+              with_hash: bool = False) -> Iterator[Outcome]:
+    """Check recordings in `jobs` processes; yield the outcomes as they come."""
+    if jobs == 1:
+        for path in paths:
+            yield check_one(bundle, path, selection, with_hash=with_hash)
+        return
+    left = list(paths)
+    while left:
+        left = yield from _check_in_pool(bundle, left, selection, jobs, with_hash)
+
+
+def _check_in_pool(bundle: Path, paths: Sequence[Path], selection: Selection, jobs: int,
+                   with_hash: bool) -> Generator[Outcome, None, list[Path]]:
+    """Yield outcomes; return the recordings that are left if a process died."""
+    # Not forked: the library of a monitor may have been loaded here already.
+    with ProcessPoolExecutor(jobs, mp_context=get_context('spawn')) as pool:
+        waiting: dict[Future[Outcome], Path] = {}
+        queue = iter(paths)
+        _fill(pool, waiting, queue, bundle, selection, with_hash, 2 * jobs)
+        while waiting:
+            done = next(as_completed(waiting))
+            path = waiting.pop(done)
+            try:
+                yield done.result()
+            except BrokenProcessPool:
+                died = [path, *waiting.values()]
+                return (yield from _one_by_one(bundle, died, selection, with_hash, [*queue]))
+            _fill(pool, waiting, queue, bundle, selection, with_hash, 2 * jobs)
+    return []
+
+
+def _fill(pool: ProcessPoolExecutor, waiting: dict[Future[Outcome], Path], queue: Iterator[Path],
+          bundle: Path, selection: Selection, with_hash: bool, most: int) -> None:
+    while len(waiting) < most and (path := next(queue, None)) is not None:
+        waiting[pool.submit(check_one, bundle, path, selection, with_hash=with_hash)] = path
+
+
+def _one_by_one(bundle: Path, paths: Iterable[Path], selection: Selection, with_hash: bool,
+                rest: list[Path]) -> Generator[Outcome, None, list[Path]]:
+    """Check each recording in a process of its own, as one of them ended its process."""
+    for path in paths:
+        with ProcessPoolExecutor(1, mp_context=get_context('spawn')) as pool:
+            try:
+                yield pool.submit(
+                    check_one, bundle, path, selection, with_hash=with_hash).result()
+            except BrokenProcessPool:
+                error = 'the process that checked it died'
+                yield Outcome(path, failed_line(path, error), None, error)
+    return rest
+
+
+def finished(results: Path) -> dict[str, str | None]:
+    """Return the recordings in a file of results that an earlier run wrote, with their hashes."""
+    found: dict[str, str | None] = {}
+    try:
+        text = results.read_text(encoding='utf-8')
+    except FileNotFoundError:
+        return {}
+    for line in text.splitlines():
+        try:
+            item = json.loads(line)
+            found[str(item['bag'])] = item.get('sha256')
+        except (ValueError, KeyError, TypeError, AttributeError):
+            continue  # the run was stopped while it wrote this line
+    return found

@@ -1,0 +1,285 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Reads recordings: rosbag2 folders and files, and ROS 1 bags, as serialized messages.
+
+`rosbags` reads the files. Messages are taken from each storage itself: by way of a folder's
+metadata, `rosbags` yields nothing if the storage spells the QoS of a topic in another way.
+"""
+
+from array import array
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass
+from heapq import merge
+from itertools import accumulate
+from operator import itemgetter
+from pathlib import Path
+import sys
+from typing import Any, Self
+
+from fret_monitor.model.diagnostics import refuse
+from rosbags.interfaces import Connection, MessageDefinitionFormat
+from rosbags.rosbag1 import Reader as Reader1
+from rosbags.rosbag2 import Reader as Reader2
+from rosbags.typesys import get_types_from_idl, get_types_from_msg, get_typestore, Stores
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+_MOST_MESSAGES = 2048  # of a batch
+_MOST_BYTES = 1 << 20  # of a batch, but for its last message
+_SEPARATOR = '=' * 80 + '\n'
+_FILES = ('.mcap', '.db3', '.bag')
+
+
+class DamagedRecording(Exception):
+    """A part of a recording that cannot be read."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """
+    Messages in the order of their times.
+
+    `topics` are the numbers given for the topics, `times` nanoseconds; message k ends at `ends[k]`
+    of `messages`. `read` counts the messages of each topic's number.
+    """
+
+    topics: 'array[int]'
+    times: 'array[int]'
+    ends: 'array[int]'
+    messages: bytes
+    read: Mapping[int, int]
+
+
+class Recording(AbstractContextManager['Recording']):
+    """
+    An open recording; a context manager.
+
+    `types` has the types under which each topic was recorded, `recorded` the number of its
+    messages as the recording says it, `start` and `end` are the times of the first and the last
+    message (ns; both 0 if there is none).
+    """
+
+    def __init__(self, path: Path) -> None:
+        """
+        Open a recording.
+
+        Raises
+        ------
+        CompileError
+            if it is none, or it cannot be opened.
+        """
+        self.path = path
+        self._stack = ExitStack()
+        self._is_ros1 = path.suffix == '.bag'
+        self._check_path()
+        reader: Any
+        try:
+            reader = Reader1(path) if self._is_ros1 else Reader2(path)
+            self._stack.enter_context(reader)
+        except Exception as error:  # noqa: B902  # of whichever library reads the format
+            self._stack.close()
+            refuse(f"cannot read the recording '{path}': {_reason(error)}",
+                   help='a recording that was cut off can be repaired with `ros2 bag reindex` or '
+                   '`mcap recover`')
+        self._reader = reader
+        self._mode = None if self._is_ros1 else reader.compression_mode
+        self._storages: list[Any] = getattr(
+            getattr(reader, 'storage', None), 'storages', None) or [
+                reader if self._is_ros1 else reader.storage]
+        self._typestore = get_typestore(Stores.EMPTY)
+        connections: list[Connection] = list(reader.connections)
+        self.types: dict[str, set[str]] = {}
+        self.recorded: Counter[str] = Counter()
+        for item in connections:
+            self.types.setdefault(item.topic, set()).add(item.msgtype)
+            self.recorded[item.topic] += item.msgcount
+        has_messages = reader.message_count > 0
+        self.start: int = reader.start_time if has_messages else 0
+        self.end: int = reader.end_time - 1 if has_messages else 0
+
+    def __enter__(self) -> Self:
+        """Return the recording, which is open."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Close the recording."""
+        self._stack.close()
+
+    def _check_path(self) -> None:
+        path = self.path
+        if not path.exists():
+            refuse(f"there is no recording '{path}'")
+        if path.is_dir() and not (path / 'metadata.yaml').is_file():
+            within = sorted(item for item in path.iterdir()
+                            if item.suffix in _FILES or (item / 'metadata.yaml').is_file())
+            refuse(f"'{path}' is not a recording: it has no metadata.yaml",
+                   help=f"name the recordings in it, such as '{within[0]}'" if within else '')
+        if path.is_file() and path.suffix not in _FILES:
+            refuse(f"'{path}' is not a recording",
+                   help='a recording is a folder of rosbag2, or a file .mcap, .db3 or .bag')
+
+    def write_definitions(self, folder: Path) -> None:
+        """Write the message definitions that it contains to `folder`/share/PKG/msg/NAME.msg."""
+        for connection in self._connections():
+            if connection.msgdef.format is MessageDefinitionFormat.MSG and not self._is_ros1:
+                _write_text(folder, connection.msgtype, connection.msgdef.data)
+            elif connection.msgdef.format is not MessageDefinitionFormat.NONE:
+                self._register(connection)
+                text, _ = self._typestore.generate_msgdef(connection.msgtype, ros_version=2)
+                _write_text(folder, connection.msgtype, text)
+
+    def _connections(self) -> Iterable[Connection]:
+        """Return a connection of each type, with its definition if there is one."""
+        found: dict[str, Connection] = {}
+        for connection in self._reader.connections:
+            known = found.get(connection.msgtype)
+            if known is None or known.msgdef.format is MessageDefinitionFormat.NONE:
+                found[connection.msgtype] = connection
+        return found.values()
+
+    def _register(self, connection: Connection) -> None:
+        definition = connection.msgdef
+        if definition.format is MessageDefinitionFormat.MSG:
+            types = get_types_from_msg(definition.data, connection.msgtype)
+        else:
+            parts = definition.data.split(_SEPARATOR)
+            types = {}
+            if len(parts) > 1:  # each under a line `IDL: name`
+                parts = [part.partition('\n')[2] for part in parts[1:]]
+            for part in parts:
+                types.update(get_types_from_idl(part))
+        self._typestore.register(
+            {name: kind for name, kind in types.items() if name not in self._typestore.fielddefs})
+
+    def batches(self, wanted: Mapping[tuple[str, str], int],
+                until: int | None = None) -> Iterator[Batch]:
+        """
+        Yield the messages of topics in the order of their times, many at a time.
+
+        Parameters
+        ----------
+        wanted
+            a number for each name and type of a topic; the others are left out.
+        until
+            nanoseconds: messages after that are left out.
+
+        Raises
+        ------
+        DamagedRecording
+            after the last batch, if a part of it cannot be read.
+        """
+        topics, times, parts = array('I'), array('q'), list[bytes]()
+        size = 0
+        damage: Exception | None = None
+        messages = self._messages(wanted, None if until is None else until + 1)
+        while damage is None:
+            try:
+                for topic, time, data in messages:
+                    topics.append(topic)
+                    times.append(time)
+                    parts.append(data)
+                    size += len(data)
+                    if size >= _MOST_BYTES or len(parts) == _MOST_MESSAGES:
+                        break
+                else:
+                    break
+            except Exception as error:  # noqa: B902  # of whichever library reads the format
+                damage = error
+            if parts:
+                yield _batch(topics, times, parts)
+            topics, times, parts, size = array('I'), array('q'), [], 0
+        if parts:
+            yield _batch(topics, times, parts)
+        if damage is not None:
+            raise DamagedRecording(_reason(damage)) from None
+
+    def _messages(self, wanted: Mapping[tuple[str, str], int],
+                  stop: int | None) -> Iterator[tuple[int, int, bytes]]:
+        streams = [(storage, self._stream(storage, wanted, stop)) for storage in self._storages]
+        streams = sorted(
+            (item for item in streams if _metadata(item[0])[0] <= _metadata(item[0])[1]),
+            key=lambda item: _metadata(item[0]))
+        ends = [_metadata(storage)[1] for storage, _ in streams]
+        begins = [_metadata(storage)[0] for storage, _ in streams]
+        if all(end <= begin for end, begin in zip(ends, begins[1:])):
+            for _, stream in streams:
+                yield from stream
+        else:
+            yield from merge(*(stream for _, stream in streams), key=itemgetter(1))
+
+    def _stream(self, storage: Any, wanted: Mapping[tuple[str, str], int],
+                stop: int | None) -> Iterator[tuple[int, int, bytes]]:
+        numbers = {item.id: wanted[item.topic, item.msgtype] for item in storage.connections
+                   if (item.topic, item.msgtype) in wanted}
+        connections = [item for item in storage.connections if item.id in numbers]
+        if not connections:
+            return
+        convert = self._conversion()
+        for connection, time, data in storage.messages(connections, None, stop):
+            yield (numbers[connection.id], time,
+                   data if convert is None else convert(data, connection.msgtype))
+
+    def _conversion(self) -> Callable[[bytes, str], bytes] | None:
+        if self._is_ros1:
+            for connection in self._connections():
+                self._register(connection)
+            return lambda data, name: bytes(self._typestore.ros1_to_cdr(data, name))
+        if self._mode == 'message':
+            return lambda data, name: zstd.decompress(data)
+        return None
+
+
+def files_of(path: Path) -> list[Path]:
+    """Return the files that a recording consists of, by name."""
+    return sorted(item for item in path.iterdir() if item.is_file()) if path.is_dir() else [path]
+
+
+def _metadata(storage: Any) -> tuple[int, int]:
+    """Return the times of the first and after the last message of a storage."""
+    if isinstance(storage, Reader1):
+        return storage.start_time, storage.end_time
+    return storage.metadata.start_time, storage.metadata.end_time
+
+
+def _batch(topics: 'array[int]', times: 'array[int]', parts: list[bytes]) -> Batch:
+    ends = array('Q', accumulate(map(len, parts)))
+    return Batch(topics, times, ends, b''.join(parts), Counter(topics))
+
+
+def _write_text(folder: Path, name: str, text: str) -> None:
+    """Write the definition of a message, and those that follow it in `text`."""
+    first, *others = text.split(_SEPARATOR)
+    found = [(name, first)]
+    for other in others:
+        head, _, body = other.partition('\n')
+        found.append((head.removeprefix('MSG:').strip(), body))
+    for title, body in found:
+        package, _, rest = title.partition('/')
+        kind, _, short = rest.rpartition('/')
+        if (kind or 'msg') != 'msg' or not package.isidentifier() or not short.isidentifier():
+            continue  # of a service or action: what is installed is used
+        file = folder / 'share' / package / 'msg' / f'{short}.msg'
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(body, encoding='utf-8')
+
+
+def _reason(error: Exception) -> str:
+    return (str(error) or type(error).__name__).rstrip('.')

@@ -1,0 +1,150 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What was found in a recording, as JSON, JUnit, CSV and a table."""
+
+from collections.abc import Iterable, Sequence
+import csv
+import json
+from typing import TextIO
+from xml.etree import ElementTree
+
+from fret_monitor.bag.check import Findings, Result
+from fret_monitor.model.diagnostics import counted
+
+_SECOND_NS = 10**9
+_CONTROLS = {chr(k): '?' for k in range(32) if chr(k) not in '\t\n\r'}
+
+
+def seconds(time: int) -> str:
+    """Return nanoseconds as seconds with nine digits."""
+    whole, rest = divmod(abs(time), _SECOND_NS)
+    return f'{"-" if time < 0 else ""}{whole}.{rest:09d}'
+
+
+def json_line(result: Result) -> str:
+    """Return the result as a line of JSON (docs/recordings.md)."""
+    return json.dumps({
+        'bag': str(result.path),
+        'recorded': sum(result.recorded.values()),
+        'read': sum(result.read.values()),
+        'requirements': {item.id: {
+            'verdict': item.verdict,
+            'violations': item.violations,
+            'occurrences': item.occurrences,
+            'first': None if item.first is None else seconds(item.first),
+        } for item in result.findings},
+        'errors': list(result.errors),
+    }, ensure_ascii=False)
+
+
+def failed_line(path: object, error: str) -> str:
+    """Return the line of a recording that could not be checked at all."""
+    return json.dumps({'bag': str(path), 'recorded': 0, 'read': 0, 'requirements': {},
+                       'errors': [error]}, ensure_ascii=False)
+
+
+def verdict_text(item: Findings) -> str:
+    """Return the verdict in a word."""
+    if item.verdict is None:
+        return 'open' if item.is_open else 'not judged'
+    return 'satisfied' if item.verdict else 'VIOLATED'
+
+
+def table(result: Result) -> str:
+    """Return the result for a terminal; times count from the begin of what was judged."""
+    rows = [('requirement', 'verdict', 'occurrences', 'first at', 'longest')]
+    rows += [(item.id, verdict_text(item), f'{item.occurrences:,}',
+              '-' if item.first is None else f'{_short(item.first - result.begin)} s',
+              f'{_short(item.longest)} s' if item.occurrences else '-')
+             for item in result.findings]
+    widths = [max(len(row[column]) for row in rows) for column in range(5)]
+    lines = [f'{result.path}: {counted(sum(result.read.values()), "message")} on '
+             f'{counted(len(result.read), "topic")}, {_short(result.end - result.begin)} s']
+    return '\n'.join([*lines, *(_aligned(row, widths) for row in rows)])
+
+
+def _aligned(row: Sequence[str], widths: Sequence[int]) -> str:
+    """Return a row with its words on the left and its numbers on the right of their columns."""
+    words = [cell.ljust(width) for cell, width in zip(row[:2], widths)]
+    numbers = [cell.rjust(width) for cell, width in zip(row[2:], widths[2:])]
+    return '  '.join([*words, *numbers]).rstrip()
+
+
+def _short(time: int) -> str:
+    return seconds(time).rstrip('0').rstrip('.')
+
+
+def junit(results: Iterable[Result], failed: Iterable[tuple[str, str]], bundle: str) -> str:
+    """
+    Return the results as JUnit's XML: a suite a recording, a case a requirement.
+
+    `failed` are recordings that could not be checked, each with its error.
+    """
+    suites = ElementTree.Element('testsuites', name=_clean(bundle))
+    for result in results:
+        suite = ElementTree.SubElement(suites, 'testsuite', name=_clean(str(result.path)))
+        for item, requirement in zip(result.findings, result.manifest.requirements):
+            case = ElementTree.SubElement(
+                suite, 'testcase', name=_clean(item.id), classname=_clean(result.manifest.name))
+            if item.verdict is False:
+                first = '' if item.first is None else f', first at {seconds(item.first)}'
+                failure = ElementTree.SubElement(
+                    case, 'failure',
+                    message=f'violated {counted(item.occurrences, "time")}{first}')
+                failure.text = _clean(requirement.text)
+            elif item.verdict is None:
+                ElementTree.SubElement(case, 'skipped', message=verdict_text(item))
+        _add_errors(suite, result.errors)
+    for path, error in failed:
+        _add_errors(ElementTree.SubElement(suites, 'testsuite', name=_clean(path)), (error,))
+    for suite in suites:
+        suite.set('tests', str(len(suite)))
+        for kind in ('failure', 'error', 'skipped'):
+            plural = kind if kind == 'skipped' else f'{kind}s'
+            suite.set(plural, str(len(suite.findall(f'*/{kind}'))))
+    ElementTree.indent(suites)
+    return ElementTree.tostring(suites, encoding='unicode', xml_declaration=True) + '\n'
+
+
+def _add_errors(suite: ElementTree.Element, errors: Iterable[str]) -> None:
+    for error in errors:
+        case = ElementTree.SubElement(suite, 'testcase', name='recording', classname='recording')
+        ElementTree.SubElement(case, 'error', message=_clean(error))
+
+
+def _clean(text: str) -> str:
+    """Replace what XML cannot hold."""
+    return ''.join('?' if item in _CONTROLS or 0xD800 <= ord(item) < 0xE000
+                   or item in '\ufffe\uffff' else item for item in text)
+
+
+class ChangesCsv:
+    """Writes verdicts whenever one changes: a column a requirement, 1 fulfilled, 0 violated."""
+
+    def __init__(self, file: TextIO) -> None:
+        """Write to `file`, an open CSV file."""
+        self._writer = csv.writer(file, lineterminator='\n')
+        self._state: list[int] = []
+
+    def begin(self, time: int, ids: Sequence[str]) -> None:
+        """Write the heading, and the first row: all are fulfilled."""
+        self._state = [1] * len(ids)
+        self._writer.writerow(['time', *ids])
+        self._writer.writerow([seconds(time), *self._state])
+
+    def change(self, time: int, index: int, is_fulfilled: bool) -> None:
+        """Write a row with one verdict changed."""
+        self._state[index] = int(is_fulfilled)
+        self._writer.writerow([seconds(time), *self._state])

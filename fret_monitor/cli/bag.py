@@ -1,0 +1,177 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`bag BUNDLE BAG...`: the compiled monitors over recordings."""
+
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from importlib.util import find_spec
+import os
+from pathlib import Path
+import sys
+from typing import TYPE_CHECKING
+
+from fret_monitor.cli.constants import add_constants
+from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
+from fret_monitor.model.diagnostics import pip_install, refuse
+from fret_monitor.model.output import open_output, refuse_overwriting
+from fret_monitor.model.policies import Stamp
+
+if TYPE_CHECKING:
+    from fret_monitor.bag.check import Selection
+    from fret_monitor.bag.fleet import Outcome
+
+_MOMENT = 'seconds since the start, seconds since 1970, or such as end-3'
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the verb."""
+    parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
+    parser.add_argument('bags', metavar='BAG', nargs='+', type=Path,
+                        help='a folder of rosbag2, or a file .mcap, .db3 or .bag')
+    add_constants(parser)
+    names = parser.add_argument_group('names')
+    names.add_argument('--namespace', metavar='NS', default='/',
+                       help='where relative topics of the bundle were recorded; default /')
+    names.add_argument('--remap', metavar='OLD:=NEW', action='append', type=_remap, default=[],
+                       help='a topic of the bundle, and its name in the recording')
+    time = parser.add_argument_group('time')
+    time.add_argument('--from', metavar='T', dest='begin', type=_moment,
+                      help=f'judge from here on: {_MOMENT}; values before still count')
+    time.add_argument('--to', metavar='T', dest='end', type=_moment, help='judge up to here')
+    time.add_argument('--until', metavar='T', type=_moment,
+                      help='let the time go on after the last message, such as end+10')
+    time.add_argument('--stamp', choices=[item.value for item in Stamp],
+                      help='under policy: timed, override which time of a message counts')
+    gaps = parser.add_argument_group('what is missing')
+    gaps.add_argument('--partial', action='store_true',
+                      help='judge what can be read; exit with 0 though messages are missing')
+    gaps.add_argument('--missing-topics', choices=['error', 'ok'], default='error',
+                      help='whether a topic that was not recorded is an error (default)')
+    output = parser.add_argument_group('output')
+    output.add_argument('--fail-on-violation', action='store_true',
+                        help='exit with 1 if any requirement was violated')
+    output.add_argument('--json', action='store_true', help='print a line of JSON a recording')
+    output.add_argument('--junit', metavar='FILE.xml', type=Path, help='write a report for CI')
+    output.add_argument('--csv', metavar='FILE.csv', type=Path,
+                        help='write the changes of verdicts, of one recording')
+    output.add_argument('--jobs', metavar='N', type=_jobs, default=1,
+                        help='processes; 0: one a processor')
+    output.add_argument('--results', metavar='FILE.jsonl', type=Path,
+                        help='append a line of JSON a recording; those in it already are skipped')
+    parser.set_defaults(run=run)
+
+
+def run(options: Namespace) -> int:
+    """Check recordings; return 1 if something could not be seen, or at a wanted violation."""
+    if find_spec('rosbags') is None:
+        refuse('`bag` needs the extra `bag`', help=pip_install('rosbags'))
+    bundle = existing_bundle(options.bundle)
+    read = [bundle, *options.bags]
+    for path in (options.junit, options.csv, options.results):
+        if path is not None:
+            refuse_overwriting(path, read)
+    if options.csv is not None and len(options.bags) != 1:
+        refuse('--csv writes the changes of one recording',
+               help=f'here are {len(options.bags)}: call the command once for each')
+    return _check(options, bundle, _selection(options))
+
+
+def _selection(options: Namespace) -> 'Selection':
+    from fret_monitor.bag.check import Selection
+    return Selection(
+        options.namespace, dict(options.remap), options.begin, options.end, options.until,
+        options.partial, options.missing_topics == 'ok',
+        None if options.stamp is None else Stamp(options.stamp), dict(options.constants))
+
+
+def _check(options: Namespace, bundle: Path, selection: 'Selection') -> int:
+    from fret_monitor.bag.results import junit, table
+    failed: list[tuple[str, str]] = []
+    results = []
+    status = 0
+    for outcome in _outcomes(options, bundle, selection):
+        if outcome.result is None:
+            failed.append((str(outcome.path), outcome.error))
+            print(outcome.error, file=sys.stderr)
+        else:
+            results.append(outcome.result)
+            for error in outcome.result.errors:
+                kind = 'warning' if selection.is_partial else 'error'
+                print(f'{kind}: {outcome.path}: {error}', file=sys.stderr)
+            if outcome.result.errors and not selection.is_partial:
+                status = 1
+            if options.fail_on_violation and outcome.result.is_violated:
+                status = 1
+        if options.json:
+            print(outcome.line, flush=True)
+        elif outcome.result is not None:
+            print(table(outcome.result), flush=True)
+    if options.junit is not None:
+        with open_output(options.junit) as file:
+            file.write(junit(results, failed, str(bundle)))
+    return 1 if failed else status
+
+
+def _outcomes(options: Namespace, bundle: Path, selection: 'Selection') -> Iterator['Outcome']:
+    from fret_monitor.bag.fleet import check_all, check_one, finished
+    if options.csv is not None:
+        yield _with_changes(options, bundle, selection)
+        return
+    paths: Sequence[Path] = options.bags
+    if options.results is None:
+        if len(paths) == 1:
+            yield check_one(bundle, paths[0], selection)
+        else:
+            yield from check_all(bundle, paths, selection, jobs=options.jobs)
+        return
+    known = finished(options.results)
+    with options.results.open('a', encoding='utf-8') as file:
+        left = [path for path in paths if str(path) not in known]
+        for outcome in check_all(bundle, left, selection, jobs=options.jobs, with_hash=True):
+            file.write(outcome.line + '\n')
+            file.flush()
+            yield outcome
+
+
+def _with_changes(options: Namespace, bundle: Path, selection: 'Selection') -> 'Outcome':
+    from fret_monitor.bag.check import check_recording
+    from fret_monitor.bag.fleet import Outcome
+    from fret_monitor.bag.results import ChangesCsv, json_line
+    with ExitStack() as stack:
+        changes = ChangesCsv(stack.enter_context(open_output(options.csv)))
+        result = check_recording(bundle, options.bags[0], selection, changes=changes)
+    return Outcome(options.bags[0], json_line(result), result)
+
+
+def _remap(text: str) -> tuple[str, str]:
+    old, sign, new = text.partition(':=')
+    if not (old and sign and new):
+        raise ArgumentTypeError(f"'{text}' is not OLD:=NEW")
+    return old, new
+
+
+def _moment(text: str) -> object:
+    from fret_monitor.bag.moments import Moment
+    try:
+        return Moment.parse(text)
+    except ValueError as error:
+        raise ArgumentTypeError(f"'{text}' is no moment: {error}") from None
+
+
+def _jobs(text: str) -> int:
+    if not text.isdecimal() or int(text) > 4096:
+        raise ArgumentTypeError(f"'{text}' is not a number of processes")
+    return int(text) or len(os.sched_getaffinity(0))

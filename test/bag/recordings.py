@@ -1,0 +1,43 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings that tests write, with the writer of rosbags."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import get_typestore, Stores
+
+TYPES = get_typestore(Stores.ROS2_JAZZY)
+START = 1_700_000_000_000_000_000
+FLOAT = 'std_msgs/msg/Float64'
+Message = tuple[str, int, float]  # topic, nanoseconds since START, value
+
+
+def write(path: Path, messages: Iterable[Message], *, storage: StoragePlugin = StoragePlugin.MCAP,
+          compression: CompressionMode = CompressionMode.NONE, kind: str = FLOAT) -> Path:
+    """Write a recording of Float64 messages to a new folder; return it."""
+    make = TYPES.types[kind]
+    writer = Writer(path, version=9, storage_plugin=storage)
+    if compression is not CompressionMode.NONE:
+        writer.set_compression(compression, CompressionFormat.ZSTD)
+    with writer:
+        connections = {}
+        for topic, time, value in messages:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=TYPES)
+            writer.write(connections[topic], START + time,
+                         TYPES.serialize_cdr(make(value), kind))
+    return path

@@ -1,0 +1,362 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings: every storage gives the verdicts of `simulate`; what is missing is an error."""
+
+from collections.abc import Callable
+import json
+from pathlib import Path
+from random import Random
+import shutil
+from xml.etree import ElementTree
+
+from bag.recordings import Message, START, TYPES, write
+from fret_monitor.bag.check import check_recording, Selection
+from fret_monitor.bag.moments import Moment
+from fret_monitor.bag.results import json_line
+from fret_monitor.cli.main import main
+from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.start import start
+from fret_monitor.traces.simulate import simulate
+import pytest
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+
+SECOND = 10**9
+PUMP = """format: 1
+evaluation: {policy: POLICY}
+inputs:
+  level: {topic: level, type: std_msgs/msg/Float64, initial: 0}
+  flow: {topic: flow, type: std_msgs/msg/Float64, initial: 0}
+requirements:
+  - {id: LOW, ptltl: "level < 0.5"}
+  - {id: ANSWER, ptltl: "H (O[=N2] (flow > 0.5 & !O[<N2] level > 0.5) -> O[<=N2] level > 0.5)"}
+  - {id: NEVER, ptltl: "H (level < 0.9)"}
+"""
+
+
+def bundle(folder: Path, policy: str) -> Path:
+    timed = policy == 'timed'
+    text = PUMP.replace('POLICY', policy).replace('N2', '20 ms' if timed else '2')
+    text = text.replace('O[=20 ms] (flow > 0.5 & !O[<20 ms] level > 0.5)', 'O[<=20 ms] flow > 0.5')
+    file = folder / f'{policy}.yaml'
+    file.write_text(text, encoding='utf-8')
+    return file
+
+
+def random_messages(seed: int, count: int = 400) -> list[Message]:
+    rng = Random(seed)
+    time = 0
+    found = []
+    for _ in range(count):
+        time += rng.choice([1_000_000, 7_000_000, 10_000_000, 20_000_000, 40_000_000])
+        found.append((rng.choice(['/level', '/flow']), time, round(rng.random(), 3)))
+    return found
+
+
+def changes_of_simulate(file: Path, messages: list[Message], folder: Path) -> list[list[str]]:
+    """Return the rows of `simulate` at which a verdict changes; times since START."""
+    values = {'/level': 0.0, '/flow': 0.0}
+    is_timed = 'timed' in file.name
+    lines = ['time,level,flow']
+    if is_timed:
+        lines.append(f'{messages[0][1] / 1e9:.9f},0,0')
+    for topic, time, value in messages:
+        values[topic] = value
+        stamp = time + (is_timed and time == messages[0][1])
+        lines.append(f'{stamp / 1e9:.9f},{values["/level"]},{values["/flow"]}')
+    trace, out = folder / 'trace.csv', folder / 'out.csv'
+    trace.write_text('\n'.join(lines) + '\n', encoding='utf-8')
+    simulate(start(file).monitor, trace, out)
+    times = [line.split(',')[0] for line in lines[1:]]
+    found: list[list[str]] = []
+    last = ['1', '1', '1']
+    for row in out.read_text(encoding='utf-8').splitlines()[1:]:
+        step, *verdicts = row.split(',')
+        if verdicts != last:
+            found.append([step if is_timed else times[int(step)], *verdicts])
+            last = verdicts
+    return found
+
+
+def changes_of_bag(file: Path, path: Path, folder: Path) -> list[list[str]]:
+    """Return the changes that `bag` writes; times since START; one row for each time."""
+    out = folder / 'changes.csv'
+    assert main(['bag', str(file), str(path), '--csv', str(out)]) == 0
+    found: dict[str, list[str]] = {}
+    for row in out.read_text(encoding='utf-8').splitlines()[2:]:
+        time, *verdicts = row.split(',')
+        seconds, nanoseconds = time.split('.')
+        since = int(seconds) * SECOND + int(nanoseconds) - START
+        found[f'{since // SECOND}.{since % SECOND:09d}'] = verdicts
+    rows = [[time, *verdicts] for time, verdicts in found.items()]
+    first = ['', '1', '1', '1']
+    return [row for before, row in zip([first, *rows], rows) if before[1:] != row[1:]]
+
+
+@pytest.mark.parametrize(('storage', 'compression'), [
+    (StoragePlugin.SQLITE3, CompressionMode.NONE), (StoragePlugin.SQLITE3, CompressionMode.FILE),
+    (StoragePlugin.SQLITE3, CompressionMode.MESSAGE), (StoragePlugin.MCAP, CompressionMode.NONE),
+    (StoragePlugin.MCAP, CompressionMode.STORAGE)])
+def test_every_storage_is_read(
+        tmp_path: Path, storage: StoragePlugin, compression: CompressionMode) -> None:
+    messages = random_messages(1)
+    path = write(tmp_path / 'bag', messages, storage=storage, compression=compression)
+    result = check_recording(bundle(tmp_path, 'every_message'), path, Selection())
+    assert result.errors == ()
+    assert sum(result.read.values()) == sum(result.recorded.values()) == len(messages)
+    assert [item.verdict for item in result.findings] == [False, False, False]
+    low = sum(value >= 0.5 for value in levels(messages))
+    assert result.findings[0].violations == low
+
+
+def levels(messages: list[Message]) -> list[float]:
+    level = 0.0
+    found = []
+    for topic, _, value in messages:
+        level = value if topic == '/level' else level
+        found.append(level)
+    return found
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_verdicts_change_as_those_of_simulate(tmp_path: Path, seed: int) -> None:
+    messages = random_messages(seed)
+    path = write(tmp_path / 'bag', messages)
+    # Under `occurrence` a requirement H p is reported by p, so that only LOW is compared here.
+    file = bundle(tmp_path, 'every_message')
+    expected = [row[:2] for row in changes_of_simulate(file, messages, tmp_path)]
+    found = [row[:2] for row in changes_of_bag(file, path, tmp_path)]
+    assert thinned(found) == thinned(expected)
+    assert len(thinned(found)) > 20
+
+
+def thinned(rows: list[list[str]]) -> list[list[str]]:
+    """Leave out rows that repeat the verdict before them."""
+    return [row for before, row in zip([['', '1'], *rows], rows) if before[1] != row[1]]
+
+
+def test_deadlines_are_taken_at_their_instants(tmp_path: Path) -> None:
+    file = tmp_path / 'answer.yaml'
+    file.write_text("""format: 1
+evaluation: {policy: timed}
+inputs:
+  level: {topic: level, type: std_msgs/msg/Float64}
+  flow: {topic: flow, type: std_msgs/msg/Float64}
+requirements:
+  - {id: ANSWER, fretish: "when flow > 1 the pump shall within 2 seconds satisfy level > 1"}
+""", encoding='utf-8')
+    path = write(tmp_path / 'bag', [
+        ('/level', 0, 0.0), ('/flow', SECOND, 0.0), ('/flow', 2 * SECOND, 2.0),
+        ('/flow', 7 * SECOND, 0.0), ('/level', 8 * SECOND, 2.0),
+        ('/level', 9 * SECOND, 0.0), ('/flow', 10 * SECOND, 2.0)])
+    result = check_recording(file, path, Selection())
+    answer, = result.findings
+    assert (answer.verdict, answer.violations, answer.occurrences) == (False, None, 1)
+    assert answer.first in {START + 4 * SECOND, START + 4 * SECOND + 1}
+    later = check_recording(file, path, Selection(until=Moment.parse('end+10'))).findings[0]
+    assert later.occurrences == 2
+    assert later.spans[1][0] - START in {12 * SECOND, 12 * SECOND + 1}
+
+
+def test_a_deadline_after_the_last_message_is_open(tmp_path: Path) -> None:
+    file = tmp_path / 'answer.yaml'
+    file.write_text("""format: 1
+evaluation: {policy: timed}
+inputs:
+  level: {topic: level, type: std_msgs/msg/Float64, timeout: 1, stale: violate}
+requirements:
+  - {id: SOON, fretish: "when level > 1 the pump shall within 2 seconds satisfy level < 0"}
+  - {id: HIGH, ptltl: "level > -1"}
+""", encoding='utf-8')
+    path = write(tmp_path / 'bag', [('/level', 0, 0.0), ('/level', SECOND, 2.0)])
+    result = check_recording(file, path, Selection())
+    assert [(item.verdict, item.is_open) for item in result.findings] == [
+        (None, True), (True, False)]
+    assert json.loads(json_line(result))['requirements']['SOON']['verdict'] is None
+    ended = check_recording(file, path, Selection(until=Moment.parse('end+3')))
+    assert [item.verdict for item in ended.findings] == [False, False]  # and level is silent
+
+
+def test_values_before_the_begin_count_and_steps_do_not(tmp_path: Path) -> None:
+    file = tmp_path / 'low.yaml'
+    file.write_text("""format: 1
+inputs:
+  level: {topic: level, type: std_msgs/msg/Float64}
+  flow: {topic: flow, type: std_msgs/msg/Float64}
+requirements:
+  - {id: LOW, ptltl: "level < 1 | flow < 1"}
+""", encoding='utf-8')
+    path = write(tmp_path / 'bag', [
+        ('/level', 0, 5.0), ('/flow', SECOND, 5.0), ('/flow', 2 * SECOND, 0.0),
+        ('/flow', 3 * SECOND, 5.0), ('/flow', 4 * SECOND, 5.0)])
+
+    def found(begin: str = 'start', end: str = 'end') -> tuple[int | None, int | None]:
+        selection = Selection(begin=Moment.parse(begin), end=Moment.parse(end))
+        low = check_recording(file, path, selection).findings[0]
+        return low.violations, low.first
+
+    assert found() == (3, START + SECOND)
+    assert found(begin='1.5') == (2, START + 3 * SECOND)
+    assert found(begin='1.5', end='3') == (1, START + 3 * SECOND)
+    assert found(begin='end-0.5') == (1, START + 4 * SECOND)
+    assert found(end=f'{START // SECOND + 2}') == (1, START + SECOND)
+
+
+def remove_half(path: Path) -> str:
+    import apsw
+    connection = apsw.Connection(str(path / 'bag.db3'))
+    connection.execute('DELETE FROM messages WHERE id % 2 = 0')
+    connection.close()
+    return 'recorded, '
+
+
+def other_spelling(path: Path) -> str:
+    """Spell the QoS of the metadata in another way than the storage does: no message is lost."""
+    file = path / 'metadata.yaml'
+    text = file.read_text(encoding='utf-8')
+    changed = text.replace('offered_qos_profiles: []', """offered_qos_profiles:
+        - {history: keep_last, depth: 10, reliability: reliable, durability: volatile,
+           deadline: {sec: 0, nsec: 0}, lifespan: {sec: 0, nsec: 0}, liveliness: automatic,
+           liveliness_lease_duration: {sec: 0, nsec: 0}, avoid_ros_namespace_conventions: false}
+""".rstrip())
+    assert changed != text
+    file.write_text(changed, encoding='utf-8')
+    return ''
+
+
+def cut_off(path: Path) -> str:
+    file = path / 'bag.db3'
+    file.write_bytes(file.read_bytes()[:20_000])
+    return 'recorded, |cannot read|cannot be read'
+
+
+@pytest.mark.parametrize('damage', [remove_half, other_spelling, cut_off])
+def test_messages_that_are_missing_are_an_error(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str],
+        damage: Callable[[Path], str]) -> None:
+    path = write(tmp_path / 'bag', random_messages(2), storage=StoragePlugin.SQLITE3)
+    expected = damage(path)
+    file = bundle(tmp_path, 'every_message')
+    status = main(['bag', str(file), str(path), '--json'])
+    out, err = capsys.readouterr()
+    line = json.loads(out)
+    if not expected:
+        assert (status, err, line['errors'], line['read']) == (0, '', [], 400)
+        return
+    assert status == 1
+    assert any(part in err for part in expected.split('|'))
+    assert line['errors']
+    if line['requirements']:
+        assert main(['bag', str(file), str(path), '--partial']) == 0
+        assert 'warning: ' in capsys.readouterr().err
+
+
+def test_a_mapped_topic_that_was_not_recorded_is_an_error(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(tmp_path / 'bag', [('/robot/level', 0, 0.0), ('/robot/stream', 1, 0.0)])
+    file = bundle(tmp_path, 'every_message')
+    arguments = ['bag', str(file), str(path)]
+    assert main(arguments) == 1
+    assert "/level was not recorded: did you mean '/robot/level'?" in capsys.readouterr().err
+    assert main([*arguments, '--namespace', '/robot']) == 1
+    assert '/robot/flow was not recorded' in capsys.readouterr().err
+    assert main([*arguments, '--namespace', 'robot', '--missing-topics', 'ok']) == 0
+    assert main([*arguments, '--namespace', 'robot', '--remap', 'flow:=stream']) == 0
+    assert capsys.readouterr().err == ''
+    assert main([*arguments, '--remap', 'level:=/robot/level', '--remap',
+                 'flow:=/robot/stream']) == 0
+    assert main([*arguments, '--remap', 'level:=/x', '--remap', 'flow:=/x']) == 1
+    assert "'level' and 'flow' are one topic here, /x" in capsys.readouterr().err
+
+
+def test_a_topic_of_another_type_is_an_error_that_names_both(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(tmp_path / 'bag', [('/level', 0, 0.0), ('/flow', 1, 0.0)],
+                 kind='std_msgs/msg/Float32')
+    assert main(['bag', str(bundle(tmp_path, 'every_message')), str(path)]) == 1
+    assert ('/level was recorded as std_msgs/msg/Float32, the bundle says std_msgs/msg/Float64'
+            in capsys.readouterr().err)
+
+
+def test_several_recordings_in_processes_and_a_run_that_goes_on(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = [write(tmp_path / f'bag{number}', random_messages(number, 50)) for number in range(3)]
+    bad = tmp_path / 'bad.mcap'
+    bad.write_bytes(b'no recording at all')
+    results = tmp_path / 'results.jsonl'
+    file = bundle(tmp_path, 'every_message')
+    arguments = ['bag', str(file), *map(str, [*paths, bad]), '--results', str(results)]
+    assert main([*arguments, '--jobs', '2']) == 1
+    lines = [json.loads(line) for line in results.read_text(encoding='utf-8').splitlines()]
+    assert {line['bag'] for line in lines} == {str(path) for path in [*paths, bad]}
+    assert all(len(line['sha256']) == 64 for line in lines)
+    assert [bool(line['errors']) for line in sorted(lines, key=lambda line: str(line['bag']))] == [
+        True, False, False, False]
+    kept = [line for line in results.read_text(encoding='utf-8').splitlines()
+            if 'bag1' not in line]
+    results.write_text('\n'.join(kept) + '\n{"bag": "half', encoding='utf-8')
+    capsys.readouterr()
+    assert main(arguments) == 0
+    assert f'{paths[1]}: 50 messages' in capsys.readouterr().out
+    assert sum('bag1' in line for line in results.read_text(encoding='utf-8').splitlines()) == 1
+
+
+def test_what_a_program_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(tmp_path / 'bag', [('/level', 0, 0.0), ('/flow', 1, 0.0), ('/level', 5, 0.95)])
+    file, junit = bundle(tmp_path, 'every_message'), tmp_path / 'junit.xml'
+    assert main(['bag', str(file), str(path), '--json', '--junit', str(junit),
+                 '--fail-on-violation']) == 1
+    assert json.loads(capsys.readouterr().out) == {
+        'bag': str(path), 'recorded': 3, 'read': 3, 'errors': [], 'requirements': {
+            'LOW': {'verdict': False, 'violations': 1, 'occurrences': 1,
+                    'first': '1700000000.000000005'},
+            'ANSWER': {'verdict': True, 'violations': 0, 'occurrences': 0, 'first': None},
+            'NEVER': {'verdict': False, 'violations': 1, 'occurrences': 1,
+                      'first': '1700000000.000000005'}}}
+    suite, = ElementTree.parse(junit).getroot()
+    assert (suite.get('tests'), suite.get('failures'), suite.get('errors')) == ('3', '2', '0')
+    assert [case.get('name') for case in suite if case.find('failure') is not None] == [
+        'LOW', 'NEVER']
+
+
+def test_a_bag_of_ros_1_is_read(tmp_path: Path) -> None:
+    path = tmp_path / 'old.bag'
+    with Writer1(path) as writer:
+        level, flow = (writer.add_connection(topic, 'std_msgs/msg/Float64', typestore=TYPES)
+                       for topic in ('/level', '/flow'))
+        for number in range(10):
+            data = TYPES.serialize_ros1(
+                TYPES.types['std_msgs/msg/Float64'](0.2 * number), 'std_msgs/msg/Float64')
+            writer.write(level if number % 2 else flow, START + number, data)
+    result = check_recording(bundle(tmp_path, 'every_message'), path, Selection())
+    assert (result.errors, sum(result.read.values())) == ((), 10)
+    assert result.findings[0].violations == 7
+
+
+def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
+    file = bundle(tmp_path, 'every_message')
+    write(tmp_path / 'bags' / 'one', [('/level', 0, 0.0)])
+    (tmp_path / 'text.txt').write_text('hello', encoding='utf-8')
+    broken = write(tmp_path / 'broken', [('/level', 0, 0.0)])
+    (broken / 'broken.mcap').unlink()
+    shutil.copy(tmp_path / 'bags' / 'one' / 'one.mcap', tmp_path / 'cut.mcap')
+    whole = (tmp_path / 'cut.mcap').read_bytes()
+    (tmp_path / 'cut.mcap').write_bytes(whole[:len(whole) // 2])
+    for name, message in (('bags', 'is not a recording: it has no metadata.yaml'),
+                          ('text.txt', 'is not a recording'), ('gone', 'there is no recording'),
+                          ('broken', 'cannot read the recording'),
+                          ('cut.mcap', 'cannot read the recording')):
+        with pytest.raises(CompileError, match=message):
+            check_recording(file, tmp_path / name, Selection())
