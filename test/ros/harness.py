@@ -110,8 +110,9 @@ class NodeProcess:
         try:
             return self.process.wait(patience)
         except subprocess.TimeoutExpired:
+            output = self.output
             self.kill()
-            raise AssertionError(f'{self.name} did not end:\n{self.output}') from None
+            raise AssertionError(f'{self.name} did not end:\n{output}') from None
 
     def kill(self) -> None:
         """Kill the process if it still runs, and close its file."""
