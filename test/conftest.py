@@ -37,7 +37,8 @@ settings.load_profile('fret_monitor')
 
 ROOT = Path(__file__).resolve().parent.parent
 _BUSY = r'/test_(bench|colcon|faults|hot_path|interrupts|shutdown|soak)'  # those with ROS 2
-_LONG = r'/test_(lint|extractors|parts|engine|hostile|numbers|cells|mutants|readme|corpus)'
+_LONG = (r'/test_(lint|extractors|parts|engine|hostile|numbers|cells|mutants|readme|corpus|prove|'
+         r'clean_c|shape|layout|worst_case|shared_data|fretish_oracle|\w+_formulas)')
 _WORKER = 'PYTEST_XDIST_WORKER'
 _HOME = pytest.StashKey[str]()
 # Domain ids 0 to 101 give ports outside the ephemeral range; 0 is the default of all nodes.

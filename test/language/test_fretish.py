@@ -295,16 +295,16 @@ def test_garbage_of_a_hundred_thousand_characters_is_refused_in_time(text: str) 
 
 
 @pytest.mark.parametrize('text', [
-    'the sw shall always satisfy ' + '(' * 30_000 + 'p' + ')' * 30_000,
+    'the sw shall always satisfy ' + '(' * 15_000 + 'p' + ')' * 15_000,
     'the sw shall always satisfy ' + 'if p then ' * 5_000 + 'q',
-    'the sw shall always satisfy ' + '!' * 50_000 + 'p',
-    'the sw shall always satisfy ' + 'p & ' * 20_000 + 'q',
+    'the sw shall always satisfy ' + '!' * 20_000 + 'p',
+    'the sw shall always satisfy ' + 'p & ' * 10_000 + 'q',
     'when p ' + 'or if q ' * 8_000 + 'the sw shall eventually satisfy r',
 ])
 def test_long_and_deep_sentences_are_formalised_in_time(text: str) -> None:
     before = time.process_time()
     assert formalize(parse_fretish(text_of(text)))
-    assert time.process_time() - before < 20
+    assert time.process_time() - before < 10
 
 
 def test_a_formula_that_explodes_as_text_is_refused() -> None:

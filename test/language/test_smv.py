@@ -236,7 +236,7 @@ def test_errors_say_what_is_wrong_and_what_to_write(case: Path) -> None:
     golden.check(case, '\n\n'.join(str(error(formula)) for formula in formulas) + '\n')
 
 
-DEEP = 20_000
+DEEP = 8_000
 
 
 @pytest.mark.parametrize(('formula', 'nodes'), [

@@ -301,7 +301,7 @@ def test_the_text_of_a_time_is_exact_and_the_shortest(nanoseconds: int) -> None:
     assert time_text(-nanoseconds) == f'-{number} {unit}'
 
 
-DEEP = 20_000
+DEEP = 8_000
 
 
 def chain(length: int) -> Formula:

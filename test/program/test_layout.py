@@ -200,7 +200,7 @@ DEEP: list[Callable[[Formula, int], Formula]] = [
 
 
 @pytest.mark.parametrize(('kind', 'depth'), [
-    *((kind, 2_000) for kind in range(len(DEEP))), (0, 20_000), (1, 20_000), (3, 10_000)])
+    *((kind, 1_200) for kind in range(len(DEEP))), (0, 8_000), (1, 8_000), (3, 8_000)])
 def test_deep_formulas_are_translated_to_c(kind: int, depth: int) -> None:
     specification = specification_of([property_of('R-1', deep(DEEP[kind], depth))], [P, Q])
     generated = generate(specification)
