@@ -60,7 +60,8 @@ HUGE_BOUNDS = (65534, 65535, 65536, 2 ** 31 - 2, 2 ** 31 - 1)
 CONNECTIVES = tuple(item for item in BinaryOperator if item.is_boolean)
 RELATIONS = tuple(item for item in BinaryOperator if item.is_relation)
 ARITHMETIC = tuple(item for item in BinaryOperator
-                   if not item.is_boolean and not item.is_relation)
+                   if not item.is_boolean and not item.is_relation
+                   and item is not BinaryOperator.ATAN2)
 
 _NASTY_FLOAT64 = (0.0, 1.0, -1.0, -0.0, 0.5, 2.0, 3.0, 0.1, 1 / 3, -2.5, 1e16, 2.0 ** 53,
                   2.0 ** 63, -2.0 ** 63, 2.0 ** 64, 5e-324, -5e-324, 2.2250738585072014e-308,
@@ -218,6 +219,8 @@ class FormulaMaker:
         match self._draw(12):
             case 0:
                 return Unary(UnaryOperator.NEG, self.term(kind, size))
+            case 1 if kind is FLOAT64 and self._draw(2) and self._has_number():
+                return self._mathematics()
             case 1:
                 return Unary(UnaryOperator.ABS, self.term(kind, size))
             case 2 | 3 | 4 | 5 | 6 | 7:
@@ -229,6 +232,14 @@ class FormulaMaker:
                 return self._previous(kind, size)
             case _:
                 return self._converted(kind, size)
+
+    def _mathematics(self) -> Formula:
+        # Of an input, for the same reason as in `_power`.
+        operators = [item for item in UnaryOperator if item.is_library]
+        numbers = [as_term(leaf, FLOAT64) for leaf in self._leaves if becomes(leaf.type, FLOAT64)]
+        if self._draw(8) == 0:
+            return Binary(BinaryOperator.ATAN2, self._pick(numbers), self._pick(numbers))
+        return Unary(self._pick(operators), self._pick(numbers))
 
     def _arithmetic(self, operator: BinaryOperator, kind: ValueType, size: int) -> Formula:
         if operator is BinaryOperator.POW:

@@ -35,8 +35,10 @@ _KEYWORDS = frozenset("""
     static_cast template this throw try typeid typename using virtual wchar_t xor xor_eq
     linux unix i386 errno math_errhandling
 """.split())
-_OURS = frozenset({'s', 'in', 'state', 'inputs', 'verdicts', 'pow', 'fmod', 'fmodf', 'memset',
-                   'tick', 'next', 'unsettled'})
+_OURS = frozenset("""
+    s in state inputs verdicts tick next unsettled memset fmod fmodf pow atan2
+    sin cos tan asin acos atan sqrt exp log floor ceil round
+""".split())
 _GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+$')
 _MODULE = re.compile(
     r'(req|occ)_.*|requirements|verdicts|step|step_at|step_any|overflows|reset|monitor|readers'

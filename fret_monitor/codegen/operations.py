@@ -27,6 +27,7 @@ _MIXED = {BinaryOperator.LT: ('less', False, False), BinaryOperator.GE: ('less',
           BinaryOperator.GT: ('less', True, False), BinaryOperator.LE: ('less', True, True)}
 _ARITHMETIC = {BinaryOperator.ADD: '+', BinaryOperator.SUB: '-', BinaryOperator.MUL: '*',
                BinaryOperator.DIV: '/'}
+_OF_LIBRARY = {BinaryOperator.POW: 'pow', BinaryOperator.ATAN2: 'atan2'}
 _FUNCTIONS = {BinaryOperator.ADD: 'add', BinaryOperator.SUB: 'sub', BinaryOperator.MUL: 'mul',
               BinaryOperator.DIV: 'div', BinaryOperator.MOD: 'mod', BinaryOperator.MIN: 'min',
               BinaryOperator.MAX: 'max'}
@@ -40,7 +41,9 @@ def convert(operation: Convert, argument: c.CExpression, type: ValueType) -> c.C
 
 
 def unary(operator: UnaryOperator, argument: c.CExpression, type: ValueType) -> c.CExpression:
-    """Return the negative or the absolute value."""
+    """Return the negative, the absolute value, or a function of the C library."""
+    if operator.is_library:
+        return c.Apply(operator.value, (argument,))
     if operator is UnaryOperator.ABS:
         return c.Apply(f'fm_abs_{SUFFIXES[type]}', (argument,))
     if type.is_float:
@@ -93,6 +96,6 @@ def _arithmetic(operator: BinaryOperator, left: c.CExpression, right: c.CExpress
                 type: ValueType) -> c.CExpression:
     if type.is_float and operator in _ARITHMETIC:
         return c.Operation(_ARITHMETIC[operator], left, right)
-    if operator is BinaryOperator.POW:
-        return c.Apply('pow', (left, right))
+    if operator in _OF_LIBRARY:
+        return c.Apply(_OF_LIBRARY[operator], (left, right))
     return c.Apply(f'fm_{_FUNCTIONS[operator]}_{SUFFIXES[type]}', (left, right))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The predefined functions of FRET: their names, arguments and formulas.
+The predefined functions of FRET and of mathematics: their names, arguments and formulas.
 
 docs/numbers.md defines the operand types of `abs`, `min`, `max`, `ite` and `pre`; FRET's typed
 spellings (`absInt`, `preReal` ...) restrict them. `persisted`, `occurred` and `prevOcc` look back
@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from fret_monitor.elaboration.arithmetic import arithmetic, magnitude
 from fret_monitor.elaboration.durations import STEPS, TimeScale
 from fret_monitor.elaboration.terms import (
-    alike, convert, describe, expect_bool, expect_number, Number, TypedTerm,
+    alike, cast, convert, describe, expect_bool, expect_number, Number, TypedTerm,
 )
 from fret_monitor.logic.formula import (
     ALWAYS, Binary, BinaryOperator, Choice, Formula, FTP, Historically, Once, Previous, Since,
@@ -103,6 +103,18 @@ def _extreme(operator: BinaryOperator) -> Callable[[Application], Formula | Exac
         return arithmetic(operator, left, right, call.quoted, call.place, call.problems)
 
     return meaning
+
+
+def _library(operator: UnaryOperator | BinaryOperator) -> 'Function':
+    """Return a function of the C library; its arguments are converted to float64."""
+    def meaning(call: Application) -> Formula:
+        terms = [cast(term, expect_number(term, call.quoted), ValueType.FLOAT64)
+                 for term in call.arguments]
+        if isinstance(operator, UnaryOperator):
+            return Unary(operator, terms[0])
+        return Binary(operator, terms[0], terms[1])
+
+    return Function(('x',) if isinstance(operator, UnaryOperator) else ('y, x',), meaning)
 
 
 def _ite(call: Application) -> Formula:
@@ -224,6 +236,9 @@ FUNCTIONS = {
     'preInt': _PRE,
     'preReal': _PRE,
     'prevOcc': Function(('p, q',), _prev_occ, gives_truth=True),
+    **{item.value: _library(item)
+       for item in (*UnaryOperator, BinaryOperator.ATAN2)
+       if item is BinaryOperator.ATAN2 or isinstance(item, UnaryOperator) and item.is_library},
 }
 
 COUNTING = frozenset(name for name, item in FUNCTIONS.items() if item.counts_steps)

@@ -61,11 +61,32 @@ ALWAYS = Window(0, None)
 
 
 class UnaryOperator(Enum):
-    """NOT: BOOL to BOOL. NEG and ABS: INT64, UINT64, FLOAT32 or FLOAT64 to the same type."""
+    """
+    NOT: BOOL to BOOL. NEG and ABS: INT64, UINT64, FLOAT32 or FLOAT64 to the same type.
+
+    The others are functions of the C library, with its names: FLOAT64 to FLOAT64.
+    """
 
     NOT = '!'
     NEG = '-'
     ABS = 'abs'
+    SIN = 'sin'
+    COS = 'cos'
+    TAN = 'tan'
+    ASIN = 'asin'
+    ACOS = 'acos'
+    ATAN = 'atan'
+    SQRT = 'sqrt'
+    EXP = 'exp'
+    LOG = 'log'
+    FLOOR = 'floor'
+    CEIL = 'ceil'
+    ROUND = 'round'
+
+    @property
+    def is_library(self) -> bool:
+        """Whether it is a function of the C library."""
+        return self not in (UnaryOperator.NOT, UnaryOperator.NEG, UnaryOperator.ABS)
 
 
 class BinaryOperator(Enum):
@@ -96,6 +117,7 @@ class BinaryOperator(Enum):
     POW = '^'
     MIN = 'min'
     MAX = 'max'
+    ATAN2 = 'atan2'
 
     @property
     def is_boolean(self) -> bool:

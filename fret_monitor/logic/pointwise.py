@@ -103,7 +103,7 @@ def _unary(operation: UnaryOperator, kind: ValueType) -> Compute:
             fit = _FIT[kind]
             return lambda a: a if a >= 0 else fit(-a)
         case _:
-            assert_never(operation)
+            return library_function(operation.value, 1)
 
 
 def _binary(node: Binary) -> Compute:
@@ -115,6 +115,8 @@ def _binary(node: Binary) -> Compute:
         return _RELATIONS[node.operator]
     if node.operator is BinaryOperator.POW:
         return _power(node)
+    if node.operator is BinaryOperator.ATAN2:
+        return library_function('atan2', 2)
     compute = (_FLOAT if node.type.is_float else _INTEGER)[node.operator]
     fit = _FIT[node.type]
     return lambda a, b: fit(compute(a, b))
@@ -216,7 +218,7 @@ _FLOAT: dict[BinaryOperator, Compute] = {
 
 def _power(node: Binary) -> Compute:
     if node.right.type is ValueType.FLOAT64:
-        return _libm_pow
+        return library_function('pow', 2)
     fit = _FIT[node.type]
     return lambda base, exponent: _repeated(base, int(exponent), fit)
 
@@ -237,11 +239,13 @@ def _repeated(base: Value, exponent: int, fit: Callable[[Value], Value]) -> Valu
     return result
 
 
-def _libm_pow(base: float, exponent: float) -> float:
-    # Not Python's **, which raises an exception where C's pow returns an infinity or a NaN.
-    return cast(float, _pow(base, exponent))
+def library_function(name: str, arguments: int) -> Compute:
+    """
+    Return a function of the C library on `arguments` numbers of float64.
 
-
-_pow = ctypes.CDLL(None).pow
-_pow.argtypes = (ctypes.c_double, ctypes.c_double)
-_pow.restype = ctypes.c_double
+    Not that of `math`, nor `**`: these raise an exception where C returns an infinity or a NaN.
+    """
+    function = ctypes.CDLL(None)[name]
+    function.argtypes = (ctypes.c_double,) * arguments
+    function.restype = ctypes.c_double
+    return lambda *values: cast(float, function(*values))

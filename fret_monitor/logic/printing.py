@@ -149,7 +149,7 @@ def _unconverted(node: Formula) -> Formula:
 
 _SUMS = frozenset({BinaryOperator.ADD, BinaryOperator.SUB})
 _PRODUCTS = frozenset({BinaryOperator.MUL, BinaryOperator.DIV, BinaryOperator.MOD})
-_EXTREMES = frozenset({BinaryOperator.MIN, BinaryOperator.MAX})
+_CALLS = frozenset({BinaryOperator.MIN, BinaryOperator.MAX, BinaryOperator.ATAN2})
 _EQUALITIES = frozenset({BinaryOperator.EQ, BinaryOperator.NE})
 
 
@@ -181,7 +181,7 @@ class _Style:
                 return _Shape.ATOM
 
     def _binary_shape(self, node: Binary) -> _Shape:
-        if node.operator in _EXTREMES:
+        if node.operator in _CALLS:
             return _Shape.ATOM
         if node.operator in _SUMS:
             return _Shape.SUM
@@ -236,10 +236,12 @@ class _Style:
             case UnaryOperator.ABS:
                 return self._function('abs', node, node.argument)
             case _:
-                assert_never(node.operator)
+                return _call(node.operator.value, _Part(node.argument))
 
     def _binary(self, node: Binary) -> _Pieces:
-        if node.operator in _EXTREMES:
+        if node.operator is BinaryOperator.ATAN2:
+            return _call('atan2', _Part(node.left), _Part(node.right))
+        if node.operator in _CALLS:
             return self._function(node.operator.value, node, node.left, node.right)
         left, right = self._sides(node)
         return [left, f' {self.operators[node.operator]} ', right]

@@ -38,7 +38,10 @@ from fret_monitor.native.errors import CompilerError
 # contraction, so that verdicts are the same on every machine and equal the reference evaluator's.
 COMPILE_FLAGS = (
     '-std=c99', '-O2', '-fPIC', '-fvisibility=hidden', '-ffp-contract=off',
-    '-fno-builtin-pow',  # a constant-folded or inlined pow may differ from the library's
+    # A constant-folded or inlined call may differ from the library's.
+    *(f'-fno-builtin-{name}' for name in (
+        'pow', 'sin', 'cos', 'tan', 'asin', 'acos', 'atan', 'atan2', 'sqrt', 'exp', 'log', 'floor',
+        'ceil', 'round')),
     '-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Wswitch-enum',
 )
 LINK_FLAGS = ('-shared', '-Wl,-z,defs')

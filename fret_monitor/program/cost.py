@@ -52,7 +52,7 @@ COSTS = {
     'power, integer': 4, 'power, float': 4,
     'power round, integer': 6, 'power round, float': 6,
     'choice, Boolean': 5, 'choice, integer': 5, 'choice, float': 6,
-    'call of fmod': 7, 'call of pow': 7,
+    'call of fmod': 7, 'call of pow': 7, 'call of mathematics': 7,
     'bit': 5, 'packed bit': 6, 'word of packed bits': 4,
     'counter, O H [0,b]': 12, 'counter, S T [0,b]': 16,
     'counter, O H [a,inf)': 15, 'counter, S T [a,inf)': 18,
@@ -63,7 +63,8 @@ COSTS = {
     'feedback': 3, 'wire': 3,
 }
 # Inside the functions of the C library, for glibc 2.36, whose fmod divides bit by bit.
-LIBRARY_COSTS = {'fmod, float32': 3_000, 'fmod, float64': 20_000, 'pow': 500}
+LIBRARY_COSTS = {'fmod, float32': 3_000, 'fmod, float64': 20_000, 'pow': 500,
+                 'mathematics': 2_000}
 
 _BLOCK = 300  # equations assumed per function; codegen makes larger functions
 
@@ -129,6 +130,8 @@ def _kinds(equation: Equation, is_packed: bool) -> Iterator[tuple[str, int]]:
                 yield 'conversion, to float', 1
             else:
                 yield 'conversion, to integer', 1
+        case ApplyUnary() if operation.operator.is_library:
+            yield from (('call of mathematics', 1), ('mathematics', 1))
         case ApplyUnary():
             yield f'{"abs" if operation.operator is UnaryOperator.ABS else "minus"}, {family}', 1
         case ApplyBinary():
@@ -169,6 +172,8 @@ def _binary(operation: ApplyBinary) -> Iterator[str]:
         yield f'relation, {family}' if types[0] is types[1] else 'relation, int64 with uint64'
     elif operator is BinaryOperator.POW:
         yield from ('call of pow', 'pow')
+    elif operator is BinaryOperator.ATAN2:
+        yield from ('call of mathematics', 'mathematics')
     elif operator is BinaryOperator.MOD and types[0].is_float:
         yield from ('call of fmod', f'fmod, {types[0].value}')
     elif operator in (BinaryOperator.DIV, BinaryOperator.MOD):

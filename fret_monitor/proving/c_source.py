@@ -29,6 +29,7 @@ from typing import Any, TypeAlias
 
 from fret_monitor.native.compiler import find_compiler
 from fret_monitor.native.errors import NativeError
+from fret_monitor.smt.terms import LIBRARY
 from pycparser import c_ast, CParser
 from pycparser.c_generator import CGenerator
 from pycparser.c_parser import ParseError
@@ -45,7 +46,8 @@ _HEADERS = {
         for name, bits in (('char', 8), ('short', 16), ('int', 32), ('long long', 64))) + _LIMITS,
     'float.h': '',
     'math.h': 'double fmod(double, double);\nfloat fmodf(float, float);\n'
-              'double pow(double, double);\n'
+              + ''.join(f'double {name}({", ".join(["double"] * count)});\n'
+                        for name, count in LIBRARY.items() if name != 'fmod') +
               '#define NAN FM_NAN\n#define INFINITY FM_INFINITY\n',
     'string.h': 'void * memset(void *, int, unsigned long long);\n',
 }

@@ -24,7 +24,7 @@ from fret_monitor.logic.formula import BinaryOperator
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.policies import Policy
 from fret_monitor.program.monitor_program import (
-    ApplyBinary, MonitorProgram, PreviousNumber, SinceBetween,
+    ApplyBinary, ApplyUnary, Equation, MonitorProgram, PreviousNumber, SinceBetween,
 )
 from fret_monitor.proving.obligations import Proof
 from fret_monitor.proving.queues import PROVED_CAPACITY
@@ -48,7 +48,8 @@ _SAME = ('fm_same_f32 and fm_same_f64 compare the bits of two numbers (they read
          'is not modelled here; tested)')
 _QUEUE = (f'fm_since_between_at with more than {PROVED_CAPACITY} intervals (windows [a,b] with a '
           'above about half of b) and fm_overflowed_at: tested against the reference, not proved')
-_LIBRARY = 'fmod and pow of the C library give the same value for the same arguments'
+_LIBRARY = ('the functions of mathematics are those of the C library, and give the same value for '
+            'the same arguments; what they compute is not proved')
 _PROVED = ('For every trace of inputs, each verdict of the C is that of the program, and no',
            'step has undefined behaviour.')
 _PROVED_AT_TICKS = (
@@ -85,10 +86,19 @@ class Certificate:
 
 
 def _uses_library(program: MonitorProgram) -> bool:
-    kinds = (BinaryOperator.MOD, BinaryOperator.POW)
-    return any(isinstance(equation.operation, ApplyBinary)
-               and equation.operation.operator in kinds and equation.type.is_float
+    return any(_is_library_call(equation)
                for group in program.groups for equation in group.equations)
+
+
+def _is_library_call(equation: Equation) -> bool:
+    match equation.operation:
+        case ApplyUnary(operator):
+            return operator.is_library
+        case ApplyBinary(operator):
+            return equation.type.is_float and operator in (
+                BinaryOperator.MOD, BinaryOperator.POW, BinaryOperator.ATAN2)
+        case _:
+            return False
 
 
 def _trusted_cells(program: MonitorProgram) -> Iterator[str]:

@@ -199,11 +199,12 @@ class Machine:
         if name == 'memset':
             self._memset(arguments)
             return None
-        if name in ('pow', 'fmod', 'fmodf'):
+        if name in t.LIBRARY or name == 'fmodf':
             kind = c.FLOAT if name == 'fmodf' else c.DOUBLE
-            left, right = (self._passed(item, kind, name) for item in arguments)
-            assert isinstance(left, Value) and isinstance(right, Value)
-            return Value(kind, t.library(name.rstrip('f'), left.term, right.term))
+            passed = [self._passed(item, kind, name) for item in arguments]
+            return Value(kind, t.library(
+                'fmod' if name == 'fmodf' else name,
+                *(item.term for item in passed if isinstance(item, Value))))
         raise c.Unreadable(f'{name} is not defined')
 
     def _memset(self, arguments: Sequence[Value | Reference]) -> None:

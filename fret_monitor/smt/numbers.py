@@ -47,7 +47,9 @@ def convert(item: Term, source: ValueType, target: ValueType) -> Term:
 
 
 def unary(operator: UnaryOperator, item: Term, kind: ValueType) -> Term:
-    """Return the negation, or the absolute value (`x` if `x >= 0`, else `-x`)."""
+    """Return the negation, the absolute value (`x` if `x >= 0`, else `-x`), or a call."""
+    if operator.is_library:
+        return t.library(operator.value, item)
     if kind.is_float:
         negative = t.unary('fneg', item)
         natural = t.relation('fle', t.floating(0.0, kind.bits), item)
@@ -145,6 +147,8 @@ def _of_floats(operator: BinaryOperator, left: Term, right: Term) -> Term:
             return t.library('fmod', left, right)
         case BinaryOperator.POW:
             return t.library('pow', left, right)
+        case BinaryOperator.ATAN2:
+            return t.library('atan2', left, right)
         case _:
             raise ValueError(f'{operator} is no arithmetic')
 

@@ -17,8 +17,8 @@ Validity queries to z3.
 
 Expensive operations (multiplication, division, float arithmetic, conversions) are first abstracted
 to uninterpreted functions, which is sound. Only if that proof fails, the query is repeated with
-the operations themselves. `fmod`, `pow` and cells that are replaced by contracts are always
-uninterpreted.
+the operations themselves. Functions of the C library, and cells that are replaced by contracts,
+are always uninterpreted.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -42,7 +42,7 @@ import z3
 _EXPENSIVE = frozenset({'mul', 'udiv', 'urem', 'sdiv', 'srem', 'fadd', 'fsub', 'fmul', 'fdiv',
                         'float', 'float_u', 'float_s'})
 _TRIALS = 500
-_UNINTERPRETED = frozenset({'fmod', 'pow', 'cell', 'cell_next'})
+_UNINTERPRETED = frozenset({*t.LIBRARY, 'cell', 'cell_next'})
 
 
 class Answer(Enum):

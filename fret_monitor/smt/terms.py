@@ -43,10 +43,18 @@ _interned: 'WeakValueDictionary[tuple[Any, ...], Term]' = WeakValueDictionary()
 _interning = Lock()
 _numbers = count()
 
-_libm: Any = ctypes.CDLL(None)
-for _function in (_libm.fmod, _libm.pow):
-    _function.argtypes = (ctypes.c_double, ctypes.c_double)
-    _function.restype = ctypes.c_double
+LIBRARY = {
+    'fmod': 2, 'pow': 2, 'atan2': 2,
+    **dict.fromkeys(('sin', 'cos', 'tan', 'asin', 'acos', 'atan', 'sqrt', 'exp', 'log', 'floor',
+                     'ceil', 'round'), 1)}
+"""Functions of the C library on float64, with the number of their arguments."""
+
+
+def _of_library(name: str, arguments: int) -> Callable[..., float]:
+    function = ctypes.CDLL(None)[name]
+    function.argtypes = (ctypes.c_double,) * arguments
+    function.restype = ctypes.c_double
+    return lambda width, *values: function(*values)
 
 
 def word(bits: int) -> Sort:
@@ -239,8 +247,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     'flt': lambda w, a, b: a < b,
     'fle': lambda w, a, b: a <= b,
     'feq': lambda w, a, b: a == b,
-    'fmod': lambda w, a, b: _libm.fmod(a, b),
-    'pow': lambda w, a, b: _libm.pow(a, b),
+    **{name: _of_library(name, arguments) for name, arguments in LIBRARY.items()},
     'float': lambda w, a: _rounded(a, w),
     'float_u': lambda w, a: from_integer(a, w),
     'float_s': lambda w, a: from_integer(a, w),
@@ -518,9 +525,9 @@ def to_real(item: Term, bits: int, is_signed: bool = False) -> Term:
     return _make(op, real(bits), item)
 
 
-def library(name: str, left: Term, right: Term) -> Term:
-    """Return the result of `fmod` or `pow` of the C library, uninterpreted."""
-    return term(name, left.sort, (left, right))
+def library(name: str, *arguments: Term) -> Term:
+    """Return the result of a function of the C library, uninterpreted."""
+    return term(name, arguments[0].sort, arguments)
 
 
 # -- rings and cells -------------------------------------------------------------------------
@@ -593,7 +600,7 @@ def _rebuilt(item: Term, args: list[Term]) -> Term:
             return unary(item.op, args[0])
         case _ if item.op in RELATIONS:
             return relation(item.op, args[0], args[1])
-        case _ if item.op in FUNCTIONS and item.op not in ('fmod', 'pow'):
+        case _ if item.op in FUNCTIONS and item.op not in LIBRARY:
             return operation(item.op, args[0], args[1])
         case _:
             return term(item.op, item.sort, tuple(args), item.value)

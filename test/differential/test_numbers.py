@@ -69,8 +69,13 @@ def terms() -> Iterator[Formula]:
     for kind in TERM_TYPES:
         yield from (Unary(operator, A[kind]) for operator in (UnaryOperator.NEG,
                                                               UnaryOperator.ABS))
+        if kind is FLOAT64:
+            yield from (Unary(item, A[kind]) for item in UnaryOperator if item.is_library)
         for operator in BinaryOperator:
-            if operator is BinaryOperator.POW:
+            if operator is BinaryOperator.ATAN2:
+                if kind is FLOAT64:
+                    yield Binary(operator, A[kind], B[kind])
+            elif operator is BinaryOperator.POW:
                 yield from (Binary(operator, A[kind], Constant(n, INT64)) for n in EXPONENTS)
             elif not operator.is_boolean and not operator.is_relation:
                 yield Binary(operator, A[kind], B[kind])

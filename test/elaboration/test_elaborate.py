@@ -458,7 +458,7 @@ class TestMistakes:
         ('absInd(f32) > 1', "did you mean 'absInt'?"),
         ('f32 => 3', "=> is an implication; for 'at least' write >="),
         ('f32 -> 3', 'compare it with something, as in x > 0'),
-        ('sin(f32) > 1', 'one of ' + ', '.join(sorted(FUNCTIONS))),
+        ('gamma(f32) > 1', 'one of ' + ', '.join(sorted(FUNCTIONS))),
         ('yout(3) > 1',
          'for an element of an array declare an input of its own, such as yout_3'),
         ('p & 1', 'write TRUE'),
@@ -562,6 +562,11 @@ class TestFunctions:
             '>', wide(Unary(UnaryOperator.ABS, i('i8')), FLOAT64),
             Unary(UnaryOperator.ABS, wide(NUMBERS['i8'], FLOAT64)))),
         ('absInt(-3) = maxInt(1, 3)', TRUE),
+        ('sqrt(f32) > floor(i8)', binary(
+            '>', Unary(UnaryOperator.SQRT, wide(NUMBERS['f32'], FLOAT64)),
+            Unary(UnaryOperator.FLOOR, wide(NUMBERS['i8'], FLOAT64)))),
+        ('atan2(1, three) > f64', binary(
+            '>', binary('atan2', number(1.0, FLOAT64), number(3.0, FLOAT64)), NUMBERS['f64'])),
         ('min(1, u64) > max(2, f32)', binary(
             '>', wide(binary('min', number(1, UINT64), NUMBERS['u64']), FLOAT64),
             wide(binary('max', number(2.0, FLOAT32), NUMBERS['f32']), FLOAT64))),

@@ -205,7 +205,8 @@ def test_a_definition_that_cannot_be_used_is_a_manual_task(tmp_path: Path) -> No
 def test_what_cannot_be_monitored_is_a_comment_and_a_task(tmp_path: Path) -> None:
     project = {'requirements': [
         requirement('Good', 'rover shall always satisfy speed < 3'),
-        requirement('Sine', 'rover shall always satisfy sin(speed) < 0.5', '(H (sin(speed) < 1))'),
+        requirement('Sine', 'rover shall always satisfy gamma(speed) < 0.5',
+                    '(H (gamma(speed) < 1))'),
         requirement('Empty', '')]}
     found = imported(tmp_path, moon_json=project)
     assert [item.id for item in found.draft.requirements] == ['Good']
@@ -375,9 +376,9 @@ def test_what_cannot_be_imported_is_refused_with_a_reason(tmp_path: Path, conten
 
 
 def test_a_project_without_usable_requirements_is_refused(tmp_path: Path) -> None:
-    project = {'requirements': [requirement('A', 'rover shall always satisfy sin(x) < 1')]}
+    project = {'requirements': [requirement('A', 'rover shall always satisfy gamma(x) < 1')]}
     reason = refused(tmp_path, moon_json=project)
-    assert "there is no function 'sin'" in reason and 'did you mean' not in reason
+    assert "there is no function 'gamma'" in reason and 'did you mean' not in reason
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
@@ -420,7 +421,7 @@ def test_a_broken_definition_that_nothing_uses_is_not_a_task(tmp_path: Path) -> 
 
 
 STRAY = requirement('R-3', 'rover must be nice', component='')
-SINE = requirement('S', 'arm shall always satisfy sin(x) < 1', component='arm')
+SINE = requirement('S', 'arm shall always satisfy gamma(x) < 1', component='arm')
 
 
 def test_a_requirement_without_component_is_a_comment_in_the_only_one(tmp_path: Path) -> None:
@@ -466,7 +467,7 @@ def test_a_folder_gets_the_usable_components_and_the_rest_is_reported(tmp_path: 
     titles = [item.title for item in found[0].warnings]
     assert "no bundle for 'Moon/arm', as no requirement can be monitored: S" in titles
     assert 'in no bundle, because they have no component: R-3' in titles
-    assert "there is no function 'sin'" in titles
+    assert "there is no function 'gamma'" in titles
     assert found[1].warnings == ()
 
 
@@ -475,7 +476,7 @@ def test_a_folder_without_any_usable_requirement_is_refused(tmp_path: Path) -> N
         SINE, requirement('L', 'lander shall always satisfy cos(x) < 1', component='lander')]})
     with pytest.raises(CompileError) as raised:
         import_bundles(paths, tmp_path / 'all', is_folder=True)
-    assert "there is no function 'sin'" in str(raised.value)
+    assert "there is no function 'gamma'" in str(raised.value)
     assert "there is no function 'cos'" in str(raised.value)
     assert 'warning' not in str(raised.value)
 

@@ -299,6 +299,28 @@ def test_a_power_of_a_float64_with_a_whole_exponent_is_not_pow_of_libm() -> None
     assert same(repeated(-1.0, 2 ** 63 - 1), -1.0)
 
 
+@pytest.mark.parametrize(('operator', 'value', 'expected'), [
+    (UnaryOperator.SQRT, 2.25, 1.5),
+    (UnaryOperator.SQRT, -1.0, math.nan),
+    (UnaryOperator.LOG, 0.0, -math.inf),
+    (UnaryOperator.LOG, -1.0, math.nan),
+    (UnaryOperator.EXP, 1000.0, math.inf),
+    (UnaryOperator.ACOS, 2.0, math.nan),
+    (UnaryOperator.SIN, math.inf, math.nan),
+    (UnaryOperator.COS, 0.0, 1.0),
+    (UnaryOperator.FLOOR, -0.5, -1.0),
+    (UnaryOperator.CEIL, 1e300, 1e300),
+    (UnaryOperator.ROUND, 2.5, 3.0),
+    (UnaryOperator.ROUND, -0.5, -1.0),
+    (UnaryOperator.ROUND, 0.49999999999999994, 0.0),
+    (UnaryOperator.ROUND, math.nan, math.nan),
+])
+def test_a_function_of_the_library_gives_what_it_gives_in_c(
+        operator: UnaryOperator, value: float, expected: float) -> None:
+    found, = evaluate(Unary(operator, Variable('a', FLOAT64)), {'a': [value]})
+    assert same(found, expected)
+
+
 @pytest.mark.parametrize('operator', [item for item in BinaryOperator if item.is_relation])
 def test_a_comparison_with_nan_is_false_but_for_not_equal(operator: BinaryOperator) -> None:
     for a, b in [(math.nan, 1.0), (1.0, math.nan), (math.nan, math.nan)]:

@@ -106,6 +106,7 @@ def bundle(tmp_path: Path, *requirements: str) -> GeneratedMonitor:
 
 @pytest.mark.parametrize(('formula', 'old', 'new'), [
     ('O[0,5] p', '5u, in->p', '6u, in->p'),
+    ('sin(x) < 0.5', '= sin(', '= cos('),
     ('H[0,5] p', 'fm_always_within_u8', 'fm_once_within_u8'),
     ('p S q', 'in->q | (in->p &', 'in->p | (in->q &'),
     ('Y p', 's->flag_1 = in->p', 's->flag_1 = !in->p'),

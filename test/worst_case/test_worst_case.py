@@ -34,7 +34,7 @@ from fret_monitor.build import read
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.logic.formula import (
     ALWAYS, Binary, BinaryOperator, Constant, FTP, Historically, Once, postorder, Since, Triggered,
-    Variable, Window, Yesterday,
+    Unary, UnaryOperator, Variable, Window, Yesterday,
 )
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.policies import Policy
@@ -44,6 +44,7 @@ from fret_monitor.native.stack import call_graph
 from fret_monitor.program.cost import Cost, COSTS, kinds, LIBRARY_COSTS, step_cost
 from fret_monitor.program.layout import GroupLayout, lay_out
 from fret_monitor.program.lower import lower
+from fret_monitor.smt.terms import LIBRARY
 import pytest
 from strategies import INPUTS, property_of, random_inputs, random_property, specification_of
 
@@ -111,6 +112,11 @@ def remainders() -> Specification:
         found += [property_of(f'{operator.name}-{kind.value}', Binary(
             BinaryOperator.LT, Binary(operator, x, y), Constant(0.5, kind)))
             for operator in operators]
+    x, y = Variable('x_float64', ValueType.FLOAT64), Variable('y_float64', ValueType.FLOAT64)
+    calls = [Unary(item, x) for item in UnaryOperator if item.is_library]
+    found += [property_of(f'{call.operator.name}-float64', Binary(
+        BinaryOperator.LT, call, Constant(0.5, ValueType.FLOAT64)))
+        for call in (*calls, Binary(BinaryOperator.ATAN2, x, y))]
     return specification_of(found)
 
 
@@ -284,5 +290,5 @@ def test_generated_c_has_no_recursion_and_no_calls_through_pointers(
     module = generate(lower(specification), layouts_of(specification))
     graph = graph_of(module, [name for name, _ in module.sources])
     assert max(map(graph.depth, graph.frames)) > 0  # depth raises for a recursion and names it
-    assert graph.external <= {'memset', 'fmod', 'fmodf', 'pow'}
+    assert graph.external <= {'memset', 'fmodf', *LIBRARY}
     assert not any('__indirect_call' in called for called in graph.calls.values())
