@@ -52,6 +52,7 @@ PROVE = [
 TEST = [
     *BAG,
     *PROVE,
+    'argcomplete>=3,<4',
     'catkin-pkg>=1',
     'colcon-core>=0.18',
     'colcon-ros>=0.5,<1',

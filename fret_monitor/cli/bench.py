@@ -15,8 +15,8 @@
 """`bench BUNDLE [--json]`: time of a step, state and compile time of a bundle."""
 
 from argparse import ArgumentParser, Namespace
-import json
 
+from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.traces.benchmark import measure, Measurement
 
@@ -24,14 +24,17 @@ from fret_monitor.traces.benchmark import measure, Measurement
 def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    add_json_option(parser)
     parser.set_defaults(run=run)
 
 
 def run(options: Namespace) -> int:
     """Measure a bundle."""
     found = measure(existing_bundle(options.bundle))
-    print(json.dumps(found.as_dict()) if options.json else _shown(found))
+    if options.json:
+        print_document(found.as_dict(), [])
+    else:
+        print(_shown(found))
     return 0
 
 

@@ -19,15 +19,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-import sys
+from typing import NamedTuple
 
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
 from fret_monitor.cli.constants import add_constants
+from fret_monitor.cli.document import add_json_option, print_document
+from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.elaboration.durations import approximate
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import CompileError, counted, Text
+from fret_monitor.model.diagnostics import CompileError, counted, Diagnostic, Text
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.model.times import time_text
 from fret_monitor.program.layout import lay_out, state_bytes
@@ -50,25 +52,86 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('bundles', metavar='BUNDLE', nargs='+', help=BUNDLE_HELP)
     add_constants(parser)
+    add_json_option(parser)
     parser.set_defaults(run=run)
 
 
 def run(options: Namespace) -> int:
     """Check each bundle; return 1 if any has an error."""
-    return max([_check(name, dict(options.constants)) for name in options.bundles])
+    found = []
+    for name in options.bundles:
+        item = _checked(name, dict(options.constants))
+        found.append(item)
+        if not options.json:
+            print_diagnostics(item.diagnostics)
+            if item.generated is not None:
+                print('\n'.join(_report(item.path, item.generated)))
+    if options.json:
+        print_document({'bundles': [_as_dict(item) for item in found]},
+                       [problem for item in found for problem in item.diagnostics])
+    return int(any(item.generated is None for item in found))
 
 
-def _check(name: str, constants: Mapping[str, Text]) -> int:
+class _Checked(NamedTuple):
+    """A bundle, its C unless it has errors, and its errors or warnings."""
+
+    path: Path
+    generated: GeneratedMonitor | None
+    diagnostics: tuple[Diagnostic, ...]
+
+
+def _checked(name: str, constants: Mapping[str, Text]) -> _Checked:
+    path = Path(name)
     try:
         path = existing_bundle(name)
         generated = generate_monitor(read(path, constants=constants))
     except CompileError as error:
-        print(error, file=sys.stderr)
-        return 1
-    for warning in generated.warnings:
-        print(warning.render(), file=sys.stderr)
-    print('\n'.join(_report(path, generated)))
-    return 0
+        return _Checked(path, None, error.diagnostics)
+    return _Checked(path, generated, generated.warnings)
+
+
+def _as_dict(item: _Checked) -> dict[str, object]:
+    if item.generated is None:
+        return {'bundle': str(item.path), 'is_valid': False}
+    specification, manifest = item.generated.specification, item.generated.manifest
+    return {
+        'bundle': str(item.path), 'is_valid': True,
+        'policy': manifest.policy.value,
+        'period': manifest.period,
+        'unit': None if specification.unit is None else float(specification.unit),
+        'state_bytes': manifest.state_bytes,
+        'operations': sum(group.operations for group in manifest.groups),
+        'topics': [topic.name for topic in manifest.topics],
+        'inputs': [{'name': signal.name, 'type': signal.type.value, 'topic': signal.topic}
+                   for signal in specification.signals],
+        'requirements': list(map(_requirement_as_dict, _requirements(item.generated))),
+    }
+
+
+class _Requirement(NamedTuple):
+    """What `check` says about a requirement."""
+
+    item: Property
+    inputs: list[str]
+    state_bytes: int
+    formula: str
+
+
+def _requirements(generated: GeneratedMonitor) -> Iterator[_Requirement]:
+    specification = generated.specification
+    values = {signal.name: signal.values for signal in specification.signals if signal.values}
+    is_timed = specification.policy is Policy.TIMED
+    for item, described, owned in zip(
+            specification.properties, generated.manifest.requirements, _owned_bytes(generated),
+            strict=True):
+        yield _Requirement(item, [specification.signals[index].name for index in described.inputs],
+                           owned, to_smv(item.formula, _FORMULA_WIDTH, values, is_timed=is_timed))
+
+
+def _requirement_as_dict(found: _Requirement) -> dict[str, object]:
+    item = found.item
+    return {'id': item.id, 'title': item.title, 'text': item.text, 'inputs': found.inputs,
+            'state_bytes': found.state_bytes, 'bounds': item.bounds, 'formula': found.formula}
 
 
 def _report(path: Path, generated: GeneratedMonitor) -> Iterator[str]:
@@ -100,17 +163,13 @@ def _time_options(specification: Specification) -> str:
 
 def _rows(generated: GeneratedMonitor) -> Iterator[tuple[str, ...]]:
     specification = generated.specification
-    owned = _owned_bytes(generated)
-    values = {signal.name: signal.values for signal in specification.signals if signal.values}
-    for number, item in enumerate(specification.properties):
-        inputs = generated.manifest.requirements[number].inputs
+    for found in _requirements(generated):
         yield (
-            item.id,
-            ', '.join(specification.signals[index].name for index in inputs) or '-',
-            f'{owned[number]} B',
-            _bounds(item, specification.policy, specification.period),
-            to_smv(item.formula, _FORMULA_WIDTH, values,
-                   is_timed=specification.policy is Policy.TIMED),
+            found.item.id,
+            ', '.join(found.inputs) or '-',
+            f'{found.state_bytes} B',
+            _bounds(found.item, specification.policy, specification.period),
+            found.formula,
         )
 
 

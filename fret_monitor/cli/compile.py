@@ -17,10 +17,10 @@
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from pathlib import Path
-import sys
 
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read, write
 from fret_monitor.cli.constants import add_constants
+from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.native.stack import worst_stack
@@ -41,8 +41,7 @@ def run(options: Namespace) -> int:
     """Compile a bundle to a folder."""
     generated = generate_monitor(
         read(existing_bundle(options.bundle), constants=dict(options.constants)))
-    for warning in generated.warnings:
-        print(warning.render(), file=sys.stderr)
+    print_diagnostics(generated.warnings)
     write(generated, options.output)
     manifest = generated.manifest
     operations = sum(group.operations for group in manifest.groups)

@@ -19,6 +19,7 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from fractions import Fraction
 import sys
 
+from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.elaboration.durations import STEPS, TimeScale
 from fret_monitor.elaboration.formalize import formalize
 from fret_monitor.language.fretish import parse_fretish
@@ -57,7 +58,6 @@ def run(options: Namespace) -> int:
     scale = TimeScale(Policy.TIMED, None, options.unit) if options.policy == 'timed' \
         else STEPS
     formula, warnings = formalize(sentence, options.language, scale)
-    for warning in (*advise_alone(sentence, scale.is_timed), *warnings):
-        print(warning.render(), file=sys.stderr)
+    print_diagnostics([*advise_alone(sentence, scale.is_timed), *warnings])
     print(formula)
     return 0

@@ -18,6 +18,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 import sys
 
+from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.importing import import_bundles, Imported, write_bundles
 from fret_monitor.model.diagnostics import counted
 
@@ -63,8 +64,7 @@ def _print(options: Namespace) -> int:
 
 
 def _print_notes(item: Imported, place: str) -> None:
-    for warning in item.warnings:
-        print(warning.render(), file=sys.stderr)
+    print_diagnostics(item.warnings)
     if item.draft.todo:
         print(f'{place}to do by hand ({len(item.draft.todo)}):', file=sys.stderr)
     for task in item.draft.todo:

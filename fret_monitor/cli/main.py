@@ -12,10 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+# PYTHON_ARGCOMPLETE_OK
+
 """`fret-monitor VERB`: parse the arguments, run the verb, print errors."""
 
-from argparse import ArgumentParser
-from collections.abc import Iterator, Sequence
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from io import TextIOWrapper
@@ -26,9 +28,12 @@ import signal
 import sys
 from threading import current_thread, main_thread
 from types import FrameType
+from typing import NoReturn
 
 from fret_monitor import __version__
-from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.cli.document import print_document
+from fret_monitor.cli.terminal import print_diagnostics
+from fret_monitor.model.diagnostics import CompileError, Diagnostic
 from fret_monitor.native.errors import NativeError
 
 # The verbs, each with its line in --help. A module of this folder has the name of its verb.
@@ -67,30 +72,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(arguments: Sequence[str] | None) -> int:
+    options = Namespace(json=False)
+    if '_ARGCOMPLETE' in os.environ:
+        _complete(os.environ.get('COMP_LINE', ''))
     try:
-        return _run(sys.argv[1:] if arguments is None else arguments)
+        return _run(sys.argv[1:] if arguments is None else arguments, options)
     except (CompileError, NativeError) as error:
-        with suppress(OSError):
-            sys.stdout.flush()  # keep the order of the two streams
-        print(error if isinstance(error, CompileError) else f'error: {error}', file=sys.stderr)
+        _print_problems(error.diagnostics if isinstance(error, CompileError)
+                        else [Diagnostic(str(error))], options)
         return 1
     except BrokenPipeError:
         # The reader of the pipe has closed it, for example `head`: no message.
         _drop_output()
         return 1
     except OSError as error:
+        place = f"use '{error.filename}'" if error.filename else 'write to standard output'
         if not error.filename:
             _drop_output()
-        place = f"use '{error.filename}'" if error.filename else 'write to standard output'
-        print(f'error: cannot {place}: {error.strerror or error}', file=sys.stderr)
+            options.json = False
+        _print_problems([Diagnostic(f'cannot {place}: {error.strerror or error}')], options)
         return 1
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
 
 
-def _run(arguments: Sequence[str]) -> int:
+def _run(arguments: Sequence[str], options: Namespace) -> int:
     parser = _parser(arguments)
-    options = parser.parse_args(arguments)
+    parser.parse_args(arguments, options)
     if 'run' not in options:
         parser.print_help(sys.stderr)
         print('\nfret-monitor: error: a verb is missing', file=sys.stderr)
@@ -101,6 +109,23 @@ def _run(arguments: Sequence[str]) -> int:
     status: int = options.run(options)
     print(end='', flush=True)
     return status
+
+
+def _complete(line: str) -> NoReturn:
+    """Print the completions of a command line, which a shell asks for; needs argcomplete."""
+    with suppress(ImportError):
+        import_module('argcomplete').autocomplete(_parser(line.split()[1:]))
+    sys.exit(1)
+
+
+def _print_problems(diagnostics: Iterable[Diagnostic], options: Namespace) -> None:
+    """Print the errors that ended a verb, in its document if it has one."""
+    if options.json:
+        print_document({}, diagnostics)
+        return
+    with suppress(OSError):
+        sys.stdout.flush()  # keep the order of the two streams
+    print_diagnostics(diagnostics)
 
 
 @contextmanager

@@ -17,13 +17,14 @@
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from importlib.util import find_spec
 from itertools import zip_longest
-import json
 from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
 from fret_monitor.build import generate_monitor, read
 from fret_monitor.cli.constants import add_constants
+from fret_monitor.cli.document import add_json_option, print_document
+from fret_monitor.cli.terminal import painted, print_diagnostics, progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted, pip_install, refuse
 from fret_monitor.model.output import open_output, refuse_overwriting
@@ -41,7 +42,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_constants(parser)
     parser.add_argument('--sources', metavar='DIR', type=Path,
                         help='require that this folder holds, word for word, the C that is proved')
-    parser.add_argument('--json', action='store_true', help='print the certificate as JSON')
+    add_json_option(parser)
     parser.add_argument('--timeout', metavar='SECONDS', type=_seconds, default=30.0,
                         help='time limit of each obligation; default 30')
     parser.add_argument('--trace', metavar='FILE.csv', type=Path,
@@ -67,19 +68,22 @@ def run(options: Namespace) -> int:
     from fret_monitor.proving.verification import verify
     bundle = existing_bundle(options.bundle)
     generated = generate_monitor(read(bundle, constants=dict(options.constants)))
-    for warning in generated.warnings:
-        print(warning.render(), file=sys.stderr)
+    if not options.json:
+        print_diagnostics(generated.warnings)
     if options.sources is not None:
         _require_same_files(options.sources, source_files(generated.module.files))
     if options.trace is not None:
         sources = () if options.sources is None else options.sources.iterdir()
         refuse_overwriting(options.trace, (*generated.sources, *sources))
-    found = verify(generated, seconds=options.timeout)
+    with progress('prove') as report:
+        found = verify(generated, seconds=options.timeout, progress=report)
     certificate = Certificate(bundle.name, generated, found)
     if options.json:
-        print(json.dumps(_with_trace(as_dict(certificate), found), indent=1))
+        print_document(_with_trace(as_dict(certificate), found), generated.warnings)
     else:
-        print('\n'.join(lines(certificate)))
+        style = 'satisfied' if found.is_proved else 'violated'
+        first, *others = lines(certificate)
+        print('\n'.join([painted(first, style, sys.stdout), *others]))
     _report_counterexample(options, found)
     return 0 if found.is_proved else 1
 

@@ -15,10 +15,13 @@
 """`simulate BUNDLE --trace FILE.csv`: run the compiled monitors over a trace."""
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
+import os
 from pathlib import Path
 import sys
 
 from fret_monitor.cli.constants import add_constants
+from fret_monitor.cli.document import add_json_option, print_document
+from fret_monitor.cli.terminal import painted, print_diagnostics, progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted, refuse
 from fret_monitor.model.policies import Policy
@@ -40,23 +43,29 @@ def add_arguments(parser: ArgumentParser) -> None:
                         help='exit with 1 if any requirement was violated')
     parser.add_argument('--until', metavar='T', type=_seconds,
                         help='under policy: timed, go on to this time after the last row')
+    add_json_option(parser)
     parser.set_defaults(run=run)
 
 
 def run(options: Namespace) -> int:
     """Run the monitors over a trace; return 1 at a violation with --fail-on-violation."""
     compiled = start(existing_bundle(options.bundle), constants=dict(options.constants))
-    for warning in compiled.warnings:
-        print(warning.render(), file=sys.stderr)
+    if not options.json:
+        print_diagnostics(compiled.warnings)
     if options.until is not None and compiled.monitor.manifest.policy is not Policy.TIMED:
         refuse('--until needs policy: timed',
                help=f'here it is {compiled.monitor.manifest.policy.value}: nothing happens '
                'between and after the rows')
-    summary = simulate(compiled.monitor, options.trace, options.verdicts, compiled.sources,
-                       options.until)
-    if options.verdicts is not None:
-        noun = 'row' if compiled.monitor.manifest.policy is Policy.TIMED else 'step'
-        print(_shown(summary, noun))
+    # The document takes the place of the table on standard output.
+    verdicts = options.verdicts or (Path(os.devnull) if options.json else None)
+    with progress('simulate', is_printing=verdicts is None) as report:
+        summary = simulate(compiled.monitor, options.trace, verdicts, compiled.sources,
+                           options.until, report)
+    is_timed = compiled.monitor.manifest.policy is Policy.TIMED
+    if options.json:
+        print_document(_as_dict(summary, is_timed), compiled.warnings)
+    elif verdicts is not None:
+        print(_shown(summary, is_timed))
     return 1 if options.fail_on_violation and any(summary.violations.values()) else 0
 
 
@@ -67,11 +76,27 @@ def _seconds(text: str) -> int:
         raise ArgumentTypeError(f"'{text}' is no time: {error}") from None
 
 
-def _shown(summary: Summary, noun: str) -> str:
+def _shown(summary: Summary, is_timed: bool) -> str:
+    noun = 'row' if is_timed else 'step'
     lines = [counted(summary.steps, noun)]
-    otherwise = 'satisfied' if summary.steps else 'not judged'
     for name, count in summary.violations.items():
-        when = f'first at {seconds_text(summary.first[name])} s, ' if name in summary.first else ''
-        lines.append(f'{name}: violated {when}at {counted(count, noun)}' if count
-                     else f'{name}: {otherwise}')
+        if count:
+            when = f' first at {seconds_text(summary.first[name])} s,' if is_timed else ''
+            verdict = painted('violated', 'violated', sys.stdout)
+            lines.append(f'{name}: {verdict}{when} at {counted(count, noun)}')
+        elif summary.steps:
+            lines.append(f'{name}: {painted("satisfied", "satisfied", sys.stdout)}')
+        else:
+            lines.append(f'{name}: not judged')
     return '\n'.join(lines)
+
+
+def _as_dict(summary: Summary, is_timed: bool) -> dict[str, object]:
+    def requirement(name: str, count: int) -> dict[str, object]:
+        first = summary.first.get(name)
+        when = {'first_time': None if first is None else seconds_text(first)} if is_timed \
+            else {'first_step': first}
+        return {'id': name, 'violations': count, **when}
+
+    return {'rows' if is_timed else 'steps': summary.steps,
+            'requirements': [requirement(*item) for item in summary.violations.items()]}

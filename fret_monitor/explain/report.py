@@ -43,6 +43,7 @@ from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.diagnostics import (
     counted, Diagnostic, did_you_mean, Problems, Source, Text,
 )
+from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.model.times import time_text
 from fret_monitor.model.values import ValueType
 from fret_monitor.traces.sampled import grid_of, sampled, sampled_formulas
@@ -98,10 +99,12 @@ class _Context:
         return Fraction(self.grids[id], 10 ** 9) if self.is_timed else self.scale.period
 
 
-def explain(reading: Reading, ids: Collection[str] = ()
+def explain(reading: Reading, ids: Collection[str] = (), progress: Progress = no_progress
             ) -> tuple[list[Explanation], tuple[Diagnostic, ...]]:
     """
     Explain the requirements of a bundle with these ids; without any, all of them.
+
+    `progress` is called before each with the part of them that is done.
 
     Returns
     -------
@@ -122,11 +125,11 @@ def explain(reading: Reading, ids: Collection[str] = ()
     if context.is_timed:
         stepped, context = _on_grid(chosen, context)
     budget = Budget()
-    found = [
-        _explanation(item, subject, find_examples(subject, budget), context)
-        for item, subject in zip(chosen, subjects(specification, stepped, context.goals),
-                                 strict=True)
-    ]
+    found = []
+    for number, (item, subject) in enumerate(zip(
+            chosen, subjects(specification, stepped, context.goals), strict=True)):
+        progress(number / len(chosen), item.id)
+        found.append(_explanation(item, subject, find_examples(subject, budget), context))
     return found, tuple(warning for warning in reading.warnings
                         if not ids or _concerns(warning, chosen))
 
@@ -328,6 +331,22 @@ def _value(signal: Signal, value: Value) -> str:
         if value == (index if isinstance(number, str) else number):
             return name
     return f'{value:g}' if isinstance(value, float) else str(value)
+
+
+def as_dict(found: Explanation) -> dict[str, object]:
+    """Return an explanation as a JSON object."""
+    return {
+        'id': found.id, 'title': found.title, 'text': found.text, 'fields': dict(found.fields),
+        'meaning': dict(found.meaning), 'if_false': found.outlook, 'formula': found.formula,
+        'notes': found.remarks, 'examples': [_timeline_as_dict(line) for line in found.timelines]}
+
+
+def _timeline_as_dict(line: Timeline) -> dict[str, object]:
+    return {
+        'title': line.title, 'steps': line.steps,
+        'seconds_per_step': None if line.period is None else float(line.period),
+        'rows': [{'label': band.label, 'truth': band.truth} for band in line.bands],
+        'verdict': line.verdict.truth, 'values': line.values}
 
 
 def shown(found: Explanation) -> Iterator[str]:

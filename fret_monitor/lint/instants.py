@@ -20,6 +20,7 @@ that look back one nanosecond where no change is looked for.
 """
 
 from collections.abc import Iterator
+from typing import TypeAlias
 
 from fret_monitor.logic.formula import (
     ALWAYS, Feedback, Formula, FTP, Historically, Once, operands, postorder, Previous, Since,
@@ -29,7 +30,9 @@ from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.diagnostics import Diagnostic, Level
 from fret_monitor.model.policies import InputSource, Policy, Report
 
-_ONE_BACK = (Previous, WeakYesterday, Yesterday)
+_Kinds: TypeAlias = tuple[type[Previous | WeakYesterday | Yesterday], ...]
+
+_ONE_BACK: _Kinds = (Previous, WeakYesterday, Yesterday)
 _TEMPORAL = (Historically, Once, Since, Triggered, *_ONE_BACK)
 
 
@@ -51,30 +54,36 @@ def doubtful_instants(specification: Specification) -> Iterator[Diagnostic]:
     received = {item.name for item in specification.signals
                 if item.source is InputSource.RECEIVED}
     for item in specification.properties:
-        if item.sentence is None:
-            yield from _instants(item, received)
+        yield from _instants(item, received)
 
 
 def _instants(item: Property, received: set[str]) -> Iterator[Diagnostic]:
+    # Y and Z in the formula of a sentence are FRET's; only `pre` was written by the user.
+    back = _ONE_BACK if item.sentence is None else (Previous,)
     nodes = postorder(item.roots)
-    name = next(_received_before(nodes, received), '')
+    name = next(_received_before(nodes, received, back), '')
     if name:
         yield _warning(
             item, f"{item.id} looks back one nanosecond at '{name}'",
             'it is true for one nanosecond, when a message comes',
-            f'for a message not long ago write a bound, as in O[0, 100 ms] {name}')
-    elif any(map(_looks_back_alone, _regions(nodes))):
+            'for a message not long ago write '
+            + (f'a bound, as in O[0, 100 ms] {name}' if item.sentence is None
+               else f'occurred(100 milliseconds, {name})'))
+    elif any(_looks_back_alone(region, back) for region in _regions(nodes)):
         yield _warning(
             item, f'{item.id} looks back one nanosecond', "under policy: timed 'Y', 'Z' and 'pre'"
             ' see the instant before, not the message before',
-            'for a change compare a value with its own past, as in p & Y !p; for a time write a '
-            'bound, as in O[0, 100 ms] p')
+            'for a change compare a value with its own past, as in '
+            + ('p & Y !p; for a time write a bound, as in O[0, 100 ms] p'
+               if item.sentence is None else
+               'p & !preBool(true, p); for a time write occurred(100 milliseconds, p)'))
 
 
-def _received_before(nodes: list[Formula], received: set[str]) -> Iterator[str]:
+def _received_before(nodes: list[Formula], received: set[str],
+                     back: _Kinds) -> Iterator[str]:
     """Yield the names of `received()` inputs that are read one step ago."""
     for node in nodes:
-        if isinstance(node, _ONE_BACK) and node is not FTP:
+        if isinstance(node, back) and node is not FTP:
             read = next(_regions([node.argument]))
             yield from (inner.name for inner in read
                         if isinstance(inner, Variable) and inner.name in received)
@@ -104,11 +113,11 @@ def _regions(nodes: list[Formula]) -> Iterator[list[Formula]]:
         yield found
 
 
-def _looks_back_alone(region: list[Formula]) -> bool:
+def _looks_back_alone(region: list[Formula], back: _Kinds) -> bool:
     """Whether an operator looks back one step at inputs that are not read at the step itself."""
     now = {node for node in region if isinstance(node, Variable | Feedback)}
     for node in region:
-        if isinstance(node, _ONE_BACK) and node is not FTP:
+        if isinstance(node, back) and node is not FTP:
             read = {inner for inner in postorder([node.argument])
                     if isinstance(inner, Variable | Feedback)}
             if read and now.isdisjoint(read):

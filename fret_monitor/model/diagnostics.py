@@ -21,7 +21,7 @@ A user's mistake is a `CompileError`; any other exception is a bug in this progr
 """
 
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
@@ -31,7 +31,7 @@ from pathlib import Path
 import shlex
 import sys
 import sysconfig
-from typing import NoReturn
+from typing import NoReturn, TypeAlias
 from unicodedata import east_asian_width
 
 _MAX_SHOWN = 160
@@ -123,6 +123,14 @@ class Text:
         return self.value
 
 
+Paint: TypeAlias = Callable[[str, str], str]
+"""Returns a text in a style: `title`, `help`, or the value of a `Level`."""
+
+
+def _plain(text: str, style: str) -> str:
+    return text
+
+
 class Level(Enum):
     """How serious a diagnostic is."""
 
@@ -145,24 +153,26 @@ class Diagnostic:
     help: str = ''
     level: Level = Level.ERROR
 
-    def render(self) -> str:
+    def render(self, paint: Paint = _plain) -> str:
         """Render as `file:line:column: error: title`, the line, a caret, and the help."""
-        return '\n'.join(self._lines())
+        return '\n'.join(self._lines(paint))
 
-    def _lines(self) -> Iterable[str]:
+    def _lines(self, paint: Paint) -> Iterable[str]:
+        level = self.level.value
+        title = f'{paint(f"{level}:", level)} {paint(self.title, "title")}'
         if self.span is None:
-            yield f'{self.level.value}: {self.title}'
+            yield title
             margin = ''
         else:
             line, column = self.span.source.position(self.span.start)
-            yield f'{self.span.source.name}:{line}:{column}: {self.level.value}: {self.title}'
+            yield f'{self.span.source.name}:{line}:{column}: {title}'
             margin = ' ' * len(str(line))
-            yield from _excerpt(self.span, self.label)
+            yield from _excerpt(self.span, self.label, lambda text: paint(text, level))
         for number, text in enumerate(self.help.splitlines()):
-            yield f'{margin}   {"= help:" if number == 0 else "       "} {text}'
+            yield f'{margin}   {paint("= help:", "help") if number == 0 else "       "} {text}'
 
 
-def _excerpt(span: Span, label: str) -> Iterable[str]:
+def _excerpt(span: Span, label: str, paint: Callable[[str], str]) -> Iterable[str]:
     line, column = span.source.position(span.start)
     text = _printable(span.source.line(line))
     width = max(1, min(span.end - span.start, len(text) - column + 1))
@@ -173,7 +183,7 @@ def _excerpt(span: Span, label: str) -> Iterable[str]:
     before = head + text[first:column - 1]
     marked = text[column - 1:min(column - 1 + width, first + _MAX_SHOWN)]
     pad = ' ' * _cells(before)
-    carets = '^' * max(1, _cells(marked))
+    carets = paint('^' * max(1, _cells(marked)))
     yield f' {line} | {head}{shown}{tail}'
     yield f' {" " * len(str(line))} | {pad}{carets} {label}'.rstrip()
 

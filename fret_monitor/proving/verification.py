@@ -23,6 +23,7 @@ from functools import cache
 import time
 
 from fret_monitor.build import GeneratedMonitor
+from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.cache import runtime_headers
 from fret_monitor.program.monitor_program import SinceBetween
 from fret_monitor.proving.c_source import read_program, Unreadable
@@ -105,8 +106,13 @@ def read_subject(generated: GeneratedMonitor) -> ProofSubject:
                         module.symbol.removesuffix('_monitor'), module.source_hash)
 
 
-def verify(generated: GeneratedMonitor, *, seconds: float = 30.0) -> Verification:
-    """Prove a bundle; `seconds` is the time limit of each obligation."""
+def verify(generated: GeneratedMonitor, *, seconds: float = 30.0,
+           progress: Progress = no_progress) -> Verification:
+    """
+    Prove a bundle; `seconds` is the time limit of each obligation.
+
+    `progress` is called with the part of the groups that is done, None during the cells.
+    """
     before = time.perf_counter()
     try:
         subject = read_subject(generated)
@@ -114,13 +120,18 @@ def verify(generated: GeneratedMonitor, *, seconds: float = 30.0) -> Verificatio
         return Verification((), (), None, str(error), time.perf_counter() - before)
     files = proved_files(generated)
     headers = tuple((name, files[name]) for name in _RUNTIME)
+    progress(None, 'cells')
     cells = cells_proved(headers, seconds)
     if any(isinstance(equation.operation, SinceBetween) for layout in subject.layouts
            for equation in layout.group.equations):
         cells = *cells, queue_proved(headers, seconds)
-    groups = tuple(verify_group(subject, group, seconds)
-                   for group in [*range(len(subject.layouts)), ALL])
-    return Verification(cells, groups, subject, '', time.perf_counter() - before)
+    count = len(subject.layouts)
+    groups = []
+    for number, group in enumerate([*range(count), ALL]):
+        progress(number / (count + 1),
+                 'all groups' if group == ALL else f'group {number + 1} of {count}')
+        groups.append(verify_group(subject, group, seconds))
+    return Verification(cells, tuple(groups), subject, '', time.perf_counter() - before)
 
 
 @cache

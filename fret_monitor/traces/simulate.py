@@ -20,17 +20,21 @@ trace. A file of verdicts is created only if the whole trace could be read.
 """
 
 from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 import csv
 from dataclasses import dataclass, replace
+from functools import partial
+import os
 from pathlib import Path
+import stat
 import sys
 from typing import TextIO
 
-from fret_monitor.model.diagnostics import refuse
+from fret_monitor.model.diagnostics import counted, refuse
 from fret_monitor.model.output import open_output
 from fret_monitor.model.policies import Policy
+from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.traces.csv_trace import LONGEST_NS, seconds_text, TIME, TraceReader
@@ -43,8 +47,8 @@ class Summary:
     """
     The number of steps, and the number of violating steps by id of the requirement.
 
-    Under `timed` the steps are the rows that were written, and `first` has the time in
-    nanoseconds at which each violated requirement was violated first.
+    `first` has the step at which each violated requirement was violated first. Under `timed` the
+    steps are the rows that were written, and `first` is a time in nanoseconds.
     """
 
     steps: int
@@ -53,7 +57,8 @@ class Summary:
 
 
 def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
-             read: Iterable[Path] = (), until: int | None = None) -> Summary:
+             read: Iterable[Path] = (), until: int | None = None,
+             progress: Progress = no_progress) -> Summary:
     """
     Step a monitor once for each row of a trace.
 
@@ -73,6 +78,8 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
     until
         under `timed`, the time in nanoseconds up to which verdicts are given; None: that of the
         last row.
+    progress
+        called with the part of the trace that was read.
 
     Raises
     ------
@@ -85,8 +92,17 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
         is_timed = monitor.manifest.policy is Policy.TIMED
         reader = TraceReader(str(trace), file, monitor.manifest.inputs, is_timed=is_timed)
         if is_timed:
-            return _run_timed(Evaluator(_without_timeouts(monitor)), reader, out, until)
-        return _run(Evaluator(monitor), reader, out)
+            return _run_timed(Evaluator(_without_timeouts(monitor)), reader, out, until,
+                              partial(_report, file, progress))
+        return _run(Evaluator(monitor), reader, out, partial(_report, file, progress))
+
+
+def _report(file: TextIO, progress: Progress, steps: int) -> None:
+    """Report the part of a trace that was read, which is unknown in a pipe."""
+    status = os.fstat(file.fileno())
+    is_file = stat.S_ISREG(status.st_mode) and status.st_size > 0
+    progress(min(file.buffer.tell() / status.st_size, 1.0) if is_file else None,
+             counted(steps, 'step'))
 
 
 @contextmanager
@@ -101,19 +117,25 @@ def _reading(path: Path) -> Iterator[TextIO]:
         yield file
 
 
-def _run(evaluator: Evaluator, trace: TraceReader, out: TextIO) -> Summary:
+def _run(evaluator: Evaluator, trace: TraceReader, out: TextIO,
+         report: Callable[[int], None]) -> Summary:
     ids = [item.id for item in evaluator.monitor.manifest.requirements]
     csv.writer(out, lineterminator='\n').writerow(['step', *ids])
     lines: dict[bytes, str] = {}
     violations = [0] * len(ids)
+    first: dict[str, int] = {}
     step = 0
     for _, count, columns in trace.blocks():
         found = bytes(evaluator.rows(columns, count))
         out.write(_text(found, len(ids), step, lines))
+        for index, name in enumerate(ids):
+            verdicts = found[index::len(ids)]
+            if name not in first and 0 in verdicts:
+                first[name] = step + verdicts.index(0)
+            violations[index] += verdicts.count(0)
         step += count
-        for index in range(len(ids)):
-            violations[index] += found[index::len(ids)].count(0)
-    return Summary(step, dict(zip(ids, violations, strict=True)), {})
+        report(step)
+    return Summary(step, dict(zip(ids, violations, strict=True)), first)
 
 
 def _without_timeouts(monitor: Monitor) -> Monitor:
@@ -123,7 +145,7 @@ def _without_timeouts(monitor: Monitor) -> Monitor:
 
 
 def _run_timed(evaluator: Evaluator, trace: TraceReader, out: TextIO,
-               until: int | None) -> Summary:
+               until: int | None, report: Callable[[int], None]) -> Summary:
     ids = [item.id for item in evaluator.monitor.manifest.requirements]
     csv.writer(out, lineterminator='\n').writerow([TIME, *ids])
     violations = dict.fromkeys(ids, 0)
@@ -138,6 +160,7 @@ def _run_timed(evaluator: Evaluator, trace: TraceReader, out: TextIO,
                 if not flag:
                     violations[name] += 1
                     first.setdefault(name, time)
+        report(steps)
     return Summary(steps, violations, first)
 
 

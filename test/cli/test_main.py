@@ -72,7 +72,7 @@ def test_a_missing_bundle_is_status_1(here: Here, monkeypatch: pytest.MonkeyPatc
 
 @pytest.mark.parametrize('words', [
     (), ('chekc',), ('check',), ('simulate', 'b.yaml'), ('simulate', 'b.yaml', '--trace'),
-    ('compile', 'b.yaml'), ('bench',), ('bench', 'a', 'b'), ('check', '--json', 'b.yaml'),
+    ('compile', 'b.yaml'), ('bench',), ('bench', 'a', 'b'), ('compile', '--json', 'b.yaml'),
     ('simulate', 'b.yaml', '--trace', 't.csv', 'more'), ('--no-such-option',)])
 def test_wrong_usage_is_status_2(here: Here, words: tuple[str, ...]) -> None:
     done = here.run(*words)
@@ -91,7 +91,7 @@ def test_without_a_verb_the_verbs_are_listed(here: Here) -> None:
 def test_each_module_of_the_folder_is_a_verb(here: Here) -> None:
     folder = Path(fret_monitor.__file__).parent / 'cli'
     verbs = {path.stem.removesuffix('_') for path in folder.glob('[!_]*.py')} - {
-        'main', 'constants'}
+        'main', 'constants', 'document', 'terminal'}
     assert set(VERBS) <= verbs
     for verb in verbs:
         done = here.run(verb, '--help')
@@ -107,7 +107,8 @@ def test_a_verb_loads_no_other_verb() -> None:
         print(*(name for name in sys.modules if 'fret_monitor.cli.' in name), file=sys.stderr)"""
     done = subprocess.run([sys.executable, '-c', script], env=environment(), capture_output=True,
                           text=True, check=True)
-    assert done.stderr.split() == ['fret_monitor.cli.main', 'fret_monitor.cli.formalize']
+    assert done.stderr.split() == [
+        f'fret_monitor.cli.{name}' for name in ('document', 'terminal', 'main', 'formalize')]
 
 
 def test_the_version_is_that_of_the_package(here: Here) -> None:

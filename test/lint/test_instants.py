@@ -24,7 +24,7 @@ format: 1
 component: sw
 evaluation: {policy: POLICY}
 inputs: {p: {type: bool}, q: {type: bool}, x: {type: float64}}
-definitions: {was: Y q}
+definitions: {was: Y q, earlier: {cocospec: false -> pre q}}
 requirements:
   - {id: R, LANGUAGE: "TEXT"}
 """
@@ -38,6 +38,13 @@ TIMED = [
     ('ptltl', 'FTP -> p', ''),
     ('cocospec', 'a = p -> q or pre a; r = a;', ''),
     ('fretish', 'when p sw shall within 2 seconds satisfy q', ''),
+    ('fretish', 'when preBool(false, p) sw shall within 2 seconds satisfy q',
+     'looks back one nanosecond'),
+    ('fretish', 'sw shall always satisfy preReal(0.0, x) < 5', 'looks back one nanosecond'),
+    ('fretish', 'sw shall always satisfy p => earlier', 'looks back one nanosecond'),
+    ('fretish', 'when p & !preBool(true, p) sw shall within 2 seconds satisfy q', ''),
+    ('fretish', 'sw shall always satisfy abs(x - preReal(0.0, x)) < 5', ''),
+    ('fretish', 'upon p sw shall always satisfy prevOcc(p, q)', ''),
     ('fretish', 'when p sw shall after 2 seconds satisfy q', 'at exactly one nanosecond'),
     ('fretish', 'when p sw shall at the next timepoint satisfy q', 'one nanosecond later'),
 ]
