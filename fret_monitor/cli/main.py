@@ -31,7 +31,6 @@ from types import FrameType
 from typing import NoReturn
 
 from fret_monitor import __version__
-from fret_monitor.cli.document import print_document
 from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.model.diagnostics import CompileError, Diagnostic
 from fret_monitor.native.errors import NativeError
@@ -121,6 +120,7 @@ def _complete(line: str) -> NoReturn:
 def _print_problems(diagnostics: Iterable[Diagnostic], options: Namespace) -> None:
     """Print the errors that ended a verb, in its document if it has one."""
     if options.json:
+        from fret_monitor.cli.document import print_document
         print_document({}, diagnostics)
         return
     with suppress(OSError):

@@ -108,7 +108,7 @@ def test_a_verb_loads_no_other_verb() -> None:
     done = subprocess.run([sys.executable, '-c', script], env=environment(), capture_output=True,
                           text=True, check=True)
     assert done.stderr.split() == [
-        f'fret_monitor.cli.{name}' for name in ('document', 'terminal', 'main', 'formalize')]
+        f'fret_monitor.cli.{name}' for name in ('terminal', 'main', 'formalize')]
 
 
 def test_the_version_is_that_of_the_package(here: Here) -> None:
