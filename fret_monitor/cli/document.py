@@ -22,9 +22,10 @@ from fret_monitor.model.diagnostics import Diagnostic
 
 
 def add_json_option(parser: ArgumentParser) -> None:
-    """Add the option `--json` to a verb."""
+    """Add the option `--json` to a verb that prints one document."""
     parser.add_argument('--json', action='store_true',
                         help='print one JSON document, errors and warnings included')
+    parser.set_defaults(has_document=True)  # unlike `bag`, which prints a line a recording
 
 
 def print_document(content: Mapping[str, object], diagnostics: Iterable[Diagnostic]) -> None:

@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(arguments: Sequence[str] | None) -> int:
-    options = Namespace(json=False)
+    options = Namespace(json=False, has_document=False)
     if '_ARGCOMPLETE' in os.environ:
         _complete(os.environ.get('COMP_LINE', ''))
     try:
@@ -88,7 +88,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         place = f"use '{error.filename}'" if error.filename else 'write to standard output'
         if not error.filename:
             _drop_output()
-            options.json = False
+            options.has_document = False
         _print_problems([Diagnostic(f'cannot {place}: {error.strerror or error}')], options)
         return 1
     except KeyboardInterrupt:
@@ -119,7 +119,7 @@ def _complete(line: str) -> NoReturn:
 
 def _print_problems(diagnostics: Iterable[Diagnostic], options: Namespace) -> None:
     """Print the errors that ended a verb, in its document if it has one."""
-    if options.json:
+    if options.json and options.has_document:
         from fret_monitor.cli.document import print_document
         print_document({}, diagnostics)
         return

@@ -121,6 +121,12 @@ def test_errors_are_in_the_document(here: Here, verb: str, more: tuple[str, ...]
     assert (error['file'], error['line'], error['level']) == (str(bundle), 11, 'error')
 
 
+def test_bag_prints_lines_and_so_no_document(here: Here) -> None:
+    done = here.run('bag', here.folder / 'none.yaml', here.folder, '--json')
+    assert (done.status, done.out) == (1, '')
+    assert done.err.startswith('error: ')
+
+
 def test_a_trace_and_a_compiler_that_cannot_be_used_are_in_the_document(
     here: Here, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
