@@ -257,7 +257,7 @@ class _Reading:
         """Add help that needs the bundle: its names for a text."""
         if isinstance(found, QuotedText):
             meant = [f'{name} = {value}' for name, vocabulary in self._scope.vocabularies.items()
-                     for value, of in vocabulary.values if found.text in (value, str(of))]
+                     for value, of in vocabulary.named if found.text in (value, str(of))]
             return replace(found, help=f"write {' or '.join(meant[:_MEANT])}") if meant else found
         return found
 

@@ -124,7 +124,7 @@ def _without_values(node: Expression, vocabulary_of: FindVocabulary) -> tuple[Ex
         case Infix(operator, _, Name(left), Name(right)) if operator in _RELATIONS:
             for name, value, part in ((left, right, node.left), (right, left, node.right)):
                 vocabulary = vocabulary_of(name)
-                if vocabulary is not None and value in vocabulary.numbers:
+                if vocabulary is not None and value in vocabulary.listed:
                     return (part,)
     return children(node)
 
@@ -234,10 +234,20 @@ class Elaborator:
         if node.text not in vocabulary.numbers or term.vocabulary == vocabulary:
             return term
         declaration = self._scope.find(node.text)
+        if declaration is not None and node.text not in vocabulary.listed:
+            return term
         if declaration is not None:
             self._problems.warning(
                 f"'{node.text}' is {declaration.role.value} and the name of a value", node.span,
                 'here it is the value')
+        constants = vocabulary.constants
+        owner = dict(constants.strangers).get(node.text)
+        if owner is not None and node.text not in vocabulary.listed:
+            own = [name for name, _ in constants.own]
+            self._problems.warning(
+                f"'{node.text}' is a value of '{owner}' by its name", node.span,
+                f"and not of '{constants.field}'",
+                did_you_mean(node.text, own) or (f'its values are {vocabulary}' if own else ''))
         number = ExactNumber(Fraction(vocabulary.numbers[node.text]), False)
         return TypedTerm(number, node.span, vocabulary)
 

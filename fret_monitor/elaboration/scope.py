@@ -89,12 +89,16 @@ class Scope:
 
     @property
     def owners(self) -> dict[str, list[str]]:
-        """For each name of a value, the inputs with that value."""
+        """For each name of a value, the inputs with that value; first those of which it surely is."""
+        inputs = {name: vocabulary for name, vocabulary in self.vocabularies.items()
+                  if self.names[name].role is Role.INPUT}
         found: dict[str, list[str]] = {}
-        for name, vocabulary in self.vocabularies.items():
-            if self.names[name].role is Role.INPUT:
-                for value, _ in vocabulary.values:
-                    found.setdefault(value, []).append(name)
+        for name, vocabulary in inputs.items():
+            for value in dict(vocabulary.named):
+                found.setdefault(value, []).append(name)
+        for name, vocabulary in inputs.items():
+            for value in vocabulary.numbers.keys() - dict(vocabulary.named):
+                found.setdefault(value, []).append(name)
         return found
 
     @property

@@ -28,6 +28,7 @@ from fret_monitor.elaboration.terms import Broken, TypedTerm, Vocabulary
 from fret_monitor.logic.formula import FALSE, TRUE, Variable
 from fret_monitor.logic.numbers import ExactNumber, NumberError, parse_number, stored
 from fret_monitor.logic.specification import Signal
+from fret_monitor.messages.constants import FieldConstants, NamedValues
 from fret_monitor.messages.field_path import check_reachable, resolve_field, ResolvedField
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse, Text
@@ -65,48 +66,52 @@ def input_declaration(entry: InputEntry, find_message: FindMessage,
     If the parser refused a part of the entry, the other parts are checked all the same.
     """
     try:
-        signal = _signal(entry, find_message, problems)
+        signal, vocabulary = _signal(entry, find_message, problems)
     except CompileError as error:
         problems.extend(error.diagnostics)
         signal = None
     if signal is None:
         return None, Declaration(Role.INPUT, TypedTerm(Broken(), entry.name.span))
-    vocabulary = Vocabulary(signal.values) if signal.values else None
     variable = Variable(signal.name, signal.type)
-    return signal, Declaration(Role.INPUT, TypedTerm(variable, entry.name.span, vocabulary))
+    return signal, Declaration(Role.INPUT, TypedTerm(
+        variable, entry.name.span, vocabulary if vocabulary and vocabulary.numbers else None))
 
 
-def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) -> Signal | None:
+def _signal(entry: InputEntry, find_message: FindMessage,
+            problems: Problems) -> tuple[Signal | None, Vocabulary | None]:
     if _is_type_damaged(entry, find_message):
-        return None
+        return None, None
     kind, layout, field = _type(entry, find_message)
     source = field.source if field else InputSource.FIELD
     if source is InputSource.AGE and entry.values:
         refuse('an age has no names for its values', entry.values[0].name.span,
                'it is a number of seconds', "remove 'values'")
-    values = None if 'values' in entry.damaged else _values(entry, kind, problems)
+    constants = field.constants if field else FieldConstants()
+    values = None if 'values' in entry.damaged else \
+        _values(entry, kind, bool(constants.all), problems)
     stored_as = ValueType.INT32 if kind is None else kind
     if values is None:
         # Without usable values, only a numeric initial value can be checked.
         if kind and entry.initial and looks_like_number(entry.initial.value.strip()):
-            _initial(entry, kind, ())
-        return None
+            _initial(entry, kind, Vocabulary(()))
+        return None, None
+    vocabulary = Vocabulary(values, constants)
     initial = None
     try:
-        initial = _initial(entry, stored_as, values)
+        initial = _initial(entry, stored_as, vocabulary)
         if source is InputSource.RECEIVED and initial and entry.initial:
             refuse(f"'{entry.name}' cannot be true at first", entry.initial.span,
                    'no message has come then', 'initial: false')
     except CompileError as error:
         # Continue: the type is known, so that formulas with this input can be checked.
         problems.extend(error.diagnostics)
-    return Signal(
+    signal = Signal(
         name=entry.name.value,
         type=stored_as,
         topic=entry.topic.value if entry.topic else None,
         message_type=layout.name if layout else None,
         path=field.path if field else (),
-        values=values,
+        values=vocabulary.named,
         initial=initial,
         qos=tuple((key.value, _qos_value(value.value)) for key, value in entry.qos),
         timeout=None if entry.timeout is None else float(entry.timeout),
@@ -117,6 +122,7 @@ def _signal(entry: InputEntry, find_message: FindMessage, problems: Problems) ->
         max_rate=entry.max_rate,
         source=source,
     )
+    return signal, vocabulary
 
 
 def _is_type_damaged(entry: InputEntry, find_message: FindMessage) -> bool:
@@ -171,10 +177,10 @@ def _scalar(name: str, text: Text, plain: dict[str, ValueType]) -> ValueType | N
     return plain[name]
 
 
-def _values(entry: InputEntry, kind: ValueType | None,
-            problems: Problems) -> tuple[tuple[str, int | str], ...] | None:
+def _values(entry: InputEntry, kind: ValueType | None, has_constants: bool,
+            problems: Problems) -> NamedValues | None:
     """Return the names of an input's values with the values, or None if one is wrong."""
-    if kind is None and not entry.values:
+    if kind is None and not entry.values and not has_constants:
         refuse(f"the input '{entry.name}' is text, but a monitor reads numbers",
                (entry.type or entry.name).span, 'a string needs names for its values',
                'values: {IDLE: "idle", LANDING: "landing"}')
@@ -219,23 +225,23 @@ def _value(item: ValueEntry, kind: ValueType) -> int:
 
 
 def _initial(entry: InputEntry, kind: ValueType,
-             values: tuple[tuple[str, int | str], ...]) -> bool | int | float | None:
+             vocabulary: Vocabulary) -> bool | int | float | None:
     """Return the value of an input before the first message, as stored in the input's type."""
     if entry.initial is None:
         return None
     text = entry.initial.value.strip()
-    vocabulary = Vocabulary(values)
     if text in vocabulary.numbers:
         return _stored(ExactNumber(Fraction(vocabulary.numbers[text]), False), kind, entry.initial)
     if vocabulary.is_text:
-        return _initial_text(text, values, entry.initial)
+        return _initial_text(text, vocabulary, entry.initial)
     if kind is ValueType.BOOL:
         return _initial_truth(text, entry.initial)
     try:
         literal = parse_number(text)
     except NumberError as error:
         refuse('this initial value cannot be read', entry.initial.span, str(error),
-               f'a number of type {kind.value}' + (f', or {vocabulary}' if values else ''))
+               f'a number of type {kind.value}'
+               + (f', or {vocabulary}' if vocabulary.numbers else ''))
     return _stored(literal, kind, entry.initial)
 
 
@@ -246,12 +252,11 @@ def _stored(literal: ExactNumber, kind: ValueType, text: Text) -> int | float:
         refuse(f'this initial value cannot be of type {kind.value}', text.span, str(error))
 
 
-def _initial_text(text: str, values: tuple[tuple[str, int | str], ...], place: Text) -> int:
-    strings = [value for _, value in values]
+def _initial_text(text: str, vocabulary: Vocabulary, place: Text) -> int:
+    strings = [value for _, value in vocabulary.named]
     if text not in strings:
         refuse(f"'{text}' is not one of the input's values", place.span, '',
-               did_you_mean(text, [name for name, _ in values])
-               or f'the values are {Vocabulary(values)}')
+               did_you_mean(text, vocabulary.numbers) or f'the values are {vocabulary}')
     return strings.index(text)
 
 

@@ -27,6 +27,7 @@ from typing import TypeAlias
 
 from fret_monitor.logic.formula import Constant, Conversion, Formula
 from fret_monitor.logic.numbers import constant, ExactNumber, NumberError
+from fret_monitor.messages.constants import FieldConstants, NamedValues
 from fret_monitor.model.diagnostics import refuse, Span
 from fret_monitor.model.values import ValueType
 
@@ -36,28 +37,50 @@ _MANY = 8
 @dataclass(frozen=True)
 class Vocabulary:
     """
-    The names of an input's values: pairs `(name, number or string)`, as in `Signal.values`.
+    The names of an input's values: pairs `(name, number or string)`.
 
-    A string is represented by the index of its first occurrence in the values.
+    `values` are those that the bundle lists, `constants` those of the message, which names that
+    the bundle declares hide. A string is represented by the index of its first occurrence in
+    `named`.
     """
 
-    values: tuple[tuple[str, int | str], ...]
+    values: NamedValues
+    constants: FieldConstants = FieldConstants()
+
+    @cached_property
+    def named(self) -> NamedValues:
+        """The names of `Signal.values`: those of the bundle, and the field's own constants."""
+        if not self._are_constants_used:
+            return self.values
+        own = self.constants.all if self.is_text else self.constants.own
+        return self.values + tuple(item for item in own if item[0] not in self.listed)
+
+    @property
+    def _are_constants_used(self) -> bool:
+        """Whether constants are added: never to strings that the bundle lists."""
+        return not any(isinstance(value, str) for _, value in self.values)
 
     @cached_property
     def is_text(self) -> bool:
         """Whether the input is a string."""
-        return any(isinstance(value, str) for _, value in self.values)
+        return any(isinstance(value, str) for _, value in self.values or self.constants.all)
 
     @cached_property
     def numbers(self) -> dict[str, int]:
         """The number of each name."""
-        found = [value for _, value in self.values]
+        constants = self.constants.all if self._are_constants_used else ()
+        found = [value for _, value in self.named]
         return {name: value if isinstance(value, int) else found.index(value)
-                for name, value in self.values}
+                for name, value in (*constants, *self.values)}
+
+    @cached_property
+    def listed(self) -> frozenset[str]:
+        """The names that the bundle lists."""
+        return frozenset(name for name, _ in self.values)
 
     def __str__(self) -> str:
         """Return the names for a message; only the first ones if there are many."""
-        names = [name for name, _ in self.values]
+        names = [name for name, _ in self.named or self.constants.all]
         return ', '.join(names[:_MANY]) + (', ...' if len(names) > _MANY else '')
 
 

@@ -27,6 +27,7 @@ from dataclasses import dataclass
 import re
 from typing import NoReturn
 
+from fret_monitor.messages.constants import constants_of, FieldConstants
 from fret_monitor.messages.installed import check_complete, listed, nested_layout
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
 from fret_monitor.messages.path_parts import read_part
@@ -71,7 +72,8 @@ class ResolvedField:
 
     `path` is as in `model.paths`; `type_name` is the type of the value, with `byte` and `char` as
     `uint8`; `types` are the types of the fields on the way, one for each name in the path.
-    `reduction` and `source` are as in `ManifestInput`.
+    `reduction` and `source` are as in `ManifestInput`; `constants` are those that may name the
+    value.
     """
 
     path: FieldPath
@@ -79,6 +81,7 @@ class ResolvedField:
     types: tuple[FieldType, ...]
     reduction: str = ''
     source: InputSource = InputSource.FIELD
+    constants: FieldConstants = FieldConstants()
 
 
 @dataclass(frozen=True)
@@ -152,7 +155,10 @@ def _resolved(end: _End) -> ResolvedField:
         return ResolvedField(end.path, 'float64', end.types, SECONDS)
     base = end.type.base
     type_name = base if base in _STRINGS else ValueType.of_field(base).value
-    return ResolvedField(end.path, type_name, end.types)
+    name = next(step for step in reversed(end.path) if isinstance(step, str))
+    item = end.inside.find_field(name)
+    assert item is not None, name
+    return ResolvedField(end.path, type_name, end.types, constants=constants_of(end.inside, item))
 
 
 def _reduced(layout: MessageLayout, text: Text, call: re.Match[str]) -> ResolvedField:

@@ -52,6 +52,11 @@ DEFINITIONS = {
     'demo_msgs/msg/Placed': 'Header header\ngeometry_msgs/Pose pose',
     'demo_msgs/msg/Area': 'geometry_msgs/Point[] points',
     'demo_msgs/msg/Joints': 'Header header\nstring[] name\nfloat64[] position',
+    'demo_msgs/msg/Battery':
+        'uint8 POWER_ON = 1\nuint8 POWER_OFF = 0x0\nuint8 POWER_STATE_LOST=7\nuint8 HEALTH_GOOD=1\n'
+        'uint8 FLAT=1\nuint8 HEALTH_DEAD=2\nint16 LEFT=-3\nfloat32 MOST=9\nstring NEW="new"\n'
+        'string OLD = old\nstring USED="old"\nuint8 power\nuint8 power_state\nbyte health\n'
+        'int16[] side\nstring age\nfloat32 charge',
     'demo_msgs/msg/Lost': 'gone_msgs/Gone gone\nint8 x',
     'demo_msgs/msg/Loop': 'Loop[] again\nint8 x',
     'demo_msgs/srv/Switch': 'bool on\n---\nbool success',
@@ -192,6 +197,54 @@ requirements:
     assert paths['away'] == ('poses', 2, 'position')
     assert paths['stamp'] == ('header', 'stamp')
     assert result.signals[1].initial == 0.10000000149011612
+
+
+def test_the_constants_of_a_message_name_the_values_of_its_fields() -> None:
+    result = specified("""
+constants: {FLAT: 2}
+definitions: {POWER_OFF: health = HEALTH_DEAD, dead: POWER_OFF}
+inputs:
+  power: {topic: b, type: demo_msgs/msg/Battery, field: power}
+  health: {topic: b, type: demo_msgs/msg/Battery, field: health, initial: HEALTH_DEAD,
+           values: {HEALTH_GOOD: 4, FINE: 2}}
+  side: {topic: b, type: demo_msgs/msg/Battery, field: "side[0]"}
+  age: {topic: b, type: demo_msgs/msg/Battery, field: age, initial: old}
+  charge: {topic: b, type: demo_msgs/msg/Battery, field: charge}
+  stated: {topic: b, type: demo_msgs/msg/Battery, field: age, values: {NEW: "brand-new"}}
+requirements:
+  - {id: A, ptltl: "power = POWER_ON | POWER_ON < power | power = HEALTH_DEAD"}
+  - {id: B, ptltl: "health = HEALTH_GOOD | health = HEALTH_DEAD | health = FINE"}
+  - {id: C, cocospec: "side = LEFT or LEFT = (0 -> pre side)"}
+  - {id: D, fretish: the x shall always satisfy age != USED & age = NEW & stated = NEW}
+  - {id: E, ptltl: "power = FLAT & dead"}
+""")
+    values = {item.name: dict(item.values) for item in result.signals}
+    assert values == {
+        'power': {'POWER_ON': 1, 'POWER_OFF': 0}, 'side': {'LEFT': -3}, 'charge': {},
+        'health': {'HEALTH_GOOD': 4, 'FINE': 2, 'HEALTH_DEAD': 2},
+        'age': {'NEW': 'new', 'OLD': 'old', 'USED': 'old'}, 'stated': {'NEW': 'brand-new'}}
+    assert {item.name: item.initial for item in result.signals if item.initial is not None} == {
+        'health': 2, 'age': 1}
+    named = {item.name: item.values for item in result.signals}
+    assert [to_smv(item.formula, None, named) for item in result.properties] == [
+        'power = POWER_ON | POWER_ON < power | power = 2',
+        'health = HEALTH_GOOD | health = FINE | health = FINE',
+        'side = LEFT | LEFT = preInt(0, side)',
+        'H (age != OLD & age = NEW & stated = NEW)',
+        'power = 2 & health = FINE']  # what the bundle declares hides the constant
+
+
+def test_a_constant_of_another_field_is_warned_of() -> None:
+    _, warnings = specify(parse_bundle(Source('bundle.yaml', """format: 1
+inputs:
+  power: {topic: b, type: demo_msgs/msg/Battery, field: power}
+  health: {topic: b, type: demo_msgs/msg/Battery, field: health, values: {POWER_ON: 3}}
+requirements:
+  - {id: A, ptltl: "power = POWER_ON & power = FLAT & health = POWER_ON"}
+  - {id: B, ptltl: "power = POWER_STATE_LOST"}
+"""), Path()))
+    assert [(item.title, item.label, item.span.line) for item in warnings if item.span] == [
+        ("'POWER_STATE_LOST' is a value of 'power_state' by its name", "and not of 'power'", 7)]
 
 
 @pytest.mark.parametrize('names', [('first', 'x.y'), ('x.y', 'first')])
