@@ -89,7 +89,7 @@ class Scope:
 
     @property
     def owners(self) -> dict[str, list[str]]:
-        """For each name of a value, the inputs with that value; first those of which it surely is."""
+        """For each name of a value, the inputs with that value; those that print it come first."""
         inputs = {name: vocabulary for name, vocabulary in self.vocabularies.items()
                   if self.names[name].role is Role.INPUT}
         found: dict[str, list[str]] = {}

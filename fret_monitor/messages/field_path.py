@@ -369,7 +369,7 @@ def _check_slice(kind: FieldType, part: Slice, match: re.Match[str], place: Span
     first = max(start, 0) if start >= 0 or not is_length_known else start + limit
     end = stop + limit if stop < 0 else stop
     if first >= end:
-        is_turned = end < first and start * stop > 0
+        is_turned = end < first and (start < 0) == (stop < 0)
         refuse(f'the slice is {"reversed" if is_turned else "empty"}', place,
                'the start is included, the stop is not',
                f'write [{part.stop}:{part.start}]' if is_turned else '')

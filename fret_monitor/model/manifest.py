@@ -262,13 +262,13 @@ class _Value:
             return self.text()
         if not isinstance(self.found, dict):
             return self.natural()
-        if 'start' in self.found:
+        if {'start', 'stop'} & self.found.keys():
             return Slice(self['start'].whole_or_none(), self['stop'].whole_or_none())
-        if 'first' in self.found:
+        if {'first', 'width'} & self.found.keys():
             return Sector(float(self['first'].number('a number')),
                           float(self['width'].number('a number')), self['written'].text())
-        return LookUp(tuple(item.text() for item in self['key'].items()), self['name'].text(),
-                      self['is_parallel'].truth())
+        key = tuple(item.text() for item in self['key'].items()) or self['key'].refuse('a path')
+        return LookUp(key, self['name'].text(), self['is_parallel'].truth())
 
     def index(self, count: int) -> int:
         number = self.natural()

@@ -53,10 +53,11 @@ DEFINITIONS = {
     'demo_msgs/msg/Area': 'geometry_msgs/Point[] points',
     'demo_msgs/msg/Joints': 'Header header\nstring[] name\nfloat64[] position',
     'demo_msgs/msg/Battery':
-        'uint8 POWER_ON = 1\nuint8 POWER_OFF = 0x0\nuint8 POWER_STATE_LOST=7\nuint8 HEALTH_GOOD=1\n'
-        'uint8 FLAT=1\nuint8 HEALTH_DEAD=2\nint16 LEFT=-3\nfloat32 MOST=9\nstring NEW="new"\n'
-        'string OLD = old\nstring USED="old"\nuint8 power\nuint8 power_state\nbyte health\n'
-        'int16[] side\nstring age\nfloat32 charge',
+        'uint8 POWER_ON = 1\nuint8 POWER_OFF = 0x0\nuint8 POWER_STATE_LOST=7\n'
+        'uint8 HEALTH_GOOD=1\nuint8 FLAT=1\nuint8 HEALTH_DEAD=2\nint16 LEFT=-3\n'
+        'float32 MOST=9\nstring NEW="new"\nstring OLD = old\nstring USED="old"\n'
+        'uint8 power\nuint8 power_state\nbyte health\nint16[] side\nstring age\n'
+        'float32 charge',
     'demo_msgs/msg/Lost': 'gone_msgs/Gone gone\nint8 x',
     'demo_msgs/msg/Loop': 'Loop[] again\nint8 x',
     'demo_msgs/srv/Switch': 'bool on\n---\nbool success',

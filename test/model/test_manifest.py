@@ -22,6 +22,7 @@ from typing import Any
 from fret_monitor.model.manifest import (
     Manifest, ManifestError, ManifestGroup, ManifestInput, ManifestRequirement, ManifestTopic,
 )
+from fret_monitor.model.paths import LookUp, Sector, Slice
 from fret_monitor.model.policies import InputSource, Policy, Report, Severity, Stale, Stamp
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import LibraryError
@@ -31,7 +32,9 @@ import pytest
 MANIFEST = Manifest(
     name='pump', symbol='fm_pump_monitor', component='', policy=Policy.PERIODIC, period=0.5,
     inputs=(ManifestInput('on', ValueType.BOOL, '/on', 'std_msgs/msg/Bool', ('data',), (), True),
-            ManifestInput('mode', ValueType.INT32, '/m', 'm/msg/M', ('modes', 3),
+            ManifestInput('mode', ValueType.INT32, '/m', 'm/msg/M',
+                          ('modes', 3, LookUp(('key',), 'n', is_parallel=True), Slice(None, -1),
+                           Sector(0.5, 1.0, 'x')),
                           (('A', 'a'), ('B', 'b')), 1),
             ManifestInput('level', ValueType.FLOAT64, None, None, (), (('FULL', 9),), -2.5,
                           'mean', 0.25, Stale.VIOLATE),
@@ -71,7 +74,10 @@ ALLOWED: dict[str, list[Any]] = {
     'topics[1].qos[1][1]': [-1, HUGE],
     'inputs[0].path[0]': [HUGE],
     'inputs[1].path[0]': [HUGE],
-    'inputs[1].path[1]': [HUGE],
+    **{f'inputs[1].path[{step}]': [HUGE] for step in range(1, 5)},
+    'inputs[1].path[2].is_parallel': [True],
+    **{f'inputs[1].path[3].{end}': [None, -1, HUGE] for end in ('start', 'stop')},
+    **{f'inputs[1].path[4].{end}': [-1, 0.5, float('nan')] for end in ('first', 'width')},
     'groups[0].state_bytes': [HUGE],
     'groups[0].operations': [HUGE],
     'state_bytes': [HUGE],

@@ -17,6 +17,7 @@
 from typing import Any
 
 from fret_monitor.model.manifest import ManifestInput
+from fret_monitor.model.paths import LookUp, Sector, Slice, Step
 from fret_monitor.model.values import ValueType
 from fret_monitor.ros.fields import message_class, MessageTypeError, why_unusable
 import pytest
@@ -27,7 +28,7 @@ std_msgs = pytest.importorskip('std_msgs.msg')
 
 
 def an_input(
-    kind: ValueType, *path: str | int, values: tuple[tuple[str, int | str], ...] = (),
+    kind: ValueType, *path: Step, values: tuple[tuple[str, int | str], ...] = (),
     reduction: str = '',
 ) -> ManifestInput:
     return ManifestInput('x', kind, 't', 'any', path, values, None, reduction)
@@ -64,6 +65,35 @@ def test_a_string_outside_the_values_is_reported_and_a_long_one_cut() -> None:
 def test_an_empty_array_that_is_to_be_reduced_is_reported() -> None:
     item = an_input(ValueType.FLOAT32, 'ranges', reduction='min')
     assert why(item, sensor_msgs.LaserScan()) == 'min(ranges) has no value (the array is empty)'
+
+
+def test_parts_of_arrays_that_are_not_there_are_reported() -> None:
+    scan = sensor_msgs.LaserScan(angle_min=0.5, ranges=[1.0] * 9)
+    part = an_input(ValueType.FLOAT32, 'ranges', Slice(-10, None), reduction='min')
+    assert why(part, scan) == 'min(ranges[-10:]) cannot be read (the array has 9 elements)'
+    part = an_input(ValueType.FLOAT32, 'ranges', Slice(9, None), reduction='min')
+    assert why(part, scan) == 'min(ranges[9:]) has no value (the slice is empty)'
+    sector = Sector(0.0, 1.0, '0 rad : 1 rad')
+    part = an_input(ValueType.FLOAT32, 'ranges', sector, reduction='min')
+    assert why(part, scan) == ('min(ranges[0 rad : 1 rad]) has no value (no element is in the '
+                               'sector: angle_min is 0.5, angle_increment is 0)')
+
+
+def test_a_name_that_is_not_there_is_reported() -> None:
+    arm = sensor_msgs.JointState(name=['hip', 'left knee'], position=[1.0])
+    part = an_input(ValueType.FLOAT64, 'position', LookUp(('name',), 'elbow', is_parallel=True))
+    assert why(part, arm) == (
+        'position[name = elbow] cannot be read (position has no element of this name)')
+    part = an_input(ValueType.FLOAT64, 'position', LookUp(('name',), 'left knee', True))
+    assert why(part, arm) == (
+        'position[name = "left knee"] cannot be read (the array has 1 element)')
+    status = message_class('diagnostic_msgs/msg/DiagnosticStatus')
+    message = message_class('diagnostic_msgs/msg/DiagnosticArray')(status=[status(name='imu')])
+    part = an_input(ValueType.UINT8, 'status', LookUp(('name',), 'gps'), 'level')
+    assert why(part, message) == (
+        'status[name = gps].level cannot be read (status has no element of this name)')
+    part = an_input(ValueType.UINT8, 'status', LookUp(('name',), 'imu'), 'values', 0, 'key')
+    assert 'status[name = imu].values has 0 elements' in why(part, message)
 
 
 def test_bytes_that_are_no_message_are_unreadable() -> None:
