@@ -28,7 +28,7 @@ from fret_monitor.elaboration.terms import Broken, TypedTerm, Vocabulary
 from fret_monitor.logic.formula import FALSE, TRUE, Variable
 from fret_monitor.logic.numbers import ExactNumber, NumberError, parse_number, stored
 from fret_monitor.logic.specification import Signal
-from fret_monitor.messages.constants import FieldConstants, NamedValues
+from fret_monitor.messages.constants import NamedValues, NO_CONSTANTS
 from fret_monitor.messages.field_path import check_reachable, resolve_field, ResolvedField
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse, Text
@@ -86,7 +86,7 @@ def _signal(entry: InputEntry, find_message: FindMessage,
     if source is InputSource.AGE and entry.values:
         refuse('an age has no names for its values', entry.values[0].name.span,
                'it is a number of seconds', "remove 'values'")
-    constants = field.constants if field else FieldConstants()
+    constants = field.constants if field else NO_CONSTANTS
     values = None if 'values' in entry.damaged else \
         _values(entry, kind, bool(constants.all), problems)
     stored_as = ValueType.INT32 if kind is None else kind

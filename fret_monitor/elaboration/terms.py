@@ -27,7 +27,7 @@ from typing import TypeAlias
 
 from fret_monitor.logic.formula import Constant, Conversion, Formula
 from fret_monitor.logic.numbers import constant, ExactNumber, NumberError
-from fret_monitor.messages.constants import FieldConstants, NamedValues
+from fret_monitor.messages.constants import FieldConstants, NamedValues, NO_CONSTANTS
 from fret_monitor.model.diagnostics import refuse, Span
 from fret_monitor.model.values import ValueType
 
@@ -45,7 +45,7 @@ class Vocabulary:
     """
 
     values: NamedValues
-    constants: FieldConstants = FieldConstants()
+    constants: FieldConstants = NO_CONSTANTS
 
     @cached_property
     def named(self) -> NamedValues:

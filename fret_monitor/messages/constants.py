@@ -38,11 +38,14 @@ class FieldConstants:
     strangers: tuple[tuple[str, str], ...] = ()
 
 
+NO_CONSTANTS = FieldConstants()
+
+
 def constants_of(layout: MessageLayout, item: MessageField) -> FieldConstants:
     """Return the constants for a field of a message: whole numbers or strings."""
     kind = _kind(item.type.base)
     if kind != 'string' and 'int' not in kind or item.type.is_message:
-        return FieldConstants()
+        return NO_CONSTANTS
     found = tuple((constant.name, value) for constant in layout.constants
                   if _kind(constant.type.base) == kind
                   and (value := _value(constant)) is not None)

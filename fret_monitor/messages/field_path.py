@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import re
 from typing import NoReturn
 
-from fret_monitor.messages.constants import constants_of, FieldConstants
+from fret_monitor.messages.constants import constants_of, FieldConstants, NO_CONSTANTS
 from fret_monitor.messages.installed import check_complete, listed, nested_layout
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
 from fret_monitor.messages.path_parts import read_part
@@ -81,7 +81,7 @@ class ResolvedField:
     types: tuple[FieldType, ...]
     reduction: str = ''
     source: InputSource = InputSource.FIELD
-    constants: FieldConstants = FieldConstants()
+    constants: FieldConstants = NO_CONSTANTS
 
 
 @dataclass(frozen=True)
