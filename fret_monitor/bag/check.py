@@ -20,14 +20,16 @@ Timeouts, periods and deadlines are taken between the messages, by the recording
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 import tempfile
 from typing import Protocol
 
 from fret_monitor.bag.moments import Moment
-from fret_monitor.bag.recording import DamagedRecording, Recording
-from fret_monitor.build import build
+from fret_monitor.bag.recording import Batch, DamagedRecording, Recording
+from fret_monitor.build import compile_monitor, generate_monitor, read, Reading
+from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import (
@@ -37,13 +39,15 @@ from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.packages import search_path
 from fret_monitor.model.policies import Policy, Report, Stale, Stamp
 from fret_monitor.native.monitor import CompiledMonitor, Monitor
-from fret_monitor.runtime.engine import Engine
+from fret_monitor.runtime.engine import Engine, MOST_QUEUED, ViolationDetail
 from fret_monitor.runtime.evaluator import Evaluator, NEVER, Violation
 from fret_monitor.start import manifest_of, start
 
 MOST_KEPT = 10_000
 """Occurrences of a requirement whose times are kept; the others are counted."""
 
+_ALL = 2**32 - 1  # details a second
+_MOST_WITH_DETAILS = 64  # violations that wait; the queue of details is short
 _MOST_DEADLINES = 100_000  # that are looked at after the end, for verdicts that are open
 
 
@@ -122,19 +126,29 @@ class Result:
 class Changes(Protocol):
     """Takes the changes of verdicts, in the order in which they were found."""
 
-    def begin(self, time: int, ids: Sequence[str]) -> None:
+    @property
+    def wants_details(self) -> bool:
+        """Whether it wants the values of the inputs at each change."""
+
+    def begin(self, time: int, manifest: Manifest) -> None:
         """Begin at a time (ns), with all requirements fulfilled."""
 
-    def change(self, time: int, index: int, is_fulfilled: bool) -> None:
-        """Take that a requirement is fulfilled, or violated, from a time on."""
+    def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
+        """Take that a requirement is violated, or fulfilled again; with details if wanted."""
 
+    def end(self, time: int) -> None:
+        """End at a time (ns)."""
+
+
+Watch = Callable[[Engine, Batch], None]
+"""Takes all messages that are read, before the engine does."""
 
 Progress = Callable[[int], None]
 """Takes the number of messages read so far."""
 
 
 def check_recording(
-    bundle: Path, path: Path, selection: Selection, *, changes: Changes | None = None,
+    bundle: Path, path: Path, selection: Selection, *, changes: Sequence[Changes] = (),
     on_progress: Progress | None = None,
 ) -> Result:
     """
@@ -147,20 +161,33 @@ def check_recording(
     NativeError
         if the bundle cannot be compiled.
     """
+    with opened(path) as (recording, find):
+        monitor = _compiled(bundle, selection, find).monitor
+        return run(monitor, recording, selection, changes=changes, on_progress=on_progress)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[tuple[Recording, FindMessage]]:
+    """Yield a recording, and a function that finds message types in it, or what is installed."""
     with Recording(path) as recording, tempfile.TemporaryDirectory() as folder:
-        compiled = _compiled(bundle, recording, Path(folder), selection)
-        return _Run(compiled.monitor, recording, selection, changes, on_progress).result()
+        recording.write_definitions(Path(folder))
+        prefixes = (Path(folder), *search_path())
+
+        def find(name: str, *_: object) -> MessageLayout:
+            return find_message(name, prefixes)
+
+        yield recording, find
 
 
-def _compiled(bundle: Path, recording: Recording, folder: Path,
-              selection: Selection) -> CompiledMonitor:
+def run(monitor: Monitor, recording: Recording, selection: Selection, *,
+        changes: Sequence[Changes] = (), watch: Watch | None = None,
+        on_progress: Progress | None = None) -> Result:
+    """Run a monitor over a recording; raises `CompileError` if they do not fit."""
+    return _Run(monitor, recording, selection, changes, watch, on_progress).result()
+
+
+def _compiled(bundle: Path, selection: Selection, find: FindMessage) -> CompiledMonitor:
     """Compile a bundle for the message definitions of a recording."""
-    recording.write_definitions(folder)
-    prefixes = (folder, *search_path())
-
-    def find(name: str, *_: object) -> MessageLayout:
-        return find_message(name, prefixes)
-
     if selection.stamp is None:
         try:
             manifest = manifest_of(bundle, constants=selection.constants)
@@ -168,25 +195,45 @@ def _compiled(bundle: Path, recording: Recording, folder: Path,
             pass  # perhaps its messages are only in the recording
         else:
             types = {item.message_type for item in manifest.topics}
-            if all(fingerprint(find(name)) == fingerprint(find_message(name)) for name in types):
+            if all(item.report is Report.OCCURRENCE for item in manifest.requirements) and all(
+                    fingerprint(find(name)) == fingerprint(find_message(name)) for name in types):
                 return start(bundle, constants=selection.constants)
-    return build(bundle, stamp=selection.stamp, constants=selection.constants,
-                 find_message=find)
+    return compiled(read_bundle(bundle, selection, find))
+
+
+def read_bundle(bundle: Path, selection: Selection, find: FindMessage) -> Reading:
+    """Read a bundle for a recording; all requirements report occurrences."""
+    reading = read(bundle, stamp=selection.stamp, constants=selection.constants,
+                   find_message=find)
+    properties = tuple(replace(item, report=Report.OCCURRENCE)
+                       for item in reading.specification.properties)
+    return replace(reading, specification=replace(
+        reading.specification, properties=properties))
+
+
+def compiled(reading: Reading) -> CompiledMonitor:
+    """Compile what was read; raises `NativeError` if the compiler fails."""
+    return compile_monitor(generate_monitor(reading))
 
 
 class _Run:
     """One run of an engine over a recording."""
 
     def __init__(self, monitor: Monitor, recording: Recording, selection: Selection,
-                 changes: Changes | None, on_progress: Progress | None) -> None:
+                 changes: Sequence[Changes], watch: Watch | None,
+                 on_progress: Progress | None) -> None:
         self._recording = recording
         self._selection = selection
         self._changes = changes
+        self._watch = watch
         self._on_progress = on_progress
-        self._monitor = _reporting_occurrences(monitor)
+        self._monitor = monitor
         self._manifest = monitor.manifest
         self._evaluator = Evaluator(self._monitor, reports_recoveries=True)
         self._engine = Engine(self._evaluator, takes_recoveries=True)
+        self._wants_details = False
+        self._most = MOST_QUEUED
+        self._want_details()
         self._errors: list[str] = []
         self._read = [0] * len(self._manifest.topics)
         self._findings = [Findings(item.id) for item in self._manifest.requirements]
@@ -199,11 +246,13 @@ class _Run:
         last = _at(selection.end, recording, recording.end)
         if last < begin:
             refuse('the end is before the begin', help='--from and --to, in this order')
-        if self._changes is not None:
-            self._changes.begin(begin, [item.id for item in manifest.requirements])
+        for each in self._changes:
+            each.begin(begin, manifest)
         self._play(wanted, begin, last)
         end = max(last, _at(selection.until, recording, last))
-        self._take(self._engine.advance_all(end + manifest.reorder))
+        self._take(self._engine.advance_all(end + manifest.reorder, most=self._most))
+        for each in self._changes:
+            each.end(end)
         self._finish(end)
         recorded = {name: recording.recorded[name] for name in names}
         read = dict(zip(names, self._read))
@@ -240,6 +289,8 @@ class _Run:
                 for topic, count in batch.read.items():
                     self._read[topic] += count
                 total += len(batch.topics)
+                if self._watch is not None:
+                    self._watch(self._engine, batch)
                 before = sum(time < begin for time in batch.times) \
                     if batch.times[0] < begin else 0
                 if before:
@@ -252,7 +303,8 @@ class _Run:
                     self._engine.advance(begin)
                     has_begun = True
                 self._take(self._engine.records(
-                    batch.topics, batch.times, batch.ends, batch.messages, begin=before))
+                    batch.topics, batch.times, batch.ends, batch.messages, begin=before,
+                    most=self._most))
                 if self._on_progress is not None:
                     self._on_progress(total)
         except DamagedRecording as error:
@@ -262,13 +314,32 @@ class _Run:
 
     def _take(self, found: Iterable[list[Violation]]) -> None:
         for batch in found:
-            for index, _, stamp, is_recovery in batch:
-                if is_recovery:
-                    _end(self._findings[index], stamp)
+            details = list(self._details()) if self._wants_details else []
+            details.reverse()
+            for violation in batch:
+                findings = self._findings[violation.requirement]
+                if violation.is_recovery:
+                    _end(findings, violation.stamp)
                 else:
-                    _begin(self._findings[index], stamp)
-                if self._changes is not None:
-                    self._changes.change(stamp, index, is_recovery)
+                    _begin(findings, violation.stamp)
+                # Both are queued together; a detail is missing if its queue was full.
+                has_detail = bool(details) and details[-1].is_of(violation)
+                detail = details.pop() if has_detail else None
+                for each in self._changes:
+                    each.change(violation, detail)
+            self._want_details()
+
+    def _want_details(self) -> None:
+        """Have the engine queue details as long as anybody wants them."""
+        are_wanted = any(item.wants_details for item in self._changes)
+        if are_wanted != self._wants_details:
+            self._wants_details = are_wanted
+            self._most = _MOST_WITH_DETAILS if are_wanted else MOST_QUEUED
+            self._engine.want_details(are_wanted, _ALL)
+
+    def _details(self) -> Iterator[ViolationDetail]:
+        while (detail := self._engine.take_detail(0)) is not None:
+            yield detail
 
     def _finish(self, end: int) -> None:
         """Set the verdicts; complain of messages that could not be used."""
@@ -333,22 +404,16 @@ def _end(findings: Findings, stamp: int) -> None:
             findings.spans[-1] = (since, stamp)
 
 
-def _reporting_occurrences(monitor: Monitor) -> Monitor:
-    """Return a monitor that reports the begin of each violation, whatever its bundle says."""
-    requirements = tuple(replace(item, report=Report.OCCURRENCE)
-                         for item in monitor.manifest.requirements)
-    return replace(monitor, manifest=replace(monitor.manifest, requirements=requirements))
-
-
 def resolved(topic: str, selection: Selection) -> str:
     """Return the name under which a topic of the bundle was recorded."""
-    name = _absolute(topic, selection.namespace)
-    renamed = {_absolute(old, selection.namespace): _absolute(new, selection.namespace)
+    name = absolute(topic, selection.namespace)
+    renamed = {absolute(old, selection.namespace): absolute(new, selection.namespace)
                for old, new in selection.remaps.items()}
     return renamed.get(name, name)
 
 
-def _absolute(name: str, namespace: str) -> str:
+def absolute(name: str, namespace: str) -> str:
+    """Return the full name of a topic in a namespace."""
     if name.startswith('/'):
         return name
     parts = [part for part in (*namespace.split('/'), *name.split('/')) if part]

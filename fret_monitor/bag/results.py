@@ -22,15 +22,12 @@ from xml.etree import ElementTree
 
 from fret_monitor.bag.check import Findings, Result
 from fret_monitor.model.diagnostics import counted
+from fret_monitor.model.manifest import Manifest
+from fret_monitor.runtime.detail_text import seconds, short_seconds
+from fret_monitor.runtime.engine import ViolationDetail
+from fret_monitor.runtime.evaluator import Violation
 
-_SECOND_NS = 10**9
 _CONTROLS = {chr(k): '?' for k in range(32) if chr(k) not in '\t\n\r'}
-
-
-def seconds(time: int) -> str:
-    """Return nanoseconds as seconds with nine digits."""
-    whole, rest = divmod(abs(time), _SECOND_NS)
-    return f'{"-" if time < 0 else ""}{whole}.{rest:09d}'
 
 
 def json_line(result: Result) -> str:
@@ -66,12 +63,12 @@ def table(result: Result) -> str:
     """Return the result for a terminal; times count from the begin of what was judged."""
     rows = [('requirement', 'verdict', 'occurrences', 'first at', 'longest')]
     rows += [(item.id, verdict_text(item), f'{item.occurrences:,}',
-              '-' if item.first is None else f'{_short(item.first - result.begin)} s',
-              f'{_short(item.longest)} s' if item.occurrences else '-')
+              '-' if item.first is None else f'{short_seconds(item.first - result.begin)} s',
+              f'{short_seconds(item.longest)} s' if item.occurrences else '-')
              for item in result.findings]
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
     lines = [f'{result.path}: {counted(sum(result.read.values()), "message")} on '
-             f'{counted(len(result.read), "topic")}, {_short(result.end - result.begin)} s']
+             f'{counted(len(result.read), "topic")}, {short_seconds(result.end - result.begin)} s']
     return '\n'.join([*lines, *(_aligned(row, widths) for row in rows)])
 
 
@@ -80,10 +77,6 @@ def _aligned(row: Sequence[str], widths: Sequence[int]) -> str:
     words = [cell.ljust(width) for cell, width in zip(row[:2], widths)]
     numbers = [cell.rjust(width) for cell, width in zip(row[2:], widths[2:])]
     return '  '.join([*words, *numbers]).rstrip()
-
-
-def _short(time: int) -> str:
-    return seconds(time).rstrip('0').rstrip('.')
 
 
 def junit(results: Iterable[Result], failed: Iterable[tuple[str, str]], bundle: str) -> str:
@@ -133,18 +126,23 @@ def _clean(text: str) -> str:
 class ChangesCsv:
     """Writes verdicts whenever one changes: a column a requirement, 1 fulfilled, 0 violated."""
 
+    wants_details = False
+
     def __init__(self, file: TextIO) -> None:
         """Write to `file`, an open CSV file."""
         self._writer = csv.writer(file, lineterminator='\n')
         self._state: list[int] = []
 
-    def begin(self, time: int, ids: Sequence[str]) -> None:
+    def begin(self, time: int, manifest: Manifest) -> None:
         """Write the heading, and the first row: all are fulfilled."""
-        self._state = [1] * len(ids)
-        self._writer.writerow(['time', *ids])
+        self._state = [1] * len(manifest.requirements)
+        self._writer.writerow(['time', *(item.id for item in manifest.requirements)])
         self._writer.writerow([seconds(time), *self._state])
 
-    def change(self, time: int, index: int, is_fulfilled: bool) -> None:
+    def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
         """Write a row with one verdict changed."""
-        self._state[index] = int(is_fulfilled)
-        self._writer.writerow([seconds(time), *self._state])
+        self._state[violation.requirement] = int(violation.is_recovery)
+        self._writer.writerow([seconds(violation.stamp), *self._state])
+
+    def end(self, time: int) -> None:
+        """Write nothing: the last row holds until the end."""

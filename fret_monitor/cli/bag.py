@@ -67,6 +67,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     output.add_argument('--junit', metavar='FILE.xml', type=Path, help='write a report for CI')
     output.add_argument('--csv', metavar='FILE.csv', type=Path,
                         help='write the changes of verdicts, of one recording')
+    output.add_argument('--mcap', metavar='FILE.mcap', type=Path,
+                        help='write violations and verdicts as a recording, of one recording')
     output.add_argument('--jobs', metavar='N', type=_jobs, default=1,
                         help='processes; 0: one a processor')
     output.add_argument('--results', metavar='FILE.jsonl', type=Path,
@@ -78,14 +80,16 @@ def run(options: Namespace) -> int:
     """Check recordings; return 1 if something could not be seen, or at a wanted violation."""
     if find_spec('rosbags') is None:
         refuse('`bag` needs the extra `bag`', help=pip_install('rosbags'))
+    from fret_monitor.bag.recording import files_of
     bundle = existing_bundle(options.bundle)
-    read = [bundle, *options.bags]
-    for path in (options.junit, options.csv, options.results):
+    read = [bundle, *(file for path in options.bags for file in files_of(path))]
+    for path in (options.junit, options.csv, options.mcap, options.results):
         if path is not None:
             refuse_overwriting(path, read)
-    if options.csv is not None and len(options.bags) != 1:
-        refuse('--csv writes the changes of one recording',
-               help=f'here are {len(options.bags)}: call the command once for each')
+    for name, path in (('--csv', options.csv), ('--mcap', options.mcap)):
+        if path is not None and len(options.bags) != 1:
+            refuse(f'{name} writes the changes of one recording',
+                   help=f'here are {len(options.bags)}: call the command once for each')
     return _check(options, bundle, _selection(options))
 
 
@@ -127,7 +131,7 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection') -> int:
 
 def _outcomes(options: Namespace, bundle: Path, selection: 'Selection') -> Iterator['Outcome']:
     from fret_monitor.bag.fleet import check_all, check_one, finished
-    if options.csv is not None:
+    if options.csv is not None or options.mcap is not None:
         yield _with_changes(options, bundle, selection)
         return
     paths: Sequence[Path] = options.bags
@@ -147,11 +151,17 @@ def _outcomes(options: Namespace, bundle: Path, selection: 'Selection') -> Itera
 
 
 def _with_changes(options: Namespace, bundle: Path, selection: 'Selection') -> 'Outcome':
-    from fret_monitor.bag.check import check_recording
+    from fret_monitor.bag.check import Changes, check_recording
     from fret_monitor.bag.fleet import Outcome
     from fret_monitor.bag.results import ChangesCsv, json_line
+    from fret_monitor.bag.violations import open_violations
+    changes: list[Changes] = []
     with ExitStack() as stack:
-        changes = ChangesCsv(stack.enter_context(open_output(options.csv)))
+        if options.csv is not None:
+            changes.append(ChangesCsv(stack.enter_context(open_output(options.csv))))
+        if options.mcap is not None:
+            changes.append(stack.enter_context(
+                open_violations(options.mcap, options.namespace)))
         result = check_recording(bundle, options.bags[0], selection, changes=changes)
     return Outcome(options.bags[0], json_line(result), result)
 

@@ -27,12 +27,11 @@ from threading import Event
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from fret_monitor.model.floats import shortest_float32
-from fret_monitor.model.manifest import Manifest, ManifestInput
-from fret_monitor.model.policies import Policy, Severity
-from fret_monitor.model.values import ValueType
+from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.policies import Severity
 from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH, violation_profile
 from fret_monitor.runtime import ViolationDetail
+from fret_monitor.runtime.detail_text import detail_text, input_name, OF_STEPS, OF_TIMES
 
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
@@ -40,10 +39,6 @@ from rclpy.node import Node
 DETAILS_TOPIC = 'copilot/violations'
 LEVELS = {Severity.ERROR: DiagnosticStatus.ERROR, Severity.WARN: DiagnosticStatus.WARN}
 
-Value = bool | int | float | None
-
-_OF_STEPS = ('step', 'stamp', 'suppressed', 'silent')  # keys of all details, in this order
-_OF_TIMES = ('time', *_OF_STEPS[1:])  # under the policy timed
 _COUNT = re.compile(r'[0-9]{1,20}')
 _STAMP = re.compile(r'-?[0-9]{1,12}\.[0-9]{9}')
 _TIME = re.compile(r'[0-9]{1,12}(\.[0-9]{1,9})?')
@@ -72,14 +67,14 @@ def read_detail(status: DiagnosticStatus) -> Detail | None:
     """Parse a status that `Details` has published; return None if it has another form."""
     pairs = [(item.key, item.value) for item in status.values]
     of_all = tuple(key for key, _ in pairs[:4])
-    if of_all not in (_OF_STEPS, _OF_TIMES):
+    if of_all not in (OF_STEPS, OF_TIMES):
         return None
     place, stamp, suppressed = (value for _, value in pairs[:3])
-    is_timed = of_all == _OF_TIMES
+    is_timed = of_all == OF_TIMES
     if not (_TIME if is_timed else _COUNT).fullmatch(place) or not _STAMP.fullmatch(stamp) \
             or not _COUNT.fullmatch(suppressed):
         return None
-    values = tuple((_name(key), value) for key, value in pairs[4:])
+    values = tuple((input_name(key), value) for key, value in pairs[4:])
     return Detail(
         None if is_timed else int(place), float(stamp), values, pairs[3][1], int(suppressed),
         place if is_timed else None, status.level == DiagnosticStatus.OK)
@@ -92,7 +87,6 @@ class Details:
         """Advertise the topic, with a queue of `depth` messages."""
         self._node = node
         self._manifest = manifest
-        self._is_timed = manifest.policy is Policy.TIMED
         self.listening = Event()
         self._publisher = node.create_publisher(
             DiagnosticArray, DETAILS_TOPIC, violation_profile(depth),
@@ -119,63 +113,15 @@ class Details:
         self._node.destroy_publisher(self._publisher)
 
     def _status(self, detail: ViolationDetail) -> DiagnosticStatus:
-        violation = detail.violation
-        requirement = self._manifest.requirements[violation.requirement]
-        inputs = self._manifest.inputs
-        silent = [inputs[index].name for index in requirement.inputs if index in detail.stale]
-        place = _seconds(violation.step) if self._is_timed else str(violation.step)
-        of_all = (place, _stamp(violation.stamp), str(detail.suppressed), ', '.join(silent))
-        pairs = [
-            *zip(_OF_TIMES if self._is_timed else _OF_STEPS, of_all),
-            *((_key(inputs[index].name), show(inputs[index], detail.values[index]))
-              for index in requirement.inputs)]
+        text = detail_text(self._manifest, detail)
         return DiagnosticStatus(
-            level=DiagnosticStatus.OK if detail.is_recovery else LEVELS[requirement.severity],
-            name=requirement.id,
-            message=' '.join((requirement.title or requirement.text).split()),
-            hardware_id=self._manifest.component,
-            values=[KeyValue(key=key, value=text) for key, text in pairs])
-
-
-def _seconds(nanoseconds: int) -> str:
-    """Return a time in seconds, exactly, without zeros at its end."""
-    return _stamp(nanoseconds).rstrip('0').rstrip('.')
-
-
-def _stamp(nanoseconds: int) -> str:
-    """Return a time in seconds, exactly, with nine decimals, as `_STAMP` reads it."""
-    whole, rest = divmod(abs(nanoseconds), 10**9)
-    return f"{'-' if nanoseconds < 0 else ''}{whole}.{rest:09d}"
-
-
-_OF_ALL = frozenset((*_OF_STEPS, *_OF_TIMES))
-
-
-def _key(name: str) -> str:
-    """Return the key of an input: its name, with a prefix if all details have such a key."""
-    return f'input {name}' if name in _OF_ALL else name
-
-
-def _name(key: str) -> str:
-    """Return the name of the input with a key; the inverse of `_key`."""
-    name = key.removeprefix('input ')
-    return name if name in _OF_ALL else key
+            level=DiagnosticStatus.OK if text.severity is None else LEVELS[text.severity],
+            name=text.name,
+            message=text.message,
+            hardware_id=text.hardware_id,
+            values=[KeyValue(key=key, value=value) for key, value in text.values])
 
 
 def as_time(nanoseconds: int) -> Time:
     """Convert nanoseconds to a ROS time stamp."""
     return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
-
-
-def show(item: ManifestInput, value: Value) -> str:
-    """Return a value as written in a bundle; a named value by its name."""
-    if value is None:
-        return '(none yet)'
-    for place, (name, number) in enumerate(item.values):
-        if value == (place if item.is_string else number):
-            return name
-    if isinstance(value, bool):
-        return str(value).lower()
-    if item.value_type is ValueType.FLOAT32 and isinstance(value, float):
-        return shortest_float32(value)
-    return repr(value)

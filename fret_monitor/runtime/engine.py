@@ -37,8 +37,10 @@ from fret_monitor.runtime.evaluator import (
 MOST_DETAILS_PER_S = 100
 """Details of a requirement in a second for subscribers; the others are counted."""
 
+MOST_QUEUED = 1 << 14
+"""Violations of a recording that wait to be taken, unless the caller wants fewer."""
+
 _BATCH = 64
-_MOST_QUEUED = 1 << 14  # violations of a recording that wait to be taken
 
 
 class Receipt(Enum):
@@ -79,6 +81,10 @@ class ViolationDetail:
     values: tuple[bool | int | float | None, ...]
     stale: frozenset[int] = frozenset()
     is_recovery: bool = False
+
+    def is_of(self, violation: Violation) -> bool:
+        """Whether these are the details of a violation, or of its end."""
+        return self.violation[:3] == violation[:3] and self.is_recovery == violation.is_recovery
 
 
 class Engine:
@@ -171,8 +177,8 @@ class Engine:
             self.pointer, topic, ffi.from_buffer('uint8_t[]', message), len(message), origin))
 
     def records(self, topics: 'array[int]', times: 'array[int]', ends: 'array[int]',
-                messages: bytes, *, begin: int = 0,
-                only_values: bool = False) -> Iterator[list[Violation]]:
+                messages: bytes, *, begin: int = 0, only_values: bool = False,
+                most: int = MOST_QUEUED) -> Iterator[list[Violation]]:
         """
         Deliver messages of a recording, in the order of their times, while the time is told.
 
@@ -192,6 +198,8 @@ class Engine:
             the first message to deliver.
         only_values
             whether they set their inputs and are no steps: they are before the begin.
+        most
+            the number of violations after which some are yielded.
 
         Yields
         ------
@@ -204,13 +212,13 @@ class Engine:
             'ends': ffi.from_buffer('uint64_t[]', ends),
             'bytes': ffi.from_buffer('uint8_t[]', messages),
             'n': len(topics), 'next': begin, 'only_values': only_values})
-        while not self._library.fm_engine_records(self.pointer, records, _MOST_QUEUED):
+        while not self._library.fm_engine_records(self.pointer, records, most):
             yield self._take_all()
         yield self._take_all()
 
-    def advance_all(self, now: int) -> Iterator[list[Violation]]:
+    def advance_all(self, now: int, *, most: int = MOST_QUEUED) -> Iterator[list[Violation]]:
         """Move the time while it is told, and yield what is found until then, as `records`."""
-        while not self._library.fm_engine_advance_all(self.pointer, now, _MOST_QUEUED):
+        while not self._library.fm_engine_advance_all(self.pointer, now, most):
             yield self._take_all()
         yield self._take_all()
 

@@ -19,6 +19,7 @@ import json
 from pathlib import Path
 from random import Random
 import shutil
+from typing import Any
 from xml.etree import ElementTree
 
 from bag.recordings import Message, START, TYPES, write
@@ -31,7 +32,8 @@ from fret_monitor.start import start
 from fret_monitor.traces.simulate import simulate
 import pytest
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import CompressionMode, StoragePlugin
+from rosbags.rosbag2 import CompressionMode, Reader, StoragePlugin
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 SECOND = 10**9
 PUMP = """format: 1
@@ -329,6 +331,67 @@ def test_what_a_program_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert (suite.get('tests'), suite.get('failures'), suite.get('errors')) == ('3', '2', '0')
     assert [case.get('name') for case in suite if case.find('failure') is not None] == [
         'LOW', 'NEVER']
+
+
+def test_violations_are_written_as_a_recording(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(tmp_path / 'bag', [
+        ('/r/level', 0, 0.0), ('/r/flow', SECOND, 0.25), ('/r/level', 2 * SECOND, 0.95),
+        ('/r/level', 3 * SECOND, 0.25), ('/r/flow', 4 * SECOND, 0.0)])
+    file, out = bundle(tmp_path, 'every_message'), tmp_path / 'out.mcap'
+    assert main(['bag', str(file), str(path), '--namespace', 'r', '--mcap', str(out)]) == 0
+    with Reader(out) as reader:  # with the definitions in the file alone
+        types = get_typestore(Stores.EMPTY)
+        for item in reader.connections:
+            types.register(get_types_from_msg(item.msgdef.data, item.msgtype))
+        found: list[tuple[str, int, Any]] = [
+            (item.topic, time - START, types.deserialize_cdr(data, item.msgtype))
+            for item, time, data in reader.messages()]
+    statuses = [(time, message.header.stamp.sec, message.status[0])
+                for topic, time, message in found if topic == '/r/copilot/violations']
+    assert [(time, status.level, status.name, status.message) for time, _, status in statuses] == [
+        (2 * SECOND, 2, 'LOW', 'level < 0.5'), (2 * SECOND, 2, 'NEVER', 'H (level < 0.9)'),
+        (3 * SECOND, 0, 'LOW', 'level < 0.5'), (3 * SECOND, 0, 'NEVER', 'H (level < 0.9)')]
+    assert statuses[0][1] == START // SECOND + 2
+    assert [(item.key, item.value) for item in statuses[0][2].values] == [
+        ('step', '2'), ('stamp', '1700000002.000000000'), ('suppressed', '0'), ('silent', ''),
+        ('level', '0.95')]
+    assert [(time, message.data) for topic, time, message in found
+            if topic == '/r/copilot/verdicts/handlerpropLOW'] == [
+        (0, True), (2 * SECOND, False), (3 * SECOND, True), (4 * SECOND, True)]
+    assert not list(tmp_path.glob('.fret_monitor-*'))
+    capsys.readouterr()
+    recorded = path / 'bag.mcap'
+    before = recorded.read_bytes()
+    assert main(['bag', str(file), str(path), '--mcap', str(recorded)]) == 1
+    assert 'this command reads it' in capsys.readouterr().err
+    assert main(['bag', str(file), str(path), str(path), '--mcap', str(out)]) == 1
+    assert '--mcap writes the changes of one recording' in capsys.readouterr().err
+    assert main(['bag', str(file), str(path), '--mcap', str(tmp_path / 'no' / 'x.mcap')]) == 1
+    assert 'No such file or directory' in capsys.readouterr().err
+    assert recorded.read_bytes() == before
+
+
+@pytest.mark.parametrize('policy', ['every_message', 'timed'])
+def test_a_requirement_for_all_time_has_an_occurrence_each_time(
+        tmp_path: Path, policy: str) -> None:
+    levels = [0.0, 0.95, 0.0, 0.95, 0.95, 0.0]
+    path = write(tmp_path / 'bag', [('/flow', 0, 0.0), *(
+        ('/level', k * SECOND, level) for k, level in enumerate(levels, 1))])
+    never = check_recording(bundle(tmp_path, policy), path, Selection()).findings[2]
+    assert (never.id, never.verdict) == ('NEVER', False)
+    assert [(begin - START, end and end - START) for begin, end in never.spans] == [
+        (2 * SECOND, 3 * SECOND), (4 * SECOND, 6 * SECOND)]
+
+
+def test_no_detail_is_missing_in_a_recording_of_many_violations(tmp_path: Path) -> None:
+    count = 5_000
+    path = write(tmp_path / 'bag', [('/level', k, float(k % 2)) for k in range(count)])
+    file, out = bundle(tmp_path, 'every_message'), tmp_path / 'out.mcap'
+    assert main(['bag', str(file), str(path), '--missing-topics', 'ok', '--mcap', str(out)]) == 0
+    with Reader(out) as reader:
+        counts = {item.topic: item.msgcount for item in reader.connections}
+    assert counts['/copilot/violations'] == 2 * (count - 1)  # LOW and NEVER, begins and ends
 
 
 def test_a_bag_of_ros_1_is_read(tmp_path: Path) -> None:

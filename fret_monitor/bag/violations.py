@@ -1,0 +1,118 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Writes what was found in a recording as another one, for Foxglove, Lichtblick or PlotJuggler.
+
+It has `copilot/violations`, as the node publishes it, and `copilot/verdicts/HANDLER` for plotting.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from fret_monitor.bag.check import absolute
+from fret_monitor.model.diagnostics import refuse
+from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.policies import Severity
+from fret_monitor.runtime.detail_text import detail_text
+from fret_monitor.runtime.engine import ViolationDetail
+from fret_monitor.runtime.evaluator import Violation
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import get_typestore, Stores
+
+_ARRAY = 'diagnostic_msgs/msg/DiagnosticArray'
+_BOOL = 'std_msgs/msg/Bool'
+_NAME = 'violations'
+_LEVELS = {None: 0, Severity.WARN: 1, Severity.ERROR: 2}
+
+
+@contextmanager
+def open_violations(path: Path, namespace: str) -> Iterator['ViolationsMcap']:
+    """
+    Yield a recording that is renamed to `path` when the block ends without an exception.
+
+    Raises
+    ------
+    CompileError
+        if it cannot be written.
+    """
+    try:
+        target = path.resolve()
+        with TemporaryDirectory(prefix='.fret_monitor-', dir=target.parent) as folder:
+            written = Path(folder) / _NAME
+            with Writer(written, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+                yield ViolationsMcap(writer, namespace)
+            (written / f'{_NAME}.mcap').replace(target)
+    except OSError as error:
+        refuse(f"cannot write '{path}': {error.strerror or error}")
+
+
+class ViolationsMcap:
+    """Writes the changes of verdicts, with their details."""
+
+    wants_details = True
+
+    def __init__(self, writer: Writer, namespace: str) -> None:
+        """Write with an open writer; topics are in the namespace."""
+        self._writer = writer
+        self._namespace = namespace
+        self._types = get_typestore(Stores.ROS2_JAZZY)
+        self._state: list[bool] = []
+
+    def begin(self, time: int, manifest: Manifest) -> None:
+        """Begin at a time (ns), with all requirements fulfilled."""
+        self._manifest = manifest
+        self._state = [True] * len(manifest.requirements)
+        self._violations = self._topic('copilot/violations', _ARRAY)
+        self._verdicts = [self._topic(f'copilot/verdicts/{item.handler}', _BOOL)
+                          for item in manifest.requirements]
+        self._write_verdicts(time)
+
+    def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
+        """Write a verdict, and the details of its change."""
+        self._state[violation.requirement] = violation.is_recovery
+        self._write_verdict(violation.stamp, violation.requirement)
+        if detail is not None:
+            self._write_detail(violation.stamp, detail)
+
+    def end(self, time: int) -> None:
+        """Write all verdicts once more, so that plots reach the end."""
+        self._write_verdicts(time)
+
+    def _topic(self, name: str, kind: str) -> Connection:
+        return self._writer.add_connection(
+            absolute(name, self._namespace), kind, typestore=self._types)
+
+    def _write_verdicts(self, time: int) -> None:
+        for index in range(len(self._state)):
+            self._write_verdict(time, index)
+
+    def _write_verdict(self, time: int, index: int) -> None:
+        message = self._types.types[_BOOL](self._state[index])
+        self._writer.write(self._verdicts[index], max(0, time),
+                           self._types.serialize_cdr(message, _BOOL))
+
+    def _write_detail(self, time: int, detail: ViolationDetail) -> None:
+        types = self._types.types
+        text = detail_text(self._manifest, detail)
+        stamp = types['builtin_interfaces/msg/Time'](time // 10**9, time % 10**9)
+        values = [types['diagnostic_msgs/msg/KeyValue'](*pair) for pair in text.values]
+        status = types['diagnostic_msgs/msg/DiagnosticStatus'](
+            _LEVELS[text.severity], text.name, text.message, text.hardware_id, values)
+        message = types[_ARRAY](types['std_msgs/msg/Header'](stamp, ''), [status])
+        self._writer.write(self._violations, max(0, time),
+                           self._types.serialize_cdr(message, _ARRAY))
