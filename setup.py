@@ -67,6 +67,7 @@ TEST = [
     'flake8-import-order>=0.18,<1',
     'flake8-quotes>=3.4,<4',
     'hypothesis>=6.100,<7',
+    'jsonschema>=4.18',
     'mypy>=1.11',
     'numpy>=1.26',
     'pydocstyle>=6.3,<7',

@@ -36,9 +36,9 @@ from fret_monitor.model.names import (
 )
 from fret_monitor.model.policies import Stale
 
-_FIELD_KEYS = ('field', 'initial', 'values')
+FIELD_KEYS = ('field', 'initial', 'values')
 _TOPIC_KEYS = ('qos', 'timeout', 'stale', 'startup', 'max_rate')
-INPUT_KEYS = ('topic', 'type', *_FIELD_KEYS, *_TOPIC_KEYS)
+INPUT_KEYS = ('topic', 'type', *FIELD_KEYS, *_TOPIC_KEYS)
 BLOCK_KEYS = ('type', *_TOPIC_KEYS, 'fields')
 _SLIPS = {'message': 'type', 'message_type': 'type', 'msg': 'type', 'path': 'field'}
 _FIELDS_EXAMPLE = 'fields: {altitude: pose.pose.position.z}'
@@ -46,7 +46,7 @@ _SHORTEST_TIMEOUT_S = Fraction(1, 10 ** 3)
 _LONGEST_TIMEOUT_S = Fraction(10 ** 9)
 _RATES_HZ = (Fraction(1, 10 ** 9), Fraction(10 ** 9))
 _NOTHING = 'none'
-_QOS = {
+QOS_KEYS = {
     'reliability': ('reliable', 'best_effort'),
     'durability': ('volatile', 'transient_local'),
     'history': ('keep_last', 'keep_all'),
@@ -70,7 +70,7 @@ def read_block(topic: YamlScalar, mapping: YamlMapping,
     Each input of the topic begins as this entry, see `read_field`.
     """
     shape = Shape(mapping, 'a topic', BLOCK_KEYS, problems, _SLIPS, dict.fromkeys(
-        _FIELD_KEYS, f'it belongs under fields, as in\n{_FIELDS_EXAMPLE}'))
+        FIELD_KEYS, f'it belongs under fields, as in\n{_FIELDS_EXAMPLE}'))
     report_fault(topic_fault(topic.value), topic.text, problems)
     entry = InputEntry(topic.text, topic=topic.text, block=topic.text)
     entry = _with_topic_keys(entry, shape, problems)
@@ -96,7 +96,7 @@ def read_field(block: InputEntry, name: DeclaredName, node: Node,
     mapping = mapping_of(node, what, problems, f'{name.value}: pose.pose.position.z')
     if mapping is None:
         return None
-    shape = Shape(mapping, 'a field', _FIELD_KEYS, problems, _SLIPS, dict.fromkeys(
+    shape = Shape(mapping, 'a field', FIELD_KEYS, problems, _SLIPS, dict.fromkeys(
         ('type', *_TOPIC_KEYS), "it belongs to the topic, beside 'fields'"))
     return _with_field(entry, shape, problems)
 
@@ -237,8 +237,8 @@ def _qos(node: Node | None, problems: Problems) -> Iterator[tuple[Text, Text]]:
     mapping = mapping_of(node, "'qos'", problems, 'qos: {reliability: best_effort, depth: 10}')
     if mapping is None:
         return
-    shape = Shape(mapping, "'qos'", _QOS, problems)
-    for key, words in _QOS.items():
+    shape = Shape(mapping, "'qos'", QOS_KEYS, problems)
+    for key, words in QOS_KEYS.items():
         name, text = shape.key(key), shape.text(key)
         if name is None or text is None:
             continue

@@ -51,14 +51,14 @@ FORMAT = '1'
 
 _SHORTEST_PERIOD_S = Fraction(1, 10 ** 9)  # ROS counts time in nanoseconds
 _LONGEST_PERIOD_S = Fraction(10 ** 9)
-_SIGNALS_KEYS = ('format', 'title', 'description', 'constants', 'inputs', 'topics')
-_BUNDLE_KEYS = (
+SIGNALS_KEYS = ('format', 'title', 'description', 'constants', 'inputs', 'topics')
+BUNDLE_KEYS = (
     'format', 'component', 'title', 'description', 'signals', 'constants', 'inputs', 'topics',
     'definitions', 'evaluation', 'report', 'severity', 'requirements')
 _LONGEST_REORDER_S = Fraction(3600)
 USUAL_REORDER_S = Fraction(1, 10)
 _TIMED_KEYS = ('unit', 'stamp', 'reorder')
-_EVALUATION_KEYS = ('policy', 'period', 'rate', *_TIMED_KEYS)
+EVALUATION_KEYS = ('policy', 'period', 'rate', *_TIMED_KEYS)
 _ELSEWHERE = {
     **dict.fromkeys(
         ('policy', 'period', 'rate'),
@@ -126,7 +126,7 @@ class _BundleReader:
         mapping = self._root(source, 'the bundle', _EXAMPLE)
         if mapping is None or not self._has_format(mapping, is_required=True):
             return None
-        shape = Shape(mapping, 'a bundle', _BUNDLE_KEYS, self._problems, elsewhere=_ELSEWHERE)
+        shape = Shape(mapping, 'a bundle', BUNDLE_KEYS, self._problems, elsewhere=_ELSEWHERE)
         read = self._contents(source, shape)
         shared = self._signals(source, shape)
         definitions = tuple(self._definitions(shape))
@@ -199,7 +199,7 @@ class _BundleReader:
         if mapping is None:
             self._has_policy &= node is None
             return bundle
-        part = Shape(mapping, "'evaluation'", _EVALUATION_KEYS, self._problems)
+        part = Shape(mapping, "'evaluation'", EVALUATION_KEYS, self._problems)
         choice = part.choice('policy', Policy)
         policy = choice or Policy.EVERY_MESSAGE
         is_known = part.lacks('policy') or choice is not None
@@ -397,7 +397,7 @@ class _BundleReader:
         if mapping is None or not self._has_format(mapping, is_required=False):
             return None
         return self._contents(
-            source, Shape(mapping, 'a signals file', _SIGNALS_KEYS, self._problems))
+            source, Shape(mapping, 'a signals file', SIGNALS_KEYS, self._problems))
 
 
 def _resolved(path: Path) -> Path:

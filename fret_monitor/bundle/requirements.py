@@ -24,7 +24,7 @@ from fret_monitor.model.diagnostics import Problems, Source, Text
 from fret_monitor.model.names import handler_fault, shown
 from fret_monitor.model.policies import Report, Severity
 
-_REQUIREMENT_KEYS = ('id', *FORMULA_KEYS, 'title', 'rationale', 'report', 'severity')
+REQUIREMENT_KEYS = ('id', *FORMULA_KEYS, 'title', 'rationale', 'report', 'severity')
 _NO_TEXT = Text('', Source('', ''), [0])
 
 
@@ -89,7 +89,7 @@ def _requirement(mapping: YamlMapping, report: Report | None, severity: Severity
 
     Returns None without an id, and `_NO_TEXT` for a formula that cannot be used.
     """
-    shape = Shape(mapping, 'a requirement', _REQUIREMENT_KEYS, problems, FORMULA_SLIPS)
+    shape = Shape(mapping, 'a requirement', REQUIREMENT_KEYS, problems, FORMULA_SLIPS)
     name = _id(shape, problems)
     what = f'the requirement {shown(name.value)}' if name else 'this requirement'
     place = name.span if name else shape.span

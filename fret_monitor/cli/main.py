@@ -46,6 +46,7 @@ _VERBS = {
     'import': 'make a bundle from a FRET project or an Ogma set-up',
     'explain': 'describe what requirements mean, with examples',
     'prove': 'prove that the generated C is right',
+    'schema': 'print the JSON schema of a bundle, for editors',
 }
 
 

@@ -113,10 +113,11 @@ def remainders() -> Specification:
             BinaryOperator.LT, Binary(operator, x, y), Constant(0.5, kind)))
             for operator in operators]
     x, y = Variable('x_float64', ValueType.FLOAT64), Variable('y_float64', ValueType.FLOAT64)
-    calls = [Unary(item, x) for item in UnaryOperator if item.is_library]
+    calls: list[Unary | Binary] = [Unary(item, x) for item in UnaryOperator if item.is_library]
+    calls.append(Binary(BinaryOperator.ATAN2, x, y))
     found += [property_of(f'{call.operator.name}-float64', Binary(
         BinaryOperator.LT, call, Constant(0.5, ValueType.FLOAT64)))
-        for call in (*calls, Binary(BinaryOperator.ATAN2, x, y))]
+        for call in calls]
     return specification_of(found)
 
 

@@ -1,0 +1,139 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The JSON schema of a bundle, for editors.
+
+The keys are those of the tables that the reader uses; here each has a description and the shape of
+its value. What a schema cannot say (types of messages, formulas, keys that go together) is left to
+`fret-monitor check`.
+"""
+
+from collections.abc import Iterable
+from enum import Enum
+from typing import Any, TypeAlias
+
+from fret_monitor.bundle.formulas import FORMULA_KEYS
+from fret_monitor.bundle.inputs import BLOCK_KEYS, FIELD_KEYS, INPUT_KEYS, QOS_KEYS
+from fret_monitor.bundle.reader import BUNDLE_KEYS, EVALUATION_KEYS, SIGNALS_KEYS
+from fret_monitor.bundle.requirements import REQUIREMENT_KEYS
+from fret_monitor.model.policies import Policy, Report, Severity, Stale, Stamp
+
+Schema: TypeAlias = dict[str, Any]
+
+_SCALAR = ['string', 'number', 'boolean']  # an id `010` is a text for the reader
+
+
+def bundle_schema() -> Schema:
+    """Return the schema of a bundle (draft 2020-12)."""
+    return {
+        '$schema': 'https://json-schema.org/draft/2020-12/schema',
+        'title': 'A bundle of fret_monitor, or a signals file',
+        'if': {'required': ['requirements']},
+        'then': {'$ref': '#/$defs/bundle'},
+        'else': {'$ref': '#/$defs/signals'},
+        '$defs': {
+            'bundle': _mapping(BUNDLE_KEYS, required=('format', 'requirements')),
+            'signals': _mapping(SIGNALS_KEYS),
+        },
+    }
+
+
+def _mapping(keys: Iterable[str], required: Iterable[str] = ()) -> Schema:
+    """Return the schema of a mapping with these keys and no others."""
+    return {'type': 'object', 'properties': {key: _key(key) for key in keys},
+            'required': list(required), 'additionalProperties': False}
+
+
+def _key(key: str) -> Schema:
+    """Return the schema of the value of a key."""
+    shape, description = _VALUES[key]
+    return {**shape, 'description': description}
+
+
+def _named(values: Schema) -> Schema:
+    return {'type': ['object', 'null'], 'additionalProperties': values}
+
+
+def _words(kind: type[Enum]) -> Schema:
+    return {'enum': [item.value for item in kind]}
+
+
+def _above(least: float) -> Schema:
+    return {'type': 'number', 'exclusiveMinimum': least}
+
+
+_TEXT: Schema = {'type': _SCALAR}
+_FREE: Schema = {'type': [*_SCALAR, 'null']}
+_SECONDS = _above(0)
+_QOS: Schema = {'type': ['object', 'null'], 'additionalProperties': False, 'properties': {
+    key: {'enum': list(words)} if words else {'type': 'integer', 'minimum': 1}
+    for key, words in QOS_KEYS.items()}}
+_ONE_FORMULA: Schema = {'oneOf': [{'required': [key]} for key in FORMULA_KEYS]}
+
+# The shape of each key's value, and its description. A key means the same wherever it stands.
+_VALUES: dict[str, tuple[Schema, str]] = {
+    'format': ({'const': 1}, 'the version of the format: 1'),
+    'title': (_FREE, 'a title'),
+    'description': (_FREE, 'a description'),
+    'component': (_TEXT, 'the component that FRETish sentences must name; default: any'),
+    'signals': ({'anyOf': [{'type': 'string'}, {'type': 'array', 'items': {'type': 'string'}}]},
+                'a file or a list of files, relative to the bundle, with inputs and constants'),
+    'constants': (_named({'type': ['number', 'boolean', 'string']}),
+                  'numbers or true, false, by name'),
+    'topic': (_TEXT, 'the topic of the input'),
+    'type': (_TEXT, 'a message type, such as std_msgs/msg/Float32'),
+    'field': (_TEXT, 'a path into the message, or a function of a field, such as min(ranges)'),
+    'initial': (_TEXT, 'the value before the first message; default: none'),
+    'values': ({'type': 'object', 'additionalProperties': {'type': _SCALAR}, 'minProperties': 1},
+               'names for numbers or strings: {IDLE: 0, LANDING: 1}'),
+    'qos': (_QOS, "policies that override those of the topic's publishers"),
+    'timeout': (_SECONDS, 'seconds without a message after which an input is silent'),
+    'stale': (_words(Stale), 'with a timeout: warn logs a silence; violate also reports the '
+                             'requirements that read the input as violated'),
+    'startup': (_SECONDS, 'with a timeout: seconds within which the first message must come; '
+                          'default: 10, or the timeout if that is longer'),
+    'max_rate': (_above(0), 'the greatest number of messages in a second (Hz)'),
+    'definitions': (_named({'anyOf': [_TEXT, {
+        'type': 'object', 'additionalProperties': False, **_ONE_FORMULA,
+        'properties': dict.fromkeys(FORMULA_KEYS, _TEXT)}]}), 'expressions by name'),
+    'policy': (_words(Policy), 'when a step happens; default: every_message'),
+    'period': (_SECONDS, 'with the policy periodic: the seconds between two steps'),
+    'rate': (_above(0), 'with the policy periodic: steps a second (Hz)'),
+    'unit': (_SECONDS, 'with the policy timed: seconds that a count without a unit stands for'),
+    'stamp': (_words(Stamp), 'with the policy timed: what time a message counts at'),
+    'reorder': ({'type': 'number', 'minimum': 0}, 'with the policy timed: seconds that a message '
+                                                  'waits for others with earlier stamps'),
+    'report': (_words(Report), 'which violations are announced'),
+    'severity': (_words(Severity), 'the level at which violations are logged; default: error'),
+    'id': (_TEXT, 'the name of the requirement'),
+    'rationale': (_FREE, 'why the requirement is there'),
+    'fretish': (_TEXT, 'a sentence in FRETish'),
+    'ptltl': (_TEXT, 'a formula of past-time MTL, as FRET writes it for SMV'),
+    'cocospec': (_TEXT, 'a formula in CoCoSpec (Lustre)'),
+}
+_VALUES |= {
+    'evaluation': ({**_mapping(EVALUATION_KEYS), 'type': ['object', 'null']},
+                   'when a step happens'),
+    'inputs': (_named(_mapping(INPUT_KEYS, required=['type'])),
+               'the values that are read, by name'),
+    'fields': ({'type': 'object', 'minProperties': 1, 'additionalProperties': {
+        'anyOf': [_TEXT, _mapping(FIELD_KEYS)]}}, 'the fields that become inputs, by name'),
+    'requirements': ({'type': 'array', 'minItems': 1, 'items': {
+        **_mapping(REQUIREMENT_KEYS, required=['id']), **_ONE_FORMULA}}, 'the requirements'),
+}
+_VALUES |= {
+    'topics': (_named(_mapping(BLOCK_KEYS, required=['type', 'fields'])),
+               'topics by name, each with the fields that become inputs'),
+}
