@@ -38,6 +38,14 @@ static bool take_all_due_locked(
   return deadline == INT64_MIN || deadline >= now || *left == 0;
 }
 
+static void begin_locked(struct fm_engine * engine, int64_t start)
+{
+  if (!engine->has_begun) {
+    engine->has_begun = true;
+    fm_engine_take_due_by_locked(engine, fm_later(start, -engine->options.reorder));
+  }
+}
+
 static void set_values_locked(
   struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size, int64_t time)
 {
@@ -65,19 +73,24 @@ bool fm_engine_records(struct fm_engine * engine, struct fm_records * records, u
   uint64_t left = FM_MOST_BETWEEN_RECORDS;
   while (records->next < records->n && !is_full(engine, most)) {
     const uint64_t k = records->next;
-    const uint64_t begin = k == 0 ? 0 : records->ends[k - 1];
     const int64_t time = records->times[k];
     const uint32_t topic = records->topics[k];
-    const size_t size = (size_t)(records->ends[k] - begin);
-    if (topic < engine->options.n_topics && records->only_values) {
-      set_values_locked(engine, topic, records->bytes + begin, size, time);
+    const uint8_t * message = records->bytes + records->place;
+    const size_t size = (size_t)records->sizes[k];
+    if (topic < engine->options.n_topics && time < records->starts_at) {
+      set_values_locked(engine, topic, message, size, time);
     } else if (topic < engine->options.n_topics) {
+      begin_locked(engine, records->starts_at);
       if (!take_all_due_locked(engine, fm_later(time, -engine->options.reorder), most, &left)) {
         break;
       }
-      deliver_locked(engine, topic, records->bytes + begin, size, time);
+      deliver_locked(engine, topic, message, size, time);
+    }
+    if (topic < engine->options.n_topics) {
+      records->counts[topic] += 1;
     }
     records->next += 1;
+    records->place += size;
     left = FM_MOST_BETWEEN_RECORDS;
   }
   const bool are_all = records->next == records->n;
@@ -85,11 +98,12 @@ bool fm_engine_records(struct fm_engine * engine, struct fm_records * records, u
   return are_all;
 }
 
-bool fm_engine_advance_all(struct fm_engine * engine, int64_t now, uint32_t most)
+bool fm_engine_advance_all(
+  struct fm_engine * engine, int64_t starts_at, int64_t now, uint32_t most)
 {
   fm_engine_lock(engine);
   uint64_t left = FM_MOST_BETWEEN_RECORDS;
-  engine->has_begun = true;
+  begin_locked(engine, starts_at);
   const int64_t end = fm_later(now, -engine->options.reorder);
   const bool is_there = take_all_due_locked(engine, end, most, &left);
   if (is_there) {

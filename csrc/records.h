@@ -28,16 +28,18 @@ extern "C" {
 #endif
 
 /// Messages of a recording, in the order of their times, one after another in `bytes`. The caller
-/// owns all of it; only `next` is written.
+/// owns all of it; only `next`, `place` and `counts` are written.
 struct fm_records
 {
   const uint32_t * topics;  // of the engine; an index out of range is passed over
   const int64_t * times;    // ns: when each was received
-  const uint64_t * ends;    // where each ends in `bytes`; the first begins at 0
+  const uint64_t * sizes;   // of each, in bytes
   const uint8_t * bytes;
   uint64_t n;
   uint64_t next;            // the one to deliver next; 0 at first
-  bool only_values;         // they set their inputs, and are no steps: they are before the begin
+  uint64_t place;           // where it begins in `bytes`; 0 at first
+  int64_t starts_at;        // ns: the time begins then; those before set inputs, and are no steps
+  uint64_t * counts;        // a topic: how many were delivered so far
 };
 
 /// Things that are taken without a message before one record: then the time is moved at once, and
@@ -47,8 +49,7 @@ struct fm_records
 
 /// Deliver records, while the time is told: before each, what is due before it is taken. Stops
 /// when `most` violations are queued; take them, and call it again. Returns whether all records
-/// are delivered. The time begins with fm_engine_advance, which comes first unless `only_values`.
-/// Any thread; O(fields to read, what is due and the operations of the groups that step, for each
+/// are delivered. Any thread; O(fields to read, what is due and the operations of the groups that step, for each
 /// record).
 FM_EXPORT bool fm_engine_records(
   struct fm_engine * engine, struct fm_records * records, uint32_t most);
@@ -56,7 +57,8 @@ FM_EXPORT bool fm_engine_records(
 /// While the time is told: as fm_engine_advance, but takes all that is due until then, one after
 /// another, and stops when `most` violations are queued. Returns whether the time is `now`. O(what
 /// is due).
-FM_EXPORT bool fm_engine_advance_all(struct fm_engine * engine, int64_t now, uint32_t most);
+FM_EXPORT bool fm_engine_advance_all(
+  struct fm_engine * engine, int64_t starts_at, int64_t now, uint32_t most);
 
 #ifdef __cplusplus
 }

@@ -19,6 +19,7 @@ The same engine as the node's is given the serialized messages and their times o
 Timeouts, periods and deadlines are taken between the messages, by the recording's time.
 """
 
+from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -235,7 +236,7 @@ class _Run:
         self._most = MOST_QUEUED
         self._want_details()
         self._errors: list[str] = []
-        self._read = [0] * len(self._manifest.topics)
+        self._read = array('Q', bytes(8 * len(self._manifest.topics)))
         self._findings = [Findings(item.id) for item in self._manifest.requirements]
 
     def result(self) -> Result:
@@ -250,7 +251,7 @@ class _Run:
             each.begin(begin, manifest)
         self._play(wanted, begin, last)
         end = max(last, _at(selection.until, recording, last))
-        self._take(self._engine.advance_all(end + manifest.reorder, most=self._most))
+        self._take(self._engine.advance_all(begin, end + manifest.reorder, most=self._most))
         for each in self._changes:
             each.end(end)
         self._finish(end)
@@ -282,35 +283,19 @@ class _Run:
                 self._errors.append(f'{name} was not recorded' + (f': {near}' if near else ''))
 
     def _play(self, wanted: Mapping[tuple[str, str], int], begin: int, last: int) -> None:
-        has_begun = False
         total = 0
         try:
             for batch in self._recording.batches(wanted, last):
-                for topic, count in batch.read.items():
-                    self._read[topic] += count
-                total += len(batch.topics)
                 if self._watch is not None:
                     self._watch(self._engine, batch)
-                before = sum(time < begin for time in batch.times) \
-                    if batch.times[0] < begin else 0
-                if before:
-                    self._take(self._engine.records(
-                        batch.topics[:before], batch.times[:before], batch.ends[:before],
-                        batch.messages, only_values=True))
-                if before == len(batch.topics):
-                    continue
-                if not has_begun:
-                    self._engine.advance(begin)
-                    has_begun = True
                 self._take(self._engine.records(
-                    batch.topics, batch.times, batch.ends, batch.messages, begin=before,
+                    batch.topics, batch.times, batch.sizes, batch.messages, begin, self._read,
                     most=self._most))
+                total += len(batch.topics)
                 if self._on_progress is not None:
                     self._on_progress(total)
         except DamagedRecording as error:
             self._errors.append(f'the recording cannot be read to its end: {error}')
-        if not has_begun:
-            self._engine.advance(begin)
 
     def _take(self, found: Iterable[list[Violation]]) -> None:
         for batch in found:

@@ -25,7 +25,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from heapq import merge
-from itertools import accumulate
+from itertools import chain, islice
 from operator import itemgetter
 from pathlib import Path
 import sys
@@ -42,10 +42,12 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-_MOST_MESSAGES = 2048  # of a batch
-_MOST_BYTES = 1 << 20  # of a batch, but for its last message
+_FIRST_MESSAGES = 8  # of the first batch; later ones are as large as messages were so far
+_MOST_MESSAGES = 512  # of a batch
+_MOST_BYTES = 1 << 20  # of a batch, unless its messages are larger than those before
 _SEPARATOR = '=' * 80 + '\n'
 _FILES = ('.mcap', '.db3', '.bag')
+_Message = tuple[Connection, int, bytes]
 
 
 class DamagedRecording(Exception):
@@ -57,15 +59,14 @@ class Batch:
     """
     Messages in the order of their times.
 
-    `topics` are the numbers given for the topics, `times` nanoseconds; message k ends at `ends[k]`
-    of `messages`. `read` counts the messages of each topic's number.
+    `topics` are the numbers given for the topics, `times` nanoseconds, `sizes` the lengths of the
+    messages, which lie one after another in `messages`.
     """
 
     topics: 'array[int]'
     times: 'array[int]'
-    ends: 'array[int]'
+    sizes: 'array[int]'
     messages: bytes
-    read: Mapping[int, int]
 
 
 class Recording(AbstractContextManager['Recording']):
@@ -186,56 +187,44 @@ class Recording(AbstractContextManager['Recording']):
         DamagedRecording
             after the last batch, if a part of it cannot be read.
         """
-        topics, times, parts = array('I'), array('q'), list[bytes]()
-        size = 0
+        numbers = {id(item): wanted[item.topic, item.msgtype] for storage in self._storages
+                   for item in storage.connections if (item.topic, item.msgtype) in wanted}
+        messages = self._messages(numbers, None if until is None else until + 1)
+        count = _FIRST_MESSAGES
         damage: Exception | None = None
-        messages = self._messages(wanted, None if until is None else until + 1)
         while damage is None:
+            found: list[_Message] = []
             try:
-                for topic, time, data in messages:
-                    topics.append(topic)
-                    times.append(time)
-                    parts.append(data)
-                    size += len(data)
-                    if size >= _MOST_BYTES or len(parts) == _MOST_MESSAGES:
-                        break
-                else:
-                    break
+                found.extend(islice(messages, count))  # keeps those before an exception
             except Exception as error:  # noqa: B902  # of whichever library reads the format
                 damage = error
-            if parts:
-                yield _batch(topics, times, parts)
-            topics, times, parts, size = array('I'), array('q'), [], 0
-        if parts:
-            yield _batch(topics, times, parts)
+            if not found:
+                break
+            batch = _batch(found, numbers)
+            yield batch
+            count = max(1, min(_MOST_MESSAGES, _MOST_BYTES * len(found) // (len(batch.messages) or 1)))
         if damage is not None:
             raise DamagedRecording(_reason(damage)) from None
 
-    def _messages(self, wanted: Mapping[tuple[str, str], int],
-                  stop: int | None) -> Iterator[tuple[int, int, bytes]]:
-        streams = [(storage, self._stream(storage, wanted, stop)) for storage in self._storages]
-        streams = sorted(
-            (item for item in streams if _metadata(item[0])[0] <= _metadata(item[0])[1]),
-            key=lambda item: _metadata(item[0]))
-        ends = [_metadata(storage)[1] for storage, _ in streams]
-        begins = [_metadata(storage)[0] for storage, _ in streams]
-        if all(end <= begin for end, begin in zip(ends, begins[1:])):
-            for _, stream in streams:
-                yield from stream
-        else:
-            yield from merge(*(stream for _, stream in streams), key=itemgetter(1))
+    def _messages(self, numbers: Mapping[int, int], stop: int | None) -> Iterator[_Message]:
+        storages = sorted((item for item in self._storages if _times(item)[0] < _times(item)[1]),
+                          key=_times)
+        streams = [self._stream(storage, numbers, stop) for storage in storages]
+        times = [_times(storage) for storage in storages]
+        if all(end <= begin for (_, end), (begin, _) in zip(times, times[1:])):
+            return chain.from_iterable(streams)
+        return merge(*streams, key=itemgetter(1))
 
-    def _stream(self, storage: Any, wanted: Mapping[tuple[str, str], int],
-                stop: int | None) -> Iterator[tuple[int, int, bytes]]:
-        numbers = {item.id: wanted[item.topic, item.msgtype] for item in storage.connections
-                   if (item.topic, item.msgtype) in wanted}
-        connections = [item for item in storage.connections if item.id in numbers]
-        if not connections:
-            return
+    def _stream(self, storage: Any, numbers: Mapping[int, int],
+                stop: int | None) -> Iterator[_Message]:
+        chosen = [item for item in storage.connections if id(item) in numbers]
+        if not chosen:
+            return iter(())
+        messages: Iterator[_Message] = storage.messages(chosen, None, stop)
         convert = self._conversion()
-        for connection, time, data in storage.messages(connections, None, stop):
-            yield (numbers[connection.id], time,
-                   data if convert is None else convert(data, connection.msgtype))
+        if convert is None:
+            return messages
+        return ((item, time, convert(data, item.msgtype)) for item, time, data in messages)
 
     def _conversion(self) -> Callable[[bytes, str], bytes] | None:
         if self._is_ros1:
@@ -252,16 +241,21 @@ def files_of(path: Path) -> list[Path]:
     return sorted(item for item in path.iterdir() if item.is_file()) if path.is_dir() else [path]
 
 
-def _metadata(storage: Any) -> tuple[int, int]:
+def _times(storage: Any) -> tuple[int, int]:
     """Return the times of the first and after the last message of a storage."""
     if isinstance(storage, Reader1):
         return storage.start_time, storage.end_time
     return storage.metadata.start_time, storage.metadata.end_time
 
 
-def _batch(topics: 'array[int]', times: 'array[int]', parts: list[bytes]) -> Batch:
-    ends = array('Q', accumulate(map(len, parts)))
-    return Batch(topics, times, ends, b''.join(parts), Counter(topics))
+def _batch(found: list[_Message], numbers: Mapping[int, int]) -> Batch:
+    # No loop of Python over the messages: it would take as long as reading them.
+    connections, times, parts = zip(*found)
+    if len(numbers) == 1:
+        topics = array('I', numbers.values()) * len(parts)
+    else:
+        topics = array('I', map(numbers.__getitem__, map(id, connections)))
+    return Batch(topics, array('q', times), array('Q', map(len, parts)), b''.join(parts))
 
 
 def _write_text(folder: Path, name: str, text: str) -> None:

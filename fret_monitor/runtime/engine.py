@@ -176,8 +176,8 @@ class Engine:
         return Receipt(self._library.fm_engine_message(
             self.pointer, topic, ffi.from_buffer('uint8_t[]', message), len(message), origin))
 
-    def records(self, topics: 'array[int]', times: 'array[int]', ends: 'array[int]',
-                messages: bytes, *, begin: int = 0, only_values: bool = False,
+    def records(self, topics: 'array[int]', times: 'array[int]', sizes: 'array[int]',
+                messages: bytes, starts_at: int, counts: 'array[int]', *,
                 most: int = MOST_QUEUED) -> Iterator[list[Violation]]:
         """
         Deliver messages of a recording, in the order of their times, while the time is told.
@@ -190,14 +190,14 @@ class Engine:
             typecode `I`: of each message, an index in the manifest's topics.
         times
             typecode `q`: when each was received, in nanoseconds.
-        ends
-            typecode `Q`: where each ends in `messages`.
+        sizes
+            typecode `Q`: the length of each, in bytes.
         messages
             the serialized messages, one after another.
-        begin
-            the first message to deliver.
-        only_values
-            whether they set their inputs and are no steps: they are before the begin.
+        starts_at
+            nanoseconds: the time begins then. Messages before set inputs, and are no steps.
+        counts
+            typecode `Q`: of each topic, to which the number of messages is added.
         most
             the number of violations after which some are yielded.
 
@@ -209,16 +209,18 @@ class Engine:
         records = ffi.new('struct fm_records *', {
             'topics': ffi.from_buffer('uint32_t[]', topics),
             'times': ffi.from_buffer('int64_t[]', times),
-            'ends': ffi.from_buffer('uint64_t[]', ends),
+            'sizes': ffi.from_buffer('uint64_t[]', sizes),
             'bytes': ffi.from_buffer('uint8_t[]', messages),
-            'n': len(topics), 'next': begin, 'only_values': only_values})
+            'n': len(topics), 'starts_at': starts_at,
+            'counts': ffi.from_buffer('uint64_t[]', counts)})
         while not self._library.fm_engine_records(self.pointer, records, most):
             yield self._take_all()
         yield self._take_all()
 
-    def advance_all(self, now: int, *, most: int = MOST_QUEUED) -> Iterator[list[Violation]]:
+    def advance_all(self, starts_at: int, now: int, *,
+                    most: int = MOST_QUEUED) -> Iterator[list[Violation]]:
         """Move the time while it is told, and yield what is found until then, as `records`."""
-        while not self._library.fm_engine_advance_all(self.pointer, now, most):
+        while not self._library.fm_engine_advance_all(self.pointer, starts_at, now, most):
             yield self._take_all()
         yield self._take_all()
 
