@@ -25,7 +25,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from heapq import merge
-from itertools import chain, islice
+from itertools import chain, islice, pairwise
 from operator import itemgetter
 from pathlib import Path
 import sys
@@ -202,7 +202,8 @@ class Recording(AbstractContextManager['Recording']):
                 break
             batch = _batch(found, numbers)
             yield batch
-            count = max(1, min(_MOST_MESSAGES, _MOST_BYTES * len(found) // (len(batch.messages) or 1)))
+            size = max(1, len(batch.messages) // len(found))
+            count = min(_MOST_MESSAGES, max(1, _MOST_BYTES // size))
         if damage is not None:
             raise DamagedRecording(_reason(damage)) from None
 
@@ -211,7 +212,7 @@ class Recording(AbstractContextManager['Recording']):
                           key=_times)
         streams = [self._stream(storage, numbers, stop) for storage in storages]
         times = [_times(storage) for storage in storages]
-        if all(end <= begin for (_, end), (begin, _) in zip(times, times[1:])):
+        if all(end <= begin for (_, end), (begin, _) in pairwise(times)):
             return chain.from_iterable(streams)
         return merge(*streams, key=itemgetter(1))
 

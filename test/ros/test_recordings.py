@@ -22,6 +22,7 @@ from bag.recordings import TYPES
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.ros.details import DETAILS_TOPIC, read_detail
+from fret_monitor.runtime.evaluator import Violation
 import pytest
 from rclpy.serialization import serialize_message
 from ros.harness import Partner, started, wait_until
@@ -85,7 +86,7 @@ def test_live_and_recorded_messages_give_the_same_occurrences(
         sleep(0.2)
         assert len(heard) == last
     changes = Kept()
-    result = check_recording(spec, tmp_path / 'bag', Selection(), changes=changes)
+    result = check_recording(spec, tmp_path / 'bag', Selection(), changes=[changes])
     assert result.errors == ()
     ids = [item.id for item in result.findings]
     bag = [(ids[index], is_fulfilled, stamp / 1e9) for stamp, index, is_fulfilled in changes.found]
@@ -98,13 +99,18 @@ def test_live_and_recorded_messages_give_the_same_occurrences(
 class Kept:
     """Keeps the changes of a recording."""
 
+    wants_details = False
+
     def __init__(self) -> None:
         """Begin without any."""
         self.found: list[tuple[int, int, bool]] = []
 
-    def begin(self, time: int, ids: object) -> None:
+    def begin(self, time: int, manifest: object) -> None:
         """Take that nothing is violated yet."""
 
-    def change(self, time: int, index: int, is_fulfilled: bool) -> None:
+    def change(self, violation: Violation, detail: object) -> None:
         """Take a change."""
-        self.found.append((time, index, is_fulfilled))
+        self.found.append((violation.stamp, violation.requirement, violation.is_recovery))
+
+    def end(self, time: int) -> None:
+        """Take that the recording is over."""
