@@ -29,7 +29,6 @@ from threading import Thread
 from time import monotonic, sleep
 from typing import Any
 
-import fret_monitor
 from fret_monitor.native import build_library
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -38,6 +37,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
+from ros import forked
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
@@ -70,21 +70,28 @@ HOT_PATH: str | None = None
 
 
 class NodeProcess:
-    """The monitor or the logger, started as a user would."""
+    """The monitor or the logger as a process, with the arguments that a user gives."""
 
     def __init__(self, name: str, *arguments: str, environment: dict[str, str] | None = None,
-                 folder: Path | None = None) -> None:
-        """Start it with these ROS arguments; the caller sets ROS_DOMAIN_ID and the like."""
+                 folder: Path | None = None, is_anew: bool = False) -> None:
+        """
+        Start it with these ROS arguments; the caller sets ROS_DOMAIN_ID and the like.
+
+        It is forked from a process that has imported much of what nodes import. With a folder or
+        variables of its own it is started anew, and so it is in tests of the start.
+        """
         self.name = name
         if name == 'monitor' and HOT_PATH is not None and 'hot_path' not in ' '.join(arguments):
             arguments = (*arguments, '-p', f'hot_path:={HOT_PATH}')
         self._file = TemporaryFile()  # noqa: SIM115  closed by `kill`
-        source = str(Path(fret_monitor.__file__).parent.parent)
-        paths = [source, *filter(None, [os.environ.get('PYTHONPATH')])]
+        self.process: subprocess.Popen[bytes] | forked.ForkedNode
+        if not (is_anew or environment or folder or 'COVERAGE_PROCESS_START' in os.environ):
+            self.process = forked.ForkedNode(name, arguments, self._file.fileno())
+            return
         self.process = subprocess.Popen(
             [sys.executable, '-c', START.format(name), '--ros-args', *arguments],
             stdin=subprocess.DEVNULL, stdout=self._file, stderr=subprocess.STDOUT, cwd=folder,
-            env={**os.environ, 'PYTHONPATH': os.pathsep.join(paths), **(environment or {})})
+            env={**forked.environment(), **(environment or {})})
 
     @property
     def output(self) -> str:
@@ -124,9 +131,10 @@ class NodeProcess:
 
 @contextmanager
 def started(name: str, *arguments: str, environment: dict[str, str] | None = None,
-            folder: Path | None = None) -> Iterator[NodeProcess]:
+            folder: Path | None = None, is_anew: bool = False) -> Iterator[NodeProcess]:
     """Start a node and wait until it is ready; it must end well if the test succeeds."""
-    node = NodeProcess(name, *arguments, environment=environment, folder=folder)
+    node = NodeProcess(name, *arguments, environment=environment, folder=folder,
+                       is_anew=is_anew)
     try:
         node.wait_for(READY[name])
         yield node

@@ -91,11 +91,11 @@ def threads(node: NodeProcess) -> int:
 @pytest.mark.usefixtures('domain')
 def test_a_signal_while_the_threads_start_ends_the_node(bundle: Path) -> None:
     arguments = ('-p', f'spec:={bundle}', '-p', 'hot_path:=on')
-    with started('monitor', *arguments) as node:
+    with started('monitor', *arguments, is_anew=True) as node:
         sleep(0.5)  # until the middleware has started its threads too
         running = threads(node)
     for before in (3, 2, 2, 2, 1, 1):
-        node = NodeProcess('monitor', *arguments)
+        node = NodeProcess('monitor', *arguments, is_anew=True)
         try:
             end = monotonic() + PATIENCE
             while threads(node) < running - before and node.process.poll() is None:

@@ -35,7 +35,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 signals = pytest.mark.parametrize('number', SIGNALS)
 
 AT_ONCE = 4  # half of them get the one signal, half the other
-IDLE_ROUNDS = 2  # an idle node has few threads that could meet
+IDLE_ROUNDS = 1  # an idle node has few threads that could meet
 BUSY_ROUNDS = 4
 PATIENCE = 30.0  # s; it takes two on an idle machine, ten beside other tests
 
@@ -86,10 +86,11 @@ def flood(partner: Partner) -> Iterator[Event]:
     thread.join()
 
 
-def end_all(name: str, parameter: str, rounds: int, flood: Event) -> None:
+def end_all(name: str, parameter: str, rounds: int, flood: Event, *, is_anew: bool) -> None:
     for turn in range(rounds):
         # Nodes of the last turn may still be in messages of the middleware.
-        nodes = [NodeProcess(name, '-p', parameter, '-r', f'__node:=node{turn}_{place}')
+        nodes = [NodeProcess(name, '-p', parameter, '-r', f'__node:=node{turn}_{place}',
+                             is_anew=is_anew)
                  for place in range(AT_ONCE)]
         try:
             for node in nodes:
@@ -115,14 +116,14 @@ def end_all(name: str, parameter: str, rounds: int, flood: Event) -> None:
 def test_an_idle_node_ends_quietly(
     name: str, hot_path: str, parameter: str, domain: int,
 ) -> None:
-    end_all(name, parameter, IDLE_ROUNDS, flood=Event())
+    end_all(name, parameter, IDLE_ROUNDS, flood=Event(), is_anew=True)
 
 
 @nodes
 def test_a_busy_node_ends_quietly(
     name: str, hot_path: str, parameter: str, flood: Event,
 ) -> None:
-    end_all(name, parameter, BUSY_ROUNDS, flood)
+    end_all(name, parameter, BUSY_ROUNDS, flood, is_anew=False)
 
 
 def catches(process: int, number: signal.Signals) -> bool:
@@ -140,7 +141,7 @@ def test_a_node_that_is_still_starting_ends_quietly(
 ) -> None:
     # Before Python runs (with the wheels it starts twice), no Python code can handle a signal.
     for delay in (0.0, 0.05, 0.1, 0.2, 0.3, 0.5):
-        node = NodeProcess(name, '-p', parameter)
+        node = NodeProcess(name, '-p', parameter, is_anew=True)
         try:
             wait_until(partial(catches, node.process.pid, signal.SIGTERM), 'its first moment')
             sleep(delay)
@@ -151,7 +152,7 @@ def test_a_node_that_is_still_starting_ends_quietly(
 
 
 def test_further_signals_do_not_disturb_the_shutdown(parameter: str, domain: int) -> None:
-    node = NodeProcess('monitor', '-p', parameter)
+    node = NodeProcess('monitor', '-p', parameter, is_anew=True)
     try:
         node.wait_for(READY['monitor'])
         end = monotonic() + PATIENCE

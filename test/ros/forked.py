@@ -1,0 +1,157 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Nodes as processes that need to import less: more than half of a start is imports.
+
+A server imports what nodes import, without the middleware, and forks for each node. Such a node
+has its own arguments, environment, folder, output, signal handlers and end, like one that is
+started anew. It loads the middleware itself, since Fast DDS makes names when it is loaded that
+have to differ between nodes.
+"""
+
+import atexit
+import ctypes
+from functools import cache
+from importlib import import_module
+import json
+import os
+from pathlib import Path
+import re
+import signal
+import socket
+import subprocess
+import sys
+from time import monotonic, sleep
+from typing import Any
+
+import fret_monitor
+
+_MODULES = (
+    'concurrent.futures.thread', 'diagnostic_msgs.msg', 'fret_monitor.build',
+    'fret_monitor.native.folder', 'fret_monitor.runtime', 'fret_monitor.start',
+    'lifecycle_msgs.srv', 'numpy', 'rcl_interfaces.srv', 'rosgraph_msgs.msg',
+    'rosidl_generator_py', 'std_msgs.msg', 'std_srvs.srv', 'type_description_interfaces.srv',
+    'yaml')
+_MIDDLEWARE = re.compile(r'/lib(rmw|fastrtps|rcl)')
+_MOST_BYTES = 1 << 17
+_PR_SET_CHILD_SUBREAPER = 36
+_POLL_S = 0.005
+
+
+def environment() -> dict[str, str]:
+    """Return the variables with which other processes find this package."""
+    source = str(Path(fret_monitor.__file__).parent.parent)
+    paths = [source, *filter(None, [os.environ.get('PYTHONPATH')])]
+    return {**os.environ, 'PYTHONPATH': os.pathsep.join(paths)}
+
+
+class ForkedNode:
+    """A process as `subprocess.Popen` would return it, as far as the tests need that."""
+
+    def __init__(self, name: str, arguments: tuple[str, ...], output: int) -> None:
+        """Start a node that writes to the file descriptor `output`."""
+        request = json.dumps((name, arguments, dict(os.environ), str(Path.cwd())))
+        server = _server()
+        socket.send_fds(server, [request.encode()], [output])
+        self.pid = int(server.recv(20))
+        self.returncode: int | None = None
+
+    def poll(self) -> int | None:
+        """Return the exit status, None while it runs."""
+        if self.returncode is None:
+            ended, status = os.waitpid(self.pid, os.WNOHANG)
+            self.returncode = os.waitstatus_to_exitcode(status) if ended else None
+        return self.returncode
+
+    def wait(self, timeout: float = float('inf')) -> int:
+        """Wait until it ends; raise `TimeoutExpired` if it does not in time."""
+        end = monotonic() + timeout
+        while (status := self.poll()) is None:
+            if monotonic() > end:
+                raise subprocess.TimeoutExpired(str(self.pid), timeout)
+            sleep(_POLL_S)
+        return status
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal, unless it has ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        """Kill it."""
+        self.send_signal(signal.SIGKILL)
+
+
+@cache
+def _server() -> socket.socket:
+    """Start the server of this process; return the connection to it."""
+    # Nodes become children of this process when those that forked them end.
+    libc: Any = ctypes.CDLL(None, use_errno=True)
+    if libc.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0) != 0:
+        raise OSError(ctypes.get_errno(), 'prctl')
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with theirs:
+        process = subprocess.Popen(
+            [sys.executable, __file__, str(theirs.fileno())], pass_fds=[theirs.fileno()],
+            stdin=subprocess.DEVNULL,
+            # Threads of numpy's library would not survive a fork.
+            env={**environment(), 'OPENBLAS_NUM_THREADS': '1'})
+
+    def end() -> None:
+        ours.close()
+        process.wait()
+
+    atexit.register(end)
+    return ours
+
+
+def _serve(connection: socket.socket) -> None:
+    """Fork for each request, until the connection is closed; run the node in the child."""
+    for name in _MODULES:
+        import_module(name)
+    assert not _MIDDLEWARE.search(Path('/proc/self/maps').read_text(encoding='utf-8'))
+    while True:
+        request, files, _, _ = socket.recv_fds(connection, _MOST_BYTES, 1)
+        if not request:
+            return
+        reading, writing = os.pipe()
+        between = os.fork()
+        if between == 0:
+            node = os.fork()
+            if node == 0:
+                connection.close()
+                sys.exit(_run(files[0], *json.loads(request)))
+            os.write(writing, str(node).encode())
+            os._exit(0)
+        os.waitpid(between, 0)
+        connection.send(os.read(reading, 20))
+        for descriptor in (reading, writing, *files):
+            os.close(descriptor)
+
+
+def _run(output: int, name: str, arguments: list[str], environment: dict[str, str],
+         folder: str) -> int:
+    os.dup2(output, 1)
+    os.dup2(output, 2)
+    os.chdir(folder)
+    os.environ.clear()
+    os.environ.update(environment)
+    sys.argv = [name, '--ros-args', *arguments]
+    status: int = import_module(f'fret_monitor.ros.{name}').main()
+    return status
+
+
+if __name__ == '__main__':
+    _serve(socket.socket(fileno=int(sys.argv[1])))
