@@ -34,6 +34,7 @@ from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.lint.constant_verdicts import constant_verdicts
 from fret_monitor.lint.instants import doubtful_instants, reports_once
 from fret_monitor.lint.sentences import doubtful_sentences
+from fret_monitor.lint.topics import doubtful_topics
 from fret_monitor.lint.unread import unread_topics
 from fret_monitor.logic.specification import Specification
 from fret_monitor.messages.installed import fingerprint
@@ -114,6 +115,7 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
     specification, warnings = _specify(bundle, written, problems, find_message)
     warnings = by_place((*warnings, *doubtful_sentences(specification),
                          *unread_topics(bundle, specification),
+                         *doubtful_topics(bundle, specification),
                          *reports_once(specification), *doubtful_instants(specification)))
     messages = _messages(specification)
     values = tuple((item.name.value, item.value.value) for item in bundle.constants)

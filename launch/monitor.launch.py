@@ -23,8 +23,10 @@ The monitor is a managed node. With `autostart:=false` it waits until it is conf
 activated, by `ros2 lifecycle set` or by events of a launch file that includes this one.
 """
 
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from fret_monitor.model.policies import Policy
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.conditions import IfCondition
+from launch.events.process import ProcessExited
 from launch.launch_context import LaunchContext
 from launch.launch_description import LaunchDescription
 from launch.substitutions import LaunchConfiguration
@@ -39,7 +41,7 @@ ARGUMENTS = {
     'period': ('', 'seconds between two steps, with the policy periodic'),
     'rate': ('', 'steps a second, with the policy periodic'),
     'constants': ('', "values in place of the bundle's: {v_max: 0.8, is_outdoors: true}"),
-    'hot_path': ('', 'whether C takes the messages: auto, on or off'),
+    'hot_path': ('', 'whether C takes the messages'),
     'log_violations': ('', 'whether the monitor logs violations; default: if logger is false'),
     'handler_depth': ('', 'violations that a slow listener may be behind'),
     'autostart': ('true', 'whether the monitor configures and activates itself'),
@@ -48,7 +50,23 @@ ARGUMENTS = {
     'use_sim_time': ('false', 'whether time comes from /clock'),
     'logger': ('true', 'whether violations go to the ROS log'),
     'log_level': ('info', 'the least severity that is logged'),
+    'respawn': ('false', 'whether nodes that end are started again, after two seconds'),
+    'on_exit': ('nothing', 'what follows when the monitor ends and is not started again'),
 }
+BOOLEANS = ('true', 'false', 'True', 'False')
+CHOICES = {
+    'policy': ('', *(item.value for item in Policy)),
+    'hot_path': ('', 'auto', 'on', 'off'),
+    'log_violations': ('', *BOOLEANS),
+    'autostart': BOOLEANS,
+    'use_sim_time': BOOLEANS,
+    'logger': BOOLEANS,
+    'log_level': ('debug', 'info', 'warn', 'error', 'fatal'),
+    'respawn': BOOLEANS,
+    'on_exit': ('nothing', 'shutdown'),
+}
+RESPAWN_DELAY_S = 2.0
+CANNOT_START = 1  # the exit status of a monitor that refuses its bundle or parameters
 PATHS = ('spec', 'library')
 OF_BOTH = (*PATHS, 'policy', 'period', 'rate', 'handler_depth', 'use_sim_time')
 TYPES = {'period': float, 'rate': float, 'handler_depth': int, 'autostart': bool,
@@ -57,21 +75,27 @@ TYPES = {'period': float, 'rate': float, 'handler_depth': int, 'autostart': bool
 
 def generate_launch_description() -> LaunchDescription:
     """Describe the arguments and the two nodes."""
-    arguments = [DeclareLaunchArgument(name, default_value=value, description=description)
-                 for name, (value, description) in ARGUMENTS.items()]
+    arguments = [
+        DeclareLaunchArgument(name, default_value=value, description=description,
+                              choices=list(CHOICES[name]) if name in CHOICES else None)
+        for name, (value, description) in ARGUMENTS.items()]
     return LaunchDescription([*arguments, OpaqueFunction(function=_nodes)])
 
 
 def _nodes(context: LaunchContext) -> list[Node]:
+    if not _origin(context):
+        raise RuntimeError('nothing to monitor: name a bundle, spec:=FILE.yaml, or a compiled '
+                           'one, library:=FOLDER')
     has_logger = IfCondition(LaunchConfiguration('logger'))
     logs_once = {'log_violations': not has_logger.evaluate(context)}
     common = {
         'package': 'fret_monitor', 'output': 'screen',
         'namespace': LaunchConfiguration('namespace'),
+        'respawn': LaunchConfiguration('respawn'), 'respawn_delay': RESPAWN_DELAY_S,
         'ros_arguments': ['--log-level', LaunchConfiguration('log_level')]}
     return [
         LifecycleNode(
-            executable='monitor', name=LaunchConfiguration('name'),
+            executable='monitor', name=LaunchConfiguration('name'), on_exit=_end,
             parameters=[logs_once, _constants(context), _given(
                 context, *OF_BOTH, 'hot_path', 'autostart', 'log_violations')], **common),
         Node(
@@ -79,6 +103,25 @@ def _nodes(context: LaunchContext) -> list[Node]:
             parameters=[_constants(context), _given(context, *OF_BOTH)],
             condition=has_logger, **common),
     ]
+
+
+def _end(event: ProcessExited, context: LaunchContext) -> Shutdown | None:
+    """End the launch with an error if the monitor cannot start; obey `on_exit` otherwise."""
+    if context.is_shutdown or IfCondition(LaunchConfiguration('respawn')).evaluate(context):
+        return None
+    if event.returncode == CANNOT_START:
+        raise RuntimeError(
+            f'the monitor cannot start, for the reason above: correct {_origin(context)}, or the '
+            'other arguments of monitor.launch.py')
+    if LaunchConfiguration('on_exit').perform(context) == 'shutdown':
+        return Shutdown(reason=f'the monitor has ended with exit status {event.returncode}')
+    return None
+
+
+def _origin(context: LaunchContext) -> str:
+    """Return what names the bundles, as it is written on the command line."""
+    texts = {name: LaunchConfiguration(name).perform(context) for name in PATHS}
+    return ' '.join(f'{name}:={text}' for name, text in texts.items() if text)
 
 
 def _given(context: LaunchContext, *names: str) -> dict[str, ParameterValue]:

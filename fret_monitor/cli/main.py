@@ -23,7 +23,6 @@ from importlib import import_module
 from io import TextIOWrapper
 from keyword import iskeyword
 import logging
-import os
 import signal
 import sys
 from threading import current_thread, main_thread
@@ -33,6 +32,7 @@ from typing import NoReturn
 from fret_monitor import __version__
 from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.model.diagnostics import CompileError, Diagnostic
+from fret_monitor.model.output import drop_output
 from fret_monitor.native.errors import NativeError
 
 # The verbs, each with its line in --help. A module of this folder has the name of its verb.
@@ -83,12 +83,12 @@ def _main(arguments: Sequence[str] | None) -> int:
         return 1
     except BrokenPipeError:
         # The reader of the pipe has closed it, for example `head`: no message.
-        _drop_output()
+        drop_output()
         return 1
     except OSError as error:
         place = f"use '{error.filename}'" if error.filename else 'write to standard output'
         if not error.filename:
-            _drop_output()
+            drop_output()
             options.has_document = False
         _print_problems([Diagnostic(f'cannot {place}: {error.strerror or error}')], options)
         return 1
@@ -152,12 +152,6 @@ def _terminable() -> Iterator[None]:
 def _terminate(number: int, frame: FrameType | None) -> None:
     signal.signal(number, signal.SIG_IGN)  # a second signal would interrupt the cleaning up
     raise _Terminated
-
-
-def _drop_output() -> None:
-    """Discard buffered output, so that flushing it at exit does not fail again."""
-    with open(os.devnull, 'w', encoding='utf-8') as nowhere:
-        os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
 def _parser(arguments: Sequence[str]) -> ArgumentParser:

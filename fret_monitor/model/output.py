@@ -19,6 +19,7 @@ from contextlib import contextmanager
 import os
 from pathlib import Path
 from secrets import token_hex
+import sys
 from typing import TextIO
 
 from fret_monitor.model.diagnostics import refuse
@@ -81,3 +82,9 @@ def _replace(path: Path) -> Iterator[TextIO]:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def drop_output() -> None:
+    """Discard buffered output, so that flushing it at exit does not fail again."""
+    with open(os.devnull, 'w', encoding='utf-8') as nowhere:
+        os.dup2(nowhere.fileno(), sys.stdout.fileno())

@@ -63,14 +63,14 @@ def open_monitors(settings: Settings) -> list[Opened]:
     Refusal
         with all problems of the bundles, the folders, the compiler, or their combination.
     """
-    opened = _all(lambda origin: _open(settings, origin), settings.origins)
+    opened = _all(lambda origin: _open(settings, origin), settings)
     _refuse_combinations(settings, [item.monitor.manifest for item in opened])
     return opened
 
 
 def open_manifests(settings: Settings) -> list[Manifest]:
     """Return the manifests of the bundles or compiled folders; raises `Refusal`."""
-    manifests = _all(lambda origin: _manifest(settings, origin), settings.origins)
+    manifests = _all(lambda origin: _manifest(settings, origin), settings)
     _refuse_combinations(settings, manifests)
     return manifests
 
@@ -80,12 +80,13 @@ def _refuse_combinations(settings: Settings, manifests: Sequence[Manifest]) -> N
     _refuse_shared_handlers(settings.origins, manifests)
 
 
-def _all[T](open_one: Callable[[Origin], T], origins: Sequence[Origin]) -> list[T]:
+def _all[T](open_one: Callable[[Origin], T], settings: Settings) -> list[T]:
     """Open all origins, so that the problems of all of them are reported together."""
     opened, refused = [], []
-    for origin in origins:
+    overrides = _overrides(settings)
+    for origin in settings.origins:
         try:
-            with _as_refusal():
+            with _as_refusal(overrides):
                 _refuse_slips(origin)
                 opened.append(open_one(origin))
         except Refusal as refusal:
@@ -93,6 +94,15 @@ def _all[T](open_one: Callable[[Origin], T], origins: Sequence[Origin]) -> list[
     if refused:
         raise Refusal(*refused, heading='')
     return opened
+
+
+def _overrides(settings: Settings) -> str:
+    """Return the parameters that change a bundle, which may be the cause of an error in it."""
+    values = [
+        *([] if settings.policy is None else [f'policy:={settings.policy.value}']),
+        *([] if settings.period is None else [f'period:={float(settings.period):g}']),
+        *(f'constants.{name}:={text.value}' for name, text in settings.constants.items())]
+    return ', '.join(values)
 
 
 def _refuse_slips(origin: Origin) -> None:
@@ -183,12 +193,13 @@ def _refuse_unknown_constants(settings: Settings, manifests: Sequence[Manifest])
 
 
 @contextmanager
-def _as_refusal() -> Iterator[None]:
+def _as_refusal(overrides: str) -> Iterator[None]:
     """Raise `Refusal` in place of errors that the user can correct."""
     try:
         yield
     except CompileError as error:
-        raise Refusal(str(error), heading='') from None  # rendered already
+        note = f'\nnote: in place of what the bundle says: {overrides}' if overrides else ''
+        raise Refusal(f'{error}{note}', heading='') from None  # rendered already
     except NativeError as error:
         raise Refusal(str(error)) from None
 

@@ -22,7 +22,9 @@ import re
 import shlex
 import sys
 from textwrap import fill
+import traceback
 
+from fret_monitor.model.output import drop_output
 from fret_monitor.ros.parameters import LOGGER_PARAMETERS, MONITOR_PARAMETERS, Refusal
 from fret_monitor.ros.signals import StopRequest
 
@@ -37,6 +39,7 @@ from rclpy.utilities import remove_ros_args
 # Python handles a signal only between two calls into C, so no call may last longer.
 _SPIN = 0.2  # s, the longest call
 _WIDTH = 80
+_FAILED = 2
 
 _USAGE = """\
 usage: {command} --ros-args -p spec:=BUNDLE.yaml
@@ -49,8 +52,8 @@ def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:
     """
     Create a node and spin it until a signal is received; return the exit status.
 
-    It is 0 after SIGINT or SIGTERM, and 1 if the node cannot start; the reason is printed on
-    standard error.
+    It is 0 after SIGINT or SIGTERM, 1 if the node cannot start, and 2 if it fails later; the
+    reason is printed on standard error.
     """
     try:
         logging.basicConfig(format='warning: %(message)s')  # this package logs only warnings
@@ -125,7 +128,11 @@ def _wrong_type(reason: str) -> str:
 def _print_usage(name: str, argument: str) -> int:
     usage = _usage(name)
     if argument in ('-h', '--help'):
-        print(usage, 'parameters, each behind a -p of its own:', *_described(name), sep='\n')
+        try:
+            print(usage, 'parameters, each behind a -p of its own:', *_described(name), sep='\n',
+                  flush=True)
+        except BrokenPipeError:
+            drop_output()  # the reader, such as `head`, has read enough
         return 0
     print(f"error: unexpected argument '{argument}'\n{usage}", end='', file=sys.stderr)
     return 1
@@ -139,6 +146,9 @@ def _run(make_node: Callable[[], Node], stop: StopRequest) -> int:
     try:
         while not stop.requested and node.context.ok():
             executor.spin_once(timeout_sec=_SPIN)
+    except Exception:  # noqa: B902  whatever it is, launch must not take it for a refusal
+        traceback.print_exc()
+        return _FAILED
     finally:
         executor.shutdown()
         node.destroy_node()

@@ -85,6 +85,11 @@ def install(prefix: Path) -> None:
         script.chmod(script.stat().st_mode | stat.S_IXUSR)
 
 
+def environment(folder: Path) -> dict[str, str]:
+    return {**os.environ, 'PYTHONPATH': os.pathsep.join([str(SOURCE), *sys.path]),
+            'AMENT_PREFIX_PATH': str(folder / 'prefix')}
+
+
 @pytest.mark.parametrize(('arguments', 'nodes'), [
     (['spec:=bundle.yaml'], {'/fret_monitor', '/fret_logger'}),
     (['spec:=bundle.yaml', 'namespace:=robot', 'policy:=periodic', 'rate:=5', 'logger:=false'],
@@ -100,11 +105,9 @@ def test_launch_starts_the_nodes_and_ends_them(
     (tmp_path / 'other.yaml').write_text(BUNDLE.replace('R1', 'R2').replace(': x', ': y'),
                                          encoding='utf-8')
     install(tmp_path / 'prefix')
-    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join([str(SOURCE), *sys.path]),
-                   'AMENT_PREFIX_PATH': str(tmp_path / 'prefix')}
     process = subprocess.Popen(
         [sys.executable, '-c', LAUNCH, str(launch_file()), *arguments], cwd=tmp_path,
-        env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        env=environment(tmp_path), text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
 
     def found() -> set[str]:
         listed = partner.node.get_node_names_and_namespaces()
@@ -132,3 +135,48 @@ def test_launch_starts_the_nodes_and_ends_them(
     finally:
         process.kill()
         process.wait()
+
+
+@pytest.mark.parametrize(('arguments', 'reason'), [
+    ([], 'nothing to monitor: name a bundle, spec:=FILE.yaml'),
+    (['spec:=wrong.yaml'], 'the monitor cannot start, for the reason above: correct '
+                           'spec:=wrong.yaml'),
+    (['spec:=bundle.yaml', 'hot_path:=perhaps'], "'auto', 'on', 'off'"),
+])
+@pytest.mark.usefixtures('domain')
+def test_launch_ends_with_an_error_if_the_monitor_cannot_start(
+    arguments: list[str], reason: str, tmp_path: Path,
+) -> None:
+    (tmp_path / 'bundle.yaml').write_text(BUNDLE, encoding='utf-8')
+    (tmp_path / 'wrong.yaml').write_text(BUNDLE.replace('value <', 'values <'), encoding='utf-8')
+    install(tmp_path / 'prefix')
+    done = subprocess.run(
+        [sys.executable, '-c', LAUNCH, str(launch_file()), *arguments, 'logger:=false'],
+        cwd=tmp_path, env=environment(tmp_path), text=True, capture_output=True, timeout=60,
+        check=False)
+    assert done.returncode == 1
+    assert reason in done.stdout + done.stderr
+
+
+def test_on_exit_shutdown_ends_the_launch_with_the_monitor(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    (tmp_path / 'bundle.yaml').write_text(BUNDLE, encoding='utf-8')
+    install(tmp_path / 'prefix')
+    process = subprocess.Popen(
+        [sys.executable, '-c', LAUNCH, str(launch_file()), 'spec:=bundle.yaml',
+         'on_exit:=shutdown'], cwd=tmp_path, env=environment(tmp_path), text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    try:
+        wait_until(lambda: partner.node.count_publishers('/fret_monitor/alive') == 1,
+                   'the monitor')
+        children = subprocess.run(
+            ['ps', '-ww', '-o', 'pid=,args=', '--ppid', str(process.pid)], text=True,
+            check=True, capture_output=True).stdout.splitlines()
+        monitor, = (line.split()[0] for line in children if 'lib/fret_monitor/monitor' in line)
+        os.kill(int(monitor), signal.SIGKILL)
+        output, _ = process.communicate(timeout=30)
+        assert 'exit code -9' in output
+        assert output.count('process has finished cleanly') == 1  # the logger
+    finally:
+        process.kill()

@@ -19,6 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from fret_monitor.ros import LoggerNode, MonitorNode, Refusal
+from fret_monitor.ros.compiled import open_manifests
+from fret_monitor.ros.parameters import read_settings
 import pytest
 from rcl_interfaces.srv import (
     DescribeParameters, GetParameters, ListParameters, SetParameters,
@@ -210,3 +212,20 @@ def test_the_logger_does_not_warn_of_parameters_of_the_monitor(
     assert 'ignored' not in capfd.readouterr().err
     result = made[0].set_parameters([Parameter('spec', value='other.yaml')])[0]
     assert not result.successful
+
+
+@pytest.mark.parametrize(('given', 'cause'), [
+    ({'period': 0.5}, 'period:=0.5'), ({'policy': 'timed'}, 'policy:=timed'),
+    ({'policy': 'periodic', 'rate': 4.0, 'constants.y': 1}, 'policy:=periodic, period:=0.25, '
+                                                            'constants.y:=1')])
+def test_parameters_that_change_a_bundle_are_named_with_its_errors(
+    given: dict[str, object], cause: str, bundle: Path,
+) -> None:
+    bundle.write_text(BUNDLE.replace('x < 0.5', 'O[0,3] (x < 0.5)'), encoding='utf-8')
+    with pytest.raises(Refusal) as caught:
+        open_manifests(read_settings({'spec': str(bundle), **given}))
+    assert str(caught.value).endswith(f'note: in place of what the bundle says: {cause}')
+    bundle.write_text(BUNDLE.replace('x < 0.5', 'x <'), encoding='utf-8')
+    with pytest.raises(Refusal) as caught:
+        open_manifests(read_settings({'spec': str(bundle)}))
+    assert 'note' not in str(caught.value)

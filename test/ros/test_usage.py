@@ -44,3 +44,13 @@ def test_help_names_the_command_that_was_used_and_all_parameters(
     told = [line.split(':=')[0].strip() for line in done.stdout.partition('parameters')[2]
             .splitlines() if line.startswith('  ') and line[2] != ' ']
     assert told == list(parameters)
+
+
+def test_help_ends_quietly_if_its_reader_has_read_enough() -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [sys.executable, '-c', SCRIPT.format(name='monitor'), '--help'], stdout=writer,
+        stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, '')
