@@ -50,7 +50,7 @@ def _topics_of_two_names(bundle: Bundle) -> Iterator[Diagnostic]:
 
 
 def _missing_topics(bundle: Bundle, specification: Specification) -> Iterator[Diagnostic]:
-    if all(signal.topic is None for signal in specification.signals):
+    if all(None in (signal.topic, signal.message_type) for signal in specification.signals):
         return  # a bundle that is not for ROS
     read = {name for item in specification.properties for name in item.inputs}
     names = {entry.name.value: entry.name for entry in bundle.inputs}
