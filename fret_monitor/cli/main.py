@@ -23,6 +23,7 @@ from importlib import import_module
 from io import TextIOWrapper
 from keyword import iskeyword
 import logging
+import os
 import signal
 import sys
 from threading import current_thread, main_thread
