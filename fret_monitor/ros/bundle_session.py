@@ -35,6 +35,7 @@ from fret_monitor.ros.handlers import handler_topic, Handlers
 from fret_monitor.ros.health import describe_missing, Health, PERIOD
 from fret_monitor.ros.hot_path import Announcer, EngineTopic, Middleware, why_not_listening
 from fret_monitor.ros.loaded import Unavailable
+from fret_monitor.ros.look_ups import LookUpLog
 from fret_monitor.ros.node_time import NodeTime, PATIENCE_S, TimeLog
 from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import Refusal
@@ -140,11 +141,13 @@ class BundleSession:
         self._running.callback(self._forget_timers)
         period = self.opened.period if self.opened.policy is Policy.PERIODIC else None
         self._silence_log = SilenceLog(self._node, self.manifest, self._engine)
+        self._look_up_log = LookUpLog(self._node, self.manifest, self._engine)
         self._time_log = TimeLog(
             self._node, self._engine, period, is_timed=self._engine.is_timed,
             has_timeouts=any(item.timeout is not None for item in self.manifest.inputs),
             reorder=self.manifest.reorder)
-        self._health = Health(self._node, self._engine, self._silence_log, period, self._name)
+        self._health = Health(self._node, self._engine, self._silence_log, period, self._name,
+                              self._look_up_log)
         self._running.callback(self._health.close)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._keep(self._node.create_timer(PERIOD, self._report_health, clock=steady))
@@ -277,6 +280,7 @@ class BundleSession:
         if self._health is not None:  # None: stopped meanwhile
             self._time_log.review()
             self._silence_log.review()
+            self._look_up_log.review()
             self._health.publish(self._statuses())
         self._log_unpublished()
         for topic in range(len(self.manifest.topics)):
@@ -301,7 +305,9 @@ class BundleSession:
         """Log the fields of a message that cannot be used, once for each input."""
         readings = read_fields(self.opened.monitor, topic, message)
         for index, reading in zip(self.manifest.topics[topic].inputs, readings or ()):
-            if reading.outcome is not Outcome.READ:
+            if reading.outcome is Outcome.ABSENT:
+                self._look_up_log.note_absent(index)
+            elif reading.outcome is not Outcome.READ:
                 self._log_unusable(index, topic, message)
 
     def _log_missing(self) -> None:

@@ -29,6 +29,7 @@ from fret_monitor.model.manifest import ManifestRequirement, ManifestTopic
 from fret_monitor.model.policies import Report, Stale, Stamp
 from fret_monitor.ros.details import LEVELS
 from fret_monitor.ros.feed import PublisherStatus
+from fret_monitor.ros.look_ups import LIMIT_S, LookUpLog
 from fret_monitor.ros.node_time import are_worth_reading
 from fret_monitor.ros.silences import SilenceLog, some
 from fret_monitor.runtime import Engine, OrderCounts, Silence
@@ -43,7 +44,7 @@ class Health:
 
     def __init__(self, node: Node, engine: Engine,
                  silences: SilenceLog | None = None, period: float | None = None,
-                 bundle: str = '') -> None:
+                 bundle: str = '', look_ups: LookUpLog | None = None) -> None:
         """
         Advertise the topic; the caller then calls `publish` once per `PERIOD`.
 
@@ -61,6 +62,7 @@ class Health:
         self._out_of_order = [OrderCounts()] * len(self._manifest.topics)
         self._unpublished = 0
         self._silences = silences
+        self._look_ups = look_ups
         self._period = period
         self._time_counts = engine.time_counts()
         self._bundle = bundle
@@ -205,6 +207,11 @@ class Health:
         found = [place for place in self._manifest.topics[index].inputs if place in unusable]
         if found:
             yield DiagnosticStatus.WARN, f'fields cannot be used: {self._named(found)}'
+        missing = self._look_ups.missing if self._look_ups else ()
+        absent = [place for place in self._manifest.topics[index].inputs if place in missing]
+        if absent:
+            yield DiagnosticStatus.WARN, \
+                f'no message has had the names for {LIMIT_S:g} s: {self._named(absent)}'
         if lost > 0:
             yield DiagnosticStatus.WARN, f'{lost} lost since the last report'
 
