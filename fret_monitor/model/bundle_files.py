@@ -31,6 +31,7 @@ BUNDLE_HELP = "a file, package://PKG/PATH, or the name of a file in this package
 
 _SCHEME = 'package://'
 _OWN = 'fret_monitor'
+_MISSPELLED = 0.9  # similar packages are often two packages, of which one is not installed
 
 
 def find_bundle(name: str) -> Path:
@@ -88,7 +89,8 @@ def _in_package(name: str) -> Path:
     folders = list(share_folders(package))
     if not folders:
         refuse(f"{shown(name, LONGEST_PATH)}: the package '{package}' is not installed, or its "
-               'workspace is not sourced', help=did_you_mean(package, installed_packages()))
+               'workspace is not sourced',
+               help=did_you_mean(package, installed_packages(), _MISSPELLED))
     if not inside:
         refuse(f'{shown(name, LONGEST_PATH)} names no file',
                help=f'write {_SCHEME}{package}/PATH')

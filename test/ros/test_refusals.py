@@ -155,6 +155,7 @@ def test_a_bundle_of_another_package_is_found_in_its_share_folder(
     (share / 'package.xml').write_text('<package/>', encoding='utf-8')
     assert refusal(context, spec='package://my_robt/no.yaml').endswith(
         "= help: did you mean 'my_robot'?")
+    assert 'help' not in refusal(context, spec='package://robot_monitor/no.yaml')
 
 
 def test_several_bundles_in_one_string_are_refused_with_a_list(context: Context) -> None:

@@ -54,3 +54,32 @@ def test_help_ends_quietly_if_its_reader_has_read_enough() -> None:
         stderr=subprocess.PIPE, text=True, check=False)
     os.close(writer)
     assert (done.returncode, done.stderr) == (0, '')
+
+
+FAILING = """
+import sys
+from fret_monitor.ros.process import run
+from fret_monitor.ros.signals import StopRequest
+from rclpy.node import Node
+
+
+def fail():
+    raise RuntimeError('no paper in the printer')
+
+
+def make():
+    node = Node('failing')
+    node.create_timer(0.01, fail)
+    return node
+
+
+sys.exit(run('monitor', make, StopRequest()))
+"""
+
+
+@pytest.mark.usefixtures('domain')
+def test_a_node_that_fails_after_its_start_has_another_exit_status_than_a_refusal() -> None:
+    done = subprocess.run([sys.executable, '-c', FAILING], capture_output=True, text=True,
+                          timeout=60, check=False)
+    assert done.returncode == 2
+    assert 'RuntimeError: no paper in the printer' in done.stderr
