@@ -5,7 +5,7 @@
 PYTHON := .venv/bin/python
 SHELL := /bin/sh
 
-.PHONY: help setup setup-test demo test lint bench bench-ros soak fuzz coverage prove clean
+.PHONY: help setup setup-test demo test lint bench bench-ros bench-bags soak fuzz coverage prove clean
 
 help:
 	@echo 'make setup   make .venv, an environment that runs fret_monitor'
@@ -14,6 +14,7 @@ help:
 	@echo 'make lint    style, types, layers'
 	@echo 'make bench   nanoseconds a step, beside hand-written C'
 	@echo 'make bench-ros  the node as a process, beside a subscriber in C (15 minutes)'
+	@echo 'make bench-bags  checking recordings, beside reading them'
 	@echo 'make soak    ten million messages through the node, and rows through simulate (15 minutes)'
 	@echo 'make fuzz    hostile inputs for SECONDS=60 (docs/assurance.md)'
 	@echo 'make coverage  lines of the package and of csrc that the tests run'
@@ -44,6 +45,9 @@ bench: setup
 # Not part of `bench`: takes 15 minutes on an otherwise idle machine.
 bench-ros: setup
 	@$(PYTHON) -m bench.ros
+
+bench-bags: setup-test
+	@$(PYTHON) -m bench.bags
 
 soak: setup
 	@$(PYTHON) -m bench.soak

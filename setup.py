@@ -43,6 +43,11 @@ BAG = [
     'rosbags>=0.11,<0.12',
 ]
 
+# What its option `--dask` needs.
+DASK = [
+    'distributed>=2024.1',
+]
+
 # What `fret-monitor prove` needs.
 PROVE = [
     'pycparser>=2.21',
@@ -51,6 +56,7 @@ PROVE = [
 
 TEST = [
     *BAG,
+    *DASK,
     *PROVE,
     'argcomplete>=3,<4',
     'catkin-pkg>=1',
@@ -117,7 +123,8 @@ setup(
     # the scripts that setuptools writes look at this list.
     install_requires=['cffi>=1.16', 'lark-parser>=0.12,<1', 'PyYAML>=6'],
     extras_require={
-        'bag': BAG, 'prove': PROVE, 'ros': ROS_WHEELS, 'ros-test': ROS_TEST_WHEELS, 'test': TEST,
+        'bag': BAG, 'dask': DASK, 'prove': PROVE, 'ros': ROS_WHEELS,
+        'ros-test': ROS_TEST_WHEELS, 'test': TEST,
     },
     entry_points={
         'console_scripts': [

@@ -39,6 +39,7 @@ from fret_monitor.model.diagnostics import (
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.packages import search_path
 from fret_monitor.model.policies import Policy, Report, Stale, Stamp
+from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.monitor import CompiledMonitor, Monitor
 from fret_monitor.runtime.engine import Engine, MOST_QUEUED, ViolationDetail
 from fret_monitor.runtime.evaluator import Evaluator, NEVER, Violation
@@ -144,13 +145,10 @@ class Changes(Protocol):
 Watch = Callable[[Engine, Batch], None]
 """Takes all messages that are read, before the engine does."""
 
-Progress = Callable[[int], None]
-"""Takes the number of messages read so far."""
-
 
 def check_recording(
     bundle: Path, path: Path, selection: Selection, *, changes: Sequence[Changes] = (),
-    on_progress: Progress | None = None,
+    progress: Progress = no_progress,
 ) -> Result:
     """
     Run a bundle over a recording.
@@ -164,7 +162,7 @@ def check_recording(
     """
     with opened(path) as (recording, find):
         monitor = _compiled(bundle, selection, find).monitor
-        return run(monitor, recording, selection, changes=changes, on_progress=on_progress)
+        return run(monitor, recording, selection, changes=changes, progress=progress)
 
 
 @contextmanager
@@ -182,9 +180,9 @@ def opened(path: Path) -> Iterator[tuple[Recording, FindMessage]]:
 
 def run(monitor: Monitor, recording: Recording, selection: Selection, *,
         changes: Sequence[Changes] = (), watch: Watch | None = None,
-        on_progress: Progress | None = None) -> Result:
+        progress: Progress = no_progress) -> Result:
     """Run a monitor over a recording; raises `CompileError` if they do not fit."""
-    return _Run(monitor, recording, selection, changes, watch, on_progress).result()
+    return _Run(monitor, recording, selection, changes, watch, progress).result()
 
 
 def _compiled(bundle: Path, selection: Selection, find: FindMessage) -> CompiledMonitor:
@@ -222,12 +220,12 @@ class _Run:
 
     def __init__(self, monitor: Monitor, recording: Recording, selection: Selection,
                  changes: Sequence[Changes], watch: Watch | None,
-                 on_progress: Progress | None) -> None:
+                 progress: Progress) -> None:
         self._recording = recording
         self._selection = selection
         self._changes = changes
         self._watch = watch
-        self._on_progress = on_progress
+        self._progress = progress
         self._monitor = monitor
         self._manifest = monitor.manifest
         self._evaluator = Evaluator(self._monitor, reports_recoveries=True)
@@ -283,7 +281,7 @@ class _Run:
                 self._errors.append(f'{name} was not recorded' + (f': {near}' if near else ''))
 
     def _play(self, wanted: Mapping[tuple[str, str], int], begin: int, last: int) -> None:
-        total = 0
+        most = max(1, sum(self._recording.recorded[name] for name, _ in wanted))
         try:
             for batch in self._recording.batches(wanted, last):
                 if self._watch is not None:
@@ -291,9 +289,7 @@ class _Run:
                 self._take(self._engine.records(
                     batch.topics, batch.times, batch.sizes, batch.messages, begin, self._read,
                     most=self._most))
-                total += len(batch.topics)
-                if self._on_progress is not None:
-                    self._on_progress(total)
+                self._progress(sum(self._read) / most, self._recording.path.name)
         except DamagedRecording as error:
             self._errors.append(f'the recording cannot be read to its end: {error}')
 

@@ -21,19 +21,24 @@ A recording that cannot be checked is one line of the results; it never ends the
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import as_completed, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
 from dataclasses import dataclass
 import hashlib
+from importlib import import_module
 import json
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 from fret_monitor.bag.check import check_recording, Result, Selection
 from fret_monitor.bag.recording import files_of
 from fret_monitor.bag.results import failed_line, json_line
-from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.diagnostics import CompileError, refuse
+from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.errors import NativeError
 
 _BLOCK = 1 << 20
+_CLUSTER_TIMEOUT_S = 10
 
 
 @dataclass(frozen=True)
@@ -46,13 +51,13 @@ class Outcome:
     error: str = ''
 
 
-def check_one(bundle: Path, path: Path, selection: Selection, *,
-              with_hash: bool = False) -> Outcome:
+def check_one(bundle: Path, path: Path, selection: Selection, *, with_hash: bool = False,
+              progress: Progress = no_progress) -> Outcome:
     """Check a recording; what is wrong with it becomes part of the outcome."""
     result = None
     error = ''
     try:
-        result = check_recording(bundle, path, selection)
+        result = check_recording(bundle, path, selection, progress=progress)
         line = json_line(result)
     except (CompileError, NativeError, OSError) as problem:
         error = str(problem)
@@ -125,6 +130,43 @@ def _one_by_one(bundle: Path, paths: Iterable[Path], selection: Selection, with_
                 error = 'the process that checked it died'
                 yield Outcome(path, failed_line(path, error), None, error)
     return rest
+
+
+def check_on_cluster(bundle: Path, paths: Sequence[Path], selection: Selection, *, address: str,
+                     jobs: int, with_hash: bool = False) -> Iterator[Outcome]:
+    """
+    Check recordings on a cluster of Dask; yield the outcomes as they come.
+
+    `address` is that of its scheduler, or `local`: one is started here, with `jobs` workers. The
+    workers read the bundle and the recordings by the same paths.
+
+    Raises
+    ------
+    CompileError
+        if there is no scheduler.
+    """
+    dask: Any = import_module('distributed')
+    paths = [path.absolute() for path in paths]
+    with ExitStack() as stack:
+        if address == 'local':
+            cluster = stack.enter_context(dask.LocalCluster(
+                n_workers=jobs, threads_per_worker=1, dashboard_address=None))
+            client = stack.enter_context(dask.Client(cluster))
+        else:
+            try:
+                client = stack.enter_context(dask.Client(address, timeout=_CLUSTER_TIMEOUT_S))
+            except (OSError, ValueError) as error:
+                refuse(f"no scheduler of Dask at '{address}': {error}",
+                       help='start one: dask scheduler; dask worker ADDRESS; or --dask local')
+        waiting = {client.submit(check_one, bundle.absolute(), path, selection, pure=False,
+                                 with_hash=with_hash): path for path in paths}
+        for done in dask.as_completed(list(waiting)):
+            problem = done.exception()
+            if problem is None:
+                yield done.result()
+            else:  # its worker died, again and again, or lacks what is needed
+                text = f'{type(problem).__name__}: {problem}'
+                yield Outcome(waiting[done], failed_line(waiting[done], text), None, text)
 
 
 def finished(results: Path) -> dict[str, str | None]:

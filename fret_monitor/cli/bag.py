@@ -24,6 +24,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from fret_monitor.cli.constants import add_constants
+from fret_monitor.cli.terminal import progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import pip_install, refuse
 from fret_monitor.model.output import open_output, refuse_overwriting
@@ -71,6 +72,8 @@ def add_arguments(parser: ArgumentParser) -> None:
                         help='write violations and verdicts as a recording, of one recording')
     output.add_argument('--jobs', metavar='N', type=_jobs, default=1,
                         help='processes; 0: one a processor')
+    output.add_argument('--dask', metavar='ADDRESS',
+                        help='check recordings on a cluster, or `local`: --jobs workers here')
     output.add_argument('--results', metavar='FILE.jsonl', type=Path,
                         help='append a line of JSON a recording; those in it already are skipped')
     parser.set_defaults(run=run)
@@ -106,7 +109,7 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection') -> int:
     failed: list[tuple[str, str]] = []
     results = []
     status = 0
-    for outcome in _outcomes(options, bundle, selection):
+    for outcome in _counted(_outcomes(options, bundle, selection), len(options.bags)):
         if outcome.result is None:
             failed.append((str(outcome.path), outcome.error))
             print(outcome.error, file=sys.stderr)
@@ -129,25 +132,49 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection') -> int:
     return 1 if failed else status
 
 
+def _counted(outcomes: Iterator['Outcome'], total: int) -> Iterator['Outcome']:
+    """Yield outcomes, and show how many there are so far."""
+    if total == 1:
+        yield from outcomes
+        return
+    with progress('bag', is_printing=True) as report:
+        for number, outcome in enumerate(outcomes, 1):
+            yield outcome
+            report(number / total, str(outcome.path))
+
+
 def _outcomes(options: Namespace, bundle: Path, selection: 'Selection') -> Iterator['Outcome']:
-    from fret_monitor.bag.fleet import check_all, check_one, finished
+    from fret_monitor.bag.fleet import check_one, finished
     if options.csv is not None or options.mcap is not None:
         yield _with_changes(options, bundle, selection)
         return
     paths: Sequence[Path] = options.bags
     if options.results is None:
-        if len(paths) == 1:
-            yield check_one(bundle, paths[0], selection)
+        if len(paths) == 1 and options.dask is None:
+            with progress('bag') as report:
+                outcome = check_one(bundle, paths[0], selection, progress=report)
+            yield outcome
         else:
-            yield from check_all(bundle, paths, selection, jobs=options.jobs)
+            yield from _check_all(options, bundle, paths, selection)
         return
     known = finished(options.results)
     with options.results.open('a', encoding='utf-8') as file:
         left = [path for path in paths if str(path) not in known]
-        for outcome in check_all(bundle, left, selection, jobs=options.jobs, with_hash=True):
+        for outcome in _check_all(options, bundle, left, selection, with_hash=True):
             file.write(outcome.line + '\n')
             file.flush()
             yield outcome
+
+
+def _check_all(options: Namespace, bundle: Path, paths: Sequence[Path], selection: 'Selection', *,
+               with_hash: bool = False) -> Iterator['Outcome']:
+    from fret_monitor.bag.fleet import check_all, check_on_cluster
+    if options.dask is None:
+        return check_all(bundle, paths, selection, jobs=options.jobs, with_hash=with_hash)
+    if find_spec('distributed') is None:
+        refuse('--dask needs the extra `dask`', help=pip_install('distributed'))
+    return check_on_cluster(bundle, paths, selection, address=options.dask, jobs=options.jobs,
+                            with_hash=with_hash)
 
 
 def _with_changes(options: Namespace, bundle: Path, selection: 'Selection') -> 'Outcome':
@@ -162,7 +189,9 @@ def _with_changes(options: Namespace, bundle: Path, selection: 'Selection') -> '
         if options.mcap is not None:
             changes.append(stack.enter_context(
                 open_violations(options.mcap, options.namespace)))
-        result = check_recording(bundle, options.bags[0], selection, changes=changes)
+        with progress('bag') as report:
+            result = check_recording(
+                bundle, options.bags[0], selection, changes=changes, progress=report)
     return Outcome(options.bags[0], json_line(result), result)
 
 

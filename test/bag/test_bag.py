@@ -315,6 +315,21 @@ def test_several_recordings_in_processes_and_a_run_that_goes_on(
     assert sum('bag1' in line for line in results.read_text(encoding='utf-8').splitlines()) == 1
 
 
+def test_recordings_on_a_cluster(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip('distributed', reason='needs the extra dask')
+    paths = [write(tmp_path / f'bag{number}', random_messages(number, 50)) for number in range(3)]
+    bad = tmp_path / 'bad.mcap'
+    bad.write_bytes(b'no recording at all')
+    arguments = ['bag', str(bundle(tmp_path, 'every_message')), *map(str, [*paths, bad]), '--json']
+    assert main([*arguments, '--dask', 'local', '--jobs', '2']) == 1
+    out, err = capsys.readouterr()
+    assert f"cannot read the recording '{bad}'" in err
+    found = {item['bag']: item['read'] for item in map(json.loads, out.splitlines())}
+    assert found == {**{str(path): 50 for path in paths}, str(bad): 0}
+    assert main([*arguments, '--dask', 'tcp://127.0.0.1:1']) == 1
+    assert "no scheduler of Dask at 'tcp://127.0.0.1:1'" in capsys.readouterr().err
+
+
 def test_what_a_program_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = write(tmp_path / 'bag', [('/level', 0, 0.0), ('/flow', 1, 0.0), ('/level', 5, 0.95)])
     file, junit = bundle(tmp_path, 'every_message'), tmp_path / 'junit.xml'
