@@ -225,8 +225,8 @@ static inline struct fm_cdr_array fm_cdr_array(struct fm_cdr * c, uint32_t size,
   return array;
 }
 
-/// The elements from `start` to before `stop`; a negative number counts from the end. Returns false
-/// if they are not all in the array; `size` is that of an element.
+/// The elements from `start` to before `stop`; a negative number counts from the end. Returns
+/// false if they are not all in the array; `size` is that of an element.
 static inline bool fm_cdr_slice(
   struct fm_cdr_array * part, const struct fm_cdr_array * array, uint32_t size, int64_t start,
   int64_t stop)
@@ -251,9 +251,9 @@ static inline bool fm_cdr_slice(
 /// The elements of a scan in a sector: from the angle `first` through `width`, at most a turn.
 /// Element i is at the angle `least` + i * `increment`, modulo a turn. As both are rounded, the
 /// sector is larger at each end by a hundredth of the increment. Returns the number of parts, in
-/// the order of their elements; 0 if no element is in the sector, or if the angles are not those of
-/// a scan: numbers, an increment of at most a turn and not 0, at most two turns in all, and a first
-/// angle at most two turns from 0. `size` is that of an element. O(1).
+/// the order of their elements; 0 if no element is in the sector, or if the angles are not those
+/// of a scan: numbers, an increment of at most a turn and not 0, at most two turns in all, and a
+/// first angle at most two turns from 0. `size` is that of an element. O(1).
 static inline uint32_t fm_cdr_sector(
   struct fm_cdr_array * parts, const struct fm_cdr_array * array, uint32_t size, double least,
   double increment, double first, double width)
@@ -558,9 +558,9 @@ static inline struct fm_field fm_field_len(const struct fm_cdr_array * parts, ui
   return fm_field_u(count);
 }
 
-/// The angles of a quaternion in radians: turns about z (yaw), then the new y (pitch), then the new
-/// x (roll). Of any length except 0, of which the angles are NaN. Near a pitch of +-90 degrees only
-/// the sum or difference of yaw and roll is known: roll is 0 there.
+/// The angles of a quaternion in radians: turns about z (yaw), then the new y (pitch), then the
+/// new x (roll). Of any length except 0, of which the angles are NaN. Near a pitch of +-90 degrees
+/// only the sum or difference of yaw and roll is known: roll is 0 there.
 static inline double fm_cdr_sine_of_pitch(double x, double y, double z, double w)
 {
   const double sine = 2.0 * (w * y - x * z) / (x * x + y * y + z * z + w * w);
