@@ -49,8 +49,8 @@ struct fm_records
 
 /// Deliver records, while the time is told: before each, what is due before it is taken. Stops
 /// when `most` violations are queued; take them, and call it again. Returns whether all records
-/// are delivered. Any thread; O(fields to read, what is due and the operations of the groups that step, for each
-/// record).
+/// are delivered. Any thread; for each record O(fields to read, what is due, operations of the
+/// groups that step).
 FM_EXPORT bool fm_engine_records(
   struct fm_engine * engine, struct fm_records * records, uint32_t most);
 
