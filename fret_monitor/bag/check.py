@@ -234,6 +234,7 @@ class _Run:
         self._most = MOST_QUEUED
         self._want_details()
         self._errors: list[str] = []
+        self._latest = 0  # the time of the last message that was read
         self._read = array('Q', bytes(8 * len(self._manifest.topics)))
         self._findings = [Findings(item.id) for item in self._manifest.requirements]
 
@@ -247,7 +248,10 @@ class _Run:
             refuse('the end is before the begin', help='--from and --to, in this order')
         for each in self._changes:
             each.begin(begin, manifest)
-        self._play(wanted, begin, last)
+        is_limited = last < recording.end
+        self._play(wanted, begin, last if is_limited else None)
+        if not is_limited:
+            last = max(last, self._latest)
         end = max(last, _at(selection.until, recording, last))
         self._take(self._engine.advance_all(begin, end + manifest.reorder, most=self._most))
         for each in self._changes:
@@ -255,7 +259,7 @@ class _Run:
         self._finish(end)
         recorded = {name: recording.recorded[name] for name in names}
         read = dict(zip(names, self._read))
-        if last >= recording.end:
+        if not is_limited:
             self._compare(recorded, read)
         return Result(recording.path, manifest, recorded, read, tuple(self._findings),
                       tuple(self._errors), begin, end)
@@ -280,7 +284,8 @@ class _Run:
                 near = did_you_mean(name, types)
                 self._errors.append(f'{name} was not recorded' + (f': {near}' if near else ''))
 
-    def _play(self, wanted: Mapping[tuple[str, str], int], begin: int, last: int) -> None:
+    def _play(self, wanted: Mapping[tuple[str, str], int], begin: int,
+              last: int | None) -> None:
         most = max(1, sum(self._recording.recorded[name] for name, _ in wanted))
         try:
             for batch in self._recording.batches(wanted, last):
@@ -289,6 +294,7 @@ class _Run:
                 self._take(self._engine.records(
                     batch.topics, batch.times, batch.sizes, batch.messages, begin, self._read,
                     most=self._most))
+                self._latest = max(self._latest, batch.times[-1])
                 self._progress(sum(self._read) / most, self._recording.path.name)
         except DamagedRecording as error:
             self._errors.append(f'the recording cannot be read to its end: {error}')

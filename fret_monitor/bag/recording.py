@@ -112,9 +112,9 @@ class Recording(AbstractContextManager['Recording']):
         for item in connections:
             self.types.setdefault(item.topic, set()).add(item.msgtype)
             self.recorded[item.topic] += item.msgcount
-        has_messages = reader.message_count > 0
-        self.start: int = reader.start_time if has_messages else 0
-        self.end: int = reader.end_time - 1 if has_messages else 0
+        times = [_times(item) for item in self._storages]  # metadata.yaml may be older
+        self.start = min((first for first, end in times if first < end), default=0)
+        self.end = max((end for first, end in times if first < end), default=1) - 1
 
     def __enter__(self) -> Self:
         """Return the recording, which is open."""

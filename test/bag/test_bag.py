@@ -16,13 +16,14 @@
 
 from collections.abc import Callable
 import json
+from operator import itemgetter
 from pathlib import Path
 from random import Random
 import shutil
 from typing import Any
 from xml.etree import ElementTree
 
-from bag.recordings import Message, START, TYPES, write
+from bag.recordings import FLOAT, Message, START, TYPES, write
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.moments import Moment
 from fret_monitor.bag.results import json_line
@@ -32,8 +33,9 @@ from fret_monitor.start import start
 from fret_monitor.traces.simulate import simulate
 import pytest
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import CompressionMode, Reader, StoragePlugin
+from rosbags.rosbag2 import CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+import yaml
 
 SECOND = 10**9
 PUMP = """format: 1
@@ -438,3 +440,104 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
                           ('cut.mcap', 'cannot read the recording')):
         with pytest.raises(CompileError, match=message):
             check_recording(file, tmp_path / name, Selection())
+
+
+def split(folder: Path, parts: list[list[Message]]) -> Path:
+    """Write a recording of several files."""
+    path = folder / 'split'
+    path.mkdir()
+    texts = []
+    for number, messages in enumerate(parts):
+        part = write(folder / f'part{number}', messages)
+        shutil.move(part / f'part{number}.mcap', path)
+        texts.append((part / 'metadata.yaml').read_text(encoding='utf-8'))
+    metadata = yaml.safe_load(texts[0])
+    information = metadata['rosbag2_bagfile_information']
+    others = [yaml.safe_load(text)['rosbag2_bagfile_information'] for text in texts[1:]]
+    information['relative_file_paths'] = [f'part{number}.mcap' for number in range(len(parts))]
+    for other in others:
+        information['message_count'] += other['message_count']
+        more = {item['topic_metadata']['name']: item['message_count']
+                for item in other['topics_with_message_count']}
+        for topic in information['topics_with_message_count']:
+            topic['message_count'] += more[topic['topic_metadata']['name']]
+    (path / 'metadata.yaml').write_text(yaml.safe_dump(metadata), encoding='utf-8')
+    return path
+
+
+@pytest.mark.parametrize('overlap', [False, True])
+def test_files_of_a_split_recording_are_read_in_the_order_of_time(
+        tmp_path: Path, overlap: bool) -> None:
+    messages = [('/level', 0, 0.0), ('/flow', 1, 0.0), *random_messages(5)]
+    file = bundle(tmp_path, 'every_message')
+    if overlap:
+        parts = [[*messages[:2], *messages[2::2]], [*messages[:2], *messages[3::2]]]
+    else:
+        parts = [messages[:200], messages[200:]]
+    whole = write(tmp_path / 'whole', sorted(
+        (message for part in parts for message in part), key=itemgetter(1)))
+    expected = json.loads(json_line(check_recording(file, whole, Selection())))
+    found = json.loads(json_line(check_recording(file, split(tmp_path, parts), Selection())))
+    assert {**found, 'bag': ''} == {**expected, 'bag': ''}
+    assert found['requirements']['LOW']['occurrences'] > 20
+
+
+def test_a_missing_file_of_a_split_recording_is_an_error(tmp_path: Path) -> None:
+    messages = random_messages(5)
+    path = split(tmp_path, [messages[:200], messages[200:]])
+    (path / 'part1.mcap').unlink()
+    with pytest.raises(CompileError, match=r'part1\.mcap'):
+        check_recording(bundle(tmp_path, 'every_message'), path, Selection())
+
+
+def test_a_recording_without_messages_judges_nothing(tmp_path: Path) -> None:
+    with Writer(tmp_path / 'bag', version=9) as writer:
+        for topic in ('/level', '/flow'):
+            writer.add_connection(topic, FLOAT, typestore=TYPES)
+    result = check_recording(bundle(tmp_path, 'every_message'), tmp_path / 'bag', Selection())
+    assert (result.errors, [item.verdict for item in result.findings]) == ((), [None] * 3)
+
+
+def test_messages_of_another_type_on_a_topic_are_an_error(tmp_path: Path) -> None:
+    kinds = (FLOAT, 'std_msgs/msg/Float32')
+    with Writer(tmp_path / 'bag', version=9) as writer:
+        for number, kind in enumerate(kinds):
+            topic = writer.add_connection('/level', kind, typestore=TYPES)
+            writer.write(topic, START + number, TYPES.serialize_cdr(TYPES.types[kind](0.7), kind))
+    selection = Selection(may_miss=True)
+    result = check_recording(bundle(tmp_path, 'every_message'), tmp_path / 'bag', selection)
+    assert any('Float32' in error and FLOAT in error for error in result.errors)
+    assert result.findings[0].violations == 1  # those of the right type are judged
+
+
+def test_periods_in_a_gap_are_taken_one_after_another(tmp_path: Path) -> None:
+    file = tmp_path / 'period.yaml'
+    file.write_text("""format: 1
+evaluation: {policy: periodic, rate: 100}
+inputs: {level: {topic: level, type: std_msgs/msg/Float64}}
+requirements: [{id: LOW, ptltl: "level < 0.5"}]
+""", encoding='utf-8')
+    path = write(tmp_path / 'bag', [('/level', 0, 0.0), ('/level', SECOND, 0.9),
+                                    ('/level', 61 * SECOND, 0.0), ('/level', 62 * SECOND, 0.0)])
+    result = check_recording(file, path, Selection())
+    low, = result.findings
+    assert (result.errors, low.violations, low.occurrences) == ((), 6000, 1)
+
+
+def test_a_service_event_is_read(tmp_path: Path) -> None:
+    pytest.importorskip('rclpy')
+    from rclpy.serialization import serialize_message
+    from std_srvs.srv import SetBool
+    kind = 'std_srvs/srv/SetBool_Event'
+    file = tmp_path / 'events.yaml'
+    file.write_text(f"""format: 1
+inputs: {{on: {{topic: enable/_service_event, type: {kind}, field: "request[0].data"}}}}
+requirements: [{{id: OFF, ptltl: "!on"}}]
+""", encoding='utf-8')
+    with Writer(tmp_path / 'bag', version=9) as writer:
+        topic = writer.add_connection('/enable/_service_event', kind, msgdef='', rihs01='0')
+        for number in range(4):
+            event = SetBool.Event(request=[SetBool.Request(data=number % 2 == 1)])
+            writer.write(topic, START + number, serialize_message(event))
+    result = check_recording(file, tmp_path / 'bag', Selection())
+    assert (result.errors, result.findings[0].violations) == ((), 2)
