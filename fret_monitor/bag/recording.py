@@ -201,8 +201,10 @@ class Recording(AbstractContextManager['Recording']):
             if not found:
                 break
             batch = _batch(found, numbers)
-            yield batch
             size = max(1, len(batch.messages) // len(found))
+            found.clear()
+            yield batch
+            del batch  # large messages take the memory of those before
             count = min(_MOST_MESSAGES, max(1, _MOST_BYTES // size))
         if damage is not None:
             raise DamagedRecording(_reason(damage)) from None
