@@ -277,7 +277,10 @@ class _Run:
             if topic.message_type in found:
                 yield (name, topic.message_type), index
             others = sorted(found - {topic.message_type})
-            if others:
+            if name in self._recording.formats:
+                self._errors.append(f'{name} was recorded in the format '
+                                    f"'{self._recording.formats[name]}', not as CDR")
+            elif others:
                 self._errors.append(f'{name} was recorded as {" and ".join(others)}, the bundle '
                                     f'says {topic.message_type}')
             elif not found and not self._selection.may_miss:

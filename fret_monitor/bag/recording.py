@@ -46,6 +46,7 @@ _FIRST_MESSAGES = 8  # of the first batch; later ones are as large as messages w
 _MOST_MESSAGES = 512  # of a batch
 _MOST_BYTES = 1 << 20  # of a batch, unless its messages are larger than those before
 _SEPARATOR = '=' * 80 + '\n'
+_CDR = 'cdr'
 _FILES = ('.mcap', '.db3', '.bag')
 _Message = tuple[Connection, int, bytes]
 
@@ -74,8 +75,9 @@ class Recording(AbstractContextManager['Recording']):
     An open recording; a context manager.
 
     `types` has the types under which each topic was recorded, `recorded` the number of its
-    messages as the recording says it, `start` and `end` are the times of the first and the last
-    message (ns; both 0 if there is none).
+    messages as the recording says it; `formats` has the topics that were not serialized as CDR,
+    with their format. `start` and `end` are the times of the first and the last message (ns; both
+    0 if there is none).
     """
 
     def __init__(self, path: Path) -> None:
@@ -109,7 +111,11 @@ class Recording(AbstractContextManager['Recording']):
         connections: list[Connection] = list(reader.connections)
         self.types: dict[str, set[str]] = {}
         self.recorded: Counter[str] = Counter()
+        self.formats: dict[str, str] = {}
         for item in connections:
+            if (name := getattr(item.ext, 'serialization_format', _CDR)) != _CDR:
+                self.formats[item.topic] = name
+                continue
             self.types.setdefault(item.topic, set()).add(item.msgtype)
             self.recorded[item.topic] += item.msgcount
         times = [_times(item) for item in self._storages]  # metadata.yaml may be older

@@ -17,6 +17,7 @@
 from collections.abc import Callable
 import json
 from operator import itemgetter
+import os
 from pathlib import Path
 from random import Random
 import shutil
@@ -26,6 +27,7 @@ from xml.etree import ElementTree
 from bag.recordings import FLOAT, Message, START, TYPES, write
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.moments import Moment
+from fret_monitor.bag.recording import Recording
 from fret_monitor.bag.results import json_line
 from fret_monitor.cli.main import main
 from fret_monitor.model.diagnostics import CompileError
@@ -541,3 +543,22 @@ requirements: [{{id: OFF, ptltl: "!on"}}]
             writer.write(topic, START + number, serialize_message(event))
     result = check_recording(file, tmp_path / 'bag', Selection())
     assert (result.errors, result.findings[0].violations) == ((), 2)
+
+
+def test_the_recordings_of_rosbag2_are_read_whole() -> None:
+    """Set FRET_MONITOR_BAGS to a copy of the repository ros2/rosbag2."""
+    if 'FRET_MONITOR_BAGS' not in os.environ:
+        pytest.skip('needs FRET_MONITOR_BAGS')
+    root = Path(os.environ['FRET_MONITOR_BAGS'])
+    found = 0
+    for path in sorted({*root.rglob('*.db3'), *root.rglob('*.mcap'),
+                        *(file.parent for file in root.rglob('metadata.yaml'))}):
+        if 'wrong_rmw' in str(path):
+            continue
+        with Recording(path) as recording:
+            topics = [(name, kind) for name, kinds in recording.types.items() for kind in kinds]
+            wanted = {topic: number for number, topic in enumerate(topics)}
+            read = sum(len(batch.topics) for batch in recording.batches(wanted))
+            assert read == sum(recording.recorded.values()), path
+        found += 1
+    assert found > 20
