@@ -330,8 +330,7 @@ static bool all_are_read(const struct fm_field * fields, uint32_t n)
   return true;
 }
 
-// The fields of a message that was received at a ROS time, with the inputs that are no fields.
-static const struct fm_field * prepare_locked(
+const struct fm_field * fm_engine_prepare_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t received)
 {
   const struct fm_topic * fed = &engine->options.topics[topic];
@@ -371,7 +370,7 @@ void fm_engine_set_values_locked(
 {
   const struct fm_topic * fed = &engine->options.topics[topic];
   const uint8_t * sources = engine->options.sources;
-  const struct fm_field * prepared = prepare_locked(engine, topic, fields, received);
+  const struct fm_field * prepared = fm_engine_prepare_locked(engine, topic, fields, received);
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     const uint32_t input = fed->inputs[k];
     if (prepared[k].outcome != FM_FIELD_READ) {
@@ -506,7 +505,7 @@ static void deliver_fields_locked(
   const bool has_time = fm_engine_read_for_message_locked(engine, received, &now);
   const int64_t stamp = has_time && engine->source == FM_CLOCK ?
     fm_later(now, engine->options.reorder) : received;
-  const struct fm_field * fields = prepare_locked(engine, topic, reading->fields, stamp);
+  const struct fm_field * fields = fm_engine_prepare_locked(engine, topic, reading->fields, stamp);
   if (!has_time || !engine->has_begun) {
     now = fm_evaluator_arrival(evaluator, fm_evaluator_now(evaluator));
     deliver_step_locked(

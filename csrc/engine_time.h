@@ -113,6 +113,11 @@ int64_t fm_engine_steady_time(void);
 /// Queue the violations of engine->found, whose stamps are `later` than found. In engine.c.
 void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t later);
 
+/// The fields of a message that was received at a ROS time, with the inputs that are no fields;
+/// they are valid until the next message. In engine.c.
+const struct fm_field * fm_engine_prepare_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t received);
+
 /// Set the inputs of a topic from fields that were read, and count those that cannot be used. No
 /// step; a reception is none. In engine.c.
 void fm_engine_set_values_locked(

@@ -132,8 +132,8 @@ class Changes(Protocol):
     def wants_details(self) -> bool:
         """Whether it wants the values of the inputs at each change."""
 
-    def begin(self, time: int, manifest: Manifest) -> None:
-        """Begin at a time (ns), with all requirements fulfilled."""
+    def begin(self, begin: int, end: int, manifest: Manifest) -> None:
+        """Begin a run from a time to another (ns), with all requirements fulfilled."""
 
     def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
         """Take that a requirement is violated, or fulfilled again; with details if wanted."""
@@ -246,13 +246,14 @@ class _Run:
         last = _at(selection.end, recording, recording.end)
         if last < begin:
             refuse('the end is before the begin', help='--from and --to, in this order')
+        end = max(last, _at(selection.until, recording, last))
         for each in self._changes:
-            each.begin(begin, manifest)
+            each.begin(begin, end, manifest)
         is_limited = last < recording.end
         self._play(wanted, begin, last if is_limited else None)
         if not is_limited:
             last = max(last, self._latest)
-        end = max(last, _at(selection.until, recording, last))
+            end = max(last, _at(selection.until, recording, last))
         self._take(self._engine.advance_all(begin, end + manifest.reorder, most=self._most))
         for each in self._changes:
             each.end(end)

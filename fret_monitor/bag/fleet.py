@@ -18,16 +18,18 @@ Checks many recordings, in several processes; a run that stopped goes on where i
 A recording that cannot be checked is one line of the results; it never ends the run.
 """
 
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import as_completed, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 import hashlib
 from importlib import import_module
 import json
 from multiprocessing import get_context
 from pathlib import Path
+import re
 from typing import Any
 
 from fret_monitor.bag.check import check_recording, Result, Selection
@@ -37,8 +39,10 @@ from fret_monitor.model.diagnostics import CompileError, refuse
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.errors import NativeError
 
+_Check = Callable[..., 'Outcome']
 _BLOCK = 1 << 20
 _CLUSTER_TIMEOUT_S = 10
+_UNSAFE = re.compile('[^A-Za-z0-9._-]+')
 
 
 @dataclass(frozen=True)
@@ -52,12 +56,21 @@ class Outcome:
 
 
 def check_one(bundle: Path, path: Path, selection: Selection, *, with_hash: bool = False,
-              progress: Progress = no_progress) -> Outcome:
-    """Check a recording; what is wrong with it becomes part of the outcome."""
+              reports: Path | None = None, progress: Progress = no_progress) -> Outcome:
+    """
+    Check a recording; what is wrong with it becomes part of the outcome.
+
+    With `reports`, a folder, its report is written there (`page_name`).
+    """
     result = None
     error = ''
     try:
-        result = check_recording(bundle, path, selection, progress=progress)
+        if reports is None:
+            result = check_recording(bundle, path, selection, progress=progress)
+        else:
+            from fret_monitor.bag.report import check_and_report
+            result = check_and_report(
+                bundle, path, selection, reports / page_name(path), progress=progress)
         line = json_line(result)
     except (CompileError, NativeError, OSError) as problem:
         error = str(problem)
@@ -65,6 +78,13 @@ def check_one(bundle: Path, path: Path, selection: Selection, *, with_hash: bool
     if with_hash:
         line = json.dumps({**json.loads(line), 'sha256': digest(path)}, ensure_ascii=False)
     return Outcome(path, line, result, error)
+
+
+def page_name(path: Path) -> str:
+    """Return the name of the file with the report of a recording; no two have the same."""
+    name = _UNSAFE.sub('_', path.resolve().name)[:80].strip('.')
+    whole = str(path.absolute()).encode('utf-8', 'surrogateescape')
+    return f'{name}-{hashlib.sha256(whole).hexdigest()[:8]}.html'
 
 
 def digest(path: Path) -> str | None:
@@ -81,25 +101,26 @@ def digest(path: Path) -> str | None:
 
 
 def check_all(bundle: Path, paths: Sequence[Path], selection: Selection, *, jobs: int,
-              with_hash: bool = False) -> Iterator[Outcome]:
+              with_hash: bool = False, reports: Path | None = None) -> Iterator[Outcome]:
     """Check recordings in `jobs` processes; yield the outcomes as they come."""
+    check = partial(check_one, with_hash=with_hash, reports=reports)
     if jobs == 1:
         for path in paths:
-            yield check_one(bundle, path, selection, with_hash=with_hash)
+            yield check(bundle, path, selection)
         return
     left = list(paths)
     while left:
-        left = yield from _check_in_pool(bundle, left, selection, jobs, with_hash)
+        left = yield from _check_in_pool(check, bundle, left, selection, jobs)
 
 
-def _check_in_pool(bundle: Path, paths: Sequence[Path], selection: Selection, jobs: int,
-                   with_hash: bool) -> Generator[Outcome, None, list[Path]]:
+def _check_in_pool(check: _Check, bundle: Path, paths: Sequence[Path], selection: Selection,
+                   jobs: int) -> Generator[Outcome, None, list[Path]]:
     """Yield outcomes; return the recordings that are left if a process died."""
     # Not forked: the library of a monitor may have been loaded here already.
     with ProcessPoolExecutor(jobs, mp_context=get_context('spawn')) as pool:
         waiting: dict[Future[Outcome], Path] = {}
         queue = iter(paths)
-        _fill(pool, waiting, queue, bundle, selection, with_hash, 2 * jobs)
+        _fill(pool, waiting, queue, partial(check, bundle, selection=selection), 2 * jobs)
         while waiting:
             done = next(as_completed(waiting))
             path = waiting.pop(done)
@@ -107,25 +128,24 @@ def _check_in_pool(bundle: Path, paths: Sequence[Path], selection: Selection, jo
                 yield done.result()
             except BrokenProcessPool:
                 died = [path, *waiting.values()]
-                return (yield from _one_by_one(bundle, died, selection, with_hash, [*queue]))
-            _fill(pool, waiting, queue, bundle, selection, with_hash, 2 * jobs)
+                return (yield from _one_by_one(check, bundle, died, selection, [*queue]))
+            _fill(pool, waiting, queue, partial(check, bundle, selection=selection), 2 * jobs)
     return []
 
 
 def _fill(pool: ProcessPoolExecutor, waiting: dict[Future[Outcome], Path], queue: Iterator[Path],
-          bundle: Path, selection: Selection, with_hash: bool, most: int) -> None:
+          check: Callable[[Path], Outcome], most: int) -> None:
     while len(waiting) < most and (path := next(queue, None)) is not None:
-        waiting[pool.submit(check_one, bundle, path, selection, with_hash=with_hash)] = path
+        waiting[pool.submit(check, path)] = path
 
 
-def _one_by_one(bundle: Path, paths: Iterable[Path], selection: Selection, with_hash: bool,
+def _one_by_one(check: _Check, bundle: Path, paths: Iterable[Path], selection: Selection,
                 rest: list[Path]) -> Generator[Outcome, None, list[Path]]:
     """Check each recording in a process of its own, as one of them ended its process."""
     for path in paths:
         with ProcessPoolExecutor(1, mp_context=get_context('spawn')) as pool:
             try:
-                yield pool.submit(
-                    check_one, bundle, path, selection, with_hash=with_hash).result()
+                yield pool.submit(check, bundle, path, selection).result()
             except BrokenProcessPool:
                 error = 'the process that checked it died'
                 yield Outcome(path, failed_line(path, error), None, error)
@@ -133,7 +153,8 @@ def _one_by_one(bundle: Path, paths: Iterable[Path], selection: Selection, with_
 
 
 def check_on_cluster(bundle: Path, paths: Sequence[Path], selection: Selection, *, address: str,
-                     jobs: int, with_hash: bool = False) -> Iterator[Outcome]:
+                     jobs: int, with_hash: bool = False,
+                     reports: Path | None = None) -> Iterator[Outcome]:
     """
     Check recordings on a cluster of Dask; yield the outcomes as they come.
 
@@ -147,6 +168,8 @@ def check_on_cluster(bundle: Path, paths: Sequence[Path], selection: Selection, 
     """
     dask: Any = import_module('distributed')
     paths = [path.absolute() for path in paths]
+    check = partial(check_one, with_hash=with_hash,
+                    reports=None if reports is None else reports.absolute())
     with ExitStack() as stack:
         if address == 'local':
             cluster = stack.enter_context(dask.LocalCluster(
@@ -158,8 +181,8 @@ def check_on_cluster(bundle: Path, paths: Sequence[Path], selection: Selection, 
             except (OSError, ValueError) as error:
                 refuse(f"no scheduler of Dask at '{address}': {error}",
                        help='start one: dask scheduler; dask worker ADDRESS; or --dask local')
-        waiting = {client.submit(check_one, bundle.absolute(), path, selection, pure=False,
-                                 with_hash=with_hash): path for path in paths}
+        waiting = {client.submit(check, bundle.absolute(), path, selection, pure=False): path
+                   for path in paths}
         for done in dask.as_completed(list(waiting)):
             problem = done.exception()
             if problem is None:
@@ -171,15 +194,20 @@ def check_on_cluster(bundle: Path, paths: Sequence[Path], selection: Selection, 
 
 def finished(results: Path) -> dict[str, str | None]:
     """Return the recordings in a file of results that an earlier run wrote, with their hashes."""
-    found: dict[str, str | None] = {}
+    return {path: json.loads(line).get('sha256')
+            for path, line in finished_lines(results).items()}
+
+
+def finished_lines(results: Path) -> dict[str, str]:
+    """Return the lines of a file of results that an earlier run wrote, by recording."""
+    found: dict[str, str] = {}
     try:
         text = results.read_text(encoding='utf-8')
     except FileNotFoundError:
         return {}
     for line in text.splitlines():
         try:
-            item = json.loads(line)
-            found[str(item['bag'])] = item.get('sha256')
-        except (ValueError, KeyError, TypeError, AttributeError):
+            found[str(json.loads(line)['bag'])] = line
+        except (ValueError, KeyError, TypeError):
             continue  # the run was stopped while it wrote this line
     return found

@@ -133,11 +133,11 @@ class ChangesCsv:
         self._writer = csv.writer(file, lineterminator='\n')
         self._state: list[int] = []
 
-    def begin(self, time: int, manifest: Manifest) -> None:
+    def begin(self, begin: int, end: int, manifest: Manifest) -> None:
         """Write the heading, and the first row: all are fulfilled."""
         self._state = [1] * len(manifest.requirements)
         self._writer.writerow(['time', *(item.id for item in manifest.requirements)])
-        self._writer.writerow([seconds(time), *self._state])
+        self._writer.writerow([seconds(begin), *self._state])
 
     def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
         """Write a row with one verdict changed."""

@@ -73,14 +73,14 @@ class ViolationsMcap:
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._state: list[bool] = []
 
-    def begin(self, time: int, manifest: Manifest) -> None:
+    def begin(self, begin: int, end: int, manifest: Manifest) -> None:
         """Begin at a time (ns), with all requirements fulfilled."""
         self._manifest = manifest
         self._state = [True] * len(manifest.requirements)
         self._violations = self._topic('copilot/violations', _ARRAY)
         self._verdicts = [self._topic(f'copilot/verdicts/{item.handler}', _BOOL)
                           for item in manifest.requirements]
-        self._write_verdicts(time)
+        self._write_verdicts(begin)
 
     def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
         """Write a verdict, and the details of its change."""

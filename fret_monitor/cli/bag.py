@@ -21,7 +21,7 @@ from importlib.util import find_spec
 import os
 from pathlib import Path
 import sys
-from typing import TYPE_CHECKING
+from typing import TextIO, TYPE_CHECKING
 
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import progress
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from fret_monitor.bag.check import Selection
     from fret_monitor.bag.fleet import Outcome
 
+_PAGES = ('.html', '.htm')
 _MOMENT = 'seconds since the start, seconds since 1970, or such as end-3'
 
 
@@ -70,6 +71,9 @@ def add_arguments(parser: ArgumentParser) -> None:
                         help='write the changes of verdicts, of one recording')
     output.add_argument('--mcap', metavar='FILE.mcap', type=Path,
                         help='write violations and verdicts as a recording, of one recording')
+    output.add_argument('--report', metavar='FILE.html', type=Path,
+                        help='write a page that shows what happened; of several recordings: a '
+                        'folder for an index and a page each')
     output.add_argument('--jobs', metavar='N', type=_jobs, default=1,
                         help='processes; 0: one a processor')
     output.add_argument('--dask', metavar='ADDRESS',
@@ -86,13 +90,16 @@ def run(options: Namespace) -> int:
     from fret_monitor.bag.recording import files_of
     bundle = existing_bundle(options.bundle)
     read = [bundle, *(file for path in options.bags for file in files_of(path))]
-    for path in (options.junit, options.csv, options.mcap, options.results):
+    for path in (options.junit, options.csv, options.mcap, options.report, options.results):
         if path is not None:
             refuse_overwriting(path, read)
-    for name, path in (('--csv', options.csv), ('--mcap', options.mcap)):
+    is_page = options.report is not None and options.report.suffix in _PAGES
+    for name, path in (('--csv', options.csv), ('--mcap', options.mcap),
+                       (f'--report {options.report}', options.report if is_page else None)):
         if path is not None and len(options.bags) != 1:
-            refuse(f'{name} writes the changes of one recording',
-                   help=f'here are {len(options.bags)}: call the command once for each')
+            refuse(f'{name} is of one recording, here are {len(options.bags)}',
+                   help='call the command once for each' if path is not options.report else
+                   'name a folder, for an index and a page each')
     return _check(options, bundle, _selection(options))
 
 
@@ -108,8 +115,11 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection') -> int:
     from fret_monitor.bag.results import junit, table
     failed: list[tuple[str, str]] = []
     results = []
+    lines: dict[str, str] = {}
     status = 0
-    for outcome in _counted(_outcomes(options, bundle, selection), len(options.bags)):
+    folder = _report_folder(options)
+    for outcome in _counted(_outcomes(options, bundle, selection, folder), len(options.bags)):
+        lines[_key(outcome.path)] = outcome.line
         if outcome.result is None:
             failed.append((str(outcome.path), outcome.error))
             print(outcome.error, file=sys.stderr)
@@ -129,6 +139,8 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection') -> int:
     if options.junit is not None:
         with open_output(options.junit) as file:
             file.write(junit(results, failed, str(bundle)))
+    if folder is not None:
+        _write_index(options, bundle, lines, folder)
     return 1 if failed else status
 
 
@@ -143,43 +155,84 @@ def _counted(outcomes: Iterator['Outcome'], total: int) -> Iterator['Outcome']:
             report(number / total, str(outcome.path))
 
 
-def _outcomes(options: Namespace, bundle: Path, selection: 'Selection') -> Iterator['Outcome']:
+def _report_folder(options: Namespace) -> Path | None:
+    """Return the folder for reports, which is made; None if there is to be one page, or none."""
+    folder: Path | None = options.report
+    if folder is None or folder.suffix in _PAGES:
+        return None
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        refuse(f"cannot make the folder '{folder}': {error.strerror or error}")
+    return folder
+
+
+def _write_index(options: Namespace, bundle: Path, lines: dict[str, str], folder: Path) -> None:
+    from fret_monitor.bag.fleet import finished_lines
+    from fret_monitor.bag.index import index_page
+    if options.results is not None:
+        known = finished_lines(options.results)
+        lines = {**{_key(path): line for path, line in known.items()}, **lines}
+    found = [lines[key] for key in map(_key, options.bags) if key in lines]
+    with open_output(folder / 'index.html') as file:
+        file.write(index_page(f'{bundle.stem}: {len(found)} recordings', found, folder))
+
+
+def _key(path: Path | str) -> str:
+    return str(Path(path).absolute())
+
+
+def _outcomes(options: Namespace, bundle: Path, selection: 'Selection',
+              folder: Path | None) -> Iterator['Outcome']:
     from fret_monitor.bag.fleet import check_one, finished
-    if options.csv is not None or options.mcap is not None:
-        yield _with_changes(options, bundle, selection)
+    if options.csv is not None or options.mcap is not None or (
+            options.report is not None and folder is None):
+        yield _with_changes(options, bundle, selection, folder)
         return
     paths: Sequence[Path] = options.bags
     if options.results is None:
         if len(paths) == 1 and options.dask is None:
             with progress('bag') as report:
-                outcome = check_one(bundle, paths[0], selection, progress=report)
+                outcome = check_one(
+                    bundle, paths[0], selection, reports=folder, progress=report)
             yield outcome
         else:
-            yield from _check_all(options, bundle, paths, selection)
+            yield from _check_all(options, bundle, paths, selection, folder)
         return
     known = finished(options.results)
     with options.results.open('a', encoding='utf-8') as file:
+        _end_line(options.results, file)
         left = [path for path in paths if str(path) not in known]
-        for outcome in _check_all(options, bundle, left, selection, with_hash=True):
+        for outcome in _check_all(options, bundle, left, selection, folder, with_hash=True):
             file.write(outcome.line + '\n')
             file.flush()
             yield outcome
 
 
-def _check_all(options: Namespace, bundle: Path, paths: Sequence[Path], selection: 'Selection', *,
-               with_hash: bool = False) -> Iterator['Outcome']:
+def _check_all(options: Namespace, bundle: Path, paths: Sequence[Path], selection: 'Selection',
+               folder: Path | None, *, with_hash: bool = False) -> Iterator['Outcome']:
     from fret_monitor.bag.fleet import check_all, check_on_cluster
     if options.dask is None:
-        return check_all(bundle, paths, selection, jobs=options.jobs, with_hash=with_hash)
+        return check_all(bundle, paths, selection, jobs=options.jobs, with_hash=with_hash,
+                         reports=folder)
     if find_spec('distributed') is None:
         refuse('--dask needs the extra `dask`', help=pip_install('distributed'))
     return check_on_cluster(bundle, paths, selection, address=options.dask, jobs=options.jobs,
-                            with_hash=with_hash)
+                            with_hash=with_hash, reports=folder)
 
 
-def _with_changes(options: Namespace, bundle: Path, selection: 'Selection') -> 'Outcome':
+def _end_line(path: Path, file: TextIO) -> None:
+    """End the last line, which a run that was stopped may have left unfinished."""
+    content = path.read_bytes()
+    if content and not content.endswith(b'\n'):
+        file.write('\n')
+
+
+def _with_changes(options: Namespace, bundle: Path, selection: 'Selection',
+                  folder: Path | None) -> 'Outcome':
     from fret_monitor.bag.check import Changes, check_recording
-    from fret_monitor.bag.fleet import Outcome
+    from fret_monitor.bag.fleet import Outcome, page_name
+    from fret_monitor.bag.report import check_and_report
     from fret_monitor.bag.results import ChangesCsv, json_line
     from fret_monitor.bag.violations import open_violations
     changes: list[Changes] = []
@@ -189,10 +242,16 @@ def _with_changes(options: Namespace, bundle: Path, selection: 'Selection') -> '
         if options.mcap is not None:
             changes.append(stack.enter_context(
                 open_violations(options.mcap, options.namespace)))
+        path = options.bags[0]
+        page = options.report if folder is None else folder / page_name(path)
         with progress('bag') as report:
-            result = check_recording(
-                bundle, options.bags[0], selection, changes=changes, progress=report)
-    return Outcome(options.bags[0], json_line(result), result)
+            if page is None:
+                result = check_recording(
+                    bundle, path, selection, changes=changes, progress=report)
+            else:
+                result = check_and_report(
+                    bundle, path, selection, page, changes=changes, progress=report)
+    return Outcome(path, json_line(result), result)
 
 
 def _remap(text: str) -> tuple[str, str]:

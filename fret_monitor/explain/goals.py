@@ -25,26 +25,31 @@ from dataclasses import replace
 
 from fret_monitor.bundle.bundle import Bundle, Requirement
 from fret_monitor.elaboration.elaborate import specify
+from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.language.sentence import Sentence, TimingKind
 from fret_monitor.logic.formula import Formula, Unary, UnaryOperator
 from fret_monitor.model.diagnostics import CompileError, Problems, Source, Span, Text
 
 
-def goals(bundle: Bundle, sentences: Mapping[str, Sentence]) -> dict[str, list[Formula]]:
+def goals(bundle: Bundle, sentences: Mapping[str, Sentence],
+          find_message: FindMessage | None = None) -> dict[str, list[Formula]]:
     """Return, by id, the formulas that an example should make true; the trigger comes first."""
     wanted = [(item, text) for item in bundle.requirements if item.id.value in sentences
               for text in _denials(sentences[item.id.value])]
     found: dict[str, list[Formula]] = {item.id.value: [] for item, _ in wanted}
-    for (item, _), formula in zip(wanted, _formulas(bundle, wanted), strict=False):
+    for (item, _), formula in zip(
+            wanted, _formulas(bundle, wanted, find_message), strict=False):
         found[item.id.value].append(Unary(UnaryOperator.NOT, formula))
     return found
 
 
-def _formulas(bundle: Bundle, wanted: Sequence[tuple[Requirement, str]]) -> list[Formula]:
+def _formulas(bundle: Bundle, wanted: Sequence[tuple[Requirement, str]],
+              find_message: FindMessage | None) -> list[Formula]:
     requirements = tuple(replace(item, text=Text.whole(Source('<goal>', text)))
                          for item, text in wanted)
     try:
-        meant, _ = specify(replace(bundle, requirements=requirements), problems=Problems())
+        meant, _ = specify(replace(bundle, requirements=requirements), find_message,
+                           problems=Problems())
     except CompileError:
         return []  # examples without goals are better than an error
     return [item.formula for item in meant.properties]

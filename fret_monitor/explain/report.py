@@ -22,13 +22,14 @@ as text, `svg.to_svg` draws its timelines.
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from pathlib import Path
 import textwrap
 
 from fret_monitor.build import Reading
 from fret_monitor.bundle.bundle import Language
+from fret_monitor.bundle.constants import override_constants
 from fret_monitor.bundle.reader import survey_bundle
 from fret_monitor.elaboration.durations import TimeScale
+from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.explain import sentence as fretish
 from fret_monitor.explain.goals import goals
 from fret_monitor.explain.in_time import confirmed, verdicts_in_time
@@ -37,7 +38,7 @@ from fret_monitor.explain.words import in_words
 from fret_monitor.language.fretish import parse_fretish
 from fret_monitor.language.sentence import Sentence
 from fret_monitor.logic.evaluate import evaluate_all
-from fret_monitor.logic.formula import Constant, Formula, postorder, Variable
+from fret_monitor.logic.formula import Constant, Formula, postorder, Unary, Variable
 from fret_monitor.logic.printing import to_smv, Values
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.diagnostics import (
@@ -77,6 +78,21 @@ class Explanation:
     formula: str
     remarks: tuple[str, ...]
     timelines: tuple[Timeline, ...]
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """
+    What a requirement means, without examples: `fields`, `meaning` as of an `Explanation`.
+
+    `denial` is the formula that is violated whenever the condition of a FRETish sentence triggers;
+    None if there is none.
+    """
+
+    fields: tuple[tuple[str, str], ...]
+    meaning: tuple[tuple[str, str], ...]
+    formula: str
+    denial: Formula | None
 
 
 @dataclass(frozen=True)
@@ -120,7 +136,7 @@ def explain(reading: Reading, ids: Collection[str] = (), progress: Progress = no
     """
     specification = reading.specification
     chosen = _chosen(specification, ids)
-    context = _context(reading.files[0][0], specification, {item.id for item in chosen})
+    context = _context(reading, {item.id for item in chosen})
     stepped = chosen
     if context.is_timed:
         stepped, context = _on_grid(chosen, context)
@@ -132,6 +148,22 @@ def explain(reading: Reading, ids: Collection[str] = (), progress: Progress = no
         found.append(_explanation(item, subject, find_examples(subject, budget), context))
     return found, tuple(warning for warning in reading.warnings
                         if not ids or _concerns(warning, chosen))
+
+
+def meanings(reading: Reading, find_message: FindMessage | None = None) -> dict[str, Meaning]:
+    """Return what each requirement of a bundle means; `find_message` as of `build.read`."""
+    specification = reading.specification
+    context = _context(reading, {item.id for item in specification.properties}, find_message)
+    return {item.id: Meaning(*_meaning(item, context), _formula(item, context),
+                             _denial(item, context)) for item in specification.properties}
+
+
+def _denial(item: Property, context: _Context) -> Formula | None:
+    found = context.goals.get(item.id, [])
+    sentence = item.sentence
+    if not found or sentence is None or not (sentence.scope or sentence.condition):
+        return None
+    return found[0].argument if isinstance(found[0], Unary) else None
 
 
 def _on_grid(chosen: Sequence[Property],
@@ -166,13 +198,19 @@ def _chosen(specification: Specification, ids: Collection[str]) -> Sequence[Prop
     return [item for item in specification.properties if not ids or item.id in ids]
 
 
-def _context(path: Path, specification: Specification, chosen: set[str]) -> _Context:
-    bundle = survey_bundle(path, Problems())
+def _context(reading: Reading, chosen: set[str],
+             find_message: FindMessage | None = None) -> _Context:
+    specification = reading.specification
+    bundle = survey_bundle(reading.files[0][0], Problems())
+    if bundle is not None:
+        bundle = override_constants(bundle, {
+            name: Text.whole(Source(f'constant {name}', value))
+            for name, value in reading.constants}, Problems())
     sentences = {} if bundle is None else {
         item.id.value: parse_fretish(_on_one_line(item.text)) for item in bundle.requirements
         if item.language is Language.FRETISH and item.id.value in chosen}
     return _Context(
-        sentences, goals(bundle, sentences) if bundle else {},
+        sentences, goals(bundle, sentences, find_message) if bundle else {},
         {signal.name: signal.values for signal in specification.signals if signal.values},
         {formula: name for name, formula in specification.definitions
          if not isinstance(formula, Variable | Constant)},
@@ -188,20 +226,27 @@ def _explanation(item: Property, subject: Subject, examples: Examples,
                  context: _Context) -> Explanation:
     if context.is_timed:
         examples = confirmed(item, subject, examples, context.grids[item.id])
-    fields: tuple[tuple[str, str], ...] = ()
-    meaning: tuple[tuple[str, str], ...] = (
-        ('in words', in_words(item.formula, _WORDS, context.values, context.names,
-                              context.is_timed)),
-        *_definitions(item, context))
-    if item.id in context.sentences:
-        parts = context.sentences[item.id]
-        fields = tuple(fretish.fields(parts))
-        meaning = (*fretish.meaning(parts, context.scale), *_definitions(item, context))
+    fields, meaning = _meaning(item, context)
     return Explanation(
         item.id, item.title, _cut(item.text), fields, meaning, _outlook(examples, context),
-        to_smv(item.formula, _FORMULA, context.values, is_timed=context.is_timed),
-        tuple(_remarks(subject, examples, context)),
+        _formula(item, context), tuple(_remarks(subject, examples, context)),
         tuple(_timelines(item, subject, examples, context)))
+
+
+def _meaning(item: Property, context: _Context) -> tuple[
+        tuple[tuple[str, str], ...], tuple[tuple[str, str], ...]]:
+    """Return the fields of a FRETish sentence, and what a requirement means."""
+    definitions = _definitions(item, context)
+    if item.id in context.sentences:
+        parts = context.sentences[item.id]
+        return tuple(fretish.fields(parts)), (
+            *fretish.meaning(parts, context.scale), *definitions)
+    words = in_words(item.formula, _WORDS, context.values, context.names, context.is_timed)
+    return (), (('in words', words), *definitions)
+
+
+def _formula(item: Property, context: _Context) -> str:
+    return to_smv(item.formula, _FORMULA, context.values, is_timed=context.is_timed)
 
 
 def _cut(text: str) -> str:

@@ -14,6 +14,7 @@
 
 """Times in texts, exact and with the unit that makes them short."""
 
+from datetime import datetime, timedelta
 from fractions import Fraction
 
 NANOSECONDS = {
@@ -34,6 +35,16 @@ def time_text(nanoseconds: int) -> str:
         return '0'
     texts = (_in_unit(nanoseconds, unit) for unit in NANOSECONDS)
     return min((text for text in texts if text), key=len)
+
+
+def iso_time(nanoseconds: int) -> str:
+    """Return a time since 1970 as ISO 8601 in UTC, exactly; in seconds if it has no such date."""
+    seconds, rest = divmod(nanoseconds, NANOSECONDS['s'])
+    try:
+        date = datetime(1970, 1, 1) + timedelta(seconds=seconds)
+    except OverflowError:
+        return f'{seconds}.{rest:09d}'
+    return f'{date.isoformat()}.{rest:09d}Z'
 
 
 def _in_unit(nanoseconds: int, unit: str) -> str:

@@ -385,7 +385,7 @@ def test_violations_are_written_as_a_recording(
     assert main(['bag', str(file), str(path), '--mcap', str(recorded)]) == 1
     assert 'this command reads it' in capsys.readouterr().err
     assert main(['bag', str(file), str(path), str(path), '--mcap', str(out)]) == 1
-    assert '--mcap writes the changes of one recording' in capsys.readouterr().err
+    assert '--mcap is of one recording, here are 2' in capsys.readouterr().err
     assert main(['bag', str(file), str(path), '--mcap', str(tmp_path / 'no' / 'x.mcap')]) == 1
     assert 'No such file or directory' in capsys.readouterr().err
     assert recorded.read_bytes() == before

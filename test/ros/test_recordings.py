@@ -105,7 +105,7 @@ class Kept:
         """Begin without any."""
         self.found: list[tuple[int, int, bool]] = []
 
-    def begin(self, time: int, manifest: object) -> None:
+    def begin(self, begin: int, end: int, manifest: object) -> None:
         """Take that nothing is violated yet."""
 
     def change(self, violation: Violation, detail: object) -> None:

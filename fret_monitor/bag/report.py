@@ -1,0 +1,281 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The report of a recording: one page of HTML with all that it needs (docs/recordings.md).
+
+The recording is read once for the verdicts, and once more for what is drawn around occurrences.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+import math
+from pathlib import Path
+from typing import Any
+
+from fret_monitor.bag.check import Changes, compiled, opened, read_bundle, Result, run, Selection
+from fret_monitor.bag.evidence import evidence, Occurrence, Plot
+from fret_monitor.bag.overview import Overview
+from fret_monitor.bag.page import badge, document, escaped, LEGEND, table
+from fret_monitor.bag.recording import files_of
+from fret_monitor.bag.results import verdict_text
+from fret_monitor.build import Reading
+from fret_monitor.explain.report import Meaning, meanings
+from fret_monitor.model.diagnostics import counted
+from fret_monitor.model.manifest import Manifest, ManifestInput
+from fret_monitor.model.output import open_output
+from fret_monitor.model.progress import no_progress, Progress
+from fret_monitor.model.times import iso_time
+from fret_monitor.model.values import ValueType
+from fret_monitor.runtime.detail_text import short_seconds
+from fret_monitor.runtime.thinning import Part
+
+_MOST_LISTED = 50  # times of occurrences that are not drawn
+_DIGITS = 7  # of numbers in plots
+_FLOATS = (ValueType.FLOAT32, ValueType.FLOAT64)
+_FOXGLOVE = 'https://app.foxglove.dev/~/view?time='
+
+
+def check_and_report(bundle: Path, path: Path, selection: Selection, file: Path, *,
+                     changes: Sequence[Changes] = (),
+                     progress: Progress = no_progress) -> Result:
+    """
+    Run a bundle over a recording and write a report; errors as of `check_recording`.
+
+    Nothing is written if anything fails.
+    """
+    with opened(path) as (recording, find):
+        reading = read_bundle(bundle, selection, find)
+        monitor = compiled(reading).monitor
+        overview = Overview(monitor)
+        result = run(monitor, recording, selection, changes=[*changes, overview],
+                     watch=overview.watch, progress=progress)
+        if result.end > overview.until:  # the recording is longer than its metadata says
+            overview = Overview(monitor, result.end)
+            result = run(monitor, recording, selection, changes=[overview],
+                         watch=overview.watch, progress=progress)
+        found = meanings(reading, find)
+        occurrences = evidence(reading, found, recording, selection, result, overview.starts)
+    page = _Report(bundle, reading, found, result, overview, occurrences).page()
+    with open_output(file, [bundle, *reading.paths, *files_of(path)]) as output:
+        output.write(page)
+    return result
+
+
+class _Report:
+    """The page of one recording."""
+
+    def __init__(self, bundle: Path, reading: Reading, found: dict[str, Meaning], result: Result,
+                 overview: Overview, occurrences: Sequence[Sequence[Occurrence]]) -> None:
+        self._bundle = bundle
+        self._reading = reading
+        self._meanings = found
+        self._result = result
+        self._overview = overview
+        self._occurrences = occurrences
+        self._manifest: Manifest = result.manifest
+        self._length = result.end - result.begin
+
+    def page(self) -> str:
+        name = self._result.path.resolve().name
+        return document(f'{name}: {self._manifest.name}', self._body(name), self._data())
+
+    def _body(self, name: str) -> Iterator[str]:
+        result = self._result
+        yield f'<header><h1>{escaped(name)}</h1>'
+        yield f'<p>{self._summary()}</p>'
+        yield '<dl>'
+        for title, text in (
+                ('recording', str(result.path)), ('bundle', str(self._bundle)),
+                ('from', iso_time(result.begin)), ('to', iso_time(result.end)),
+                ('judged', f'{short_seconds(self._length)} s'),
+                ('messages', f'{sum(result.read.values()):,} on '
+                 f'{counted(len(result.read), "topic")}')):
+            yield f'<dt>{title}</dt><dd>{escaped(text)}</dd>'
+        yield '</dl></header>'
+        if result.errors:
+            yield '<section class="card warning" id="errors"><h2>What was not seen</h2><ul>'
+            yield from (f'<li>{escaped(error)}</li>' for error in result.errors)
+            yield '</ul></section>'
+        yield from self._verdicts()
+        yield from self._requirements()
+        yield from self._inputs()
+
+    def _summary(self) -> str:
+        words = [verdict_text(item) for item in self._result.findings]
+        parts = [f'{words.count(word)} {word.lower()}' for word in (
+            'VIOLATED', 'satisfied', 'open', 'not judged') if word in words]
+        return f'{counted(len(words), "requirement")}: {", ".join(parts)}.'
+
+    def _verdicts(self) -> Iterator[str]:
+        yield '<section id="overview"><h2>Verdicts</h2><div class="card"><div class="rows">'
+        for index, item in enumerate(self._result.findings):
+            yield (f'<a href="#r{index}">{escaped(item.id)}</a>{badge(verdict_text(item))}'
+                   f'<svg data-lane="{index}" role="img" aria-label="verdicts over time"></svg>')
+        yield '<span></span><span></span><svg data-times="1" role="img" aria-label="time"></svg>'
+        yield f'</div>{LEGEND}</div></section>'
+
+    def _requirements(self) -> Iterator[str]:
+        yield '<section id="requirements"><h2>Requirements</h2>'
+        place = 0
+        for index, (item, requirement) in enumerate(zip(
+                self._result.findings, self._manifest.requirements)):
+            meaning = self._meanings[item.id]
+            yield (f'<article class="card" id="r{index}"><h3>{escaped(item.id)} '
+                   f'{badge(verdict_text(item))}</h3>')
+            if requirement.title:
+                yield f'<p>{escaped(requirement.title)}</p>'
+            yield f'<blockquote>{escaped(requirement.text)}</blockquote><dl>'
+            for title, text in (*meaning.meaning, ('formula', meaning.formula)):
+                kind = ' class="formula"' if title == 'formula' else ''
+                yield f'<dt>{escaped(title)}</dt><dd{kind}>{escaped(text)}</dd>'
+            yield f'</dl>{self._count(index)}'
+            for number, occurrence in enumerate(self._occurrences[index], 1):
+                yield from self._figure(number, occurrence, place)
+                place += 1
+            yield from self._others(index)
+            yield '</article>'
+        yield '</section>'
+
+    def _count(self, index: int) -> str:
+        item = self._result.findings[index]
+        if not item.occurrences:
+            return ''
+        steps = '' if item.violations is None else \
+            f', {counted(item.violations, "violating step")}'
+        return (f'<p><strong>{counted(item.occurrences, "occurrence")}</strong>{steps}, '
+                f'the longest {short_seconds(item.longest)} s.</p>')
+
+    def _figure(self, number: int, item: Occurrence, place: int) -> Iterator[str]:
+        time = item.start.time
+        lasts = 'until the end' if item.end is None else \
+            f'for {short_seconds(item.end - time)} s'
+        iso = iso_time(time)
+        yield (f'<figure><figcaption><strong>Occurrence {number}</strong> at '
+               f'{self._since(time)}, {lasts}<br><span class="time"><code>{iso}</code> '
+               f'<button class="copy">copy</button></span> <a class="jump" target="_blank" '
+               f'rel="noopener noreferrer" href="{_FOXGLOVE}{iso}">Foxglove</a>')
+        if item.is_deadline and item.trigger is not None:
+            yield (f'<br>The deadline passed {short_seconds(time - item.trigger)} s after the '
+                   f'trigger at {self._since(item.trigger)}.')
+        elif item.trigger is not None:
+            yield f'<br>The last trigger before it came at {self._since(item.trigger)}.'
+        if item.start.silent:
+            yield f'<br>Nothing came of {escaped(", ".join(item.start.silent))}.'
+        if item.start.values:
+            values = ', '.join(f'{name} = {value}' for name, value in item.start.values)
+            yield f'<br>Then: <code>{escaped(values)}</code>'
+        yield (f'</figcaption><svg data-occurrence="{place}" role="img" '
+               f'aria-label="inputs and propositions around it"></svg></figure>')
+
+    def _others(self, index: int) -> Iterator[str]:
+        item = self._result.findings[index]
+        drawn = len(self._occurrences[index])
+        others = [begin for begin, _ in item.spans[drawn:drawn + _MOST_LISTED]]
+        if others:
+            times = ', '.join(map(self._since, others))
+            left = item.occurrences - drawn - len(others)
+            more = f', and {left:,} more' if left else ''
+            yield f'<p class="faint">Further occurrences at {times}{more}.</p>'
+
+    def _since(self, time: int) -> str:
+        return f'{short_seconds(time - self._result.begin)} s'
+
+    def _inputs(self) -> Iterator[str]:
+        yield '<section id="inputs"><h2>Inputs</h2><div class="card">'
+        rows = [(item.name, item.topic or '', item.message_type or '')
+                for item in self._manifest.inputs]
+        yield table(('input', 'topic', 'type'), rows)
+        for index, _ in enumerate(rows):
+            yield (f'<figure><svg data-input="{index}" role="img" '
+                   'aria-label="values over time"></svg></figure>')
+        yield '</div></section>'
+
+    def _data(self) -> dict[str, Any]:
+        result, overview = self._result, self._overview
+        inputs = self._manifest.inputs
+        return {
+            'length': self._length,
+            'lanes': overview.verdicts(result.findings),
+            'inputs': [{
+                'name': item.name, 'bool': item.value_type is ValueType.BOOL,
+                'names': [(name, place if item.is_string else number)
+                          for place, (name, number) in enumerate(item.values)],
+                'n': overview.parts, 'b': _number(overview.thinning.before(index), item),
+                'v': _values(overview.thinning.parts(index), item),
+            } for index, item in enumerate(inputs)],
+            'occurrences': [self._occurrence(item)
+                            for items in self._occurrences for item in items],
+        }
+
+    def _occurrence(self, item: Occurrence) -> dict[str, Any]:
+        time = item.start.time
+        return {
+            'w': [item.window[0] - time, item.window[1] - time],
+            'e': None if item.end is None else item.end - time,
+            'g': None if item.trigger is None else item.trigger - time,
+            'd': int(item.is_deadline),
+            'n': item.parts,
+            'p': [self._plot(plot) for plot in item.plots],
+            'l': item.lanes,
+        }
+
+    def _plot(self, plot: Plot) -> dict[str, Any]:
+        item = self._manifest.inputs[plot.input]
+        return {
+            'i': plot.input, 'b': _number(plot.before, item), 'v': _values(plot.parts, item),
+            'h': [(_number(value, item), self._threshold(value, item))
+                  for value in plot.thresholds],
+        }
+
+    def _threshold(self, value: float, item: ManifestInput) -> str:
+        """Return the label of a threshold: a named value or a constant of the bundle, if it is."""
+        for place, (name, number) in enumerate(item.values):
+            if value == (place if item.is_string else number):
+                return name
+        text = f'{value:.{_DIGITS}g}'
+        names = [name for name, written in self._reading.constants if _is_number(written, value)]
+        return f'{names[0]} = {text}' if len(names) == 1 else text
+
+
+def _is_number(written: str, value: float) -> bool:
+    try:
+        return math.isclose(float(written), value, rel_tol=1e-6)
+    except ValueError:
+        return False
+
+
+def _number(value: float | None, item: ManifestInput) -> float | int | str | None:
+    """Return a value for JSON, which has no NaN and no infinity."""
+    if value is None:
+        return None
+    if not math.isfinite(value):
+        return 'NaN' if math.isnan(value) else f'{value}'
+    if item.value_type not in _FLOATS:
+        return int(value)
+    short = float(f'{value:.{_DIGITS}g}')
+    return int(short) if short.is_integer() and abs(short) < 1e15 else short
+
+
+def _values(parts: Iterable[Part], item: ManifestInput) -> list[list[Any]]:
+    """Return the parts as the page's script reads them, without those that change nothing."""
+    found: list[list[Any]] = []
+    for part in parts:
+        least, most, last = (_number(value, item) for value in part[1:4])
+        if part.has_nan:
+            found.append([part.place, least, most, 'NaN' if last == 'NaN' else last])
+        elif least != most:
+            found.append([part.place, least, most, last])
+        elif not found or found[-1][-1] != last:
+            found.append([part.place, last])
+    return found

@@ -1,0 +1,307 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Reports of recordings: what they show, that nothing in them is code, that spikes are kept."""
+
+from array import array
+from html.parser import HTMLParser
+import json
+import math
+from pathlib import Path
+from random import Random
+import shutil
+import subprocess
+from typing import Any
+
+from bag.recordings import Message, TYPES, write
+from fret_monitor.bag.lanes import FALSE, Lane, TRUE
+from fret_monitor.bag.page import document
+from fret_monitor.build import build
+from fret_monitor.cli.main import main
+from fret_monitor.runtime.engine import Engine
+from fret_monitor.runtime.evaluator import Evaluator
+from fret_monitor.runtime.thinning import Thinning, Window
+import pytest
+
+SECOND = 10**9
+HOSTILE = '</script><script>alert("1")</script>'
+
+
+class Outline(HTMLParser):
+    """The tags of a page, its headings and badges, and the content of its scripts."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.texts: list[tuple[str, str]] = []
+        self._open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in ('meta', 'link', 'br', 'img'):
+            self._open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if data.strip() and self._open:
+            self.texts.append((self._open[-1], data.strip()))
+
+    def of(self, *tags: str) -> list[str]:
+        return [text for tag, text in self.texts if tag in tags]
+
+    @property
+    def data(self) -> Any:
+        return json.loads(self.of('script')[0])
+
+
+def report(folder: Path, text: str, messages: list[Message], *options: str) -> Outline:
+    """Return the report of a recording, made with a bundle of a text."""
+    file, page = folder / 'bundle.yaml', folder / 'page.html'
+    file.write_text(text, encoding='utf-8')
+    path = write(folder / 'bag', messages)
+    assert main(['bag', str(file), str(path), '--report', str(page), *options]) == 0
+    found = page.read_text(encoding='utf-8')
+    assert len(found) < 300_000
+    return Outline(found)
+
+
+ANSWER = """format: 1
+evaluation: {policy: POLICY}
+constants: {high: 1}
+inputs:
+  level: {topic: level, type: std_msgs/msg/Float64}
+  flow: {topic: flow, type: std_msgs/msg/Float64}
+requirements:
+  - {id: ANSWER, fretish: "when flow > 1 the pump shall within WITHIN satisfy level > high"}
+  - {id: LOW, title: Not too high, ptltl: "level < 5"}
+  - {id: SOON, fretish: "when flow > 7 the pump shall within LATER satisfy level > 9"}
+"""
+
+
+def answer(policy: str, within: str) -> str:
+    """Return the bundle, in which an answer is due within so many seconds or ticks."""
+    unit = within.split()[1]
+    return ANSWER.replace('POLICY', policy).replace('WITHIN', within).replace(
+        'LATER', f'2000 {unit}')
+
+
+def answers(count: int = 40) -> list[Message]:
+    """Return messages each half second; flow rises at 3 s, nothing answers before 15 s."""
+    return [message for k in range(count) for message in (
+        ('/level', k * SECOND // 2, 2.0 if k >= 30 else 0.25),
+        ('/flow', k * SECOND // 2 + 1, 2.5 if k >= 6 else 0.0))]
+
+
+def test_a_report_shows_verdicts_occurrences_and_what_was_around_them(tmp_path: Path) -> None:
+    found = report(tmp_path, answer('timed', '2 seconds'), answers())
+    assert found.of('h1', 'h2', 'h3', 'span') == [
+        'bag', 'Verdicts', 'violated', 'satisfied', 'satisfied', 'fulfilled', 'violated',
+        'not judged', 'open at the end', 'Requirements', 'ANSWER', 'violated', 'LOW', 'satisfied',
+        'SOON', 'satisfied', 'Inputs']
+    assert found.of('strong') == ['1 occurrence', 'Occurrence 1']
+    assert found.of('blockquote') == [
+        'when flow > 1 the pump shall within 2 seconds satisfy level > high', 'level < 5',
+        'when flow > 7 the pump shall within 2000 seconds satisfy level > 9']
+    kinds = [(tag, key) for tag, values in found.tags for key in values if key.startswith('data-')]
+    assert kinds == [*[('svg', 'data-lane')] * 3, ('svg', 'data-times'),
+                     ('svg', 'data-occurrence'), *[('svg', 'data-input')] * 2]
+    data = found.data
+    occurrence, = data['occurrences']
+    assert abs(occurrence['g'] + 2 * SECOND) <= 1
+    assert occurrence['d'] == 1
+    assert abs(occurrence['e'] - 10 * SECOND) <= 1
+    assert [plot['h'] for plot in occurrence['p']] == [[[1, 'high = 1']], [[1, 'high = 1']]]
+    assert [(label, kind) for label, kind, _ in occurrence['l']] == [
+        ('when flow > 1', 'trigger'), ('flow > 1.0', 'proposition'),
+        ('level > 1.0', 'proposition'), ('ANSWER', 'verdict')]
+    level, flow = data['inputs']
+    assert [values[1:] for values in level['v']] == [[0.25], [2]]
+    assert (level['b'], flow['name'], flow['bool']) == (None, 'flow', False)
+    assert ''.join(filter(str.isalpha, data['lanes'][0])) == 'tmfmt'
+    flow_lane, level_lane = (''.join(filter(str.isalpha, text))
+                             for _, _, text in occurrence['l'][1:3])
+    assert (flow_lane.replace('m', ''), level_lane) == ('ft', 'f')
+
+
+@pytest.mark.parametrize('policy', ['every_message', 'relevant_message'])
+def test_a_deadline_in_steps_is_found(tmp_path: Path, policy: str) -> None:
+    found = report(tmp_path, answer(policy, '3 ticks'), answers())
+    occurrence = found.data['occurrences'][0]
+    assert occurrence['d'] == 1
+    # A tick is a message: two come each half second.
+    assert occurrence['g'] == -SECOND + 1
+
+
+def test_an_end_that_is_open_and_a_begin_without_values_are_shown(tmp_path: Path) -> None:
+    found = report(tmp_path, answer('timed', '20 seconds'), [
+        ('/level', 0, 0.5), ('/flow', 5 * SECOND, 0.0), ('/flow', 8 * SECOND, 2.0),
+        ('/level', 10 * SECOND, 0.5)])
+    lanes = found.data['lanes']
+    assert lanes[0].startswith('u')
+    assert lanes[0].endswith('o14')
+    assert lanes[1] == 't720'
+    assert found.data['occurrences'] == []
+
+
+def test_nothing_of_a_bundle_or_recording_is_code(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / '<img src=x onerror=alert(1)>&"\'<'
+    folder.mkdir()
+    found = report(folder, f"""format: 1
+inputs:
+  level: {{topic: level, type: std_msgs/msg/Float64}}
+  flow: {{topic: flow, type: std_msgs/msg/Float64, values: {{A: 1}}}}
+requirements:
+  - id: '{HOSTILE}'
+    title: '{HOSTILE}'
+    ptltl: "level < 1 & flow != A"
+""", answers())
+    tags = [tag for tag, _ in found.tags]
+    assert tags.count('script') == 2
+    assert 'img' not in tags
+    assert not [key for _, values in found.tags for key in values if key.startswith('on')]
+    assert HOSTILE in ''.join(found.of('h3'))
+    assert found.data['occurrences'][0]['l'][-1][0] == HOSTILE
+    policy = next(values['content'] for tag, values in found.tags if 'http-equiv' in values)
+    assert policy is not None and "default-src 'none'" in policy and 'unsafe' not in policy
+    assert '\x00' not in document('a\x00\udc80', [])
+    document('a\udc80', []).encode()
+
+
+def test_thinning_keeps_every_spike(tmp_path: Path) -> None:
+    file = tmp_path / 'bundle.yaml'
+    file.write_text("""format: 1
+inputs:
+  level: {topic: level, type: std_msgs/msg/Float64, initial: 7}
+  flow: {topic: flow, type: std_msgs/msg/Float64}
+requirements: [{id: LOW, ptltl: "level < flow"}]
+""", encoding='utf-8')
+    monitor = build(file).monitor
+    engine = Engine(Evaluator(monitor))
+    for seed in range(20):
+        rng = Random(seed)
+        messages = sorted((rng.randrange(1000), rng.randrange(2), rng.choice(
+            [rng.random(), -1e9, 1e9, math.nan, math.inf])) for _ in range(rng.randrange(300)))
+        windows = [Window(k % 2, begin, begin + rng.choice([0, 1, 100, 999]), rng.choice(
+            [1, 7, 1000])) for k, begin in enumerate(rng.choices(range(1000), k=6))]
+        thinning = Thinning(monitor, windows)
+        for part in (messages[:100], messages[100:]):
+            data = [bytes(TYPES.serialize_cdr(
+                TYPES.types['std_msgs/msg/Float64'](value), 'std_msgs/msg/Float64'))
+                for _, _, value in part]
+            thinning.add(engine, array('I', [topic for _, topic, _ in part]),
+                         array('q', [time for time, _, _ in part]),
+                         array('Q', map(len, data)), b''.join(data))
+        for k, window in enumerate(windows):
+            check_window(thinning, k, window, [
+                (time, value) for time, topic, value in messages if topic == window.input])
+
+
+def check_window(thinning: Thinning, k: int, window: Window,
+                 values: list[tuple[int, float]]) -> None:
+    before = [value for time, value in values if time < window.begin]
+    initial = None if window.input else 7.0
+    assert repr(thinning.before(k)) == repr(before[-1] if before else initial)
+    expected: dict[int, list[float]] = {}
+    length = window.end - window.begin + 1
+    for time, value in values:
+        if window.begin <= time <= window.end:
+            place = int((time - window.begin) / length * window.parts)
+            expected.setdefault(place, []).append(value)
+    found = list(thinning.parts(k))
+    assert [part.place for part in found] == list(expected)
+    for part, inside in zip(found, expected.values()):
+        numbers = [value for value in inside if not math.isnan(value)] or [math.nan]
+        assert repr((part.least, part.most, part.last, part.has_nan)) == repr(
+            (min(numbers), max(numbers), inside[-1], any(map(math.isnan, inside))))
+
+
+def test_a_lane_keeps_what_was_short() -> None:
+    lane = Lane(0, 999, 10)
+    lane.paint(-5, 449, TRUE)
+    lane.paint(450, 450, FALSE)
+    lane.paint(451, 2000, TRUE)
+    assert lane.text() == 't4m1t5'
+
+
+def test_several_recordings_have_an_index(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, reports, results = (tmp_path / name for name in ('b.yaml', 'out', 'results.jsonl'))
+    file.write_text(answer('timed', '2 seconds'), encoding='utf-8')
+    paths = [write(tmp_path / name, answers(count)) for name, count in (('one', 40), ('two', 5))]
+    (tmp_path / 'bad.mcap').write_bytes(b'nothing')
+    arguments = ['bag', str(file), *map(str, paths), str(tmp_path / 'bad.mcap'), '--report']
+    assert main([*arguments, str(reports), '--results', str(results)]) == 1
+    found = Outline((reports / 'index.html').read_text(encoding='utf-8'))
+    links = [values['href'] for tag, values in found.tags if tag == 'a']
+    assert len(links) == 2
+    assert all(link is not None and (reports / link).is_file() for link in links)
+    assert found.of('span') == ['violated', 'satisfied', 'satisfied', 'satisfied', 'satisfied',
+                                'satisfied']
+    assert 'script' not in {tag for tag, _ in found.tags}
+    lines = results.read_text(encoding='utf-8').splitlines()
+    results.write_text('\n'.join(line for line in lines if 'two' not in line), encoding='utf-8')
+    assert main([*arguments, str(reports), '--results', str(results)]) == 0
+    again = Outline((reports / 'index.html').read_text(encoding='utf-8'))
+    assert sorted(again.of('a', 'td', 'span')) == sorted(found.of('a', 'td', 'span'))
+    assert main([*arguments, str(tmp_path / 'page.html')]) == 1
+    assert 'name a folder' in capsys.readouterr().err
+
+
+def test_a_report_that_cannot_be_written_leaves_nothing(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / 'bundle.html'
+    file.write_text(answer('timed', '2 seconds'), encoding='utf-8')
+    path = write(tmp_path / 'bag', answers(5))
+    full = tmp_path / 'full.html'
+    full.symlink_to('/dev/full')
+    before = sorted(tmp_path.rglob('*')), file.read_bytes()
+    for page, message in ((file, 'this command reads it'),
+                          (full, 'No space left'),
+                          (tmp_path / 'no' / 'page.html', 'No such file or directory')):
+        assert main(['bag', str(file), str(path), '--report', str(page)]) == 1
+        assert message in capsys.readouterr().err
+    assert (sorted(tmp_path.rglob('*')), file.read_bytes()) == before
+
+
+def test_a_browser_draws_it_without_network_or_errors(tmp_path: Path) -> None:
+    browser = next(filter(None, map(shutil.which, (
+        'chromium', 'chromium-browser', 'google-chrome'))), None)
+    if browser is None:
+        pytest.skip('no Chromium is installed')
+    static = report(tmp_path, answer('timed', '2 seconds').replace('id: LOW', f"id: '{HOSTILE}'"),
+                    answers())
+    sources = [(tag, values[key]) for tag, values in static.tags for key in ('src', 'href')
+               if key in values and tag != 'a']
+    assert sources == [('link', 'data:,')]
+    ran = subprocess.run(
+        [browser, '--headless', '--no-sandbox', '--disable-gpu', '--disable-extensions',
+         f'--user-data-dir={tmp_path / "profile"}', '--enable-logging=stderr', '--dump-dom',
+         '--virtual-time-budget=3000', '--window-size=400,900',
+         '--host-resolver-rules=MAP * ~NOTFOUND',
+         (tmp_path / 'page.html').as_uri()],
+        capture_output=True, text=True, timeout=120, check=True)
+    assert 'CONSOLE' not in ran.stderr
+    page = Outline(ran.stdout)
+    drawn = [values for tag, values in page.tags if tag == 'svg']
+    assert len(drawn) == 7
+    assert all(values.get('viewbox') for values in drawn)
+    curves = [values['d'] for tag, values in page.tags
+              if tag == 'path' and values.get('class') == 'curve']
+    assert len(curves) == 4
+    assert all(curve and 'NaN' not in curve for curve in curves)
+    assert 'deadline, violated' in page.of('text')
