@@ -47,7 +47,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 4u
+#define FM_ENGINE_ABI 5u
 
 struct fm_engine;
 

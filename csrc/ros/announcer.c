@@ -87,13 +87,13 @@ static void free_announcer(struct fm_announcer * announcer)
   free(announcer);
 }
 
-struct fm_announcer * fm_announcer_start(
-  struct fm_engine * engine, const struct fm_middleware * middleware, void * const * publishers,
-  uint32_t n_publishers)
+bool fm_announcer_start(
+  struct fm_announcer ** started, struct fm_engine * engine,
+  const struct fm_middleware * middleware, void * const * publishers, uint32_t n_publishers)
 {
   struct fm_announcer * announcer = calloc(1, sizeof(*announcer));
   if (announcer == NULL) {
-    return NULL;
+    return false;
   }
   announcer->engine = engine;
   announcer->middleware = middleware;
@@ -101,14 +101,15 @@ struct fm_announcer * fm_announcer_start(
   announcer->publishers = calloc(n_publishers + 1u, sizeof(*publishers));
   if (announcer->publishers == NULL) {
     free_announcer(announcer);
-    return NULL;
+    return false;
   }
   memcpy(announcer->publishers, publishers, n_publishers * sizeof(*publishers));
   if (!start_thread(announcer)) {
     free_announcer(announcer);
-    return NULL;
+    return false;
   }
-  return announcer;
+  *started = announcer;
+  return true;
 }
 
 uint64_t fm_announcer_turns(const struct fm_announcer * announcer)
@@ -116,8 +117,11 @@ uint64_t fm_announcer_turns(const struct fm_announcer * announcer)
   return __atomic_load_n(&announcer->turns, __ATOMIC_RELAXED);
 }
 
-void fm_announcer_join(struct fm_announcer * announcer)
+void fm_announcer_join(struct fm_announcer ** announcer)
 {
-  pthread_join(announcer->thread, NULL);
-  free_announcer(announcer);
+  if (*announcer != NULL) {
+    pthread_join((*announcer)->thread, NULL);
+    free_announcer(*announcer);
+    *announcer = NULL;
+  }
 }

@@ -31,19 +31,23 @@ struct fm_announcer;
 /// No other thread may take violations from the engine. `publishers`: rmw_publisher_t, one for
 /// each requirement in the manifest's order; the array is copied. If a publisher fails, the
 /// violation is counted (fm_engine_unpublished). The engine, the middleware and the publishers
-/// outlive the announcer. NULL if no thread can be made, or memory is short. O(n_publishers); from
+/// outlive the announcer. False if no thread can be made, or memory is short. O(n_publishers); from
 /// any thread.
-FM_EXPORT struct fm_announcer * fm_announcer_start(
-  struct fm_engine * engine, const struct fm_middleware * middleware, void * const * publishers,
-  uint32_t n_publishers);
+///
+/// `*announcer` is NULL before, and is set here: a result that is returned would be lost in Python
+/// if a signal handler raises an exception right after the call.
+FM_EXPORT bool fm_announcer_start(
+  struct fm_announcer ** announcer, struct fm_engine * engine,
+  const struct fm_middleware * middleware, void * const * publishers, uint32_t n_publishers);
 
 /// Return how often the thread has looked for violations and deadlines: at least twice a second,
 /// unless it hangs. From any thread, before fm_announcer_join. O(1).
 FM_EXPORT uint64_t fm_announcer_turns(const struct fm_announcer * announcer);
 
 /// Wait for the thread, which ends when the engine is closed and all violations are published, and
-/// free the announcer. Call it once, from any other thread.
-FM_EXPORT void fm_announcer_join(struct fm_announcer * announcer);
+/// free the announcer and set `*announcer` to NULL; does nothing if it is NULL. From any other
+/// thread, but not from two at a time.
+FM_EXPORT void fm_announcer_join(struct fm_announcer ** announcer);
 
 #ifdef __cplusplus
 }

@@ -272,13 +272,13 @@ static void free_receiver(struct fm_receiver * receiver)
   free(receiver);
 }
 
-struct fm_receiver * fm_receiver_start(
-  struct fm_engine * engine, const struct fm_middleware * middleware, void * subscription,
-  uint32_t topic, uint32_t taking)
+bool fm_receiver_start(
+  struct fm_receiver ** started, struct fm_engine * engine,
+  const struct fm_middleware * middleware, void * subscription, uint32_t topic, uint32_t taking)
 {
   struct fm_receiver * receiver = calloc(1, sizeof(*receiver));
   if (receiver == NULL) {
-    return NULL;
+    return false;
   }
   receiver->engine = engine;
   receiver->middleware = middleware;
@@ -296,12 +296,13 @@ struct fm_receiver * fm_receiver_start(
   {
     middleware->forget_error();
     free_receiver(receiver);
-    return NULL;
+    return false;
   }
   if (listens) {
     drain(receiver);
   }
-  return receiver;
+  *started = receiver;
+  return true;
 }
 
 void fm_receiver_drain(struct fm_receiver * receiver)
@@ -341,8 +342,12 @@ void fm_receiver_retire(struct fm_receiver * receiver)
   fm_engine_unlock(receiver->engine);
 }
 
-bool fm_receiver_stop(struct fm_receiver * receiver)
+bool fm_receiver_stop(struct fm_receiver ** started)
 {
+  struct fm_receiver * receiver = *started;
+  if (receiver == NULL) {
+    return true;
+  }
   if (receiver->taking != FM_WHEN_ASKED &&
     receiver->middleware->listen(receiver->subscription, NULL, NULL) != 0)
   {
@@ -352,6 +357,7 @@ bool fm_receiver_stop(struct fm_receiver * receiver)
     fm_engine_unlock(receiver->engine);
     return false;
   }
+  *started = NULL;
   free_receiver(receiver);
   return true;
 }

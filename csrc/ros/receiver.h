@@ -51,15 +51,16 @@ struct fm_record
 /// Start to take the messages of a subscription (an rmw_subscription_t from which no other code
 /// takes) as those of a topic. If the receiver listens, messages that are already queued are
 /// delivered first, at most 1000 before this returns. The engine, the middleware and the
-/// subscription outlive the receiver. `taking`: enum fm_taking. NULL if the middleware has no
-/// new-message callback, or memory is short.
+/// subscription outlive the receiver. `taking`: enum fm_taking. False if the middleware has no
+/// new-message callback, or memory is short. `*receiver` is NULL before, and is set here, for the
+/// reason that announcer.h gives.
 ///
 /// The functions of this header may be called from any thread, but not from within the
 /// middleware's callback. For one receiver, only fm_receiver_retire may run at the same time as
 /// another of them. Each message that is delivered costs what fm_engine_message does.
-FM_EXPORT struct fm_receiver * fm_receiver_start(
-  struct fm_engine * engine, const struct fm_middleware * middleware, void * subscription,
-  uint32_t topic, uint32_t taking);
+FM_EXPORT bool fm_receiver_start(
+  struct fm_receiver ** receiver, struct fm_engine * engine,
+  const struct fm_middleware * middleware, void * subscription, uint32_t topic, uint32_t taking);
 
 /// Take the next message of a receiver that does not listen. Returns false if none is queued, or
 /// the middleware failed.
@@ -79,10 +80,10 @@ FM_EXPORT void fm_receiver_poll(struct fm_receiver * receiver);
 FM_EXPORT void fm_receiver_retire(struct fm_receiver * receiver);
 
 /// Stop; waits for a running callback to return. No message is delivered afterwards. Returns true
-/// if the receiver was freed. Returns false if the middleware could not remove its callback: the
-/// receiver, the engine, the middleware and the subscription must then live as long as the
-/// process.
-FM_EXPORT bool fm_receiver_stop(struct fm_receiver * receiver);
+/// if the receiver was freed and `*receiver` set to NULL, or was NULL before. Returns false if the
+/// middleware could not remove its callback: the receiver, the engine, the middleware and the
+/// subscription must then live as long as the process.
+FM_EXPORT bool fm_receiver_stop(struct fm_receiver ** receiver);
 
 #ifdef __cplusplus
 }

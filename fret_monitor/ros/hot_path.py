@@ -143,20 +143,24 @@ class EngineReceiver:
         self._engine = engine
         self._middleware = middleware
         self._lock = Lock()  # the feed's thread drains, another thread may stop
-        self._pointer: Any = ffi.NULL
+        self._place: Any = ffi.new('struct fm_receiver **')
         self._record: Any = ffi.new('struct fm_record *')
         self._is_leaked = False
         self._held = ExitStack()
         with ExitStack() as undo:
-            undo.enter_context(subscription.handle)
+            undo.callback(self.stop)  # also if a signal interrupts what follows
+            self._held.enter_context(subscription.handle)
             native_lifetimes.keep(self)
-            self._pointer = self._library.fm_receiver_start(
-                engine.pointer, middleware.functions, middleware.subscription(subscription),
-                topic, middleware.taking(subscription))
-            if self._pointer == ffi.NULL:
-                native_lifetimes.release(self)
+            if not self._library.fm_receiver_start(
+                    self._place, engine.pointer, middleware.functions,
+                    middleware.subscription(subscription), topic,
+                    middleware.taking(subscription)):
                 raise Unavailable('the middleware has no callback for new messages')
-            self._held = undo.pop_all()
+            undo.pop_all()
+
+    @property
+    def _pointer(self) -> Any:
+        return ffi.NULL if self._is_leaked else self._place[0]
 
     def take(self) -> Record | None:
         """Take the next message, where C does not listen; None if there is none."""
@@ -191,8 +195,7 @@ class EngineReceiver:
     def end(self) -> None:
         """Stop delivering; a second call does nothing."""
         with self._lock:
-            pointer, self._pointer = self._pointer, ffi.NULL
-            if pointer != ffi.NULL and not self._library.fm_receiver_stop(pointer):
+            if not self._is_leaked and not self._library.fm_receiver_stop(self._place):
                 # The middleware may still call back.
                 self._is_leaked = True
                 native_lifetimes.keep_forever(self)
@@ -265,36 +268,34 @@ class Announcer:
         self._library = engine.library
         self._engine = engine
         self._middleware = middleware
-        self._pointer: Any = ffi.NULL
-        self._lock = Lock()  # guards the pointer
+        self._place: Any = ffi.new('struct fm_announcer **')
+        self._lock = Lock()  # guards the pointer in `_place`
+        self._held = ExitStack()
         with ExitStack() as undo:
+            undo.callback(self.join)  # also if a signal interrupts what follows
             for item in publishers:
-                undo.enter_context(item.handle)
+                self._held.enter_context(item.handle)
             found = [middleware.publisher(item) for item in publishers]
             native_lifetimes.keep(self)
-            self._pointer = self._library.fm_announcer_start(
-                engine.pointer, middleware.functions, ffi.new('void *[]', [*found, ffi.NULL]),
-                len(found))
-            if self._pointer == ffi.NULL:
-                native_lifetimes.release(self)
+            if not self._library.fm_announcer_start(
+                    self._place, engine.pointer, middleware.functions,
+                    ffi.new('void *[]', [*found, ffi.NULL]), len(found)):
                 raise Unavailable('no thread can be started')
-            self._held = undo.pop_all()
+            undo.pop_all()
 
     def end(self) -> None:
         """Close the engine, and wait until the thread has emptied its queue; idempotent."""
         self._engine.close()
         with self._lock:
-            pointer, self._pointer = self._pointer, ffi.NULL
-        if pointer != ffi.NULL:
-            self._library.fm_announcer_join(pointer)
+            self._library.fm_announcer_join(self._place)
         native_lifetimes.release(self)
 
     @property
     def turns(self) -> int:
         """How often the thread has looked for work: at least twice a second unless it hangs."""
         with self._lock:
-            return 0 if self._pointer == ffi.NULL else int(
-                self._library.fm_announcer_turns(self._pointer))
+            return 0 if self._place[0] == ffi.NULL else int(
+                self._library.fm_announcer_turns(self._place[0]))
 
     def join(self) -> None:
         """Do as `end`; afterwards the publishers may be destroyed."""

@@ -95,7 +95,7 @@ int main(int argc, char ** argv)
 {
   chosen = argc > 1 ? argv[1] : "";
   const struct fm_evaluator_options evaluator = {
-    &monitor, NULL, 0, FM_PERIODIC, NULL, NULL, NULL, 1, 0, NULL, false};
+    &monitor, NULL, 0, FM_PERIODIC, NULL, NULL, NULL, 1, 0, NULL, false, NULL};
   void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   const struct fm_engine_options options = {
     fm_evaluator_init(memory, &evaluator), &monitor, NULL, NULL, 0,
@@ -104,12 +104,14 @@ int main(int argc, char ** argv)
   fm_engine_advance(engine, 1);
   int publisher = 0;
   void * publishers[] = {&publisher};
-  struct fm_announcer * announcer = fm_announcer_start(engine, &middleware, publishers, 1);
-  fm_announcer_join(announcer);
+  struct fm_announcer * announcer = NULL;
+  const bool is_started = fm_announcer_start(&announcer, engine, &middleware, publishers, 1);
+  fm_announcer_join(&announcer);
+  fm_announcer_join(&announcer);  // does nothing
   const uint64_t unpublished = fm_engine_unpublished(engine);
   fm_engine_destroy(engine);
   free(memory);
-  if (published != 1 || unpublished != 0) {
+  if (!is_started || announcer != NULL || published != 1 || unpublished != 0) {
     printf("published %d, not published %lu\n", published, (unsigned long)unpublished);
     return 1;
   }

@@ -300,15 +300,15 @@ static struct fm_receiver * renew(
   fm_engine_begin_handover(engine, t, false);
   fm_receiver_retire(before);
   put(topic, place, fresh);
-  struct fm_receiver * receiver = fm_receiver_start(engine, &middleware, fresh, t, FM_LISTEN);
-  CHECK(receiver != NULL);
+  struct fm_receiver * receiver = NULL;
+  CHECK(fm_receiver_start(&receiver, engine, &middleware, fresh, t, FM_LISTEN));
   for (int k = 0; k < 20; ++k) {
     pause_a_little();
     fm_receiver_poll(receiver);
   }
   put(topic, 1 - place, NULL);
   empty(before, old);
-  CHECK(fm_receiver_stop(before));
+  CHECK(fm_receiver_stop(&before));
   fm_engine_end_handover(engine, t);
   free_subscription(old);
   return receiver;
@@ -372,14 +372,15 @@ int main(void)
   struct fm_engine * engine = fm_engine_create(&options);
   CHECK(engine != NULL);
   void * publishers[] = {(void *)(uintptr_t)&numbers[0], (void *)(uintptr_t)&numbers[1]};
-  struct fm_announcer * announcer = fm_announcer_start(engine, &middleware, publishers, 2);
-  CHECK(announcer != NULL);
-  struct fm_receiver * receivers[N_TOPICS];
+  struct fm_announcer * announcer = NULL;
+  CHECK(fm_announcer_start(&announcer, engine, &middleware, publishers, 2));
+  struct fm_receiver * receivers[N_TOPICS] = {NULL};
   for (uint32_t t = 0; t < N_TOPICS; ++t) {
     pthread_mutex_init(&topics[t].mutex, NULL);
     topics[t].subscriptions[0] = make_subscription();
-    receivers[t] =
-      fm_receiver_start(engine, &middleware, topics[t].subscriptions[0], t, FM_LISTEN);
+    CHECK(
+      fm_receiver_start(
+        &receivers[t], engine, &middleware, topics[t].subscriptions[0], t, FM_LISTEN));
   }
   pthread_t senders[N_SENDERS];
   pthread_t details;
@@ -393,11 +394,11 @@ int main(void)
   }
   for (uint32_t t = 0; t < N_TOPICS; ++t) {
     empty(receivers[t], topics[t].subscriptions[N_RENEWALS % 2]);
-    CHECK(fm_receiver_stop(receivers[t]));
+    CHECK(fm_receiver_stop(&receivers[t]));
     free_subscription(topics[t].subscriptions[N_RENEWALS % 2]);
   }
   fm_engine_close(engine);
-  fm_announcer_join(announcer);
+  fm_announcer_join(&announcer);
   __atomic_store_n(&is_over, true, __ATOMIC_RELEASE);
   pthread_join(details, NULL);
   CHECK(refused > 0 && fm_engine_unpublished(engine) == refused);

@@ -117,8 +117,8 @@ static void a_callback_takes_a_bounded_number_and_nothing_is_left(void)
 {
   struct subscription subscription = {0, 0, NULL, NULL, false};
   struct fm_engine * engine = make_engine();
-  struct fm_receiver * receiver =
-    fm_receiver_start(engine, &middleware, &subscription, 0, FM_LISTEN);
+  struct fm_receiver * receiver = NULL;
+  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
   send(&subscription, 2500);
   const uint64_t most = received(engine);
   CHECK(most == 1000);
@@ -128,7 +128,7 @@ static void a_callback_takes_a_bounded_number_and_nothing_is_left(void)
   CHECK(received(engine) == 2501);
   send(&subscription, 1);
   CHECK(received(engine) == 2502);
-  CHECK(fm_receiver_stop(receiver));
+  CHECK(fm_receiver_stop(&receiver));
   CHECK(fm_engine_lost(engine, 0) == 0);
   fm_engine_destroy(engine);
   free(memory);
@@ -138,14 +138,14 @@ static void a_poll_goes_on_where_a_drain_stopped(void)
 {
   struct subscription subscription = {2500, 0, NULL, NULL, false};
   struct fm_engine * engine = make_engine();
-  struct fm_receiver * receiver =
-    fm_receiver_start(engine, &middleware, &subscription, 0, FM_LISTEN);
+  struct fm_receiver * receiver = NULL;
+  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
   CHECK(received(engine) == 1000);
   fm_receiver_poll(receiver);
   CHECK(received(engine) == 2000);
   fm_receiver_poll(receiver);
   CHECK(received(engine) == 2500);
-  CHECK(fm_receiver_stop(receiver));
+  CHECK(fm_receiver_stop(&receiver));
   fm_engine_destroy(engine);
   free(memory);
 }
@@ -154,14 +154,14 @@ static void a_callback_that_is_not_forgotten_does_no_harm(void)
 {
   struct subscription subscription = {0, 0, NULL, NULL, true};
   struct fm_engine * engine = make_engine();
-  struct fm_receiver * receiver =
-    fm_receiver_start(engine, &middleware, &subscription, 0, FM_LISTEN);
+  struct fm_receiver * receiver = NULL;
+  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
   send(&subscription, 1);
-  CHECK(!fm_receiver_stop(receiver));
+  CHECK(!fm_receiver_stop(&receiver));
   send(&subscription, 1);
   CHECK(received(engine) == 1);
   subscription.keeps_callback = false;  // so that the test can end
-  CHECK(fm_receiver_stop(receiver));
+  CHECK(fm_receiver_stop(&receiver));
   fm_engine_destroy(engine);
   free(memory);
 }
@@ -170,8 +170,8 @@ static void a_receiver_that_does_not_listen_takes_when_asked(void)
 {
   struct subscription subscription = {2, 0, NULL, NULL, false};
   struct fm_engine * engine = make_engine();
-  struct fm_receiver * receiver =
-    fm_receiver_start(engine, &middleware, &subscription, 0, FM_WHEN_ASKED);
+  struct fm_receiver * receiver = NULL;
+  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_WHEN_ASKED));
   struct fm_record record;
   CHECK(subscription.callback == NULL && subscription.taken == 0);
   for (uint64_t k = 1; k <= 2; ++k) {
@@ -187,7 +187,7 @@ static void a_receiver_that_does_not_listen_takes_when_asked(void)
   subscription.sent += 1;
   CHECK(fm_receiver_take(receiver, &record) && record.origin.is_retired);
   CHECK(received(engine) == 2);
-  CHECK(fm_receiver_stop(receiver));
+  CHECK(fm_receiver_stop(&receiver));
   fm_engine_destroy(engine);
   free(memory);
 }

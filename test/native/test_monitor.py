@@ -27,6 +27,7 @@ from fret_monitor.model.values import ValueType
 from fret_monitor.native import (
     build_library, evaluator_library, LibraryError, load, load_evaluator, Monitor,
 )
+from fret_monitor.native.binding import ffi
 from fret_monitor.runtime.fields import FieldReading, Outcome, read_fields
 from native import toys
 import pytest
@@ -163,8 +164,9 @@ def test_a_missing_engine_is_reported_under_the_name_of_the_original(tmp_path: P
 def test_an_engine_of_another_interface_is_refused() -> None:
     sources = {'engine.c': '#include "engine.h"\nuint32_t fm_engine_abi(void)\n'
                '{\n  return FM_ENGINE_ABI + 1u;\n}\n'}
-    expected = (r"^the engine in '/folder/lib\.so' has interface 4, this version has 3: "
-                'compile the bundle again$')
+    wanted = ffi.integer_const('FM_ENGINE_ABI')
+    expected = (rf"^the engine in '/folder/lib\.so' has interface {wanted + 1}, this version has "
+                f'{wanted}: compile the bundle again$')
     with pytest.raises(LibraryError, match=expected):
         load_evaluator(build_library(sources, name='other'), origin=Path('/folder/lib.so'))
 

@@ -216,14 +216,20 @@ def test_a_receiver_that_could_not_be_stopped_keeps_its_objects(
             yield
             calls.append('released')
 
-    def stop(pointer: Any) -> bool:
-        calls.append('stop')
+    memory = ffi.new('char[]', 8)
+
+    def start(place: Any, *_: object) -> bool:
+        place[0] = ffi.cast('struct fm_receiver *', memory)
+        return True
+
+    def stop(place: Any) -> bool:
+        if place[0] != ffi.NULL:
+            calls.append('stop')
+        if is_stopped:
+            place[0] = ffi.NULL
         return is_stopped
 
-    memory = ffi.new('char[]', 8)
-    library: Any = SimpleNamespace(
-        fm_receiver_start=lambda *_: ffi.cast('struct fm_receiver *', memory),
-        fm_receiver_stop=stop)
+    library: Any = SimpleNamespace(fm_receiver_start=start, fm_receiver_stop=stop)
     middleware: Any = SimpleNamespace(
         functions=None, subscription=lambda _: None, taking=lambda _: 0)
     evaluator: Any = SimpleNamespace(library=library, pointer=None)

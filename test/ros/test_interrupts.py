@@ -20,9 +20,13 @@ import signal
 import subprocess
 import sys
 from time import monotonic, sleep
+from typing import Any
 
+from fret_monitor.ros import MonitorNode, native_lifetimes
+from fret_monitor.runtime import Engine
 import pytest
-from ros.harness import NodeProcess, PATIENCE, started
+from rclpy.parameter import Parameter
+from ros.harness import NodeProcess, Partner, PATIENCE, started
 
 BUNDLE = """
 format: 1
@@ -103,6 +107,41 @@ def test_a_signal_while_the_threads_start_ends_the_node(bundle: Path) -> None:
             assert node.end(signal.SIGTERM) == 0, node.output
         finally:
             node.kill()
+
+
+class InterruptedLibrary:
+    """The functions of csrc; an exception is raised when one of them has returned."""
+
+    def __init__(self, library: Any, interrupted: str) -> None:
+        self._library = library
+        self._interrupted = interrupted
+
+    def __getattr__(self, name: str) -> Any:
+        function = getattr(self._library, name)
+        if name != self._interrupted:
+            return function
+
+        def call(*arguments: Any) -> None:
+            function(*arguments)
+            raise KeyboardInterrupt
+
+        return call
+
+
+@pytest.mark.skipif(not Path('/proc/self/task').is_dir(), reason='needs /proc')
+@pytest.mark.parametrize('function', ['fm_announcer_start', 'fm_receiver_start'])
+def test_an_interrupt_right_after_a_start_in_c_leaves_nothing_running(
+    function: str, bundle: Path, partner: Partner, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # A thread or a callback that was left would use the engine after it was freed.
+    monkeypatch.setattr(
+        Engine, 'library', property(lambda self: InterruptedLibrary(self._library, function)))
+    parameters = [Parameter('spec', value=str(bundle)), Parameter('hot_path', value='on')]
+    running, kept = len(os.listdir('/proc/self/task')), set(native_lifetimes._KEPT)
+    with pytest.raises(KeyboardInterrupt):
+        MonitorNode(context=partner.context, parameter_overrides=parameters)
+    assert len(os.listdir('/proc/self/task')) <= running
+    assert set(native_lifetimes._KEPT) == kept
 
 
 @pytest.mark.usefixtures('domain')
