@@ -24,7 +24,7 @@ from fret_monitor.bag.fleet import page_name
 from fret_monitor.bag.page import badge, document, escaped
 from fret_monitor.model.diagnostics import counted
 
-_WORDS = {True: 'satisfied', False: 'VIOLATED', None: 'not judged'}
+_WORDS = {True: 'satisfied', False: 'VIOLATED', None: 'open or not judged'}
 
 
 def index_page(title: str, lines: Iterable[str], folder: Path) -> str:

@@ -1,8 +1,9 @@
 'use strict';
 
 // Draws the lanes and plots of a report from the JSON in the page. A lane is a text such as
-// t40m1f3: 40 parts true, 1 both, 3 false, also u unknown and o open. The values of an input are
-// [part, least, most, last], or [part, last] if they are equal; it holds a value until the next.
+// t40m1f3: 40 parts true, 1 both, 3 false, also u unknown and o open. The values of an input in a
+// part are [part, least, most, last], or [part, last] if they are equal; "NaN" comes before them.
+// An input holds its last value until the next part that has one.
 
 const DATA = JSON.parse(document.getElementById('data').textContent);
 const NAMESPACE = 'http://www.w3.org/2000/svg';
@@ -91,7 +92,11 @@ function shown(input, value) {
   return input.bool ? String(given !== 0) : String(given);
 }
 
-// [least, most, last] of a part; the value that holds if none came in it.
+function shortened(input, value) {
+  return shown(input, Number.isInteger(value) ? value : Number(value.toPrecision(4)));
+}
+
+// The values of a part; the one that holds if none came in it.
 function valuesAt(plot, part) {
   let low = 0;
   let high = plot.v.length;
@@ -105,10 +110,9 @@ function valuesAt(plot, part) {
   }
   const item = plot.v[low - 1];
   if (item === undefined) {
-    return [plot.b, plot.b, plot.b];
+    return [plot.b];
   }
-  const last = item[item.length - 1];
-  return item[0] === part && item.length > 2 ? item.slice(1) : [last, last, last];
+  return item[0] === part ? item.slice(1) : item.slice(-1);
 }
 
 function extent(plot) {
@@ -133,10 +137,8 @@ function drawPlot(svg, input, plot, parts, width, y) {
     return Math.max(y, Math.min(y + PLOT, at));
   };
   add(svg, 'rect', {class: 'box', x: 0.5, y: y + 0.5, width: width - 1, height: PLOT - 1});
-  for (const [value, label] of plot.h || []) {
+  for (const [value] of plot.h || []) {
     add(svg, 'line', {class: 'limit', x1: 0, x2: width, y1: place(value), y2: place(value)});
-    add(svg, 'text', {class: 'limit end', x: width - 4,
-      y: place(value) < y + 14 ? place(value) + 12 : place(value) - 3}, label);
   }
   const step = width / parts;
   let path = '';
@@ -164,23 +166,23 @@ function drawPlot(svg, input, plot, parts, width, y) {
   for (const item of plot.v) {
     const x = item[0] * step;
     hold(x);
-    if (item.length > 2) {
-      go(x, item[1]);
-      go(x, item[2]);
-      if (Number.isNaN(number(item[3])) || item[3] !== item[2]) {
-        go(x, item[3]);
+    item.slice(1).forEach((value, k, all) => {
+      if (k === 0 || value !== all[k - 1]) {
+        go(x, value);
       }
-    } else {
-      go(x, item[1]);
-    }
+    });
     held = item[item.length - 1];
   }
   hold(width);
   add(svg, 'path', {class: 'curve', d: path});
-  if (real[0] !== real[1]) {
-    add(svg, 'text', {x: 4, y: y + 12}, shown(input, real[1]));
+  for (const [value, label] of plot.h || []) {
+    add(svg, 'text', {class: 'limit inside end', x: width - 4,
+      y: place(value) < y + 14 ? place(value) + 12 : place(value) - 3}, label);
   }
-  add(svg, 'text', {x: 4, y: y + PLOT - 4}, shown(input, real[0]));
+  if (real[0] !== real[1]) {
+    add(svg, 'text', {class: 'inside', x: 4, y: y + 12}, shortened(input, real[1]));
+  }
+  add(svg, 'text', {class: 'inside', x: 4, y: y + PLOT - 4}, shortened(input, real[0]));
 }
 
 // Times on an axis of `length` nanoseconds that begins `begin` after zero.
@@ -229,7 +231,7 @@ function inSeconds(time) {
   if (time < 1000) {
     return `${time} ns`;
   }
-  return `${Number((time / 1e9).toFixed(9))} s`;
+  return `${Number((time / 1e9).toPrecision(6))} s`;
 }
 
 function drawOverview(svg) {
@@ -259,9 +261,16 @@ function drawInput(svg) {
   });
 }
 
-function range(input, [least, most, last]) {
-  const text = [least, most, last].map((value) => shown(input, value));
-  return text[0] === text[1] ? text[2] : `${text[0]} … ${text[1]}`;
+function range(input, values) {
+  const isNumber = (value) => value !== null && !Number.isNaN(number(value));
+  const numbers = values.filter(isNumber).sort((a, b) => number(a) - number(b));
+  if (numbers.length === 0) {
+    return shown(input, values[0]);
+  }
+  const least = shown(input, numbers[0]);
+  const most = shown(input, numbers[numbers.length - 1]);
+  return (least === most ? least : `${least} … ${most}`) +
+    (numbers.length < values.length ? ', NaN' : '');
 }
 
 function drawOccurrence(svg) {

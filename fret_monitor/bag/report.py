@@ -174,7 +174,7 @@ class _Report:
             yield f'<br>Nothing came of {escaped(", ".join(item.start.silent))}.'
         if item.start.values:
             values = ', '.join(f'{name} = {value}' for name, value in item.start.values)
-            yield f'<br>Then: <code>{escaped(values)}</code>'
+            yield f'<br>Inputs: <code>{escaped(values)}</code>'
         yield (f'</figcaption><svg data-occurrence="{place}" role="img" '
                f'aria-label="inputs and propositions around it"></svg></figure>')
 
@@ -273,7 +273,8 @@ def _values(parts: Iterable[Part], item: ManifestInput) -> list[list[Any]]:
     for part in parts:
         least, most, last = (_number(value, item) for value in part[1:4])
         if part.has_nan:
-            found.append([part.place, least, most, 'NaN' if last == 'NaN' else last])
+            numbers = [] if least == 'NaN' else [least, most]
+            found.append([part.place, 'NaN', *numbers, last])
         elif least != most:
             found.append([part.place, least, most, last])
         elif not found or found[-1][-1] != last:

@@ -27,11 +27,14 @@ from typing import Any
 from bag.recordings import Message, TYPES, write
 from fret_monitor.bag.lanes import FALSE, Lane, TRUE
 from fret_monitor.bag.page import document
+from fret_monitor.bag.report import _values
 from fret_monitor.build import build
 from fret_monitor.cli.main import main
+from fret_monitor.model.manifest import ManifestInput
+from fret_monitor.model.values import ValueType
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.runtime.thinning import Thinning, Window
+from fret_monitor.runtime.thinning import Part, Thinning, Window
 import pytest
 
 SECOND = 10**9
@@ -228,6 +231,14 @@ def check_window(thinning: Thinning, k: int, window: Window,
         numbers = [value for value in inside if not math.isnan(value)] or [math.nan]
         assert repr((part.least, part.most, part.last, part.has_nan)) == repr(
             (min(numbers), max(numbers), inside[-1], any(map(math.isnan, inside))))
+
+
+def test_no_value_is_hidden_by_another_in_its_part() -> None:
+    item = ManifestInput('x', ValueType.FLOAT64, None, None, (), (), None)
+    assert _values([Part(0, 1.0, 1.0, 1.0, False), Part(1, 1.0, 1.0, 1.0, False),
+                    Part(2, 1.0, 1.0, 1.0, True), Part(3, -math.inf, 2.5, 1 / 3, False),
+                    Part(4, math.nan, math.nan, math.nan, True)], item) == [
+        [0, 1], [2, 'NaN', 1, 1, 1], [3, '-inf', 2.5, 0.3333333], [4, 'NaN', 'NaN']]
 
 
 def test_a_lane_keeps_what_was_short() -> None:
