@@ -97,8 +97,11 @@ static bool make_memory(struct fm_engine * engine)
   engine->found =
     calloc(options->monitor->n_requirements + (size_t)1, sizeof(struct fm_violation));
   engine->topics = calloc(options->n_topics + (size_t)1, sizeof(struct fm_engine_topic));
+  engine->are_violated =
+    calloc(options->monitor->n_requirements + (size_t)1, sizeof(*engine->are_violated));
   return fm_outbox_init(&engine->outbox, options->monitor) && engine->fields != NULL &&
          engine->prepared != NULL && engine->found != NULL && engine->topics != NULL &&
+         engine->are_violated != NULL &&
          (!fm_evaluator_is_timed(options->evaluator) ||
          fm_reorder_init(&engine->waiting, most_inputs(options)));
 }
@@ -115,6 +118,7 @@ static void free_memory(struct fm_engine * engine)
   free(engine->prepared);
   free(engine->found);
   free(engine->topics);
+  free(engine->are_violated);
   free(engine);
 }
 
@@ -178,6 +182,18 @@ bool fm_engine_is_closed(struct fm_engine * engine)
 
 // ---- queues ------------------------------------------------------------------------------------
 
+// Note those that begin: a requirement may be violated at each step for hours.
+static void note_occurrences_locked(struct fm_engine * engine, uint32_t n)
+{
+  for (uint32_t k = 0; engine->blackbox != NULL && k < n; ++k) {
+    const uint32_t requirement = engine->found[k].requirement;
+    if (!engine->found[k].is_recovery && !engine->are_violated[requirement]) {
+      fm_blackbox_note(engine->blackbox, requirement, fm_engine_steady_time());
+    }
+    engine->are_violated[requirement] = !engine->found[k].is_recovery;
+  }
+}
+
 void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t later)
 {
   const uint32_t n_details = engine->outbox.n_details;
@@ -185,6 +201,7 @@ void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t la
     engine->found[k].stamp = fm_later(engine->found[k].stamp, later);
     fm_outbox_add(&engine->outbox, &engine->found[k], engine->options.evaluator);
   }
+  note_occurrences_locked(engine, n);
   if (n > 0) {
     pthread_cond_signal(&engine->violation_queued);
     if (engine->outbox.n_details != n_details) {
@@ -303,6 +320,30 @@ size_t fm_engine_evidence(
     fm_engine_unlock(engine);
   }
   return size;
+}
+
+void fm_engine_keep_messages(struct fm_engine * engine, struct fm_blackbox * box)
+{
+  fm_engine_lock(engine);
+  engine->blackbox = box;
+  fm_engine_unlock(engine);
+}
+
+bool fm_engine_keeps_messages(const struct fm_engine * engine)
+{
+  return engine->blackbox != NULL;
+}
+
+// A stamp of 0: there is no time.
+static void keep_message_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading, int64_t stamp,
+  int64_t sent)
+{
+  if (engine->blackbox != NULL) {
+    const struct fm_kept kept =
+    {reading->size, fm_engine_steady_time(), stamp, sent, topic, 0};
+    fm_blackbox_keep(engine->blackbox, &kept, reading->message);
+  }
 }
 
 const struct fm_reader * fm_engine_reader(const struct fm_engine * engine, uint32_t topic)
@@ -498,14 +539,18 @@ static void deliver_step_locked(
 }
 
 static void deliver_fields_locked(
-  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading, int64_t received)
+  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
+  const struct fm_origin * origin)
 {
   struct fm_evaluator * evaluator = engine->options.evaluator;
+  const int64_t received = origin->received;
   int64_t now;
   const bool has_time = fm_engine_read_for_message_locked(engine, received, &now);
   const int64_t stamp = has_time && engine->source == FM_CLOCK ?
     fm_later(now, engine->options.reorder) : received;
   const struct fm_field * fields = fm_engine_prepare_locked(engine, topic, reading->fields, stamp);
+  keep_message_locked(
+    engine, topic, reading, has_time || engine->source != FM_CLOCK ? stamp : 0, origin->sent);
   if (!has_time || !engine->has_begun) {
     now = fm_evaluator_arrival(evaluator, fm_evaluator_now(evaluator));
     deliver_step_locked(
@@ -534,12 +579,14 @@ uint32_t fm_engine_deliver_locked(
   fm_arrivals_note(&cell->arrivals, origin);
   if (!reading->is_decoded) {
     fm_evaluator_undecodable(engine->options.evaluator, topic);
+    keep_message_locked(
+      engine, topic, reading, engine->source == FM_CLOCK ? 0 : origin->received, origin->sent);
     return FM_UNDECODABLE;
   }
   if (!all_are_read(reading->fields, engine->options.topics[topic].n_inputs)) {
     keep_evidence(cell, reading->message, reading->size);
   }
-  deliver_fields_locked(engine, topic, reading, origin->received);
+  deliver_fields_locked(engine, topic, reading, origin);
   fm_engine_end_wait_if_earlier_locked(engine);
   return FM_RECEIVED;
 }
@@ -565,6 +612,7 @@ void fm_engine_reset(struct fm_engine * engine)
   fm_engine_lock(engine);
   fm_engine_take_due_now_locked(engine);
   fm_evaluator_reset(engine->options.evaluator);
+  memset(engine->are_violated, 0, engine->options.monitor->n_requirements);
   fm_engine_take_due_now_locked(engine);
   fm_engine_unlock(engine);
 }

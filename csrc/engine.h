@@ -37,6 +37,7 @@
 #ifndef ENGINE_H_
 #define ENGINE_H_
 
+#include "blackbox.h"
 #include "evaluator.h"
 #include "fret_fields.h"
 #include "handover.h"
@@ -47,7 +48,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 5u
+#define FM_ENGINE_ABI 6u
 
 struct fm_engine;
 
@@ -116,6 +117,11 @@ FM_EXPORT bool fm_engine_is_closed(struct fm_engine * engine);
 FM_EXPORT uint32_t fm_engine_message(
   struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin);
+
+/// Keep each message that is delivered from now on in a black box, and note there when a
+/// violation begins; the evaluator must report recoveries. Call it before messages are delivered.
+/// The black box must outlive the engine. O(1).
+FM_EXPORT void fm_engine_keep_messages(struct fm_engine * engine, struct fm_blackbox * box);
 
 /// As fm_evaluator_reset, after what is due, and before what the reset makes due. O(inputs + state
 /// bytes + what is due).

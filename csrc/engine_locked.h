@@ -30,7 +30,8 @@ void fm_engine_unlock(struct fm_engine * engine);
 const struct fm_reader * fm_engine_reader(const struct fm_engine * engine, uint32_t topic);
 
 /// A message after reading. `fields`, in the order of the topic's inputs, are valid if it was
-/// decoded; `message` and `size` if some field cannot be used. Owned by the caller.
+/// decoded; `message` and `size` if some field cannot be used, or messages are kept. Owned by the
+/// caller.
 struct fm_reading
 {
   const struct fm_field * fields;
@@ -39,6 +40,10 @@ struct fm_reading
   int64_t stamp;     // of its header, if these count
   bool is_decoded;
 };
+
+/// Whether messages are kept, so that fm_reading must have their bytes. Constant once messages are
+/// delivered; any thread, without the lock.
+bool fm_engine_keeps_messages(const struct fm_engine * engine);
 
 /// Read a message of a topic: its fields, and its stamp. Returns whether it can be decoded; if
 /// not, what was written is unspecified. Any thread, without the lock. O(fields to read).

@@ -54,6 +54,8 @@ struct fm_engine
   struct fm_engine_topic * topics;
   struct fm_reorder waiting;    // under FM_TIMED: messages of a round, or of later stamps
   struct fm_outbox outbox;
+  struct fm_blackbox * blackbox;  // NULL: no message is kept
+  bool * are_violated;            // requirements; for the black box
   int (* now)(void * clock, int64_t * nanoseconds);
   void * clock;
   enum fm_source_of_time source;

@@ -44,6 +44,11 @@ ARGUMENTS = {
     'hot_path': ('', 'whether C takes the messages'),
     'log_violations': ('', 'whether the monitor logs violations; default: if logger is false'),
     'handler_depth': ('', 'violations that a slow listener may be behind'),
+    'blackbox': ('', 'a folder for the last messages before each violation'),
+    'blackbox_seconds': ('', 'seconds of messages before a violation'),
+    'blackbox_bytes': ('', 'memory for the last messages'),
+    'blackbox_files': ('', 'files in the folder, at most'),
+    'blackbox_disk_bytes': ('', 'bytes of these files together, at most'),
     'autostart': ('true', 'whether the monitor configures and activates itself'),
     'namespace': ('', 'where relative topics and the handlers lie'),
     'name': ('fret_monitor', 'the name of the monitor'),
@@ -69,8 +74,10 @@ RESPAWN_DELAY_S = 2.0
 CANNOT_START = 1  # the exit status of a monitor that refuses its bundle or parameters
 PATHS = ('spec', 'library')
 OF_BOTH = (*PATHS, 'policy', 'period', 'rate', 'handler_depth', 'use_sim_time')
+BLACKBOX_TYPES = {'blackbox': str, 'blackbox_seconds': float, 'blackbox_bytes': int,
+                  'blackbox_files': int, 'blackbox_disk_bytes': int}
 TYPES = {'period': float, 'rate': float, 'handler_depth': int, 'autostart': bool,
-         'log_violations': bool, 'use_sim_time': bool}
+         'log_violations': bool, 'use_sim_time': bool, **BLACKBOX_TYPES}
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -97,7 +104,8 @@ def _nodes(context: LaunchContext) -> list[Node]:
         LifecycleNode(
             executable='monitor', name=LaunchConfiguration('name'), on_exit=_end,
             parameters=[logs_once, _constants(context), _given(
-                context, *OF_BOTH, 'hot_path', 'autostart', 'log_violations')], **common),
+                context, *OF_BOTH, *BLACKBOX_TYPES, 'hot_path', 'autostart',
+                'log_violations')], **common),
         Node(
             executable='logger', name='fret_logger',
             parameters=[_constants(context), _given(context, *OF_BOTH)],

@@ -31,8 +31,8 @@ struct fm_announcer;
 /// No other thread may take violations from the engine. `publishers`: rmw_publisher_t, one for
 /// each requirement in the manifest's order; the array is copied. If a publisher fails, the
 /// violation is counted (fm_engine_unpublished). The engine, the middleware and the publishers
-/// outlive the announcer. False if no thread can be made, or memory is short. O(n_publishers); from
-/// any thread.
+/// outlive the announcer. False if no thread can be made, or memory is short. O(n_publishers);
+/// from any thread.
 ///
 /// `*announcer` is NULL before, and is set here: a result that is returned would be lost in Python
 /// if a signal handler raises an exception right after the call.

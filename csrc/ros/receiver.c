@@ -39,7 +39,7 @@ struct fm_receiver
   const struct fm_middleware * middleware;
   void * subscription;
   // Used only by the thread that takes: a callback under the mutex, or the drain.
-  struct fm_serialized message;  // as taken; read in place: a copy, if a field cannot be used
+  struct fm_serialized message;  // as taken; read in place: a copy, if it is needed
   struct fm_field * fields;
   struct fm_reading reading;
   struct fm_padded_info info;
@@ -129,7 +129,7 @@ const struct fm_in_place * fm_receiver_in_place(const struct fm_receiver * recei
 void fm_receiver_read(struct fm_receiver * receiver, const uint8_t * message, size_t size)
 {
   read_fields(receiver, message, size);
-  if (!receiver->reading.is_decoded ||
+  if (fm_engine_keeps_messages(receiver->engine) || !receiver->reading.is_decoded ||
     !all_are_read(receiver->fields, reader_of(receiver)->n_inputs))
   {
     copy_message(&receiver->message, message, size);

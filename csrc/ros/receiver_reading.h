@@ -26,7 +26,8 @@ struct fm_receiver;
 const struct fm_in_place * fm_receiver_in_place(const struct fm_receiver * receiver);
 
 /// Read the fields of a message that is valid only during this call. The message is copied if it
-/// cannot be decoded or some field cannot be used. O(fields), O(size) with a copy.
+/// cannot be decoded, some field cannot be used, or messages are kept. O(fields), O(size) with a
+/// copy.
 void fm_receiver_read(struct fm_receiver * receiver, const uint8_t * message, size_t size);
 
 #endif  // RECEIVER_READING_H_

@@ -38,6 +38,7 @@ from fret_monitor.model.names import LONGEST_PATH, shown
 from fret_monitor.model.packages import search_path
 
 _MAX_LISTED = 12
+_SEPARATOR = '=' * 80 + '\n'
 _MAX_BYTES = 2 ** 20
 _KINDS = {'msg': 'message', 'srv': 'service', 'action': 'action'}
 
@@ -195,16 +196,36 @@ def fingerprint(layout: MessageLayout) -> str:
     return sha256(repr(sorted(_shapes(layout).items())).encode()).hexdigest()
 
 
+def complete_definition(layout: MessageLayout) -> str:
+    """Return the text of a message, followed by those within it, as recordings have them."""
+    first, *others = (item for item in _within(layout).values() if item is not None)
+    return _SEPARATOR.join([_definition(first), *(
+        f'MSG: {item.name.replace("/msg/", "/")}\n{_definition(item)}' for item in others)])
+
+
+def _definition(layout: MessageLayout) -> str:
+    """Return the text of a message; of one that is in no file, its fields."""
+    text = layout.text or '\n'.join(f'{item.type} {item.name}' for item in layout.fields)
+    return text if text.endswith('\n') else f'{text}\n'
+
+
 def _shapes(layout: MessageLayout) -> dict[str, str]:
     """Return the fields of a message and of all within it, by name."""
-    found: dict[str, str] = {}
+    return {name: 'missing' if item is None else
+            ', '.join(f'{field.type} {field.name}' for field in item.fields)
+            for name, item in _within(layout).items()}
+
+
+def _within(layout: MessageLayout) -> dict[str, MessageLayout | None]:
+    """Return a message and all within it, by name; None: it is not installed."""
+    found: dict[str, MessageLayout | None] = {}
     waiting = [layout]
     while waiting:
         inside = waiting.pop()
-        found[inside.name] = ', '.join(f'{item.type} {item.name}' for item in inside.fields)
+        found[inside.name] = inside
         for item in inside.fields:
             if item.type.is_message and item.type.base not in found:
-                found[item.type.base] = 'missing'
+                found[item.type.base] = None
                 waiting.extend(_installed(inside, item.type))
     return found
 

@@ -26,6 +26,7 @@ from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestInput
 from fret_monitor.model.policies import Policy
+from fret_monitor.ros.blackbox import BlackBox
 from fret_monitor.ros.compiled import Opened
 from fret_monitor.ros.detail_publisher import DetailPublisher
 from fret_monitor.ros.details import Details, DETAILS_TOPIC
@@ -38,7 +39,7 @@ from fret_monitor.ros.loaded import Unavailable
 from fret_monitor.ros.look_ups import LookUpLog
 from fret_monitor.ros.node_time import NodeTime, PATIENCE_S, TimeLog
 from fret_monitor.ros.overrides import Overrides
-from fret_monitor.ros.parameters import Refusal
+from fret_monitor.ros.parameters import BlackBoxSettings, Refusal
 from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH
 from fret_monitor.ros.silences import SilenceLog
 from fret_monitor.ros.violation_lines import ViolationLines
@@ -65,13 +66,14 @@ class BundleSession:
 
     def __init__(self, node: Node, opened: Opened, *, hot_path: str = 'auto',
                  log_violations: bool = True, name: str = '',
-                 handler_depth: int = DEFAULT_HANDLER_DEPTH) -> None:
+                 handler_depth: int = DEFAULT_HANDLER_DEPTH,
+                 blackbox: BlackBoxSettings | None = None) -> None:
         """
         Prepare to monitor.
 
         `hot_path` decides whether C takes the messages (auto, on, off), `log_violations` whether
         the node logs the violations; `name` is the bundle's name in diagnostics, empty if the
-        node has only one bundle.
+        node has only one bundle; `blackbox` is where the last messages are written, if anywhere.
 
         Raises
         ------
@@ -92,6 +94,7 @@ class BundleSession:
         self._logged: set[int | str] = set()  # keys of log lines that appear only once
         refuse_inputs_off_ros(self.manifest)
         self._classes = _message_classes(self.manifest)
+        self._blackbox = None if blackbox is None else BlackBox(node, self.manifest, blackbox)
         self._engine = self._new_engine()
         with ExitStack() as undo:
             undo.callback(self.close)
@@ -109,9 +112,12 @@ class BundleSession:
         return self.opened.monitor.manifest
 
     def _new_engine(self) -> Engine:
-        return Engine(Evaluator(
+        engine = Engine(Evaluator(
             self.opened.monitor, policy=self.opened.policy, period=self.opened.period,
             patience=PATIENCE_S, reports_recoveries=True, library=self.opened.evaluator))
+        if self._blackbox is not None:
+            self._blackbox.keep_messages(engine)
+        return engine
 
     def _advertise(self, depth: int) -> None:
         self._handlers = Handlers(self._node, self.manifest, depth)
@@ -147,7 +153,7 @@ class BundleSession:
             has_timeouts=any(item.timeout is not None for item in self.manifest.inputs),
             reorder=self.manifest.reorder)
         self._health = Health(self._node, self._engine, self._silence_log, period, self._name,
-                              self._look_up_log)
+                              self._look_up_log, self._blackbox)
         self._running.callback(self._health.close)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._keep(self._node.create_timer(PERIOD, self._report_health, clock=steady))
@@ -232,6 +238,9 @@ class BundleSession:
         time = NodeTime(
             self._node, engine, middleware.clock_now, on_move=move if has_deadlines else None)
         self._running.callback(time.close)
+        if self._blackbox is not None:
+            self._running.callback(self._blackbox.end)
+            self._blackbox.start()
         announcer = Announcer(engine, middleware, self._handlers.publishers)
         self._running.callback(announcer.join)
         self._running.callback(

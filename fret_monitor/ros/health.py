@@ -16,9 +16,9 @@
 The state of the monitor on `/diagnostics`, once a second (docs/ros.md, Topics).
 
 There is a status for each requirement and each topic, one for the periods with the policy
-periodic, one for the time with the policy timed, and one for violations that could not be
-published. Each is named `NODE: ITEM`, as diagnostic aggregators expect. `describe_missing` makes
-the log line about requirements that are not evaluated yet.
+periodic, one for the time with the policy timed, one for a black box, and one for violations
+that could not be published. Each is named `NODE: ITEM`, as diagnostic aggregators expect.
+`describe_missing` makes the log line about requirements that are not evaluated yet.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -27,6 +27,7 @@ from time import monotonic
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from fret_monitor.model.manifest import ManifestRequirement, ManifestTopic
 from fret_monitor.model.policies import Report, Stale, Stamp
+from fret_monitor.ros.blackbox import BlackBox, BlackBoxCounts
 from fret_monitor.ros.details import LEVELS
 from fret_monitor.ros.feed import PublisherStatus
 from fret_monitor.ros.look_ups import LIMIT_S, LookUpLog
@@ -44,7 +45,8 @@ class Health:
 
     def __init__(self, node: Node, engine: Engine,
                  silences: SilenceLog | None = None, period: float | None = None,
-                 bundle: str = '', look_ups: LookUpLog | None = None) -> None:
+                 bundle: str = '', look_ups: LookUpLog | None = None,
+                 blackbox: BlackBox | None = None) -> None:
         """
         Advertise the topic; the caller then calls `publish` once per `PERIOD`.
 
@@ -63,6 +65,8 @@ class Health:
         self._unpublished = 0
         self._silences = silences
         self._look_ups = look_ups
+        self._blackbox = blackbox
+        self._blackbox_counts = BlackBoxCounts()
         self._period = period
         self._time_counts = engine.time_counts()
         self._bundle = bundle
@@ -73,7 +77,7 @@ class Health:
         rates, unusable = list(self._rates()), self._newly_unusable()
         lost, periods = list(self._newly_lost(statuses)), list(self._of_periods())
         order = [list(self._of_order(index)) for index in range(len(self._manifest.topics))]
-        unpublished = list(self._of_unpublished())
+        unpublished, blackbox = list(self._of_unpublished()), list(self._of_blackbox())
         if not self._publisher.get_subscription_count():
             return
         array = DiagnosticArray()
@@ -87,7 +91,7 @@ class Health:
                 *self._of_silence(index, silent),
                 *self._of_messages(index, unusable, lost[index]), *order[index]])
               for index, status in enumerate(statuses)),
-            *periods, *unpublished]
+            *periods, *blackbox, *unpublished]
         self._publisher.publish(array)
 
     def close(self) -> None:
@@ -160,6 +164,24 @@ class Health:
             if more else (DiagnosticStatus.WARN, 'some were not published')
         yield self._status(f'violations of {self._bundle or self._manifest.name}', level, message,
                            {'not published': self._unpublished})
+
+    def _of_blackbox(self) -> Iterator[DiagnosticStatus]:
+        if self._blackbox is None:
+            return
+        before, self._blackbox_counts = self._blackbox_counts, self._blackbox.counts()
+        counts = self._blackbox_counts
+        old, new = before.messages, counts.messages
+        troubles = [text for is_wrong, text in (
+            (counts.failed > before.failed, 'cannot write'),
+            (new.left_out > old.left_out, 'messages are larger than `blackbox_bytes`'),
+            (new.early > old.early, '`blackbox_bytes` is too little for `blackbox_seconds`'),
+        ) if is_wrong]
+        yield self._status(
+            f'black box of {self._bundle or self._manifest.name}',
+            DiagnosticStatus.WARN if troubles else DiagnosticStatus.OK,
+            '; '.join(troubles) or 'keeps the last messages', {
+                'written': counts.written, 'not written': counts.failed,
+                'kept': new.kept, 'left out': new.left_out, 'overwritten early': new.early})
 
     def _named(self, places: Collection[int]) -> str:
         return ', '.join(self._manifest.inputs[place].name for place in places)

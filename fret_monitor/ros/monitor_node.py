@@ -144,7 +144,7 @@ class MonitorNode(LifecycleNode):
                 self._sessions.append(BundleSession(
                     self, item, hot_path=settings.hot_path, name=name,
                     handler_depth=settings.handler_depth,
-                    log_violations=settings.log_violations))
+                    log_violations=settings.log_violations, blackbox=settings.blackbox))
             undo.pop_all()
         self._warn([warning for item in opened for warning in item.warnings])
         self._warn(Overrides.of(self).unused([

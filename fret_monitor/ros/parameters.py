@@ -71,6 +71,16 @@ MONITOR_PARAMETERS = {
                                'before it loses some; read by `configure`'),
     'log_violations': Described(True, 'whether the node logs violations and their ends; false if '
                                       'the logger does; read by `configure`'),
+    'blackbox': Described('', 'a folder to which the last messages of all topics are written at '
+                              'each violation; empty: none are kept; read by `configure`'),
+    'blackbox_seconds': Described(10.0, 'seconds of messages before a violation that a file has; '
+                                        'read by `configure`'),
+    'blackbox_bytes': Described(64 << 20, 'memory for the last messages, in bytes, for each '
+                                          'bundle; read by `configure`'),
+    'blackbox_files': Described(20, 'files of black boxes in the folder, at most: the oldest are '
+                                    'removed; read by `configure`'),
+    'blackbox_disk_bytes': Described(1 << 30, 'bytes of these files together, at most; read by '
+                                              '`configure`'),
     'autostart': Described(True, 'whether the node configures and activates itself at its start',
                            read_only=True),
     'log_level': _LOG_LEVEL,
@@ -89,6 +99,7 @@ LOGGER_PARAMETERS = {
     'log_level': _LOG_LEVEL,
 }
 
+_LEAST_BYTES = 4096  # of a black box
 _HOT_PATHS = ('auto', 'on', 'off')
 _LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 # Parameters of rclpy and of both nodes: one parameter file may be given to both.
@@ -117,6 +128,22 @@ class Origin:
 
 
 @dataclass(frozen=True)
+class BlackBoxSettings:
+    """
+    Where the last messages are written, and how many.
+
+    `seconds` before a violation; `memory_bytes` for messages; `files` and `disk_bytes` are those
+    of the folder, at most.
+    """
+
+    folder: Path
+    seconds: float = 10.0
+    memory_bytes: int = 64 << 20
+    files: int = 20
+    disk_bytes: int = 1 << 30
+
+
+@dataclass(frozen=True)
 class Settings:
     """The bundles to monitor, and what overrides them; `period` is in seconds, exact."""
 
@@ -127,6 +154,7 @@ class Settings:
     handler_depth: int = DEFAULT_HANDLER_DEPTH
     log_violations: bool = True
     constants: Mapping[str, Text] = field(default_factory=dict)
+    blackbox: BlackBoxSettings | None = None
 
 
 class Parameters:
@@ -248,7 +276,7 @@ def _settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
         _origins(given, problems), _policy(given, problems), _period(given, problems),
         _word(given, 'hot_path', _HOT_PATHS, problems) or 'auto',
         _depth(given, problems), _truth(given, 'log_violations', problems),
-        constant_texts(given, problems))
+        constant_texts(given, problems), _blackbox(given, problems))
 
 
 def _origins(given: Mapping[str, Any], problems: list[str]) -> tuple[Origin, ...]:
@@ -281,6 +309,29 @@ def _texts(given: Mapping[str, Any], name: str, problems: list[str]) -> list[str
             f"path or a list of paths; quote it: -p '{name}:=\"{wrong[0]}\"'")
         return []
     return [item for item in listed if item]
+
+
+def _blackbox(given: Mapping[str, Any], problems: list[str]) -> BlackBoxSettings | None:
+    folder = given.get('blackbox') or ''
+    seconds = _positive(given, 'blackbox_seconds', 'seconds, say 10.0', problems)
+    numbers = [_count(given, f'blackbox_{name}', unit, least, problems) for name, unit, least in (
+        ('bytes', 'bytes', _LEAST_BYTES), ('files', 'files', 1),
+        ('disk_bytes', 'bytes', _LEAST_BYTES))]
+    if not isinstance(folder, str):
+        problems.append(f"parameter 'blackbox' is {folder!r}, and has to be the path of a folder")
+    if not folder or problems:
+        return None
+    return BlackBoxSettings(Path(folder).expanduser().absolute(), float(seconds or 10), *numbers)
+
+
+def _count(given: Mapping[str, Any], name: str, unit: str, least: int,
+           problems: list[str]) -> int:
+    value = given.get(name, MONITOR_PARAMETERS[name].default)
+    if not isinstance(value, int) or isinstance(value, bool) or not least <= value < 1 << 62:
+        problems.append(f"parameter '{name}' is {value!r}, and has to be a number of {unit}, "
+                        f'at least {least}')
+        return least
+    return value
 
 
 def _depth(given: Mapping[str, Any], problems: list[str]) -> int:

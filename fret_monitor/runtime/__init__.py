@@ -20,13 +20,18 @@ from fret_monitor.runtime.engine import (
 from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, NEVER, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
 )
+from fret_monitor.runtime.message_ring import KeptCounts, KeptMessage, MessageRing, Occurrences
 
 __all__ = [
     'Engine',
     'Evaluator',
     'InputCounts',
+    'KeptCounts',
+    'KeptMessage',
     'MOST_DETAILS_PER_S',
+    'MessageRing',
     'NEVER',
+    'Occurrences',
     'OrderCounts',
     'Receipt',
     'RequirementCounts',

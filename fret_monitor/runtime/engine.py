@@ -33,6 +33,7 @@ from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
 )
+from fret_monitor.runtime.message_ring import MessageRing
 
 MOST_DETAILS_PER_S = 100
 """Details of a requirement in a second for subscribers; the others are counted."""
@@ -129,6 +130,7 @@ class Engine:
             raise LibraryError('the library does not read the topics of its manifest')
         # Holds the library too: a reference to its function would not keep it open.
         self.pointer: Any = ffi.gc(pointer, partial(_destroy, self._library))
+        self._ring: MessageRing | None = None  # outlives the engine
         self._origin: Any = ffi.new('struct fm_origin *')
         self._types = [item.value_type.c_name for item in self._monitor.manifest.inputs]
         self._values = [ffi.new(f'{name} *') for name in self._types]
@@ -149,6 +151,11 @@ class Engine:
     def close(self) -> None:
         """Ignore messages from now on, and stop waiting when the queues are empty."""
         self._library.fm_engine_close(self.pointer)
+
+    def keep_messages(self, ring: MessageRing) -> None:
+        """Keep each message, and note when violations begin; call it before any is delivered."""
+        self._ring = ring
+        self._library.fm_engine_keep_messages(self.pointer, ring.pointer)
 
     def message(self, topic: int, message: bytes, received: int, *, sent: int = 0,
                 sequence: int = 0, gid: Any = ffi.NULL, is_retired: bool = False) -> Receipt:

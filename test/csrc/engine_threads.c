@@ -329,6 +329,27 @@ static void disturb(struct fm_engine * engine, struct fm_receiver ** receivers)
   }
 }
 
+// Reads a small ring, which is overwritten meanwhile: what is whole must be right.
+static void * read_kept(void * box)
+{
+  uint64_t place = 0;
+  while (!__atomic_load_n(&is_over, __ATOMIC_ACQUIRE)) {
+    struct { struct fm_kept kept; uint8_t data[MESSAGE]; } found;
+    uint64_t begin;
+    const uint64_t n =
+      fm_blackbox_copy(box, place, (uint8_t *)&found, sizeof(found.kept) + MESSAGE, &begin);
+    if (n >= sizeof(found.kept)) {
+      CHECK(found.kept.topic < N_TOPICS && found.kept.size > 0 && found.kept.size <= MESSAGE);
+      place += sizeof(found.kept) + found.kept.size;
+    } else if (place < begin) {
+      place = begin;
+    } else {
+      (void)fm_blackbox_take_occurrences(box);
+    }
+  }
+  return NULL;
+}
+
 static struct fm_evaluator * make_evaluator(void ** memory)
 {
   const struct fm_evaluator_options options = {
@@ -372,6 +393,9 @@ int main(void)
   struct fm_engine * engine = fm_engine_create(&options);
   CHECK(engine != NULL);
   void * publishers[] = {(void *)(uintptr_t)&numbers[0], (void *)(uintptr_t)&numbers[1]};
+  struct fm_blackbox * box = fm_blackbox_create(1000, 0);
+  CHECK(box != NULL);
+  fm_engine_keep_messages(engine, box);
   struct fm_announcer * announcer = NULL;
   CHECK(fm_announcer_start(&announcer, engine, &middleware, publishers, 2));
   struct fm_receiver * receivers[N_TOPICS] = {NULL};
@@ -384,7 +408,9 @@ int main(void)
   }
   pthread_t senders[N_SENDERS];
   pthread_t details;
+  pthread_t kept;
   pthread_create(&details, NULL, read_details, engine);
+  pthread_create(&kept, NULL, read_kept, box);
   for (int k = 0; k < N_SENDERS; ++k) {
     pthread_create(&senders[k], NULL, send, &topics[k % N_TOPICS]);
   }
@@ -401,9 +427,12 @@ int main(void)
   fm_announcer_join(&announcer);
   __atomic_store_n(&is_over, true, __ATOMIC_RELEASE);
   pthread_join(details, NULL);
+  pthread_join(kept, NULL);
   CHECK(refused > 0 && fm_engine_unpublished(engine) == refused);
   check_counts(engine);
+  CHECK(fm_blackbox_count(box).kept == N_SENDERS * N_MESSAGES);
   fm_engine_destroy(engine);
+  fm_blackbox_destroy(box);
   free(memory);
   return failures == 0 ? 0 : 1;
 }

@@ -37,7 +37,8 @@ requirements:
   - {id: R-1, ptltl: "x < 0.5"}
 """
 NAMES = ['spec', 'library', 'policy', 'period', 'rate', 'hot_path', 'handler_depth',
-         'log_violations', 'autostart', 'log_level']
+         'log_violations', 'blackbox', 'blackbox_seconds', 'blackbox_bytes', 'blackbox_files',
+         'blackbox_disk_bytes', 'autostart', 'log_level']
 
 
 @pytest.fixture

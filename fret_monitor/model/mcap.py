@@ -1,0 +1,170 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Writes MCAP files, which rosbag2, `rosbags` and Foxglove read (https://mcap.dev/spec).
+
+Messages lie in uncompressed chunks with an index. Nothing beside Python's library is needed, so
+that a robot can write them.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+import struct
+from typing import BinaryIO
+
+_MAGIC = b'\x89MCAP0\r\n'
+_CHUNK_BYTES = 1 << 20
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE = 1, 2, 3, 4, 5
+_CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX, _STATISTICS, _METADATA, _DATA_END = 6, 7, 8, 11, 12, 15
+
+
+@dataclass
+class _Chunk:
+    """Messages that were not written yet: time, channel, and record of each."""
+
+    messages: list[tuple[int, int, bytes]] = field(default_factory=list)
+    size: int = 0
+
+
+class McapWriter:
+    """Writes to a file that is open; the caller closes it, after `end`."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        """Begin a file; raises `OSError`, as do all methods."""
+        self._file = file
+        self._written = 0
+        self._chunk = _Chunk()
+        self._definitions: list[bytes] = []  # records of schemas and channels, for the summary
+        self._schemas: dict[str, int] = {}
+        self._counts: list[int] = []  # messages of each channel
+        self._sequence = 0
+        self._chunk_indices: list[bytes] = []
+        self._metadata_count = 0
+        self._start = self._end = 0
+        self._write(_MAGIC)
+        self._write(_record(_HEADER, _text('ros2') + _text('fret_monitor')))
+
+    @property
+    def size(self) -> int:
+        """The bytes of the file so far, with those that wait to be written."""
+        return self._written + self._chunk.size
+
+    def add_channel(self, topic: str, message_type: str, definition: str) -> int:
+        """
+        Add a topic, and return its number.
+
+        `definition` is that of the message and of all within it (`ros2msg`); empty: not known.
+        """
+        if message_type not in self._schemas:
+            self._schemas[message_type] = len(self._schemas) + 1
+            self._define(_record(_SCHEMA, struct.pack('<H', self._schemas[message_type])
+                                 + _text(message_type) + _text('ros2msg' if definition else '')
+                                 + _text(definition)))
+        number = len(self._counts)
+        self._counts.append(0)
+        self._define(_record(_CHANNEL, struct.pack('<HH', number, self._schemas[message_type])
+                             + _text(topic) + _text('cdr') + _map({})))
+        return number
+
+    def add_message(self, channel: int, time: int, data: bytes, sent: int = 0) -> None:
+        """Add a serialized message of a channel; times in nanoseconds, 0 or more."""
+        self._sequence = (self._sequence + 1) & 0xffffffff
+        record = _record(_MESSAGE, struct.pack(
+            '<HIQQ', channel, self._sequence, time, sent or time) + data)
+        self._chunk.messages.append((time, channel, record))
+        self._chunk.size += len(record)
+        if self._chunk.size >= _CHUNK_BYTES:
+            self._write_chunk()
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Add texts about the whole file."""
+        self._write_chunk()
+        self._metadata_count += 1
+        self._write(_record(_METADATA, _text(name) + _map(values)))
+
+    def end(self) -> None:
+        """Write what waits, and the index; nothing can be added any more."""
+        self._write_chunk()
+        self._write(_record(_DATA_END, struct.pack('<I', 0)))
+        summary = self._written
+        for item in self._definitions:
+            self._write(item)
+        self._write(_record(_STATISTICS, struct.pack(
+            '<QHIIIIQQ', sum(self._counts), len(self._schemas), len(self._counts), 0,
+            self._metadata_count, len(self._chunk_indices), self._start, self._end)
+            + _array('<HQ', enumerate(self._counts))))
+        for item in self._chunk_indices:
+            self._write(item)
+        self._write(_record(_FOOTER, struct.pack('<QQI', summary, 0, 0)))
+        self._write(_MAGIC)
+
+    def _define(self, record: bytes) -> None:
+        self._definitions.append(record)
+        self._write_chunk()
+        self._write(record)
+
+    def _write(self, data: bytes) -> None:
+        self._file.write(data)
+        self._written += len(data)
+
+    def _write_chunk(self) -> None:
+        """Write the messages that wait, in the order of their times, and their index."""
+        messages = sorted(self._chunk.messages, key=lambda item: item[0])
+        if not messages:
+            return
+        indices: dict[int, list[tuple[int, int]]] = {}
+        offset = 0
+        for time, channel, record in messages:
+            indices.setdefault(channel, []).append((time, offset))
+            self._counts[channel] += 1
+            offset += len(record)
+        start, end = messages[0][0], messages[-1][0]
+        place = self._written
+        self._write(_record(_CHUNK, b''.join([
+            struct.pack('<QQQI', start, end, offset, 0), _text(''), struct.pack('<Q', offset),
+            *(record for _, _, record in messages)])))
+        length = self._written - place
+        places = {}
+        for channel, entries in indices.items():
+            places[channel] = self._written
+            self._write(_record(
+                _MESSAGE_INDEX, struct.pack('<H', channel) + _array('<QQ', entries)))
+        self._chunk_indices.append(_record(_CHUNK_INDEX, b''.join([
+            struct.pack('<QQQQ', start, end, place, length), _array('<HQ', places.items()),
+            struct.pack('<Q', self._written - place - length), _text(''),
+            struct.pack('<QQ', offset, offset)])))
+        is_first = len(self._chunk_indices) == 1
+        self._start = start if is_first else min(self._start, start)
+        self._end = max(self._end, end)
+        self._chunk = _Chunk()
+
+
+def _record(kind: int, content: bytes) -> bytes:
+    return struct.pack('<BQ', kind, len(content)) + content
+
+
+def _text(text: str) -> bytes:
+    data = text.encode()
+    return struct.pack('<I', len(data)) + data
+
+
+def _map(values: Mapping[str, str]) -> bytes:
+    data = b''.join(_text(name) + _text(value) for name, value in values.items())
+    return struct.pack('<I', len(data)) + data
+
+
+def _array(shape: str, items: Iterable[tuple[int, int]]) -> bytes:
+    data = b''.join(struct.pack(shape, *item) for item in items)
+    return struct.pack('<I', len(data)) + data

@@ -1,0 +1,63 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""MCAP files that are written without a library of MCAP: `rosbags` reads them."""
+
+from io import BytesIO
+from pathlib import Path
+
+from bag.recordings import FLOAT, START, TYPES
+from fret_monitor.model.mcap import McapWriter
+import pytest
+from rosbags.rosbag2 import Reader
+
+DEFINITION, _ = TYPES.generate_msgdef(FLOAT, ros_version=2)
+
+
+def payload(value: float, size: int = 0) -> bytes:
+    return bytes(TYPES.serialize_cdr(TYPES.types[FLOAT](value), FLOAT)) + bytes(size)
+
+
+@pytest.mark.parametrize('size', [0, 300_000])  # in one chunk, and in several
+def test_what_is_written_is_read_in_the_order_of_the_times(tmp_path: Path, size: int) -> None:
+    path = tmp_path / 'file.mcap'
+    with path.open('wb') as file:
+        writer = McapWriter(file)
+        channels = [writer.add_channel(f'/{name}', FLOAT, DEFINITION) for name in 'abc']
+        for number in (1, 0, 3, 2, 5, 4, 9, 8, 7, 6):
+            writer.add_message(channels[number % 2], START + number, payload(number, size), START)
+        writer.add_metadata('fret_monitor', {'bundle': 'tank'})
+        writer.end()
+        assert writer.size == file.tell()
+    with Reader(path) as reader:
+        counts = {item.topic: item.msgcount for item in reader.connections}
+        assert counts == {'/a': 5, '/b': 5, '/c': 0}
+        assert [item.msgdef.data for item in reader.connections] == [DEFINITION] * 3
+        assert (reader.start_time, reader.end_time - 1) == (START, START + 9)
+        found = [(item.topic, time - START, data) for item, time, data in reader.messages()]
+    assert [time for _, time, _ in found] == list(range(10))
+    assert found == [(f'/{"ab"[number % 2]}', number, payload(number, size))
+                     for number in range(10)]
+
+
+def test_a_file_without_messages_is_one(tmp_path: Path) -> None:
+    path = tmp_path / 'file.mcap'
+    buffer = BytesIO()
+    writer = McapWriter(buffer)
+    writer.add_channel('/a', FLOAT, '')
+    writer.end()
+    path.write_bytes(buffer.getvalue())
+    with Reader(path) as reader:
+        assert reader.message_count == 0
+        assert [item.topic for item in reader.connections] == ['/a']

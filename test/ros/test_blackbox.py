@@ -1,0 +1,276 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The black box: a file at each violation, which `bag` reads; limits; folders that fail."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+import errno
+import json
+from pathlib import Path
+import shutil
+import struct
+from time import sleep, time_ns
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from fret_monitor import build
+from fret_monitor.bag.check import check_recording, Selection
+from fret_monitor.cli.main import main
+from fret_monitor.model.mcap import McapWriter
+from fret_monitor.ros import blackbox, Refusal
+from fret_monitor.ros.blackbox import BlackBox
+from fret_monitor.ros.parameters import BlackBoxSettings, read_settings
+from fret_monitor.runtime import Engine, Evaluator
+import pytest
+from ros.harness import NodeProcess, Partner, started, wait_until
+from rosbags.rosbag2 import Reader
+from sensor_msgs.msg import Temperature
+from std_msgs.msg import Float32
+
+BUNDLE = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32, initial: 0}
+  heat: {topic: deep/heat, type: sensor_msgs/msg/Temperature, field: temperature, initial: 0}
+evaluation: {policy: every_message}
+requirements:
+  - {id: R-1, ptltl: "x < 0.5"}
+"""
+MESSAGE = b'\0\1\0\0'
+
+
+class FakeNode:
+    """What a black box wants of a node."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def resolve_topic_name(self, name: str) -> str:
+        return f'/robot/{name}'
+
+    def get_logger(self) -> 'FakeNode':
+        return self
+
+    def info(self, line: str) -> None:
+        self.lines.append(line)
+
+    error = info
+
+
+class Workbench:
+    """An engine with a black box, without a node."""
+
+    def __init__(self, folder: Path, **settings: Any) -> None:
+        bundle = folder / 'bundle.yaml'
+        bundle.write_text(BUNDLE, encoding='utf-8')
+        self.spec = bundle
+        self.folder = folder / 'box'
+        self.node = FakeNode()
+        self.engine = Engine(Evaluator(build.build(bundle).monitor, reports_recoveries=True))
+        node: Any = self.node
+        wanted = replace(BlackBoxSettings(self.folder), **settings)
+        self.box = BlackBox(node, self.engine.monitor.manifest, wanted)
+        self.box.keep_messages(self.engine)
+        self.box.start()
+
+    def violate(self) -> None:
+        self.send(0.1)
+        self.send(0.9)
+
+    def send(self, value: float) -> None:
+        self.engine.message(0, MESSAGE + struct.pack('<f', value), received=time_ns())
+
+    def files(self) -> list[Path]:
+        return sorted(self.folder.glob('*.mcap'))
+
+    def wait(self, *, written: int = 0, failed: int = 0) -> None:
+        def is_there() -> bool:
+            counts = self.box.counts()
+            return counts.written >= written and counts.failed >= failed
+
+        wait_until(is_there, f'{written} files and {failed} failures', 10.0)
+
+    def times(self, path: Path) -> list[int]:
+        with Reader(path) as reader:
+            return [time for _, time, _ in reader.messages()]
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """End files soon."""
+    monkeypatch.setattr(blackbox, '_AFTER_NS', 300_000_000)
+    monkeypatch.setattr(blackbox, '_POLL_S', 0.02)
+
+
+@pytest.fixture
+def bench(quick: None, tmp_path: Path) -> Iterator[Workbench]:
+    made = Workbench(tmp_path, seconds=0.5)
+    yield made
+    made.box.end()
+
+
+def test_a_file_has_what_was_before_and_after_and_later_violations_join_it(
+        bench: Workbench) -> None:
+    bench.send(0.1)  # too old for the file
+    sleep(0.6)
+    bench.send(0.2)
+    bench.send(0.9)
+    sleep(0.15)
+    assert bench.files() == []
+    bench.send(0.3)
+    bench.send(0.8)  # goes on until 0.3 s after this one
+    sleep(0.25)
+    assert bench.files() == []
+    bench.send(0.3)
+    bench.wait(written=1)
+    bench.send(0.4)  # too late
+    [path] = bench.files()
+    assert path.name.endswith('Z_R_1.mcap')
+    assert bench.node.lines == [f'the last messages are in {path}']
+    with Reader(path) as reader:
+        assert {item.topic: item.msgcount for item in reader.connections} == {
+            '/robot/x': 5, '/robot/deep/heat': 0}
+    result = check_recording(bench.spec, path, Selection(namespace='/robot'))
+    assert result.errors == ()
+    assert sum(result.read.values()) == 5
+    bench.send(0.9)
+    bench.wait(written=2)
+    assert len(bench.times(bench.files()[1])) == 3  # 0.3, 0.4 and this one: less than 0.5 s ago
+
+
+def test_a_file_that_is_pending_is_written_at_the_end(tmp_path: Path) -> None:
+    bench = Workbench(tmp_path)
+    bench.send(0.9)
+    bench.box.end()
+    bench.box.end()
+    [path] = bench.files()
+    assert len(bench.times(path)) == 1
+    assert [item.name for item in bench.folder.iterdir()] == [path.name]
+
+
+def test_the_oldest_files_are_removed_and_others_are_not(quick: None, tmp_path: Path) -> None:
+    bench = Workbench(tmp_path, files=2)
+    (bench.folder / 'mine.mcap').touch()
+    seen = []
+    for number in range(4):
+        bench.violate()
+        bench.wait(written=number + 1)
+        seen.append(max(set(bench.files()) - {bench.folder / 'mine.mcap'}))
+    assert bench.files() == sorted([*seen[2:], bench.folder / 'mine.mcap'])
+    bench.box.end()
+
+
+def test_files_need_no_more_disk_than_allowed(quick: None, tmp_path: Path) -> None:
+    bench = Workbench(tmp_path, disk_bytes=20_000)
+    large = MESSAGE + struct.pack('<f', 0.9) + bytes(4_000)
+    for number in range(4):
+        bench.send(0.1)
+        for _ in range(3):
+            bench.engine.message(0, large, received=time_ns())
+        bench.wait(written=number + 1)
+        sizes = [path.stat().st_size for path in bench.files()]
+        assert sum(sizes) < 20_000 + 6_000  # a message more, and the index
+        sleep(0.4)
+    assert bench.files()
+    bench.box.end()
+
+
+@pytest.mark.parametrize('failure', ['folder', 'disk'])
+def test_what_cannot_be_written_is_logged_once_and_counted(
+        bench: Workbench, failure: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        if failure == 'folder':
+            shutil.rmtree(bench.folder)
+        else:
+            def fail(self: McapWriter) -> None:
+                raise OSError(errno.ENOSPC, 'No space left on device')
+            patch.setattr(McapWriter, 'end', fail)
+        for number in (1, 2):
+            bench.violate()
+            bench.wait(failed=number)
+        assert len(bench.node.lines) == 1
+        assert f'cannot write to {bench.folder}' in bench.node.lines[0]
+        bench.folder.mkdir(exist_ok=True)
+        assert list(bench.folder.iterdir()) == []
+    bench.violate()
+    bench.wait(written=1)
+
+
+@pytest.mark.parametrize(('given', 'words'), [
+    ({'blackbox': 3}, "'blackbox' is 3, and has to be the path of a folder"),
+    ({'blackbox_seconds': -1.0}, "'blackbox_seconds' is -1.0"),
+    ({'blackbox_bytes': 0}, "'blackbox_bytes' is 0, and has to be a number of bytes"),
+    ({'blackbox_files': 0}, "'blackbox_files' is 0, and has to be a number of files, at least 1"),
+    ({'blackbox_disk_bytes': 'much'}, "'blackbox_disk_bytes' is 'much'"),
+])
+def test_values_that_cannot_be_used_are_refused(given: dict[str, object], words: str) -> None:
+    with pytest.raises(Refusal, match=words):
+        read_settings({'spec': 'quadrotor.yaml', **given})
+
+
+@pytest.mark.parametrize('hot_path', ['on', 'off'])
+def test_a_monitor_writes_a_file_that_bag_judges_alike(
+        partner: Partner, tmp_path: Path, hot_path: str, capsys: pytest.CaptureFixture[str],
+) -> None:
+    spec, folder = tmp_path / 'bundle.yaml', tmp_path / 'flight' / 'box'
+    spec.write_text(BUNDLE, encoding='utf-8')
+    seen: dict[str, str] = {}
+
+    def keep(array: DiagnosticArray) -> None:
+        for status in array.status:
+            if 'black box' in status.name:
+                seen[status.message] = json.dumps({item.key: item.value for item in status.values})
+
+    partner.node.create_subscription(DiagnosticArray, '/diagnostics', keep, 10)
+    arguments = ('-p', f'spec:={spec}', '-p', f'hot_path:={hot_path}', '-p',
+                 f'blackbox:={folder}', '-r', 'x:=y')
+    with started('monitor', *arguments) as node:
+        publisher = partner.publisher(Float32, 'y')
+        other = partner.publisher(Temperature, 'deep/heat')
+        partner.wait_for_listener(publisher, other)
+        for number in range(20):
+            publisher.publish(Float32(data=number * 0.01))
+            other.publish(Temperature(temperature=float(number)))
+            sleep(0.01)
+        publisher.publish(Float32(data=0.75))
+        node.wait_for('the last messages are in')
+        [path] = folder.iterdir()
+        wait_until(lambda: any('"written": "1"' in text for text in seen.values()), 'a status')
+        assert list(seen) == ['keeps the last messages']
+        shutil.rmtree(folder)
+        publisher.publish(Float32(data=0.1))
+        publisher.publish(Float32(data=0.75))
+        node.wait_for('the black box cannot write to')
+        wait_until(lambda: 'cannot write' in seen, 'the failure')
+        folder.mkdir()
+        publisher.publish(Float32(data=0.1))
+        publisher.publish(Float32(data=0.75))
+        wait_until(lambda: any(folder.iterdir()), 'the next file')
+    [path] = folder.iterdir()  # written at the end of the node
+    assert main(['bag', str(spec), str(path), '--remap', 'x:=y', '--json']) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found['errors'] == []
+    assert found['recorded'] == found['read'] == 45
+    assert found['requirements']['R-1']['occurrences'] == 3
+
+
+def test_a_folder_that_cannot_be_written_is_an_error_of_configure(
+        tmp_path: Path, domain: int) -> None:
+    spec = tmp_path / 'bundle.yaml'
+    spec.write_text(BUNDLE, encoding='utf-8')
+    node = NodeProcess('monitor', '-p', f'spec:={spec}', '-p', f'blackbox:={spec}/box')
+    assert node.status() == 1
+    assert f"error: parameter 'blackbox': cannot write to the folder '{spec}/box'" in node.output
+    node.kill()
