@@ -42,6 +42,7 @@ from fret_monitor.ros.pairing import Pairing, ReceivedViolation, Recovery
 from fret_monitor.ros.parameters import LOGGER_PARAMETERS, Parameters, read_settings, Refusal
 from fret_monitor.ros.qos import violation_request
 from fret_monitor.ros.raw_topic import Deliver, RawTopic
+from fret_monitor.ros.signals import uninterrupted
 from fret_monitor.ros.violation_lines import ViolationLines
 
 from rclpy.clock import Clock, ClockType
@@ -124,9 +125,10 @@ class LoggerNode(Node):
         parameters.show_constants(manifests)  # they are read-only, so they stay as they are now
         self._requirements = _requirements(manifests)
         self._listen(())
-        self._feed.start()
-        native_lifetimes.keep(self)
-        self._thread.start()
+        with uninterrupted():
+            self._feed.start()
+            native_lifetimes.keep(self)
+            self._thread.start()
         topics = [self.resolve_topic_name(DETAILS_TOPIC), *self._followed]
         DeclaredOverrides(self, dict.fromkeys(topics, self._fixed))
         self.create_timer(_CHECK, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -26,6 +26,7 @@ from fret_monitor.ros.duplicate_nodes import DuplicateNodes
 from fret_monitor.ros.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.parameters import MONITOR_PARAMETERS, Parameters, read_settings, Refusal
 from fret_monitor.ros.sign_of_life import SignOfLife
+from fret_monitor.ros.signals import uninterrupted
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -172,7 +173,7 @@ class MonitorNode(LifecycleNode):
             self.get_logger().warning(warning)
 
     def _activate(self) -> None:
-        with ExitStack() as undo:
+        with uninterrupted(), ExitStack() as undo:
             undo.callback(self._deactivate)
             for session in self._sessions:
                 session.start()

@@ -31,6 +31,28 @@ from types import FrameType
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
+class _Uninterrupted:
+    depth = 0  # of the blocks that were entered
+    is_due = False  # a signal came meanwhile
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """
+    Let a signal inside this block take effect at its end, where `interruptible` would raise.
+
+    For starting threads: an exception inside `Thread.start` becomes a RuntimeError of its locks.
+    """
+    _Uninterrupted.depth += 1
+    try:
+        yield
+    finally:
+        _Uninterrupted.depth -= 1
+        if _Uninterrupted.is_due and not _Uninterrupted.depth:
+            _Uninterrupted.is_due = False
+            raise SystemExit(0)
+
+
 class StopRequest:
     """
     Records that the process received SIGINT or SIGTERM.
@@ -49,6 +71,8 @@ class StopRequest:
     def interruptible(self) -> Iterator[None]:
         """
         Raise `SystemExit` at a signal inside this block, so that it can clean up.
+
+        Inside `uninterrupted`, it is raised at the end of that block.
 
         A second signal, or one after the block, only sets `requested`, which the main loop reads:
         a process that shares a terminal with `ros2 launch` gets SIGINT twice.
@@ -74,7 +98,10 @@ class StopRequest:
     def _raise(self, number: int, frame: FrameType | None) -> None:
         self.requested = True
         self._handle(self._remember)
-        raise SystemExit(0)
+        if _Uninterrupted.depth:
+            _Uninterrupted.is_due = True
+        else:
+            raise SystemExit(0)
 
 
 def _end_at_once(number: int, frame: FrameType | None) -> None:

@@ -188,3 +188,47 @@ def test_a_signal_just_before_the_node_is_handed_over_ends_the_process(
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)})
     assert 'made' in done.stdout, done.stderr
     assert done.returncode == 0, done.stderr
+
+
+START_OF_A_THREAD = """
+import signal, sys, threading
+from fret_monitor.ros.signals import StopRequest
+stop = StopRequest()
+from fret_monitor.ros import {kind}
+from fret_monitor.ros.process import run
+
+start, acquire = threading.Thread.start, threading.Condition._acquire_restore
+
+def interrupt():
+    threading.Condition._acquire_restore = acquire
+    signal.raise_signal(signal.SIGTERM)
+
+def acquire_interrupted(self, state):
+    interrupt()
+    acquire(self, state)
+
+def start_interrupted(self):
+    if self.name != {thread!r}:
+        return start(self)
+    threading.Condition._acquire_restore = acquire_interrupted
+    start(self)
+    if threading.Condition._acquire_restore is acquire_interrupted:
+        interrupt()  # it did not have to wait
+    print('started', flush=True)
+
+threading.Thread.start = start_interrupted
+sys.exit(run('{name}', {kind}, stop))
+"""
+
+
+@pytest.mark.usefixtures('domain')
+@pytest.mark.parametrize('kind, name, thread', [
+    ('MonitorNode', 'monitor', 'details'), ('LoggerNode', 'logger', 'reports')])
+def test_a_signal_inside_the_start_of_a_thread_takes_effect_after_it(
+    kind: str, name: str, thread: str, bundle: Path,
+) -> None:
+    done = subprocess.run(
+        [sys.executable, '-c', START_OF_A_THREAD.format(kind=kind, name=name, thread=thread),
+         '--ros-args', '-p', f'spec:={bundle}'],
+        text=True, capture_output=True, timeout=120, check=False)
+    assert (done.returncode, done.stdout) == (0, 'started\n'), done.stderr
