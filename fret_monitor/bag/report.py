@@ -34,6 +34,7 @@ from fret_monitor.explain.report import Meaning, meanings
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.manifest import Manifest, ManifestInput
 from fret_monitor.model.output import open_output
+from fret_monitor.model.policies import InputSource
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.model.times import iso_time
 from fret_monitor.model.values import ValueType
@@ -269,6 +270,8 @@ def _number(value: float | None, item: ManifestInput) -> float | int | str | Non
 
 def _values(parts: Iterable[Part], item: ManifestInput) -> list[list[Any]]:
     """Return the parts as the page's script reads them, without those that change nothing."""
+    if item.source is InputSource.RECEIVED:  # true for an instant each time
+        return [[part.place, 0, 1, 0] for part in parts]
     found: list[list[Any]] = []
     for part in parts:
         least, most, last = (_number(value, item) for value in part[1:4])

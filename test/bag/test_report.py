@@ -24,7 +24,7 @@ import shutil
 import subprocess
 from typing import Any
 
-from bag.recordings import Message, TYPES, write
+from bag.recordings import Message, START, TYPES, write
 from fret_monitor.bag.lanes import FALSE, Lane, TRUE
 from fret_monitor.bag.page import document
 from fret_monitor.bag.report import _values
@@ -36,6 +36,7 @@ from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.runtime.thinning import Part, Thinning, Window
 import pytest
+from rosbags.rosbag2 import Writer
 
 SECOND = 10**9
 HOSTILE = '</script><script>alert("1")</script>'
@@ -212,6 +213,47 @@ requirements: [{id: LOW, ptltl: "level < flow"}]
         for k, window in enumerate(windows):
             check_window(thinning, k, window, [
                 (time, value) for time, topic, value in messages if topic == window.input])
+
+
+def test_inputs_of_all_kinds_are_drawn(tmp_path: Path) -> None:
+    file, path, page = tmp_path / 'b.yaml', tmp_path / 'bag', tmp_path / 'page.html'
+    file.write_text("""format: 1
+evaluation: {policy: timed, stamp: header}
+inputs:
+  small:
+    {topic: range, type: sensor_msgs/msg/Range, field: radiation_type, values: {LOUD: 0, RED: 1}}
+  near: {topic: range, type: sensor_msgs/msg/Range, field: min_range}
+  old: {topic: range, type: sensor_msgs/msg/Range, field: age(header.stamp)}
+  came: {topic: range, type: sensor_msgs/msg/Range, field: received(), initial: false}
+  frame: {topic: range, type: sensor_msgs/msg/Range, field: header.frame_id, values: {A: a, B: b}}
+requirements:
+  - {id: ALL, ptltl: "small = LOUD | near < 0.5 | old > 0.5 | came | frame = A"}
+""", encoding='utf-8')
+    kind = 'sensor_msgs/msg/Range'
+    types = TYPES.types
+    with Writer(path, version=9) as writer:
+        topic = writer.add_connection('/range', kind, typestore=TYPES)
+        for k in range(4):
+            stamp = types['builtin_interfaces/msg/Time'](START // SECOND + k, 0)
+            header = types['std_msgs/msg/Header'](stamp, 'ab'[k // 2])
+            message = types[kind](header, k % 2, 0.0, 0.25 * k, 0.0, 0.0, 0.0)
+            writer.write(topic, START + k * SECOND + SECOND // 4, TYPES.serialize_cdr(
+                message, kind))
+    assert main(['bag', str(file), str(path), '--report', str(page), '--from', str(
+        START // SECOND)]) == 0
+    data = Outline(page.read_text(encoding='utf-8')).data
+    small, near, old, came, frame = data['inputs']
+    assert [item[1:] for item in small['v']] == [[0], [1], [0], [1]]
+    # Values take effect at the stamps, which are a quarter of a second before the reception.
+    assert [item[0] * 3.25 / small['n'] for item in small['v']] == pytest.approx(
+        [0, 1, 2, 3], abs=0.01)
+    assert [item[1:] for item in near['v']] == [[0], [0.25], [0.5], [0.75]]
+    assert [item[1:] for item in old['v']] == [[0.25]]
+    assert [item[1:] for item in came['v']] == [[0, 1, 0]] * 4
+    assert [item[1:] for item in frame['v']] == [[0], [1]]
+    assert frame['names'] == [['A', 0], ['B', 1]]
+    thresholds = [plot['h'] for plot in data['occurrences'][0]['p']]
+    assert thresholds == [[[0, 'LOUD']], [[0.5, '0.5']], [[0.5, '0.5']], [[0, 'A']]]
 
 
 def check_window(thinning: Thinning, k: int, window: Window,
