@@ -150,11 +150,25 @@ def test_a_deadline_in_steps_is_found(tmp_path: Path, policy: str) -> None:
     assert occurrence['g'] == -SECOND + 1
 
 
+def test_the_trigger_is_the_one_whose_time_was_over(tmp_path: Path) -> None:
+    found = report(tmp_path, answer('timed', '2 seconds'), [
+        ('/level', 0, 0.5), *(('/flow', k * SECOND // 2, float(2 * (k in (6, 8))))
+                              for k in range(20))])
+    assert [(item['g'], item['d']) for item in found.data['occurrences']] == [
+        (-2 * SECOND, 1), (-2 * SECOND, 1)][:len(found.data['occurrences'])]
+    assert found.data['occurrences']
+
+
 def test_an_end_that_is_open_and_a_begin_without_values_are_shown(tmp_path: Path) -> None:
-    found = report(tmp_path, answer('timed', '20 seconds'), [
+    text = answer('timed', '20 seconds').replace('requirements:', """
+  gone: {topic: gone, type: std_msgs/msg/Float64}
+requirements:
+  - {id: GONE, ptltl: "gone > 1"}""")
+    found = report(tmp_path, text, [
         ('/level', 0, 0.5), ('/flow', 5 * SECOND, 0.0), ('/flow', 8 * SECOND, 2.0),
-        ('/level', 10 * SECOND, 0.5)])
-    lanes = found.data['lanes']
+        ('/level', 10 * SECOND, 0.5)], '--missing-topics', 'ok')
+    gone, *lanes = found.data['lanes']
+    assert gone == 'u720'
     assert lanes[0].startswith('u')
     assert lanes[0].endswith('o14')
     assert lanes[1] == 't720'
