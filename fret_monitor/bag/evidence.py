@@ -249,7 +249,8 @@ def _watch(shown: Sequence[_Shown], parts: int, specification: Specification, re
 def _paint_first(lane: Lane, ready: int | None, change: int | None) -> None:
     """Add that a formula was true from its first step to its first change."""
     until = lane.end if change is None else change - 1
-    if ready is not None and ready <= until:
+    # Of several messages at one time, the group starts a nanosecond later with the last.
+    if ready is not None and (change is None or ready < until):
         lane.paint(ready, until, TRUE)
 
 

@@ -26,9 +26,9 @@ class Lane:
     """What was true from `begin` to `end` (ns), in `parts` of equal length."""
 
     def __init__(self, begin: int, end: int, parts: int) -> None:
-        """Make a lane of which nothing is known."""
+        """Make a lane of which nothing is known; it has fewer parts if it is that short."""
         self.begin, self.end = begin, end
-        self._parts = bytearray(parts)
+        self._parts = bytearray(min(parts, end - begin + 1))
 
     def _place(self, time: int) -> int:
         place = (time - self.begin) * len(self._parts) // (self.end - self.begin + 1)

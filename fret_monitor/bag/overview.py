@@ -117,7 +117,10 @@ class Overview:
         for index, (item, lane) in enumerate(zip(findings, self.lanes)):
             ready = self._ready(index)
             is_judged = item.verdict is not None or item.is_open
-            if is_judged and ready is not None and ready < self._begins[index]:
+            # Of several messages at one time, the group starts a nanosecond later with the last.
+            has_changed = self._state[index] is not None
+            if is_judged and ready is not None and not (
+                    has_changed and self._begins[index] <= ready + 1):
                 lane.paint(ready, self._begins[index] - 1, TRUE)
             if item.is_open:
                 lane.leave_open()

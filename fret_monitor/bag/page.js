@@ -28,8 +28,9 @@ function total(text) {
   return runs(text).reduce((sum, item) => sum + item[1], 0);
 }
 
-// The state of a lane in a part.
-function stateAt(text, part) {
+// The state of a lane at a part of its width, 0 to 1.
+function stateAt(text, at) {
+  const part = Math.floor(at * total(text));
   let place = 0;
   for (const [state, length] of runs(text)) {
     place += length;
@@ -291,7 +292,8 @@ function drawOccurrence(svg) {
     const input = DATA.inputs[plot.i];
     add(svg, 'text', {class: 'name', x: 0, y: y + 11}, input.name);
     const value = add(svg, 'text', {class: 'value', x: width, y: y + 11}, '');
-    values.push([value, (part) => range(input, valuesAt(plot, part))]);
+    values.push([value, (part) =>
+      range(input, valuesAt(plot, Math.floor(part * item.n)))]);
     drawPlot(svg, input, plot, item.n, width, y + 16);
     y += PLOT + 22;
   }
@@ -317,11 +319,10 @@ function drawOccurrence(svg) {
   const at = add(svg, 'text', {class: 'value', x: width, y: 11}, '');
   finish(svg, width, y + 20);
   follow(svg, width, y, (part) => {
-    const place = part === null ? 0 : Math.floor(part * item.n);
     at.textContent = part === null ? '' :
       `${Number(((begin + part * length) / 1e9).toPrecision(6))} s`;
     values.forEach(([node, text]) => {
-      node.textContent = part === null ? '' : text(place);
+      node.textContent = part === null ? '' : text(part);
     });
   });
 }

@@ -154,9 +154,10 @@ def test_the_trigger_is_the_one_whose_time_was_over(tmp_path: Path) -> None:
     found = report(tmp_path, answer('timed', '2 seconds'), [
         ('/level', 0, 0.5), *(('/flow', k * SECOND // 2, float(2 * (k in (6, 8))))
                               for k in range(20))])
-    assert [(item['g'], item['d']) for item in found.data['occurrences']] == [
-        (-2 * SECOND, 1), (-2 * SECOND, 1)][:len(found.data['occurrences'])]
-    assert found.data['occurrences']
+    occurrence, = found.data['occurrences']
+    assert (occurrence['g'], occurrence['d']) == (-2 * SECOND, 1)
+    # At first nothing is true: the second message at 0 s takes effect a nanosecond later.
+    assert [lane[0] for _, _, lane in occurrence['l']] == ['f', 'f', 'f', 't']
 
 
 def test_an_end_that_is_open_and_a_begin_without_values_are_shown(tmp_path: Path) -> None:
@@ -173,6 +174,13 @@ requirements:
     assert lanes[0].endswith('o14')
     assert lanes[1] == 't720'
     assert found.data['occurrences'] == []
+
+
+def test_a_recording_of_one_instant_is_shown(tmp_path: Path) -> None:
+    found = report(tmp_path, answer('every_message', '2 ticks'), [
+        ('/level', 0, 7.0), ('/flow', 0, 0.0)])
+    assert found.data['lanes'] == ['t1', 'f1', 't1']
+    assert found.data['length'] == 0
 
 
 def test_nothing_of_a_bundle_or_recording_is_code(
