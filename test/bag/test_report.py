@@ -15,6 +15,8 @@
 """Reports of recordings: what they show, that nothing in them is code, that spikes are kept."""
 
 from array import array
+from base64 import b64encode
+from hashlib import sha256
 from html.parser import HTMLParser
 import json
 import math
@@ -40,6 +42,13 @@ from rosbags.rosbag2 import Writer
 
 SECOND = 10**9
 HOSTILE = '</script><script>alert("1")</script>'
+
+
+POINTER = """
+const svg = document.querySelector('svg[data-occurrence]');
+const box = svg.getBoundingClientRect();
+svg.onpointermove({clientX: box.left + box.width * 0.9});
+"""
 
 
 class Outline(HTMLParser):
@@ -363,20 +372,29 @@ def test_a_browser_draws_it_without_network_or_errors(tmp_path: Path) -> None:
     sources = [(tag, values[key]) for tag, values in static.tags for key in ('src', 'href')
                if key in values and tag != 'a']
     assert sources == [('link', 'data:,')]
+    page = tmp_path / 'page.html'
+    own = f"'sha256-{b64encode(sha256(POINTER.encode()).digest()).decode()}'"
+    page.write_text(page.read_text(encoding='utf-8').replace(
+        'script-src', f'script-src {own}').replace(
+        '</body>', f'<script>{POINTER}</script></body>'), encoding='utf-8')
     ran = subprocess.run(
         [browser, '--headless', '--no-sandbox', '--disable-gpu', '--disable-extensions',
          f'--user-data-dir={tmp_path / "profile"}', '--enable-logging=stderr', '--dump-dom',
          '--virtual-time-budget=3000', '--window-size=400,900',
          '--host-resolver-rules=MAP * ~NOTFOUND',
-         (tmp_path / 'page.html').as_uri()],
+         page.as_uri()],
         capture_output=True, text=True, timeout=120, check=True)
     assert 'CONSOLE' not in ran.stderr
-    page = Outline(ran.stdout)
-    drawn = [values for tag, values in page.tags if tag == 'svg']
+    shown = Outline(ran.stdout)
+    drawn = [values for tag, values in shown.tags if tag == 'svg']
     assert len(drawn) == 7
     assert all(values.get('viewbox') for values in drawn)
-    curves = [values['d'] for tag, values in page.tags
+    curves = [values['d'] for tag, values in shown.tags
               if tag == 'path' and values.get('class') == 'curve']
     assert len(curves) == 4
     assert all(curve and 'NaN' not in curve for curve in curves)
-    assert 'deadline, violated' in page.of('text')
+    texts = shown.of('text')
+    assert 'deadline, violated' in texts
+    assert texts[texts.index('flow') + 1] == '2.5'  # under the pointer
+    assert texts[texts.index('level > 1.0') + 1] == 'false'
+    assert texts[texts.index('ANSWER') + 1] == 'violated'
