@@ -406,22 +406,6 @@ static void store_locked(
   }
 }
 
-void fm_engine_set_values_locked(
-  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t received)
-{
-  const struct fm_topic * fed = &engine->options.topics[topic];
-  const uint8_t * sources = engine->options.sources;
-  const struct fm_field * prepared = fm_engine_prepare_locked(engine, topic, fields, received);
-  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-    const uint32_t input = fed->inputs[k];
-    if (prepared[k].outcome != FM_FIELD_READ) {
-      fm_evaluator_unusable(engine->options.evaluator, input);
-    } else if (sources == NULL || sources[input] != FM_RECEPTION) {
-      fm_evaluator_store(engine->options.evaluator, input, prepared[k].value, received);
-    }
-  }
-}
-
 // Under FM_TIMED: let a message take effect at an instant. Returns when it does.
 static int64_t put_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t instant)

@@ -120,11 +120,6 @@ void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t la
 const struct fm_field * fm_engine_prepare_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t received);
 
-/// Set the inputs of a topic from fields that were read, and count those that cannot be used. No
-/// step; a reception is none. In engine.c.
-void fm_engine_set_values_locked(
-  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t received);
-
 /// Let the first message that waits take effect at its stamp, or the evaluator's time if that is
 /// later, but not after `now`. In engine.c.
 void fm_engine_put_waiting_locked(struct fm_engine * engine, int64_t now);

@@ -38,25 +38,6 @@ static bool take_all_due_locked(
   return deadline == INT64_MIN || deadline >= now || *left == 0;
 }
 
-static void begin_locked(struct fm_engine * engine, int64_t start)
-{
-  if (!engine->has_begun) {
-    engine->has_begun = true;
-    fm_engine_take_due_by_locked(engine, fm_later(start, -engine->options.reorder));
-  }
-}
-
-static void set_values_locked(
-  struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size, int64_t time)
-{
-  int64_t stamp;
-  if (fm_engine_read(engine, topic, message, size, engine->fields, &stamp)) {
-    fm_engine_set_values_locked(engine, topic, engine->fields, time);
-  } else {
-    fm_evaluator_undecodable(engine->options.evaluator, topic);
-  }
-}
-
 static void deliver_locked(
   struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size, int64_t time)
 {
@@ -77,16 +58,11 @@ bool fm_engine_records(struct fm_engine * engine, struct fm_records * records, u
     const uint32_t topic = records->topics[k];
     const uint8_t * message = records->bytes + records->place;
     const size_t size = (size_t)records->sizes[k];
-    if (topic < engine->options.n_topics && time < records->starts_at) {
-      set_values_locked(engine, topic, message, size, time);
-    } else if (topic < engine->options.n_topics) {
-      begin_locked(engine, records->starts_at);
+    if (topic < engine->options.n_topics) {
       if (!take_all_due_locked(engine, fm_later(time, -engine->options.reorder), most, &left)) {
         break;
       }
       deliver_locked(engine, topic, message, size, time);
-    }
-    if (topic < engine->options.n_topics) {
       records->counts[topic] += 1;
     }
     records->next += 1;
@@ -98,12 +74,11 @@ bool fm_engine_records(struct fm_engine * engine, struct fm_records * records, u
   return are_all;
 }
 
-bool fm_engine_advance_all(
-  struct fm_engine * engine, int64_t starts_at, int64_t now, uint32_t most)
+bool fm_engine_advance_all(struct fm_engine * engine, int64_t now, uint32_t most)
 {
   fm_engine_lock(engine);
   uint64_t left = FM_MOST_BETWEEN_RECORDS;
-  begin_locked(engine, starts_at);
+  engine->has_begun = true;
   const int64_t end = fm_later(now, -engine->options.reorder);
   const bool is_there = take_all_due_locked(engine, end, most, &left);
   if (is_there) {
@@ -111,4 +86,14 @@ bool fm_engine_advance_all(
   }
   fm_engine_unlock(engine);
   return is_there;
+}
+
+int64_t fm_engine_latest_waiting(struct fm_engine * engine)
+{
+  fm_engine_lock(engine);
+  const struct fm_reorder * waiting = &engine->waiting;
+  const int64_t latest =
+    waiting->n == 0 ? INT64_MIN : waiting->slots[waiting->order[waiting->n - 1]].stamp;
+  fm_engine_unlock(engine);
+  return latest;
 }

@@ -38,7 +38,6 @@ struct fm_records
   uint64_t n;
   uint64_t next;            // the one to deliver next; 0 at first
   uint64_t place;           // where it begins in `bytes`; 0 at first
-  int64_t starts_at;        // ns: the time begins then; those before set inputs, and are no steps
   uint64_t * counts;        // a topic: how many were delivered so far
 };
 
@@ -57,8 +56,10 @@ FM_EXPORT bool fm_engine_records(
 /// While the time is told: as fm_engine_advance, but takes all that is due until then, one after
 /// another, and stops when `most` violations are queued. Returns whether the time is `now`. O(what
 /// is due).
-FM_EXPORT bool fm_engine_advance_all(
-  struct fm_engine * engine, int64_t starts_at, int64_t now, uint32_t most);
+FM_EXPORT bool fm_engine_advance_all(struct fm_engine * engine, int64_t now, uint32_t most);
+
+/// The latest stamp of the messages that wait for their time (engine.h); INT64_MIN if none does.
+FM_EXPORT int64_t fm_engine_latest_waiting(struct fm_engine * engine);
 
 #ifdef __cplusplus
 }

@@ -42,7 +42,7 @@ from fret_monitor.model.policies import Policy, Report, Stale, Stamp
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.monitor import CompiledMonitor, Monitor
 from fret_monitor.runtime.engine import Engine, MOST_QUEUED, ViolationDetail
-from fret_monitor.runtime.evaluator import Evaluator, NEVER, Violation
+from fret_monitor.runtime.evaluator import Evaluator, NEVER, RequirementCounts, Violation
 from fret_monitor.start import manifest_of, start
 
 MOST_KEPT = 10_000
@@ -108,6 +108,7 @@ class Result:
 
     `recorded` and `read` count the messages of each mapped topic. `begin` and `end` are the
     judged time (ns). `errors` say what is missing or damaged: without any, all was seen.
+    `warnings` say what was seen and could not be used, or was out of order.
     """
 
     path: Path
@@ -118,6 +119,7 @@ class Result:
     errors: tuple[str, ...]
     begin: int
     end: int
+    warnings: tuple[str, ...] = ()
 
     @property
     def is_violated(self) -> bool:
@@ -234,6 +236,11 @@ class _Run:
         self._most = MOST_QUEUED
         self._want_details()
         self._errors: list[str] = []
+        self._warnings: list[str] = []
+        self._missing: set[int] = set()  # topics that were not recorded
+        self._before: list[RequirementCounts] = []  # of what is judged
+        self._is_judging = False
+        self._unread: set[int] = set()  # requirements that read one of these topics
         self._latest = 0  # the time of the last message that was read
         self._read = array('Q', bytes(8 * len(self._manifest.topics)))
         self._findings = [Findings(item.id) for item in self._manifest.requirements]
@@ -246,24 +253,29 @@ class _Run:
         last = _at(selection.end, recording, recording.end)
         if last < begin:
             refuse('the end is before the begin', help='--from and --to, in this order')
+        is_limited = last < recording.end
         end = max(last, _at(selection.until, recording, last))
+        self._unread |= {index for index, item in enumerate(manifest.requirements)
+                        if any(manifest.topics[topic].inputs and set(item.inputs) & set(
+                            manifest.topics[topic].inputs) for topic in self._missing)}
         for each in self._changes:
             each.begin(begin, end, manifest)
-        is_limited = last < recording.end
         self._play(wanted, begin, last if is_limited else None)
         if not is_limited:
-            last = max(last, self._latest)
+            waiting = self._engine.latest_waiting
+            last = max(last, self._latest, last if waiting is None else waiting)
             end = max(last, _at(selection.until, recording, last))
-        self._take(self._engine.advance_all(begin, end + manifest.reorder, most=self._most))
+        self._take(self._engine.advance_all(end + manifest.reorder, most=self._most))
         for each in self._changes:
             each.end(end)
         self._finish(end)
+        self._complain()
         recorded = {name: recording.recorded[name] for name in names}
         read = dict(zip(names, self._read))
         if not is_limited:
             self._compare(recorded, read)
         return Result(recording.path, manifest, recorded, read, tuple(self._findings),
-                      tuple(self._errors), begin, end)
+                      tuple(self._errors), begin, end, tuple(self._warnings))
 
     def _wanted(self, names: list[str]) -> Iterator[tuple[tuple[str, str], int]]:
         types = self._recording.types
@@ -284,38 +296,65 @@ class _Run:
             elif others:
                 self._errors.append(f'{name} was recorded as {" and ".join(others)}, the bundle '
                                     f'says {topic.message_type}')
-            elif not found and not self._selection.may_miss:
+            elif not found:
+                self._missing.add(index)
                 near = did_you_mean(name, types)
-                self._errors.append(f'{name} was not recorded' + (f': {near}' if near else ''))
+                text = f'{name} was not recorded' + (f': {near}' if near else '')
+                (self._warnings if self._selection.may_miss else self._errors).append(text)
 
     def _play(self, wanted: Mapping[tuple[str, str], int], begin: int,
               last: int | None) -> None:
         most = max(1, sum(self._recording.recorded[name] for name, _ in wanted))
+        reorder = self._manifest.reorder
+        self._engine.advance(min(begin, self._recording.start))
         try:
-            for batch in self._recording.batches(wanted, last):
+            for batch in self._recording.batches(wanted, None if last is None else last + reorder):
                 if self._watch is not None:
                     self._watch(self._engine, batch)
-                self._take(self._engine.records(
-                    batch.topics, batch.times, batch.sizes, batch.messages, begin, self._read,
-                    most=self._most))
+                if not self._is_judging:
+                    before = batch.before(begin + reorder)
+                    self._deliver(before)
+                    if len(before.topics) < len(batch.topics):
+                        self._judge_from(begin)
+                        self._deliver(batch.after(len(before.topics)))
+                else:
+                    self._deliver(batch)
                 self._latest = max(self._latest, batch.times[-1])
                 self._progress(sum(self._read) / most, self._recording.path.name)
         except DamagedRecording as error:
             self._errors.append(f'the recording cannot be read to its end: {error}')
+        if not self._is_judging:
+            self._judge_from(begin)
+
+    def _deliver(self, batch: Batch) -> None:
+        self._take(self._engine.records(
+            batch.topics, batch.times, batch.sizes, batch.messages, self._read, most=self._most))
+
+    def _judge_from(self, begin: int) -> None:
+        """Start the requirements afresh; what came before set the inputs and their timeouts."""
+        if begin > self._recording.start:
+            self._take(self._engine.advance_all(
+                begin + self._manifest.reorder, most=self._most))
+            self._engine.reset()
+        self._before = [self._engine.requirement_counts(k) for k in range(len(self._findings))]
+        self._is_judging = True
 
     def _take(self, found: Iterable[list[Violation]]) -> None:
         for batch in found:
             details = list(self._details()) if self._wants_details else []
             details.reverse()
             for violation in batch:
+                # Both are queued together; a detail is missing if its queue was full.
+                has_detail = bool(details) and details[-1].is_of(violation)
+                detail = details.pop() if has_detail else None
                 findings = self._findings[violation.requirement]
+                if not self._is_judging or violation.requirement in self._unread or (
+                        violation.is_recovery and findings.since is None):
+                    continue
                 if violation.is_recovery:
                     _end(findings, violation.stamp)
                 else:
                     _begin(findings, violation.stamp)
-                # Both are queued together; a detail is missing if its queue was full.
-                has_detail = bool(details) and details[-1].is_of(violation)
-                detail = details.pop() if has_detail else None
                 for each in self._changes:
                     each.change(violation, detail)
             self._want_details()
@@ -333,24 +372,39 @@ class _Run:
             yield detail
 
     def _finish(self, end: int) -> None:
-        """Set the verdicts; complain of messages that could not be used."""
-        manifest = self._manifest
-        is_timed = manifest.policy is Policy.TIMED
-        counts = [self._engine.requirement_counts(k) for k in range(len(self._findings))]
+        """Set the verdicts."""
+        is_timed = self._manifest.policy is Policy.TIMED
         is_open = self._open() if is_timed else set()
-        for index, (findings, found) in enumerate(zip(self._findings, counts)):
-            findings.violations = None if is_timed else found.violations
-            if found.violations or findings.occurrences:
+        for index, (findings, before) in enumerate(zip(self._findings, self._before)):
+            counts = self._engine.requirement_counts(index)
+            violations = counts.violations - before.violations
+            findings.violations = None if is_timed else violations
+            if index in self._unread:
+                findings.violations = None if is_timed else 0
+                continue
+            if violations or findings.occurrences:
                 findings.verdict = False
-            elif found.steps and index not in is_open:
+            elif counts.steps > before.steps and index not in is_open:
                 findings.verdict = True
-            findings.is_open = findings.verdict is None and bool(found.steps)
+            findings.is_open = findings.verdict is None and counts.steps > before.steps
             if findings.since is not None:
                 findings.longest = max(findings.longest, end - findings.since)
-        for index, topic in enumerate(manifest.topics):
-            if count := self._engine.topic_counts(index).undecodable:
-                self._errors.append(f'{counted(count, "message")} of {topic.name} cannot be '
-                                    f'decoded as {topic.message_type}')
+
+    def _complain(self) -> None:
+        """Say what could not be decoded or used, and what was out of order."""
+        for index, topic in enumerate(self._manifest.topics):
+            counts = self._engine.topic_counts(index)
+            if counts.undecodable:
+                self._errors.append(f'{counted(counts.undecodable, "message")} of {topic.name} '
+                                    f'cannot be decoded as {topic.message_type}')
+            for number in topic.inputs:
+                self._complain_of_input(number, topic.name)
+            order = self._engine.order_counts(index)
+            for count, what in ((order.late, 'came after their stamps by more than `reorder`'),
+                                (order.overflows, 'could not wait for earlier stamps'),
+                                (order.ahead, 'have stamps ahead of their reception')):
+                if count:
+                    self._warnings.append(f'{counted(count, "message")} of {topic.name} {what}')
         times = self._engine.time_counts()
         if times.missed:
             self._errors.append(f'{counted(times.missed, "period")} in gaps of the recording '
@@ -358,6 +412,15 @@ class _Run:
         if times.overflows:
             self._errors.append(f'{counted(times.overflows, "change")} came faster than max_rate '
                                 'says')
+
+    def _complain_of_input(self, number: int, topic: str) -> None:
+        name = self._manifest.inputs[number].name
+        counts = self._engine.input_counts(number)
+        if counts.unusable and not counts.received:
+            self._errors.append(f'no message of {topic} has a value of {name}')
+        elif counts.unusable:
+            self._warnings.append(
+                f'{counted(counts.unusable, "message")} of {topic} without a value of {name}')
 
     def _open(self) -> set[int]:
         """Return the requirements that would be violated if no further message came."""

@@ -20,6 +20,7 @@ metadata, `rosbags` yields nothing if the storage spells the QoS of a topic in a
 """
 
 from array import array
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack
@@ -68,6 +69,19 @@ class Batch:
     times: 'array[int]'
     sizes: 'array[int]'
     messages: bytes
+
+    def before(self, time: int) -> 'Batch':
+        """Return the messages before a time."""
+        return self._part(0, bisect_left(self.times, time))
+
+    def after(self, count: int) -> 'Batch':
+        """Return the messages after the first `count`."""
+        return self._part(count, len(self.times))
+
+    def _part(self, begin: int, end: int) -> 'Batch':
+        first = sum(self.sizes[:begin])
+        return Batch(self.topics[begin:end], self.times[begin:end], self.sizes[begin:end],
+                     self.messages[first:first + sum(self.sizes[begin:end])])
 
 
 class Recording(AbstractContextManager['Recording']):

@@ -184,7 +184,7 @@ class Engine:
             self.pointer, topic, ffi.from_buffer('uint8_t[]', message), len(message), origin))
 
     def records(self, topics: 'array[int]', times: 'array[int]', sizes: 'array[int]',
-                messages: bytes, starts_at: int, counts: 'array[int]', *,
+                messages: bytes, counts: 'array[int]', *,
                 most: int = MOST_QUEUED) -> Iterator[list[Violation]]:
         """
         Deliver messages of a recording, in the order of their times, while the time is told.
@@ -201,8 +201,6 @@ class Engine:
             typecode `Q`: the length of each, in bytes.
         messages
             the serialized messages, one after another.
-        starts_at
-            nanoseconds: the time begins then. Messages before set inputs, and are no steps.
         counts
             typecode `Q`: of each topic, to which the number of messages is added.
         most
@@ -218,18 +216,22 @@ class Engine:
             'times': ffi.from_buffer('int64_t[]', times),
             'sizes': ffi.from_buffer('uint64_t[]', sizes),
             'bytes': ffi.from_buffer('uint8_t[]', messages),
-            'n': len(topics), 'starts_at': starts_at,
-            'counts': ffi.from_buffer('uint64_t[]', counts)})
+            'n': len(topics), 'counts': ffi.from_buffer('uint64_t[]', counts)})
         while not self._library.fm_engine_records(self.pointer, records, most):
             yield self._take_all()
         yield self._take_all()
 
-    def advance_all(self, starts_at: int, now: int, *,
-                    most: int = MOST_QUEUED) -> Iterator[list[Violation]]:
+    def advance_all(self, now: int, *, most: int = MOST_QUEUED) -> Iterator[list[Violation]]:
         """Move the time while it is told, and yield what is found until then, as `records`."""
-        while not self._library.fm_engine_advance_all(self.pointer, starts_at, now, most):
+        while not self._library.fm_engine_advance_all(self.pointer, now, most):
             yield self._take_all()
         yield self._take_all()
+
+    @property
+    def latest_waiting(self) -> int | None:
+        """The latest stamp of the messages that wait for their time; None if none does."""
+        found = int(self._library.fm_engine_latest_waiting(self.pointer))
+        return None if found == -2**63 else found
 
     def _take_all(self) -> list[Violation]:
         found: list[Violation] = []
