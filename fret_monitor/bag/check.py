@@ -255,9 +255,9 @@ class _Run:
             refuse('the end is before the begin', help='--from and --to, in this order')
         is_limited = last < recording.end
         end = max(last, _at(selection.until, recording, last))
-        self._unread |= {index for index, item in enumerate(manifest.requirements)
-                        if any(manifest.topics[topic].inputs and set(item.inputs) & set(
-                            manifest.topics[topic].inputs) for topic in self._missing)}
+        missing = {number for index in self._missing for number in manifest.topics[index].inputs}
+        self._unread = {index for index, item in enumerate(manifest.requirements)
+                        if missing.intersection(item.inputs)}
         for each in self._changes:
             each.begin(begin, end, manifest)
         self._play(wanted, begin, last if is_limited else None)

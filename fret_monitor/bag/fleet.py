@@ -18,7 +18,7 @@ Checks many recordings, in several processes; a run that stopped goes on where i
 A recording that cannot be checked is one line of the results; it never ends the run.
 """
 
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import as_completed, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
@@ -38,6 +38,7 @@ from fret_monitor.bag.results import failed_line, json_line
 from fret_monitor.model.diagnostics import CompileError, refuse
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.errors import NativeError
+from fret_monitor.start import manifest_of
 
 _Check = Callable[..., 'Outcome']
 _BLOCK = 1 << 20
@@ -55,29 +56,50 @@ class Outcome:
     error: str = ''
 
 
-def check_one(bundle: Path, path: Path, selection: Selection, *, with_hash: bool = False,
+def check_one(bundle: Path, path: Path, selection: Selection, *, settings: str = '',
               reports: Path | None = None, progress: Progress = no_progress) -> Outcome:
     """
     Check a recording; what is wrong with it becomes part of the outcome.
 
-    With `reports`, a folder, its report is written there (`page_name`).
+    With `reports`, a folder, its report is written there (`page_name`). With `settings`, the line
+    contains them, and the SHA-256 of the recording.
     """
+    check: Callable[[], Result]
+    if reports is None:
+        check = partial(check_recording, bundle, path, selection, progress=progress)
+    else:
+        from fret_monitor.bag.report import check_and_report
+        check = partial(check_and_report, bundle, path, selection, reports / page_name(path),
+                        progress=progress)
+    return outcome_of(path, check, settings)
+
+
+def outcome_of(path: Path, check: Callable[[], Result], settings: str = '') -> Outcome:
+    """Call a function that checks a recording; see `check_one`."""
     result = None
     error = ''
     try:
-        if reports is None:
-            result = check_recording(bundle, path, selection, progress=progress)
-        else:
-            from fret_monitor.bag.report import check_and_report
-            result = check_and_report(
-                bundle, path, selection, reports / page_name(path), progress=progress)
+        result = check()
         line = json_line(result)
     except (CompileError, NativeError, OSError) as problem:
         error = str(problem)
+    except Exception as problem:  # noqa: B902  # a recording must not end the run of the others
+        error = f'error: {path}: {type(problem).__name__}: {problem}'
+    if error:
         line = failed_line(path, error)
-    if with_hash:
-        line = json.dumps({**json.loads(line), 'sha256': digest(path)}, ensure_ascii=False)
+    if settings:
+        line = json.dumps({**json.loads(line), 'sha256': digest(path), 'settings': settings},
+                          ensure_ascii=False)
     return Outcome(path, line, result, error)
+
+
+def settings_of(bundle: Path, selection: Selection) -> str:
+    """Return a hash of what, beside a recording, decides about its results."""
+    try:
+        bundle_hash = manifest_of(bundle, constants=selection.constants).bundle_hash
+    except CompileError:  # perhaps its messages are only in the recordings
+        bundle_hash = hashlib.sha256(bundle.read_bytes()).hexdigest()
+    return hashlib.sha256(f'{bundle_hash} {selection!r}'.encode()).hexdigest()
 
 
 def page_name(path: Path) -> str:
@@ -101,9 +123,9 @@ def digest(path: Path) -> str | None:
 
 
 def check_all(bundle: Path, paths: Sequence[Path], selection: Selection, *, jobs: int,
-              with_hash: bool = False, reports: Path | None = None) -> Iterator[Outcome]:
+              settings: str = '', reports: Path | None = None) -> Iterator[Outcome]:
     """Check recordings in `jobs` processes; yield the outcomes as they come."""
-    check = partial(check_one, with_hash=with_hash, reports=reports)
+    check = partial(check_one, settings=settings, reports=reports)
     if jobs == 1:
         for path in paths:
             yield check(bundle, path, selection)
@@ -153,7 +175,7 @@ def _one_by_one(check: _Check, bundle: Path, paths: Iterable[Path], selection: S
 
 
 def check_on_cluster(bundle: Path, paths: Sequence[Path], selection: Selection, *, address: str,
-                     jobs: int, with_hash: bool = False,
+                     jobs: int, settings: str = '',
                      reports: Path | None = None) -> Iterator[Outcome]:
     """
     Check recordings on a cluster of Dask; yield the outcomes as they come.
@@ -168,7 +190,7 @@ def check_on_cluster(bundle: Path, paths: Sequence[Path], selection: Selection, 
     """
     dask: Any = import_module('distributed')
     paths = [path.absolute() for path in paths]
-    check = partial(check_one, with_hash=with_hash,
+    check = partial(check_one, settings=settings,
                     reports=None if reports is None else reports.absolute())
     with ExitStack() as stack:
         if address == 'local':
@@ -192,12 +214,6 @@ def check_on_cluster(bundle: Path, paths: Sequence[Path], selection: Selection, 
                 yield Outcome(waiting[done], failed_line(waiting[done], text), None, text)
 
 
-def finished(results: Path) -> dict[str, str | None]:
-    """Return the recordings in a file of results that an earlier run wrote, with their hashes."""
-    return {path: json.loads(line).get('sha256')
-            for path, line in finished_lines(results).items()}
-
-
 def finished_lines(results: Path) -> dict[str, str]:
     """Return the lines of a file of results that an earlier run wrote, by recording."""
     found: dict[str, str] = {}
@@ -211,3 +227,14 @@ def finished_lines(results: Path) -> dict[str, str]:
         except (ValueError, KeyError, TypeError):
             continue  # the run was stopped while it wrote this line
     return found
+
+
+def reusable(lines: Mapping[str, str], path: Path, settings: str) -> str | None:
+    """Return the line of a recording that need not be checked again; None if it must be."""
+    line = lines.get(str(path))
+    if line is None:
+        return None
+    content = json.loads(line)
+    is_same = content.get('settings') == settings and not content.get('errors') \
+        and content.get('sha256') == digest(path)
+    return line if is_same else None

@@ -23,7 +23,7 @@ from array import array
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import dataclass
 from heapq import merge
 from itertools import chain, islice, pairwise
@@ -48,6 +48,7 @@ _MOST_MESSAGES = 512  # of a batch
 _MOST_BYTES = 1 << 20  # of a batch, unless its messages are larger than those before
 _SEPARATOR = '=' * 80 + '\n'
 _CDR = 'cdr'
+_HEADER = 'std_msgs/msg/Header'
 _FILES = ('.mcap', '.db3', '.bag')
 _Message = tuple[Connection, int, bytes]
 
@@ -158,14 +159,20 @@ class Recording(AbstractContextManager['Recording']):
                    help='a recording is a folder of rosbag2, or a file .mcap, .db3 or .bag')
 
     def write_definitions(self, folder: Path) -> None:
-        """Write the message definitions that it contains to `folder`/share/PKG/msg/NAME.msg."""
+        """
+        Write the message definitions that it contains to `folder`/share/PKG/msg/NAME.msg.
+
+        One that cannot be read is left out: what is installed is used then.
+        """
         for connection in self._connections():
-            if connection.msgdef.format is MessageDefinitionFormat.MSG and not self._is_ros1:
-                _write_text(folder, connection.msgtype, connection.msgdef.data)
-            elif connection.msgdef.format is not MessageDefinitionFormat.NONE:
-                self._register(connection)
-                text, _ = self._typestore.generate_msgdef(connection.msgtype, ros_version=2)
-                _write_text(folder, connection.msgtype, text)
+            definition = connection.msgdef
+            if definition.format is MessageDefinitionFormat.MSG and not self._is_ros1:
+                _write_text(folder, connection.msgtype, definition.data)
+            elif definition.format is not MessageDefinitionFormat.NONE:
+                with suppress(Exception):
+                    self._register(connection)
+                    text, _ = self._typestore.generate_msgdef(connection.msgtype, ros_version=2)
+                    _write_text(folder, connection.msgtype, text)
 
     def _connections(self) -> Iterable[Connection]:
         """Return a connection of each type, with its definition if there is one."""
@@ -187,6 +194,9 @@ class Recording(AbstractContextManager['Recording']):
                 parts = [part.partition('\n')[2] for part in parts[1:]]
             for part in parts:
                 types.update(get_types_from_idl(part))
+        if self._is_ros1 and _HEADER in types:  # rosbags leaves its `seq` out of what it converts
+            constants, fields = types[_HEADER]
+            types[_HEADER] = constants, [item for item in fields if item[0] != 'seq']
         self._typestore.register(
             {name: kind for name, kind in types.items() if name not in self._typestore.fielddefs})
 
@@ -244,14 +254,16 @@ class Recording(AbstractContextManager['Recording']):
         if not chosen:
             return iter(())
         messages: Iterator[_Message] = storage.messages(chosen, None, stop)
-        convert = self._conversion()
+        convert = self._conversion(chosen)
         if convert is None:
             return messages
         return ((item, time, convert(data, item.msgtype)) for item, time, data in messages)
 
-    def _conversion(self) -> Callable[[bytes, str], bytes] | None:
+    def _conversion(
+        self, connections: Iterable[Connection],
+    ) -> Callable[[bytes, str], bytes] | None:
         if self._is_ros1:
-            for connection in self._connections():
+            for connection in connections:
                 self._register(connection)
             return lambda data, name: bytes(self._typestore.ros1_to_cdr(data, name))
         if self._mode == 'message':

@@ -14,7 +14,7 @@
 
 """What was found in a recording, as JSON, JUnit, CSV and a table."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 import csv
 import json
 from typing import TextIO
@@ -79,42 +79,36 @@ def _aligned(row: Sequence[str], widths: Sequence[int]) -> str:
     return '  '.join([*words, *numbers]).rstrip()
 
 
-def junit(results: Iterable[Result], failed: Iterable[tuple[str, str]], bundle: str) -> str:
+def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str) -> str:
     """
-    Return the results as JUnit's XML: a suite a recording, a case a requirement.
+    Return lines of JSON as JUnit's XML: a suite a recording, a case a requirement.
 
-    `failed` are recordings that could not be checked, each with its error.
+    `texts` are those of the requirements, by id.
     """
     suites = ElementTree.Element('testsuites', name=_clean(bundle))
-    for result in results:
-        suite = ElementTree.SubElement(suites, 'testsuite', name=_clean(str(result.path)))
-        for item, requirement in zip(result.findings, result.manifest.requirements):
+    for content in map(json.loads, lines):
+        suite = ElementTree.SubElement(suites, 'testsuite', name=_clean(content['bag']))
+        for name, found in content['requirements'].items():
             case = ElementTree.SubElement(
-                suite, 'testcase', name=_clean(item.id), classname=_clean(result.manifest.name))
-            if item.verdict is False:
-                first = '' if item.first is None else f', first at {seconds(item.first)}'
+                suite, 'testcase', name=_clean(name), classname=_clean(bundle))
+            if found['verdict'] is False:
+                first = '' if found['first'] is None else f', first at {found["first"]}'
                 failure = ElementTree.SubElement(
                     case, 'failure',
-                    message=f'violated {counted(item.occurrences, "time")}{first}')
-                failure.text = _clean(requirement.text)
-            elif item.verdict is None:
-                ElementTree.SubElement(case, 'skipped', message=verdict_text(item))
-        _add_errors(suite, result.errors)
-    for path, error in failed:
-        _add_errors(ElementTree.SubElement(suites, 'testsuite', name=_clean(path)), (error,))
-    for suite in suites:
+                    message=f'violated {counted(found["occurrences"], "time")}{first}')
+                failure.text = _clean(texts.get(name, ''))
+            elif found['verdict'] is None:
+                ElementTree.SubElement(case, 'skipped', message='open, or not judged')
+        for error in content['errors']:
+            case = ElementTree.SubElement(
+                suite, 'testcase', name='recording', classname='recording')
+            ElementTree.SubElement(case, 'error', message=_clean(error))
         suite.set('tests', str(len(suite)))
         for kind in ('failure', 'error', 'skipped'):
             plural = kind if kind == 'skipped' else f'{kind}s'
             suite.set(plural, str(len(suite.findall(f'*/{kind}'))))
     ElementTree.indent(suites)
     return ElementTree.tostring(suites, encoding='unicode', xml_declaration=True) + '\n'
-
-
-def _add_errors(suite: ElementTree.Element, errors: Iterable[str]) -> None:
-    for error in errors:
-        case = ElementTree.SubElement(suite, 'testcase', name='recording', classname='recording')
-        ElementTree.SubElement(case, 'error', message=_clean(error))
 
 
 def _clean(text: str) -> str:

@@ -18,6 +18,7 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from importlib.util import find_spec
+import json
 import os
 from pathlib import Path
 import sys
@@ -31,7 +32,7 @@ from fret_monitor.model.output import open_output, refuse_overwriting
 from fret_monitor.model.policies import Stamp
 
 if TYPE_CHECKING:
-    from fret_monitor.bag.check import Selection
+    from fret_monitor.bag.check import Result, Selection
     from fret_monitor.bag.fleet import Outcome
 
 _PAGES = ('.html', '.htm')
@@ -112,36 +113,51 @@ def _selection(options: Namespace) -> 'Selection':
 
 
 def _check(options: Namespace, bundle: Path, selection: 'Selection') -> int:
-    from fret_monitor.bag.results import junit, table
-    failed: list[tuple[str, str]] = []
-    results = []
+    from fret_monitor.bag.results import junit
     lines: dict[str, str] = {}
+    texts: dict[str, str] = {}
     status = 0
     folder = _report_folder(options)
     for outcome in _counted(_outcomes(options, bundle, selection, folder), len(options.bags)):
         lines[_key(outcome.path)] = outcome.line
-        if outcome.result is None:
-            failed.append((str(outcome.path), outcome.error))
-            print(outcome.error, file=sys.stderr)
-        else:
-            results.append(outcome.result)
-            for error in outcome.result.errors:
-                kind = 'warning' if selection.is_partial else 'error'
-                print(f'{kind}: {outcome.path}: {error}', file=sys.stderr)
-            if outcome.result.errors and not selection.is_partial:
-                status = 1
-            if options.fail_on_violation and outcome.result.is_violated:
-                status = 1
-        if options.json:
-            print(outcome.line, flush=True)
-        elif outcome.result is not None:
-            print(table(outcome.result), flush=True)
+        if outcome.result is not None:
+            texts = {item.id: item.text for item in outcome.result.manifest.requirements}
+        _print(outcome, selection, is_json=options.json)
+        content = json.loads(outcome.line)
+        is_violated = any(item['verdict'] is False for item in content['requirements'].values())
+        if outcome.error or (content['errors'] and not selection.is_partial) \
+                or (is_violated and options.fail_on_violation):
+            status = 1
+    found = [lines[key] for key in map(_key, options.bags) if key in lines]
     if options.junit is not None:
         with open_output(options.junit) as file:
-            file.write(junit(results, failed, str(bundle)))
+            file.write(junit(found, texts, bundle.stem))
     if folder is not None:
-        _write_index(options, bundle, lines, folder)
-    return 1 if failed else status
+        from fret_monitor.bag.index import index_page
+        with open_output(folder / 'index.html') as file:
+            file.write(index_page(f'{bundle.stem}: {len(found)} recordings', found, folder))
+    return status
+
+
+def _print(outcome: 'Outcome', selection: 'Selection', *, is_json: bool) -> None:
+    from fret_monitor.bag.results import table
+    if outcome.error:
+        print(outcome.error, file=sys.stderr)
+    if outcome.result is not None:
+        kind = 'warning' if selection.is_partial else 'error'
+        for error in outcome.result.errors:
+            print(f'{kind}: {outcome.path}: {error}', file=sys.stderr)
+        for warning in outcome.result.warnings:
+            print(f'warning: {outcome.path}: {warning}', file=sys.stderr)
+    if is_json:
+        print(outcome.line, flush=True)
+    elif outcome.result is not None:
+        print(table(outcome.result), flush=True)
+    elif not outcome.error:
+        found = json.loads(outcome.line)['requirements'].items()
+        violated = [name for name, item in found if item['verdict'] is False]
+        print(f'{outcome.path}: checked before, '
+              + (f'violated: {", ".join(violated)}' if violated else 'no violation'), flush=True)
 
 
 def _counted(outcomes: Iterator['Outcome'], total: int) -> Iterator['Outcome']:
@@ -167,58 +183,55 @@ def _report_folder(options: Namespace) -> Path | None:
     return folder
 
 
-def _write_index(options: Namespace, bundle: Path, lines: dict[str, str], folder: Path) -> None:
-    from fret_monitor.bag.fleet import finished_lines
-    from fret_monitor.bag.index import index_page
-    if options.results is not None:
-        known = finished_lines(options.results)
-        lines = {**{_key(path): line for path, line in known.items()}, **lines}
-    found = [lines[key] for key in map(_key, options.bags) if key in lines]
-    with open_output(folder / 'index.html') as file:
-        file.write(index_page(f'{bundle.stem}: {len(found)} recordings', found, folder))
-
-
 def _key(path: Path | str) -> str:
     return str(Path(path).absolute())
 
 
 def _outcomes(options: Namespace, bundle: Path, selection: 'Selection',
               folder: Path | None) -> Iterator['Outcome']:
-    from fret_monitor.bag.fleet import check_one, finished
-    if options.csv is not None or options.mcap is not None or (
-            options.report is not None and folder is None):
-        yield _with_changes(options, bundle, selection, folder)
-        return
-    paths: Sequence[Path] = options.bags
+    from fret_monitor.bag.fleet import finished_lines, Outcome, reusable, settings_of
     if options.results is None:
-        if len(paths) == 1 and options.dask is None:
-            with progress('bag') as report:
-                outcome = check_one(
-                    bundle, paths[0], selection, reports=folder, progress=report)
-            yield outcome
-        else:
-            yield from _check_all(options, bundle, paths, selection, folder)
+        yield from _checked(options, bundle, options.bags, selection, folder, '')
         return
-    known = finished(options.results)
+    settings = settings_of(bundle, selection)
+    known = finished_lines(options.results)
+    left = []
+    for path in options.bags:
+        line = reusable(known, path, settings)
+        if line is None:
+            left.append(path)
+        else:
+            yield Outcome(path, line, None)
     with options.results.open('a', encoding='utf-8') as file:
         _end_line(options.results, file)
-        left = [path for path in paths if str(path) not in known]
-        for outcome in _check_all(options, bundle, left, selection, folder, with_hash=True):
+        for outcome in _checked(options, bundle, left, selection, folder, settings):
             file.write(outcome.line + '\n')
             file.flush()
             yield outcome
 
 
-def _check_all(options: Namespace, bundle: Path, paths: Sequence[Path], selection: 'Selection',
-               folder: Path | None, *, with_hash: bool = False) -> Iterator['Outcome']:
-    from fret_monitor.bag.fleet import check_all, check_on_cluster
-    if options.dask is None:
-        return check_all(bundle, paths, selection, jobs=options.jobs, with_hash=with_hash,
-                         reports=folder)
-    if find_spec('distributed') is None:
-        refuse('--dask needs the extra `dask`', help=pip_install('distributed'))
-    return check_on_cluster(bundle, paths, selection, address=options.dask, jobs=options.jobs,
-                            with_hash=with_hash, reports=folder)
+def _checked(options: Namespace, bundle: Path, paths: Sequence[Path], selection: 'Selection',
+             folder: Path | None, settings: str) -> Iterator['Outcome']:
+    """Check recordings, in the way that the options say."""
+    from fret_monitor.bag.fleet import check_all, check_on_cluster, check_one, outcome_of
+    has_files = options.csv is not None or options.mcap is not None or (
+        options.report is not None and folder is None)
+    if has_files and paths:
+        yield outcome_of(
+            paths[0], lambda: _with_changes(options, bundle, selection, folder), settings)
+    elif options.dask is not None:
+        if find_spec('distributed') is None:
+            refuse('--dask needs the extra `dask`', help=pip_install('distributed'))
+        yield from check_on_cluster(bundle, paths, selection, address=options.dask,
+                                    jobs=options.jobs, settings=settings, reports=folder)
+    elif len(paths) == 1:
+        with progress('bag') as report:
+            outcome = check_one(bundle, paths[0], selection, settings=settings, reports=folder,
+                                progress=report)
+        yield outcome
+    else:
+        yield from check_all(bundle, paths, selection, jobs=options.jobs, settings=settings,
+                             reports=folder)
 
 
 def _end_line(path: Path, file: TextIO) -> None:
@@ -229,11 +242,12 @@ def _end_line(path: Path, file: TextIO) -> None:
 
 
 def _with_changes(options: Namespace, bundle: Path, selection: 'Selection',
-                  folder: Path | None) -> 'Outcome':
+                  folder: Path | None) -> 'Result':
+    """Check a recording, and write what happens in it to the files that the options name."""
     from fret_monitor.bag.check import Changes, check_recording
-    from fret_monitor.bag.fleet import Outcome, page_name
+    from fret_monitor.bag.fleet import page_name
     from fret_monitor.bag.report import check_and_report
-    from fret_monitor.bag.results import ChangesCsv, json_line
+    from fret_monitor.bag.results import ChangesCsv
     from fret_monitor.bag.violations import open_violations
     changes: list[Changes] = []
     with ExitStack() as stack:
@@ -244,14 +258,11 @@ def _with_changes(options: Namespace, bundle: Path, selection: 'Selection',
                 open_violations(options.mcap, options.namespace)))
         path = options.bags[0]
         page = options.report if folder is None else folder / page_name(path)
-        with progress('bag') as report:
-            if page is None:
-                result = check_recording(
-                    bundle, path, selection, changes=changes, progress=report)
-            else:
-                result = check_and_report(
-                    bundle, path, selection, page, changes=changes, progress=report)
-    return Outcome(path, json_line(result), result)
+        report = stack.enter_context(progress('bag'))
+        if page is None:
+            return check_recording(bundle, path, selection, changes=changes, progress=report)
+        return check_and_report(
+            bundle, path, selection, page, changes=changes, progress=report)
 
 
 def _remap(text: str) -> tuple[str, str]:

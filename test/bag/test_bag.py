@@ -33,6 +33,7 @@ from fret_monitor.cli.main import main
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.start import start
 from fret_monitor.traces.simulate import simulate
+import numpy
 import pytest
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionMode, Reader, StoragePlugin, Writer
@@ -279,6 +280,7 @@ def test_a_mapped_topic_that_was_not_recorded_is_an_error(
     assert main([*arguments, '--namespace', '/robot']) == 1
     assert '/robot/flow was not recorded' in capsys.readouterr().err
     assert main([*arguments, '--namespace', 'robot', '--missing-topics', 'ok']) == 0
+    assert 'warning: ' in capsys.readouterr().err
     assert main([*arguments, '--namespace', 'robot', '--remap', 'flow:=stream']) == 0
     assert capsys.readouterr().err == ''
     assert main([*arguments, '--remap', 'level:=/robot/level', '--remap',
@@ -314,7 +316,7 @@ def test_several_recordings_in_processes_and_a_run_that_goes_on(
             if 'bag1' not in line]
     results.write_text('\n'.join(kept) + '\n{"bag": "half', encoding='utf-8')
     capsys.readouterr()
-    assert main(arguments) == 0
+    assert main(arguments) == 1  # the bad one is tried again
     assert f'{paths[1]}: 50 messages' in capsys.readouterr().out
     assert sum('bag1' in line for line in results.read_text(encoding='utf-8').splitlines()) == 1
 
@@ -562,3 +564,155 @@ def test_the_recordings_of_rosbag2_are_read_whole() -> None:
             assert read == sum(recording.recorded.values()), path
         found += 1
     assert found > 20
+
+
+def stamped(folder: Path, ahead: float) -> Path:
+    """Write 100 messages whose stamps are ahead of their reception; the last three are high."""
+    kind = 'sensor_msgs/msg/Temperature'
+    with Writer(folder / 'stamped', version=9) as writer:
+        topic = writer.add_connection('/level', kind, typestore=TYPES)
+        for number in range(100):
+            time = START + number * 10_000_000
+            stamp = TYPES.types['builtin_interfaces/msg/Time'](
+                *divmod(time + int(ahead * SECOND), SECOND))
+            header = TYPES.types['std_msgs/msg/Header'](stamp=stamp, frame_id='')
+            message = TYPES.types[kind](header, float(number >= 97), 0.0)
+            writer.write(topic, time, TYPES.serialize_cdr(message, kind))
+    return folder / 'stamped'
+
+
+@pytest.mark.parametrize('ahead', [0.0, 0.5, 5.0])
+def test_messages_stamped_ahead_of_their_reception_take_effect(
+        tmp_path: Path, ahead: float) -> None:
+    file = tmp_path / 'stamped.yaml'
+    file.write_text("""format: 1
+evaluation: {policy: timed, stamp: header, reorder: 0.05}
+inputs: {level: {topic: level, type: sensor_msgs/msg/Temperature, field: temperature}}
+requirements: [{id: LOW, ptltl: "level < 0.5"}]
+""", encoding='utf-8')
+    result = check_recording(file, stamped(tmp_path, ahead), Selection())
+    low, = result.findings
+    assert (low.verdict, low.first) == (False, START + 970_000_000 + int(ahead * SECOND))
+    assert any('ahead' in warning for warning in result.warnings) == (ahead > 0)
+
+
+def test_a_part_knows_which_inputs_are_silent(tmp_path: Path) -> None:
+    file = tmp_path / 'silent.yaml'
+    file.write_text("""format: 1
+inputs:
+  a: {topic: level, type: std_msgs/msg/Float64, timeout: 0.5, stale: violate}
+  b: {topic: flow, type: std_msgs/msg/Float64}
+requirements: [{id: R, ptltl: "a < 1 | b > 9"}]
+""", encoding='utf-8')
+    path = write(tmp_path / 'bag', [
+        ('/level', 0, 0.0), *(('/flow', number * SECOND // 10, 0.0) for number in range(200))])
+
+    def first(begin: str) -> int | None:
+        return check_recording(
+            file, path, Selection(begin=Moment.parse(begin))).findings[0].first
+
+    assert first('start') == START + SECOND // 2
+    assert first('10') == START + 10 * SECOND
+    assert first('0.3') == START + SECOND // 2
+
+
+def test_what_earlier_runs_found_counts_until_something_changes(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = bundle(tmp_path, 'every_message')
+    good = write(tmp_path / 'good', [('/level', 0, 0.0), ('/flow', 1, 0.0)])
+    bad = write(tmp_path / 'bad', [('/level', 0, 0.7), ('/flow', 1, 0.0)])
+    broken = tmp_path / 'broken.mcap'
+    broken.write_bytes(b'')
+    results, junit = tmp_path / 'r.jsonl', tmp_path / 'j.xml'
+    arguments = ['bag', str(file), str(good), str(bad), str(broken), '--results', str(results),
+                 '--fail-on-violation', '--junit', str(junit)]
+    for _ in range(2):
+        assert main(arguments) == 1
+        suites = ElementTree.parse(junit).getroot()
+        assert [suite.get('failures') for suite in suites] == ['0', '1', '0']
+        assert [suite.get('errors') for suite in suites] == ['0', '0', '1']
+    out = capsys.readouterr().out
+    assert out.count(f'{bad}: checked before, violated: LOW') == 1
+    assert len(results.read_text(encoding='utf-8').splitlines()) == 4  # the broken one again
+    shutil.rmtree(good)
+    write(tmp_path / 'good', [('/level', 0, 0.8), ('/flow', 1, 0.0)])
+    main(arguments)
+    assert f'{good}: checked before' not in capsys.readouterr().out
+    file.write_text(file.read_text(encoding='utf-8').replace('0.5"}', '0.9"}'), encoding='utf-8')
+    main(arguments)
+    assert 'checked before' not in capsys.readouterr().out
+
+
+def test_what_could_not_be_used_is_said(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kind = 'sensor_msgs/msg/JointState'
+    with Writer(tmp_path / 'bag', version=9) as writer:
+        topic = writer.add_connection('/joints', kind, typestore=TYPES)
+        stamp = TYPES.types['builtin_interfaces/msg/Time'](0, 0)
+        for number in range(10):
+            message = TYPES.types[kind](
+                TYPES.types['std_msgs/msg/Header'](stamp=stamp, frame_id=''),
+                ['elbow' if number == 0 else 'other'], numpy.array([0.0]), numpy.array([]),
+                numpy.array([]))
+            writer.write(topic, START + number, TYPES.serialize_cdr(message, kind))
+    file = tmp_path / 'joints.yaml'
+    text = f"""format: 1
+inputs:
+  elbow: {{topic: joints, type: {kind}, field: "position[name = elbow]"}}
+requirements: [{{id: R, ptltl: "elbow < 1"}}]
+"""
+    file.write_text(text, encoding='utf-8')
+    assert main(['bag', str(file), str(tmp_path / 'bag')]) == 0
+    assert '9 messages of joints without a value of elbow' in capsys.readouterr().err
+    file.write_text(text.replace('= elbow', '= wrist'), encoding='utf-8')
+    assert main(['bag', str(file), str(tmp_path / 'bag')]) == 1
+    assert 'no message of joints has a value of elbow' in capsys.readouterr().err
+
+
+def test_what_reads_a_missing_topic_is_not_judged(tmp_path: Path) -> None:
+    file = tmp_path / 'missing.yaml'
+    file.write_text("""format: 1
+inputs:
+  a: {topic: gone, type: std_msgs/msg/Float64, initial: 3, timeout: 1, stale: violate}
+  b: {topic: level, type: std_msgs/msg/Float64}
+requirements: [{id: A, ptltl: "a < 1"}, {id: B, ptltl: "b < 1"}]
+""", encoding='utf-8')
+    path = write(tmp_path / 'bag', [('/level', number * SECOND, 0.0) for number in range(20)])
+    result = check_recording(file, path, Selection(may_miss=True))
+    assert [(item.verdict, item.occurrences, item.violations) for item in result.findings] == [
+        (None, 0, 0), (True, 0, 0)]
+    assert result.warnings
+
+
+def test_a_bag_of_ros_1_with_headers_is_read(tmp_path: Path) -> None:
+    types = get_typestore(Stores.ROS1_NOETIC)
+    kind = 'sensor_msgs/msg/Temperature'
+    with Writer1(tmp_path / 'old.bag') as writer:
+        topic = writer.add_connection('/level', kind, typestore=types)
+        for number in range(10):
+            header = types.types['std_msgs/msg/Header'](
+                seq=number, stamp=types.types['builtin_interfaces/msg/Time'](number, 0),
+                frame_id='tank')
+            message = types.types[kind](header, float(number), 0.0)
+            writer.write(topic, START + number, types.serialize_ros1(message, kind))
+    file = tmp_path / 'warm.yaml'
+    file.write_text(f"""format: 1
+inputs: {{level: {{topic: level, type: {kind}, field: temperature}}}}
+requirements: [{{id: LOW, ptltl: "level < 4"}}]
+""", encoding='utf-8')
+    result = check_recording(file, tmp_path / 'old.bag', Selection())
+    assert (result.errors, result.findings[0].violations) == ((), 6)
+
+
+def test_a_broken_recording_is_a_result_with_files_too(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    broken = tmp_path / 'broken.mcap'
+    broken.write_bytes(b'')
+    results, junit = tmp_path / 'r.jsonl', tmp_path / 'j.xml'
+    assert main(['bag', str(bundle(tmp_path, 'every_message')), str(broken), '--json', '--csv',
+                 str(tmp_path / 'c.csv'), '--results', str(results), '--junit', str(junit)]) == 1
+    out, err = capsys.readouterr()
+    assert json.loads(out)['errors'] and 'cannot read the recording' in err
+    assert json.loads(results.read_text(encoding='utf-8'))['errors']
+    assert ElementTree.parse(junit).getroot()[0].get('errors') == '1'
+    assert not (tmp_path / 'c.csv').exists()
