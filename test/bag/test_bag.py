@@ -15,6 +15,7 @@
 """Recordings: every storage gives the verdicts of `simulate`; what is missing is an error."""
 
 from collections.abc import Callable
+from errno import ENOSPC
 import json
 from operator import itemgetter
 import os
@@ -403,6 +404,22 @@ def test_a_requirement_for_all_time_has_an_occurrence_each_time(
     assert (never.id, never.verdict) == ('NEVER', False)
     assert [(begin - START, end and end - START) for begin, end in never.spans] == [
         (2 * SECOND, 3 * SECOND), (4 * SECOND, 6 * SECOND)]
+
+
+def test_a_full_disk_leaves_the_recording_of_violations_as_it_was(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_room(*_: object) -> None:
+        raise OSError(ENOSPC, 'No space left on device')
+
+    path, out = write(tmp_path / 'bag', random_messages(1, 20)), tmp_path / 'out.mcap'
+    out.write_text('earlier', encoding='utf-8')
+    file = bundle(tmp_path, 'every_message')
+    before = sorted(tmp_path.rglob('*'))
+    monkeypatch.setattr('rosbags.rosbag2.storage_mcap.McapWriter.close', no_room)
+    assert main(['bag', str(file), str(path), '--mcap', str(out)]) == 1
+    assert f"cannot write '{out}': No space left on device" in capsys.readouterr().err
+    assert (out.read_text(encoding='utf-8'), sorted(tmp_path.rglob('*'))) == ('earlier', before)
 
 
 def test_no_detail_is_missing_in_a_recording_of_many_violations(tmp_path: Path) -> None:
