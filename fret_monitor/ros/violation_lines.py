@@ -53,11 +53,11 @@ class ViolationLines:
         times = 'once' if number == 1 else f'{number} times'
         self._log(f'{self.id} violated {times} more, without details: {self.sentence}')
 
-    def satisfied(self, detail: Detail | None, note: str = '') -> None:
+    def satisfied(self, detail: Detail | None) -> None:
         """Log that a violation is over; without a detail its time is not known."""
         at = '' if detail is None else f' at {detail.stamp:.3f}'
         values = '' if detail is None else f' {_shown(detail)}'
-        self.logger.info(f'{self.id} satisfied again{at}: {self.sentence}{values}{note}')
+        self.logger.info(f'{self.id} satisfied again{at}: {self.sentence}{values}')
 
     def _log(self, text: str) -> None:
         # One call for each severity: rclpy allows only one severity at a place in the code.

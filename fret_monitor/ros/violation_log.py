@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The monitor's own log of violations and their ends, at most a line a second for each requirement.
+The monitor's own log: at most one line of violations a second for each requirement.
 
-Details that C queues are what is logged; C may have suppressed some of them, or the queue may have
+The end of a violation is logged after the line of the violation. Details that C queues are what is logged; C may have suppressed some of them, or the queue may have
 been full. The counters of the engine show that, so that no violation is left uncounted, and no
 requirement out.
 """
@@ -40,7 +40,8 @@ class _Logged:
 
     violations: int = 0
     is_violated: bool = False
-    latest: ViolationDetail | None = None  # left out since the last line
+    violation: ViolationDetail | None = None  # the latest that was left out since the last line
+    recovery: ViolationDetail | None = None  # left out, if it is later than `violation`
     until: float | None = None  # s, monotonic: nothing is logged before; None: all is logged
 
 
@@ -69,11 +70,14 @@ class ViolationLog:
             self._next_check = now + _INTERVAL_S
         requirement = detail.violation.requirement
         logged = self._logged[requirement]
-        if logged.until is not None:
-            logged.latest = detail
-            return
-        logged.violations += not detail.is_recovery
-        self._log(requirement, detail, is_violated=not detail.is_recovery, left_out=0, now=now)
+        if not detail.is_recovery:
+            logged.violation, logged.recovery = detail, None
+        else:
+            logged.recovery = detail
+        if logged.until is None:
+            logged.violations += not detail.is_recovery
+            self._log(requirement, violations=int(not detail.is_recovery),
+                      is_over=detail.is_recovery, now=now)
 
     def review(self, now: float | None = None) -> None:
         """Log what was left out, where a second has passed since the last line; call it often."""
@@ -93,38 +97,39 @@ class ViolationLog:
         self.review(float('inf'))
 
     def _settle(self, requirement: int, now: float) -> None:
-        """Log the latest of what was left out, with its number, if there is any."""
+        """Log the violations that were left out, with their number, and then their end."""
         logged, counts = self._logged[requirement], self._counts(requirement)
         more, logged.violations = counts.announced - logged.violations, counts.announced
-        latest = logged.latest
-        if latest is None:  # there may be violations without details
-            is_violated = not counts.holds and (more > 0 or logged.is_violated)
+        was_violated = logged.is_violated or more > 0
+        if logged.violation is None and logged.recovery is None:  # they may have no details
+            is_violated = was_violated and not counts.holds
         else:
-            is_violated = not latest.is_recovery
-        if more > 0 or is_violated != logged.is_violated:
-            is_shown = is_violated and latest is not None
-            self._log(requirement, latest, is_violated=is_violated, left_out=more - is_shown,
-                      now=now)
+            is_violated = logged.recovery is None
+        if more <= 0 and is_violated and not logged.is_violated:
+            more = 1  # the counters were ahead of its detail
+        is_over = was_violated and not is_violated
+        if more > 0 or is_over:
+            self._log(requirement, violations=more, is_over=is_over, now=now)
         else:
-            logged.latest = logged.until = None
+            logged.violation = logged.recovery = logged.until = None
             self._waiting.discard(requirement)
 
-    def _log(self, requirement: int, detail: ViolationDetail | None, *, is_violated: bool,
-             left_out: int, now: float) -> None:
-        lines = self._lines[requirement]
-        shown = None if detail is None else self._describe(detail)
-        if not is_violated:
-            lines.satisfied(shown, _since(left_out, 'violation'))
-        elif shown is None:
-            lines.violated_unseen(left_out)
-        else:
-            lines.violated(shown.stamp, shown, _since(left_out, 'more violation'))
-        logged = self._logged[requirement]
-        logged.is_violated, logged.latest, logged.until = is_violated, None, now + _INTERVAL_S
+    def _log(self, requirement: int, *, violations: int, is_over: bool, now: float) -> None:
+        """Log a number of violations in one line, then their end, as far as there are any."""
+        lines, logged = self._lines[requirement], self._logged[requirement]
+        if violations > 0 and logged.violation is not None:
+            shown = self._describe(logged.violation)
+            lines.violated(shown.stamp, shown, _since(violations - 1))
+        elif violations > 0:
+            lines.violated_unseen(violations)
+        if is_over:
+            lines.satisfied(logged.recovery and self._describe(logged.recovery))
+        logged.is_violated, logged.until = not is_over, now + _INTERVAL_S
+        logged.violation = logged.recovery = None
         self._waiting.add(requirement)
 
 
-def _since(number: int, noun: str) -> str:
+def _since(number: int) -> str:
     if number <= 0:
         return ''
-    return f' ({number} {noun}{"" if number == 1 else "s"} since the last line)'
+    return f' ({number} more violation{"" if number == 1 else "s"} since the last line)'

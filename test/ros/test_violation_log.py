@@ -80,9 +80,23 @@ def test_what_comes_within_a_second_is_counted_and_the_latest_is_logged() -> Non
     log.happens(11.6)
     log.happens(11.7, is_over=True)
     assert log.taken(11.9) == []
-    assert log.taken(12.0) == ['info: R satisfied again at 11.700: x < 1 [step 117: x = 2] '
-                               '(1 violation since the last line)']
+    assert log.taken(12.0) == ['error: R violated at 11.600: x < 1 [step 116: x = 2]',
+                               'info: R satisfied again at 11.700: x < 1 [step 117: x = 2]']
     assert log.taken(20.0) == []
+
+
+def test_each_violation_is_in_a_line_of_its_severity_although_all_are_short() -> None:
+    log = Log()
+    for quarter in range(24):
+        log.happens(10 + quarter / 4)
+        log.happens(10 + quarter / 4 + 0.05, is_over=True)
+        log.log.review(10 + quarter / 4 + 0.2)
+    log.log.end()
+    errors = [line for line in log.lines if line.startswith('error: R violated at ')]
+    more = [int(line.rpartition('(')[2].split()[0]) for line in errors if 'more viol' in line]
+    assert len(errors) + sum(more) == 24
+    assert 6 <= len(errors) <= 7
+    assert all('info: R satisfied again at' in line for line in log.lines if line not in errors)
 
 
 def test_violations_without_details_are_counted_and_their_end_is_logged() -> None:
@@ -93,6 +107,10 @@ def test_violations_without_details_are_counted_and_their_end_is_logged() -> Non
     assert log.taken(11.0)[1:] == ['error: R violated 3 times more, without details: x < 1']
     log.happens(11.5, is_over=True, has_detail=False)
     assert log.taken(12.0) == ['info: R satisfied again: x < 1']
+    log.happens(12.5, has_detail=False)
+    log.happens(12.6, is_over=True)
+    assert log.taken(13.0) == ['error: R violated once more, without details: x < 1',
+                               'info: R satisfied again at 12.600: x < 1 [step 126: x = 2]']
     assert log.taken(20.0) == []
 
 
