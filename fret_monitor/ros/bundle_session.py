@@ -89,6 +89,7 @@ class BundleSession:
         self._running = ExitStack()
         self._feed: Feed | None = None
         self._announcer: Announcer | None = None
+        self._detail_publisher: DetailPublisher | None = None
         self._health: Health | None = None
         self._missing_timer: Timer | None = None
         self._logged: set[int | str] = set()  # keys of log lines that appear only once
@@ -181,10 +182,10 @@ class BundleSession:
         self._running.close()
         self._advertised.close()
 
-    def turns(self) -> tuple[int, int]:
-        """Return counters of both threads that monitor; each grows within a second."""
-        return (self._announcer.turns if self._announcer is not None else 0,
-                self._feed.turns if self._feed is not None else 0)
+    def turns(self) -> tuple[int, ...]:
+        """Return a counter of each thread; each grows within a second unless its thread hangs."""
+        return tuple(0 if thread is None else thread.turns
+                     for thread in (self._announcer, self._feed, self._detail_publisher))
 
     def reset(self) -> int:
         """Reset all step groups between two steps; return how many there are."""
@@ -243,8 +244,8 @@ class BundleSession:
             self._blackbox.start()
         announcer = Announcer(engine, middleware, self._handlers.publishers)
         self._running.callback(announcer.join)
-        self._running.callback(
-            DetailPublisher(engine, self._details, self._violation_log(engine)).end)
+        details = DetailPublisher(engine, self._details, self._violation_log(engine))
+        self._running.callback(details.end)
         self._running.callback(feed.close)
         for index, topic in enumerate(self.manifest.topics):
             kind = self._classes[topic.message_type]
@@ -258,7 +259,7 @@ class BundleSession:
         engine.begin()  # after the subscriptions, so that no timeout runs while they are made
         # Logged after the start, since rclpy needs 0.1 s for its first log line.
         self._node.get_logger().info(f'messages are taken {self._way}', once=True)
-        self._announcer = announcer
+        self._announcer, self._detail_publisher = announcer, details
 
     def _violation_log(self, engine: Engine) -> ViolationLog | None:
         if not self._logs_violations:
@@ -284,8 +285,9 @@ class BundleSession:
 
     def _report_health(self) -> None:
         # Raised in the executor, so that the error reaches the program that spins the node.
-        if self._feed is not None and self._feed.failure is not None:
-            raise self._feed.failure
+        for thread in (self._feed, self._detail_publisher):
+            if thread is not None and thread.failure is not None:
+                raise thread.failure
         if self._health is not None:  # None: stopped meanwhile
             self._time_log.review()
             self._silence_log.review()

@@ -18,6 +18,7 @@ from threading import Event, Thread
 
 from fret_monitor.ros import native_lifetimes
 from fret_monitor.ros.details import Details
+from fret_monitor.ros.feed import ErrorKeeper
 from fret_monitor.ros.violation_log import LOGGED_PER_S, ViolationLog
 from fret_monitor.runtime import Engine, MOST_DETAILS_PER_S, ViolationDetail
 
@@ -34,6 +35,9 @@ class DetailPublisher:
         self._details = details
         self._log = log
         self._is_over = Event()
+        self._kept = ErrorKeeper()
+        self.turns = 0
+        """How often the thread has looked for work: several times a second unless it hangs."""
         self._thread = Thread(target=self._run, name='details', daemon=True)
         native_lifetimes.keep(self)
         self._thread.start()
@@ -47,8 +51,18 @@ class DetailPublisher:
             self._thread.join()
         native_lifetimes.release(self)
 
+    @property
+    def failure(self) -> BaseException | None:
+        """The error that ended the thread, if any; no detail is published or logged after it."""
+        return self._kept.error
+
     def _run(self) -> None:
+        with self._kept:
+            self._loop()
+
+    def _loop(self) -> None:
         while not self._is_over.is_set():
+            self.turns += 1
             has_listeners = self._has_listeners()
             self._engine.want_details(
                 has_listeners or self._log is not None,

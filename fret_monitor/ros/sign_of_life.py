@@ -16,11 +16,12 @@
 The sign of life of a monitor: `~/alive`, once a second while all of its threads go round.
 
 The executor publishes it, and only if the threads of every bundle have looked for work since the
-last time. The liveliness of the publisher is asserted by nothing else, so that a subscriber learns
+last sign. The liveliness of the publisher is asserted by nothing else, so that a subscriber learns
 of a monitor that hangs as of one that has ended.
 """
 
 from collections.abc import Callable, Sequence
+from time import monotonic
 
 from fret_monitor.ros.throttle import Throttle
 
@@ -44,7 +45,9 @@ class SignOfLife:
         """Begin; `turns` return counters, each of which grows within a second."""
         self._node = node
         self._turns = turns
-        self._before: list[tuple[int, ...]] = []
+        self._before = [turns() for turns in turns]
+        self._published = monotonic()
+        self._suspected: float | None = None  # when a thread was first found not to have turned
         self._throttle = Throttle(_LOGGED_S)
         self._publisher = node.create_publisher(Header, '~/alive', QoSProfile(
             depth=1, reliability=ReliabilityPolicy.RELIABLE,
@@ -54,15 +57,30 @@ class SignOfLife:
             _PERIOD_S, self.beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._publish()
 
-    def beat(self) -> None:
-        """Publish the sign if all threads have looked for work since the last call."""
-        before, self._before = self._before, [turns() for turns in self._turns]
-        if any(old == new for pair in zip(before, self._before) for old, new in zip(*pair)):
-            if self._throttle.passes():
-                self._node.get_logger().error(
-                    'a thread of the monitor hangs: no sign of life on ~/alive')
+    def beat(self, now: float | None = None) -> None:
+        """Publish the sign if all threads have looked for work since the last sign."""
+        now = monotonic() if now is None else now
+        found = [turns() for turns in self._turns]
+        if any(old == new for pair in zip(self._before, found) for old, new in zip(*pair)):
+            self._suspect(now)
             return
+        self._before, self._published, self._suspected = found, now, None
         self._publish()
+
+    def _suspect(self, now: float) -> None:
+        """
+        Log that a thread hangs, unless it may have had no time to turn.
+
+        The timer fires early after it was late. And if the whole process was stopped, the timer
+        may fire before the threads turn, so they get a second from then on.
+        """
+        if now - self._published < _PERIOD_S:
+            return
+        if self._suspected is None:
+            self._suspected = now
+        elif now - self._suspected >= _PERIOD_S and self._throttle.passes():
+            self._node.get_logger().error(
+                'a thread of the monitor hangs: no sign of life on ~/alive')
 
     def _publish(self) -> None:
         self._publisher.publish(Header(

@@ -15,9 +15,9 @@
 """
 The monitor's own log: at most one line of violations a second for each requirement.
 
-The end of a violation is logged after the line of the violation. Details that C queues are what is logged; C may have suppressed some of them, or the queue may have
-been full. The counters of the engine show that, so that no violation is left uncounted, and no
-requirement out.
+The end of a violation is logged after the line of the violation. Details that C queues are what is
+logged; C may have suppressed some of them, or the queue may have been full. The counters of the
+engine show that, so that no violation is left uncounted, and no requirement out.
 """
 
 from collections.abc import Callable, Sequence
@@ -123,7 +123,8 @@ class ViolationLog:
         elif violations > 0:
             lines.violated_unseen(violations)
         if is_over:
-            lines.satisfied(logged.recovery and self._describe(logged.recovery))
+            end = logged.recovery
+            lines.satisfied(None if end is None else self._describe(end))
         logged.is_violated, logged.until = not is_over, now + _INTERVAL_S
         logged.violation = logged.recovery = None
         self._waiting.add(requirement)

@@ -16,15 +16,23 @@
 
 from pathlib import Path
 import signal
+from threading import Event
+from time import monotonic, sleep
+from types import SimpleNamespace
 from typing import Any
 
+from fret_monitor.ros.monitor_node import MonitorNode
 from fret_monitor.ros.sign_of_life import SignOfLife
+from fret_monitor.ros.throttle import Throttle
+from fret_monitor.ros.violation_log import ViolationLog
+import pytest
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import LivelinessPolicy, QoSProfile
 from ros.harness import Partner, RELIABLE, started, wait_until
-from std_msgs.msg import Header
+from std_msgs.msg import Float32, Header
 
 BUNDLE = """
 format: 1
@@ -65,24 +73,90 @@ def test_a_monitor_that_is_stopped_is_not_alive(partner: Partner, tmp_path: Path
 
 def test_there_is_no_sign_of_life_while_a_thread_hangs(partner: Partner) -> None:
     node: Any = Node('guard', context=partner.context)
-    turns = {'announcer': 0, 'feed': 0}
+    turns = {'announcer': 0, 'feed': 0, 'details': 0}
     heard: list[Header] = []
     partner.node.create_subscription(Header, '/guard/alive', heard.append, RELIABLE)
-    life = SignOfLife(node, [lambda: (turns['announcer'], turns['feed'])])
+    life = SignOfLife(node, [lambda: tuple(turns.values())])
+    node.destroy_timer(life._timer)  # the test itself beats
+    errors: list[str] = []
+    node.get_logger = lambda: SimpleNamespace(error=errors.append)
+    now = monotonic()
 
     def is_heard_after(number: int) -> bool:
         turns.update({name: turn + 1 for name, turn in turns.items()})
-        life.beat()
+        life.beat(now)
         partner.expect({})
         return len(heard) > number
 
     wait_until(lambda: is_heard_after(0), 'a sign of life')
-    known = len(heard)
-    for name in ('feed', 'announcer'):
-        turns[name] += 1
-        life.beat()  # the other thread has not turned
-    partner.expect({})
-    assert len(heard) == known
-    assert is_heard_after(known)
+    for name in turns:
+        known = len(heard)
+        for later in (0.1, 1.0, 1.9, 2.1):
+            turns.update({other: turn + (other != name) for other, turn in turns.items()})
+            assert not errors
+            life.beat(now + later)
+        partner.expect({})
+        assert len(heard) == known
+        assert errors.pop() == 'a thread of the monitor hangs: no sign of life on ~/alive'
+        life._throttle = Throttle(60.0)
+        now += 2.1
+        assert is_heard_after(known)
     life.close()
     node.destroy_node()
+
+
+def test_a_stall_is_no_thread_that_hangs(partner: Partner) -> None:
+    node: Any = Node('guard', context=partner.context)
+    signs: list[float] = []
+    errors: list[str] = []
+    node.get_logger = lambda: SimpleNamespace(error=errors.append)
+    now = start = monotonic()
+    turned = [0]
+    life = SignOfLife(node, [lambda: tuple(turned)])
+    life._publish = lambda: signs.append(round(now - start, 2))  # type: ignore[method-assign]
+    for now, has_turned in ((start + 1.0, True), (start + 3.75, True),  # the executor was busy
+                            (start + 4.0, False), (start + 5.0, True),
+                            (start + 7.95, False), (start + 8.0, True),  # the process was stopped
+                            (start + 9.0, True), (start + 11.9, False), (start + 12.0, False),
+                            (start + 13.0, True)):
+        turned[0] += has_turned
+        life.beat(now)
+    assert signs == [1.0, 3.75, 5.0, 8.0, 9.0, 13.0]
+    assert errors == []
+    life.close()
+    node.destroy_node()
+
+
+def test_a_monitor_without_the_thread_that_logs_is_not_alive(
+    partner: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE, encoding='utf-8')
+    hangs, goes_on = Event(), Event()
+
+    def add(*_: Any) -> None:
+        hangs.set()
+        goes_on.wait()
+        raise ValueError('oh')
+
+    monkeypatch.setattr(ViolationLog, 'add', add)
+    monitor = MonitorNode(context=partner.context,
+                          parameter_overrides=[Parameter('spec', value=str(bundle))])
+    session, = monitor._sessions
+    before = session.turns()
+    wait_until(lambda: all(old < new for old, new in zip(before, session.turns())), 'turns')
+    values = partner.publisher(Float32, 'x')
+    partner.wait_for_listener(values)
+    values.publish(Float32(data=1.0))
+    wait_until(hangs.is_set, 'a violation')
+    before = session.turns()
+    wait_until(lambda: sum(old < new for old, new in zip(before, session.turns())) == 2, 'turns')
+    sleep(0.3)
+    assert [old < new for old, new in zip(before, session.turns())].count(False) == 1
+    session._report_health()
+    goes_on.set()
+    details: Any = session._detail_publisher
+    wait_until(lambda: details.failure is not None, 'the error')
+    with pytest.raises(ValueError, match='oh'):
+        session._report_health()
+    monitor.destroy_node()
