@@ -20,10 +20,12 @@ from xml.etree import ElementTree
 from explain.examples import bundle
 from fret_monitor.build import read
 from fret_monitor.cli.main import main
-from fret_monitor.explain.report import explain, shown
+from fret_monitor.explain.report import explain, meanings, shown
 from fret_monitor.explain.svg import to_svg
 from fret_monitor.explain.timeline import drawn, timeline
-from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.logic.formula import Constant, postorder
+from fret_monitor.logic.printing import to_smv
+from fret_monitor.model.diagnostics import CompileError, Source, Text
 from fret_monitor.traces import search
 import golden
 import pytest
@@ -174,3 +176,18 @@ def test_a_satisfying_example_of_a_sentence_is_not_trivial(
     assert 'satisfies' in satisfying.title
     assert {band.label for band in satisfying.bands if True in band.truth} >= held
     assert dict(found.fields)['component'] == 'sys'
+
+
+def test_triggers_have_the_constants_that_were_given(tmp_path: Path) -> None:
+    file = tmp_path / 'pump.yaml'
+    file.write_text("""format: 1
+constants: {high: 1.0}
+inputs: {flow: {type: float64}, level: {type: float64}}
+requirements:
+  - {id: R, fretish: "when flow > high the pump shall immediately satisfy level > 0"}
+""", encoding='utf-8')
+    given = {'high': Text.whole(Source('--constant high', '7.5'))}
+    denial = meanings(read(file, constants=given))['R'].denial
+    assert denial is not None
+    assert {node.value for node in postorder([denial]) if isinstance(node, Constant)} >= {7.5}
+    assert '1.0' not in to_smv(denial)
