@@ -88,9 +88,27 @@ def report_misread(source: Source, start: int, problems: Problems) -> None:
     else:
         title = 'YAML cannot read this as text'
     label = 'put quotes around all of it' if quotes else 'put it in quotes'
+    if _has_nested_quotes(written):
+        label, written = 'the text has the same quotes within', _unwrapped(written)
     end = min(_line_end(source.text, start), _value_end(source, start))
     problems.error(title, Span(source, start, start + len(source.text[start:end].rstrip())),
                    label, quoted_line(source, start, written))
+
+
+def _has_nested_quotes(written: str) -> bool:
+    """
+    Return whether a value is a text in quotes with the same quotes within: `"a = "b" & c"`.
+
+    Then the second quote opens. In `"a" & "b"`, two names of a formula, it closes.
+    """
+    quote = written[0]
+    return quote in '"\'' and written.endswith(quote) and written.count(quote) % 2 == 0 \
+        and re.match(rf'{quote}[^{quote}]*{quote}\w', written) is not None
+
+
+def _unwrapped(written: str) -> str:
+    """Return a text without its quotes; a name that it looks up gets double quotes."""
+    return re.sub(r"=\s*'([^'\"]*)'\s*\]", r'= "\1"]', written[1:-1])
 
 
 def value_as_written(source: Source, start: int) -> str:

@@ -21,17 +21,22 @@ added to the problems; the declaration is then `Broken`, so that its uses are no
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
+import re
 
 from fret_monitor.bundle.bundle import ConstantEntry, InputEntry, ValueEntry
+from fret_monitor.elaboration.functions import FUNCTIONS
 from fret_monitor.elaboration.scope import Declaration, Role
 from fret_monitor.elaboration.terms import Broken, TypedTerm, Vocabulary
 from fret_monitor.logic.formula import FALSE, TRUE, Variable
 from fret_monitor.logic.numbers import ExactNumber, NumberError, parse_number, stored
 from fret_monitor.logic.specification import Signal
 from fret_monitor.messages.constants import NamedValues, NO_CONSTANTS
-from fret_monitor.messages.field_path import check_reachable, resolve_field, ResolvedField
+from fret_monitor.messages.field_path import (
+    check_reachable, doubt_part, field_line, resolve_field, ResolvedField,
+)
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse, Text
+from fret_monitor.model.manifest import REDUCTIONS
 from fret_monitor.model.names import looks_like_number
 from fret_monitor.model.policies import InputSource, Stale
 from fret_monitor.model.values import ValueType
@@ -41,6 +46,12 @@ FindMessage = Callable[[str], MessageLayout]
 _PLAIN = {kind.value: kind for kind in ValueType}
 _TEXT = 'string'
 _USUAL_STARTUP_S = 10.0
+_FIELD = r'(?P<field>[A-Za-z][A-Za-z0-9_.]*(?:\[[^][]*\][A-Za-z0-9_.]*)*)'
+_CALL = re.compile(rf'\s*(?P<function>[A-Za-z_][A-Za-z0-9_]*)\s*\(\s*{_FIELD}\s*\)\s*')
+_AMOUNT = r'[0-9.]+'
+_ARITHMETIC = re.compile(
+    rf'\s*(?P<before>{_AMOUNT}\s*[-+*/]\s*|-\s*)?{_FIELD}'
+    rf'(?P<after>\s*[-+*/^]\s*{_AMOUNT})?\s*')
 _TRUTHS = {'true': TRUE, 'false': FALSE}
 
 
@@ -82,6 +93,8 @@ def _signal(entry: InputEntry, find_message: FindMessage,
     if _is_type_damaged(entry, find_message):
         return None, None
     kind, layout, field = _type(entry, find_message)
+    doubt = doubt_part(layout, field, entry.field) if layout and field else None
+    problems.extend([doubt] if doubt else [])
     source = field.source if field else InputSource.FIELD
     if source is InputSource.AGE and entry.values:
         refuse('an age has no names for its values', entry.values[0].name.span,
@@ -155,9 +168,27 @@ def _type(entry: InputEntry, find_message: FindMessage) -> tuple[
     if '/' not in name:
         return _scalar(name, entry.type, _PLAIN), None, None
     layout = _layout(name, entry.type, find_message)
+    if entry.field is not None:
+        _refuse_mathematics(entry.name.value, entry.field)
     field = resolve_field(layout, entry.field, entry.type)
     check_reachable(layout, field, entry.type.span)
     return _scalar(field.type_name, entry.field or entry.type, _PLAIN), layout, field
+
+
+def _refuse_mathematics(name: str, path: Text) -> None:
+    """Refuse a function of formulas, and arithmetic, of a field."""
+    called, worked_out = _CALL.fullmatch(path.value), _ARITHMETIC.fullmatch(path.value)
+    if called and called['function'] in FUNCTIONS and called['function'] not in REDUCTIONS:
+        read, use = called['field'], f'{called["function"]}({name})'
+        place = path.at(*called.span('function'))
+    elif worked_out and (worked_out['before'] or worked_out['after']):
+        read = worked_out['field']
+        use = f'{worked_out["before"] or ""}{name}{worked_out["after"] or ""}'
+        place = path.span
+    else:
+        return
+    refuse('a field is only read: formulas compute with it', place, 'this belongs in a formula',
+           f'{field_line([read], path)}\nand in the formula, or in a definition: {use}')
 
 
 def _layout(name: str, text: Text, find_message: FindMessage) -> MessageLayout:

@@ -30,8 +30,10 @@ from typing import NoReturn
 from fret_monitor.messages.constants import constants_of, FieldConstants, NO_CONSTANTS
 from fret_monitor.messages.installed import check_complete, listed, nested_layout
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
-from fret_monitor.messages.path_parts import read_part
-from fret_monitor.model.diagnostics import CompileError, did_you_mean, refuse, Span, Text
+from fret_monitor.messages.path_parts import doubt_sector, read_part
+from fret_monitor.model.diagnostics import (
+    CompileError, Diagnostic, did_you_mean, Level, refuse, Span, suggestion, Text,
+)
 from fret_monitor.model.manifest import ANGLES, REDUCTIONS, SECONDS
 from fret_monitor.model.names import index_fault, shown
 from fret_monitor.model.paths import (
@@ -46,6 +48,10 @@ _TIMES = (_TIME, 'builtin_interfaces/msg/Duration')
 _RECEIVED = InputSource.RECEIVED.value
 _AGE = InputSource.AGE.value
 _FUNCTIONS = (*REDUCTIONS, _RECEIVED, _AGE)
+_OTHER_WORDS = {
+    'avg': 'mean', 'average': 'mean', 'length': 'len', 'size': 'len', 'count': 'len',
+    'minimum': 'min', 'maximum': 'max', 'magnitude': 'norm', 'hypot': 'norm',
+}
 _MAX_LISTED = 12
 _MAX_DEPTH = 8
 _MAX_INDEX = 2 ** 31 - 1
@@ -53,7 +59,12 @@ _MAX_INDEX = 2 ** 31 - 1
 _STEP = re.compile(r'(?P<name>[A-Za-z][A-Za-z0-9_]*)'
                    r'(?P<part>\[(?P<inside>(?:"(?:[^"\\]|\\.)*"|[^]["])*)\])?')
 _OPEN_INDEX = re.compile(r'(.*\[[0-9]+)[^].[]*')
+_KEY_BEFORE = re.compile(r"""([A-Za-z_]\w*)[ \t]*:[ \t]+["']?\s*(?:\w+\s*\(\s*)?$""")
+_NAME_INSIDE = re.compile(r"""\s*(["']?)(?P<name>[A-Za-z_][\w./ -]*)\1\s*""")
+_NUMBERS_INSIDE = re.compile(r'\s*(-?[0-9]+)\s*(?:,|\.\.+|;|-)\s*(-?[0-9]+)\s*')
 _CALL = re.compile(r'\s*(?P<function>[A-Za-z_][A-Za-z0-9_]*)\s*\(\s*(?P<path>.*?)\s*\)\s*')
+
+_USUAL_KEYS = ('name', 'child_frame_id', 'frame_id')
 
 _OF_NUMBERS = ('len', 'min', 'max', 'sum', 'mean', 'norm')
 _OF_TRUTHS = ('len', 'any', 'all')
@@ -124,7 +135,7 @@ def resolve_field(layout: MessageLayout, path_text: Text | None,
         return _only_field(layout, type_text)
     fault = index_fault(path_text.value)
     if fault is not None:
-        refuse(fault.reason, path_text.span, 'not supported', _help([fault.help]))
+        refuse(fault.reason, path_text.span, 'not supported', field_line([fault.help], path_text))
     call = _CALL.fullmatch(path_text.value) if '(' in path_text.value else None
     if call is not None:
         return _reduced(layout, path_text, call)
@@ -136,11 +147,34 @@ def resolve_field(layout: MessageLayout, path_text: Text | None,
     return _resolved(end)
 
 
-def _follow(layout: MessageLayout, path_text: Text) -> _End:
+def doubt_part(layout: MessageLayout, field: ResolvedField,
+               path_text: Text | None) -> Diagnostic | None:
+    """Return a warning if the part of an array that a field takes may not be what was meant."""
+    part = field.path[-1] if field.path else None
+    if path_text is None or not isinstance(part, Slice | Sector):
+        return None
+    start, stop = path_text.value.rindex('[') + 1, path_text.value.rindex(']')
+    inside = Text(path_text.value[start:stop], path_text.source, path_text.offsets[start:stop + 1])
+    if isinstance(part, Sector):
+        return doubt_sector(inside)
+    if field.types[-1].array is ArrayKind.FIXED or (part.start or 0) >= 0 or (part.stop or 0) <= 0:
+        return None
+    assert part.start is not None and part.stop is not None
+    has_angles = all(layout.find_field(name) for name in SCAN_ANGLES)
+    sector = f'{path_text.value[:start]}{part.start} deg : {part.stop} deg{path_text.value[stop:]}'
+    return Diagnostic(
+        f'{part.start} counts from the end: this slice is empty in every message of '
+        f'{part.stop - part.start} elements or more', inside.span,
+        'a number without a unit is an index',
+        field_line([sector] if has_angles else [], path_text), Level.WARNING)
+
+
+def _follow(layout: MessageLayout, path_text: Text, function: str = '') -> _End:
+    """Follow a path; `function` is of what it leads to, for the lines to paste."""
     path: FieldPath = ()
     types: list[FieldType] = []
     inside = layout
-    steps = list(_steps(path_text, layout))
+    steps = list(_steps(path_text, layout, function))
     for number, (match, part) in enumerate(steps, start=1):
         if types:
             inside = _inside(inside, types[-1], path_text, match)
@@ -167,14 +201,13 @@ def _reduced(layout: MessageLayout, text: Text, call: re.Match[str]) -> Resolved
     path_text = Text(text.value[start:stop], text.source, text.offsets[start:stop + 1])
     function, place = call['function'], text.at(*call.span('function'))
     if function not in _FUNCTIONS:
-        refuse(f'{shown(function)} is not a function of a field', place, 'unknown function',
-               did_you_mean(function, _FUNCTIONS) or 'one of ' + ', '.join(_FUNCTIONS))
+        _refuse_unknown_function(function, place)
     if function == _RECEIVED:
         return _received(path_text)
     if not path_text.value:
         refuse(f"'{function}' needs a field", text.span, 'no field is given',
-               _help([f'{function}({path})' for path in _paths_for(layout, function)]))
-    end = _follow(layout, path_text)
+               field_line([f'{function}({path})' for path in _paths_for(layout, function)], text))
+    end = _follow(layout, path_text, function)
     if function == _AGE and _has_age(end):
         return ResolvedField(end.path, 'float64', end.types, SECONDS, InputSource.AGE)
     if function not in _functions(end):
@@ -182,9 +215,17 @@ def _reduced(layout: MessageLayout, text: Text, call: re.Match[str]) -> Resolved
     return ResolvedField(end.path, _type_of(function, end.type.base), end.types, function)
 
 
+def _refuse_unknown_function(function: str, place: Span) -> NoReturn:
+    meant = _OTHER_WORDS.get(function.lower())
+    refuse(f'{shown(function)} is not a function of a field', place, 'unknown function',
+           suggestion([meant]) if meant else
+           did_you_mean(function, _FUNCTIONS) or 'one of ' + ', '.join(_FUNCTIONS))
+
+
 def _received(path_text: Text) -> ResolvedField:
     if path_text.value:
-        refuse("'received' takes no field", path_text.span, 'remove this', _help(['received()']))
+        refuse("'received' takes no field", path_text.span, 'remove this',
+               field_line(['received()']))
     return ResolvedField((), 'bool', (), source=InputSource.RECEIVED)
 
 
@@ -235,14 +276,28 @@ def _refuse_function(layout: MessageLayout, end: _End, path_text: Text, function
                      place: Span) -> NoReturn:
     there = _functions(end)
     written = path_text.value
-    use = [f'{name}({written})' for name in there]
+    use = [f'{function}({path})' for path in _siblings(end, written, function)] \
+        or [f'{name}({written})' for name in there]
     if not end.is_array and (end.is_time or not end.type.is_message):
         use.insert(0, written)
     refuse(f"'{function}' does not apply to {_named(end, written)}", place,
            'not a function of this type',
-           _help(use or [f'{function}({path})' for path in _paths_for(layout, function)]
-                 or [f'{written}.{path}' for path in
-                     _leaf_paths(nested_layout(end.inside, end.type))]))
+           field_line(
+               use or [f'{function}({path})' for path in _paths_for(layout, function)]
+               or [f'{written}.{path}' for path in
+                   _leaf_paths(nested_layout(end.inside, end.type))], path_text))
+
+
+def _siblings(end: _End, written: str, function: str) -> list[str]:
+    """Return the quaternions beside a message that has no angles."""
+    before, dot, _ = written.rpartition('.')
+    if function not in ANGLES or not end.type.is_message or end.is_array:
+        return []
+    try:
+        return [f'{before}{dot}{item.name}' for item in end.inside.fields
+                if function in _functions(_End((item.name,), (item.type,), end.inside))]
+    except CompileError:
+        return []  # not installed: this is only a hint
 
 
 def _paths_for(layout: MessageLayout, function: str) -> list[str]:
@@ -263,39 +318,81 @@ def _only_field(layout: MessageLayout, type_text: Text) -> ResolvedField:
     paths = _leaf_paths(layout)
     if len(layout.fields) != 1:
         refuse(f'{layout.name} has {len(layout.fields) or "no"} fields', type_text.span,
-               'name one of them' if layout.fields else 'there is nothing to read', _help(paths))
+               'name one of them' if layout.fields else 'there is nothing to read',
+               field_line(paths))
     only = layout.fields[0]
     end = _End((only.name,), (only.type,), layout)
     if end.is_array or only.type.is_message and not end.is_time:
         functions = [f'{name}({only.name})' for name in _functions(end)]
         refuse(f"the one field of {layout.name}, '{only.name}', is {_kind(only.type)}",
-               type_text.span, 'which part of it?', _help([*paths, *functions]))
+               type_text.span, 'which part of it?', field_line([*paths, *functions]))
     return _resolved(end)
 
 
-def _steps(path_text: Text,
-           layout: MessageLayout) -> Iterator[tuple[re.Match[str], ArrayPart | None]]:
+def _steps(path_text: Text, layout: MessageLayout,
+           function: str) -> Iterator[tuple[re.Match[str], ArrayPart | None]]:
     """Yield name and part of each step of a path."""
     place = 0
     while True:
         match = _STEP.match(path_text.value, place)
         end = match.end() if match else place
-        part = read_part(_part_text(match, path_text)) if match and match['part'] else None
+        part = _part(match, path_text, function) if match and match['part'] else None
         if match is not None and match['part'] and part is None:
-            refuse(f'{shown(path_text.value)} is not a field path',
-                   path_text.at(*match.span('part')),
-                   'expected an index, a slice, angles, or a name to look up',
-                   _help([f'{path_text.value[:match.start("part")]}[0]{path_text.value[end:]}']))
+            _refuse_part(layout, match, path_text, function)
         if match is None or path_text.value[end:end + 1] not in ('', '.'):
             rest = path_text.at(min(end, max(len(path_text.value) - 1, 0)), len(path_text.value))
-            is_open = _OPEN_INDEX.fullmatch(path_text.value)
+            mended = _mended(path_text.value)
             refuse(f'{shown(path_text.value)} is not a field path', rest,
                    'expected names with dots between them, and indices from 0',
-                   _help([f'{is_open[1]}]'] if is_open else _leaf_paths(layout)))
+                   field_line([mended] if mended else _leaf_paths(layout), path_text))
         yield match, part
         if end == len(path_text.value):
             return
         place = end + 1
+
+
+def _mended(path: str) -> str:
+    """Return a path without the quotes around it, or with its index closed; '' for others."""
+    if len(path) > 2 and path[0] == path[-1] and path[0] in '"\'':
+        return path[1:-1]
+    is_open = _OPEN_INDEX.fullmatch(path)
+    return f'{is_open[1]}]' if is_open else ''
+
+
+def _part(match: re.Match[str], path_text: Text, function: str) -> ArrayPart | None:
+    """Read the part of an array in the brackets of a step."""
+    return read_part(_part_text(match, path_text), lambda inside: field_line(
+        [_called(function, _with_inside(match, path_text, inside))], path_text))
+
+
+def _with_inside(match: re.Match[str], path_text: Text, inside: str) -> str:
+    """Return a path with another text between the brackets of a step."""
+    path = path_text.value
+    return f'{path[:match.start("inside")]}{inside}{path[match.end("inside"):]}'
+
+
+def _called(function: str, path: str) -> str:
+    return f'{function}({path})' if function else path
+
+
+def _refuse_part(layout: MessageLayout, match: re.Match[str], path_text: Text,
+                 function: str) -> NoReturn:
+    """Refuse brackets that cannot be read; help with the part that was meant."""
+    before, inside = path_text.value[:match.start('part')], match['inside']
+    name, numbers = _NAME_INSIDE.fullmatch(inside), _NUMBERS_INSIDE.fullmatch(inside)
+    keys = _keys_at(layout, before)
+    meant = '0'
+    if name is not None and keys:
+        meant = f'{[*_usual_keys(keys), *keys][0]} = {name_as_written(name["name"].strip())}'
+    elif numbers is not None:
+        meant = f'{numbers[1]}:{numbers[2]}'
+    path = _with_inside(match, path_text, meant)
+    functions = [function] if function or numbers is None else _OF_NUMBERS[1:]
+    refuse(f'{shown(path_text.value)} is not a field path',
+           path_text.at(*match.span('part')),
+           'expected an index, a slice, angles, or a name to look up',
+           '' if name is not None and not keys else
+           field_line([_called(item, path) for item in functions], path_text))
 
 
 def _inside(layout: MessageLayout, kind: FieldType, path_text: Text,
@@ -318,7 +415,7 @@ def _step(layout: MessageLayout, match: re.Match[str], part: ArrayPart | None, p
     if part is None:
         if kind.array is not ArrayKind.NONE and not is_last:
             refuse(f"'{found.name}' is {_kind(kind)}", place, 'which element?',
-                   _help([f'{path_text.value[:match.end()]}[0]{path_text.value[match.end():]}']))
+                   field_line(_elements(layout, found, path_text, match), path_text))
         return kind, (found.name,)
     place = path_text.at(*match.span('part'))
     if kind.array is ArrayKind.NONE:
@@ -326,7 +423,7 @@ def _step(layout: MessageLayout, match: re.Match[str], part: ArrayPart | None, p
     if isinstance(part, Slice | Sector) and not is_last:
         before, after = path_text.value[:match.start('part')], path_text.value[match.end():]
         refuse('a part of an array has no fields', place, 'which element?',
-               _help([f'{before}[0]{after}']))
+               field_line([f'{before}[0]{after}'], path_text))
     match part:
         case int():
             _check_index(kind, part, match, place)
@@ -337,6 +434,51 @@ def _step(layout: MessageLayout, match: re.Match[str], part: ArrayPart | None, p
         case LookUp():
             part = _look_up(layout, found, part, _part_text(match, path_text))
     return kind, (found.name, part)
+
+
+def _elements(layout: MessageLayout, found: MessageField, path_text: Text,
+              match: re.Match[str]) -> list[str]:
+    """Return paths with an element of an array that is written without brackets."""
+    before, after = path_text.value[:match.end()], path_text.value[match.end():]
+    keys = _keys(layout, found)
+    names = _usual_keys(keys)[:1]
+    word, dot, rest = after[1:].partition('.')
+    if names and found.type.is_message \
+            and not nested_layout(layout, found.type).find_field(word):  # `status.motor.level`
+        return [f'{before}[{names[0]} = {name_as_written(word)}]{dot}{rest}']
+    if keys and not found.type.is_message:  # `position.elbow_joint`
+        return [f'{before}[{[*names, *keys][0]} = {name_as_written(after[1:])}]']
+    return [*(f'{before}[{name} = NAME]{after}' for name in names), f'{before}[0]{after}']
+
+
+def _keys(layout: MessageLayout, found: MessageField) -> list[str]:
+    """Return the strings by which elements of an array can be looked up."""
+    keys = [item.name for item in layout.fields if item.type.base == 'string'
+            and item.type.array is not ArrayKind.NONE and item is not found]
+    if found.type.is_message:
+        inner = nested_layout(layout, found.type)
+        keys += [path for path in _leaf_paths(inner) if '[' not in path
+                 and (of := _key_type(inner, tuple(path.split('.')))) and of.base == 'string']
+    return keys
+
+
+def _usual_keys(keys: Sequence[str]) -> list[str]:
+    return [key for key in _USUAL_KEYS if key in keys]
+
+
+def _keys_at(layout: MessageLayout, path: str) -> list[str]:
+    """Return the strings by which elements of the array at a path can be looked up."""
+    *steps, last = (match['name'] for match in _STEP.finditer(path))
+    try:
+        for name in steps:
+            item = layout.find_field(name)
+            if item is None or not item.type.is_message:
+                return []
+            layout = nested_layout(layout, item.type)
+        found = layout.find_field(last)
+        return _keys(layout, found) if found and found.type.array is not ArrayKind.NONE else []
+    except CompileError:
+        return []  # not installed: this is only a hint
 
 
 def _part_text(match: re.Match[str], path_text: Text) -> Text:
@@ -419,12 +561,7 @@ def _check_key(layout: MessageLayout, found: MessageField, kind: FieldType | Non
     if kind is not None and kind.base == 'string' and is_array is (
             kind.array is not ArrayKind.NONE):
         return
-    keys = [item.name for item in layout.fields if item.type.base == 'string'
-            and item.type.array is not ArrayKind.NONE and item is not found]
-    if found.type.is_message:
-        inner = nested_layout(layout, found.type)
-        keys += [path for path in _leaf_paths(inner) if '[' not in path
-                 and (of := _key_type(inner, tuple(path.split('.')))) and of.base == 'string']
+    keys = _keys(layout, found)
     key = '.'.join(part.key)
     others = [f'{found.name}[{other} = {name_as_written(part.name)}]' for other in keys]
     label = 'no such field' if kind is None else f'this is {_kind(kind)}, not a {wanted}'
@@ -441,7 +578,7 @@ def _refuse_field(layout: MessageLayout, match: re.Match[str], path_text: Text,
     deeper = [path for path in _leaf_paths(layout) if path.endswith(f'.{wanted}')]
     if deeper:
         refuse(f"{layout.name} has no field '{name}'", place, 'it is inside another field',
-               _help([before + deeper[0]]))
+               field_line([before + deeper[0]], path_text))
     constant = any(item.name == name for item in layout.constants)
     refuse(f"{layout.name} has no field '{name}'", place,
            'a constant is not part of the message' if constant else 'no such field',
@@ -452,12 +589,15 @@ def _refuse_array(end: _End, path_text: Text) -> NoReturn:
     path = path_text.value
     if isinstance(end.path[-1], Slice | Sector):
         refuse(f'{shown(path)} is a part of an array ({end.type})', path_text.span,
-               'which function of it?', _help([f'{name}({path})' for name in _functions(end)]))
+               'which function of it?',
+               field_line([f'{name}({path})' for name in _functions(end)], path_text))
     name = str(end.path[-1])
     others = [f'{function}({path})' for function in _functions(end)]
+    names = [f'{path}[{key} = NAME]' for key in _usual_keys(_keys_at(end.inside, name))[:1]
+             if not end.type.is_message and end.type.base not in _STRINGS]
     refuse(f"'{name}' is {_kind(end.type)}",
            path_text.at(len(path) - len(name), len(path)), 'which element?',
-           _help([f'{path}[0]', *others]))
+           field_line([*names, f'{path}[0]', *others], path_text))
 
 
 def _refuse_message(end: _End, path_text: Text) -> NoReturn:
@@ -465,7 +605,7 @@ def _refuse_message(end: _End, path_text: Text) -> NoReturn:
     functions = [f'{name}({path_text.value})' for name in _functions(end)]
     refuse(f'{shown(path_text.value)} is {_kind(end.type)}', path_text.span,
            'which part of it?',
-           _help([*(f'{path_text.value}.{path}' for path in inner), *functions]))
+           field_line([*(f'{path_text.value}.{path}' for path in inner), *functions], path_text))
 
 
 def _named(end: _End, path: str) -> str:
@@ -483,13 +623,28 @@ def _kind(kind: FieldType) -> str:
     return f'an {kind}' if kind.base.startswith('int') else f'a {kind}'
 
 
-def _help(paths: Sequence[str]) -> str:
-    """Return a line to paste, and what else could be in it."""
+def field_line(paths: Sequence[str], path_text: Text | None = None) -> str:
+    """Return a line to paste, with the key at `path_text`, and what else could be in it."""
     if not paths:
         return ''
     others = '   # or ' + ', '.join(paths[1:_MAX_LISTED]) if len(paths) > 1 else ''
-    first = f'"{paths[0]}"' if '[' in paths[0] else paths[0]  # within braces '[' begins a list
-    return f'field: {first}{others}{" ..." if len(paths) > _MAX_LISTED else ""}'
+    key = 'field' if path_text is None else _key_before(path_text)
+    return f'{key}: {_quoted(paths[0])}{others}{" ..." if len(paths) > _MAX_LISTED else ""}'
+
+
+def _quoted(path: str) -> str:
+    """Return a path as a value of YAML: within braces, `[` would begin a list."""
+    if '"' in path:
+        return f"'{path.replace(chr(39), chr(39) * 2)}'"
+    return f'"{path}"' if '[' in path else path
+
+
+def _key_before(text: Text) -> str:
+    """Return the key of a value: under `topics`, it is the name of the input."""
+    start = text.span.start
+    line = text.source.text[text.source.text.rfind('\n', 0, start) + 1:start]
+    match = _KEY_BEFORE.search(line)
+    return match[1] if match else 'field'
 
 
 def _leaf_paths(layout: MessageLayout) -> list[str]:

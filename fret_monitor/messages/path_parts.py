@@ -18,11 +18,12 @@ What stands between the brackets of a field path: index, slice, sector of angles
 `read_part` knows nothing of the message; `field_path` checks the result against its array.
 """
 
+from collections.abc import Callable
 from fractions import Fraction
 import math
 import re
 
-from fret_monitor.model.diagnostics import did_you_mean, refuse, Text
+from fret_monitor.model.diagnostics import Diagnostic, did_you_mean, Level, refuse, Text
 from fret_monitor.model.names import shown
 from fret_monitor.model.paths import ArrayPart, LookUp, name_as_written, Sector, Slice
 
@@ -39,9 +40,11 @@ _TURNS = {'deg': Fraction(1, 360), 'rad': 1 / Fraction(math.tau)}  # of a unit
 _UNITS = {'\xb0': 'deg', 'degree': 'deg', 'degrees': 'deg', 'radian': 'rad', 'radians': 'rad'}
 
 
-def read_part(text: Text) -> ArrayPart | None:
+def read_part(text: Text, line: Callable[[str], str]) -> ArrayPart | None:
     """
     Read the text between two brackets; None if it is nothing of the kind.
+
+    `line` returns the line to paste with another text between the brackets.
 
     Raises
     ------
@@ -54,7 +57,7 @@ def read_part(text: Text) -> ArrayPart | None:
         return _whole(index[1])
     found = _LOOK_UP.fullmatch(text.value)
     if found is not None:
-        return _look_up(text, found)
+        return _look_up(text, found, line)
     ends = text.value.split(':')
     if len(ends) < 2:
         return None
@@ -80,16 +83,23 @@ def _end(written: str) -> int | None:
     return None if written in ('', '-') else _whole(written)
 
 
-def _look_up(text: Text, found: re.Match[str]) -> LookUp:
+def _look_up(text: Text, found: re.Match[str], line: Callable[[str], str]) -> LookUp:
     key, name = found['key'], found['name']
+    place = text.at(*found.span('name'))
+    if not name:
+        refuse('a name is missing after the =', place, 'the name to look for',
+               f'{line(f"{key} = NAME")}, with the name for NAME')
     quoted = _QUOTED.fullmatch(name)
+    bare = name.strip('"\'')
     if quoted is None and name_as_written(name) != name:
-        refuse(f'{shown(name)} must be in quotes' if name else 'a name is missing after the =',
-               text.at(found.start('name'), max(found.end('name'), found.start('name'))),
-               'the name to look for', f'write [{key} = {name_as_written(name.strip(chr(34)))}]')
+        has_apostrophes = name.strip('"').startswith("'")
+        refuse('a name to look up has no apostrophes' if has_apostrophes
+               else f'{shown(name)} must be in quotes', place,
+               'they would be part of the name' if has_apostrophes else 'the name to look for',
+               line(f'{key} = {name_as_written(bare)}'))
     if found['equals'] != '=':
         refuse("a look-up has one '='", text.at(*found.span('equals')), 'one too many',
-               f'write [{key} = {name}]')
+               line(f'{key} = {name}'))
     value = name if quoted is None else re.sub(r'\\(.)', r'\1', quoted[1])
     return LookUp(tuple(key.split('.')), value)
 
@@ -115,3 +125,29 @@ def _sector(text: Text, angles: list[re.Match[str] | None]) -> Sector:
                'a whole turn is [-180 deg : 180 deg]')
     first = turns[0] - round(turns[0])
     return Sector(float(first) * math.tau, float(width % 1 or 1) * math.tau, written)
+
+
+def doubt_sector(text: Text) -> Diagnostic | None:
+    """
+    Return a warning if a sector, given as written, may be one with its angles exchanged.
+
+    Such a sector is wider than half a turn, and its first angle is the greater one. With a whole
+    turn added to the second angle it is the same sector, without a warning.
+    """
+    angles = [match for end in text.value.split(':') if (match := _ANGLE.fullmatch(end))]
+    first, second = (Fraction(angle[1]) * _TURNS[angle[2]] for angle in angles)
+    width = (second - first) % 1
+    if first < second or width <= Fraction(1, 2):
+        return None
+    start, stop = (f'{angle[1]} {angle[2]}' for angle in angles)
+    turn, unit = second + 1, angles[1][2]
+    same = f'{float(turn / _TURNS[unit]):.5g} {unit}'
+    return Diagnostic(
+        f'this sector is {_degrees(width)} wide: counter-clockwise from {start} to {stop}',
+        text.span, 'the first angle is the greater one',
+        f'[{stop} : {start}] is the {_degrees(1 - width)} between them; '
+        f'write [{start} : {same}] if the {_degrees(width)} are meant', Level.WARNING)
+
+
+def _degrees(turns: Fraction) -> str:
+    return f'{float(turns) * 360:.4g} degrees'

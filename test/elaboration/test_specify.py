@@ -51,6 +51,10 @@ DEFINITIONS = {
     'demo_msgs/msg/Path': 'Header header\ngeometry_msgs/Pose[] poses',
     'demo_msgs/msg/Placed': 'Header header\ngeometry_msgs/Pose pose',
     'demo_msgs/msg/Area': 'geometry_msgs/Point[] points',
+    'demo_msgs/msg/Sweep':
+        'float32 angle_min\nfloat32 angle_increment\nfloat32 range_max\nfloat32[] ranges',
+    'demo_msgs/msg/Status': 'byte level\nstring name\nstring message',
+    'demo_msgs/msg/Statuses': 'Status[] status',
     'demo_msgs/msg/Joints': 'Header header\nstring[] name\nfloat64[] position',
     'demo_msgs/msg/Battery':
         'uint8 POWER_ON = 1\nuint8 POWER_OFF = 0x0\nuint8 POWER_STATE_LOST=7\n'

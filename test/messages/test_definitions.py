@@ -318,9 +318,10 @@ def test_the_types_on_the_way_are_given(prefix: Path) -> None:
     ('limits[wide = x]', "the elements of 'limits' have no names 'wide'", 8,
      'write limits[tags = x]'),
     ('limits[tags = left wheel]', "'left wheel' must be in quotes", 15,
-     'write [tags = "left wheel"]'),
-    ('limits[tags == x]', "a look-up has one '='", 13, 'write [tags = x]'),
-    ('limits[tags = ]', 'a name is missing after the =', 15, 'write [tags = ""]'),
+     'field: \'limits[tags = "left wheel"]\''),
+    ('limits[tags == x]', "a look-up has one '='", 13, 'field: "limits[tags = x]"'),
+    ('limits[tags = ]', 'a name is missing after the =', 15,
+     'field: "limits[tags = NAME]", with the name for NAME'),
 ])
 def test_a_path_that_leads_nowhere_is_refused_with_what_there_is(
         prefix: Path, path: str, title: str, column: int, help: str) -> None:
