@@ -180,7 +180,8 @@ def _constants(settings: Settings, spec: Path) -> Mapping[str, Text]:
 
 def _refuse_unknown_constants(settings: Settings, manifests: Sequence[Manifest]) -> None:
     """Refuse constants that none of several bundles has."""
-    names = [name for manifest in manifests for name, _ in manifest.constants]
+    names = list(dict.fromkeys(
+        name for manifest in manifests for name, _ in manifest.constants))
     known = {fret_name(name) for name in names}
     problems = []
     for name, text in settings.constants.items():

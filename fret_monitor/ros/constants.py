@@ -56,17 +56,23 @@ class ConstantParameters:
                 if name not in self._of_bundles or value != self._of_bundles[name]}
 
     def show(self, constants: Iterable[tuple[str, str]]) -> None:
-        """Declare the constants of the bundles; those of earlier bundles are no more."""
+        """
+        Declare the constants of the bundles; those of earlier bundles are no more.
+
+        One parameter cannot show several values: bundles that differ in a constant have none.
+        """
         overrides = self.overrides()
         for name in [name for name in self._declared if name not in overrides]:
             self._node.undeclare_parameter(name)
             self._declared.remove(name)
         self._of_bundles = {}
+        values: dict[str, list[Any]] = {}
         for name, text in constants:
-            parameter = PREFIX + name
-            if parameter not in self._declared:
-                self._of_bundles[parameter] = _value(text)
-                self._node.declare_parameter(parameter, _value(text), self._descriptor)
+            values.setdefault(PREFIX + name, []).append(_value(text))
+        for parameter, found in values.items():
+            if parameter not in self._declared and all(value == found[0] for value in found):
+                self._of_bundles[parameter] = found[0]
+                self._node.declare_parameter(parameter, found[0], self._descriptor)
                 self._declared.append(parameter)
 
 

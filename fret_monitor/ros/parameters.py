@@ -194,7 +194,11 @@ class Parameters:
         return values | self._constants.overrides()
 
     def show_constants(self, manifests: Iterable[Manifest]) -> None:
-        """Declare a parameter for each constant of the bundles, with the value in use."""
+        """
+        Declare a parameter for each constant of the bundles, with the value in use.
+
+        A constant that has several values is left out unless it was given.
+        """
         self._constants.show(pair for item in manifests for pair in item.constants)
 
     def _warn_of_slips(self) -> None:

@@ -21,6 +21,7 @@ from fret_monitor import build
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.ros import MonitorNode, Refusal
 from fret_monitor.ros.compiled import open_manifests, open_monitors
+from fret_monitor.ros.constants import ConstantParameters
 from fret_monitor.ros.parameters import read_settings, Settings
 import pytest
 from rclpy.parameter import Parameter
@@ -73,6 +74,15 @@ def test_of_several_bundles_those_get_a_constant_that_have_it(bundles: list[str]
     assert 'v < 4.5' in base.requirements[0].formula
     assert refused({'rech': 1.0}, spec=bundles) == (
         "error: parameter constants.rech: no bundle has this constant: did you mean 'reach'?")
+    assert refused({'unlike': 1.0}, spec=bundles).endswith(
+        'the constants are v_max, n, is_outdoors, reach')
+
+
+def test_a_constant_with_several_values_is_not_shown(partner: Partner) -> None:
+    constants = ConstantParameters(partner.node, '', read_only=False)
+    constants.show([('k', '1'), ('m', '2'), ('k', '1.5'), ('m', '2.0')])
+    assert list(partner.node.get_parameters_by_prefix('constants')) == ['m']
+    assert constants.overrides() == {}
 
 
 def test_a_value_that_cannot_be_used_is_refused_with_its_parameter(bundles: list[str]) -> None:
