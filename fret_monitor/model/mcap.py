@@ -27,7 +27,8 @@ from typing import BinaryIO
 _MAGIC = b'\x89MCAP0\r\n'
 _CHUNK_BYTES = 1 << 20
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE = 1, 2, 3, 4, 5
-_CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX, _STATISTICS, _METADATA, _DATA_END = 6, 7, 8, 11, 12, 15
+_CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX, _STATISTICS, _METADATA = 6, 7, 8, 11, 12
+_METADATA_INDEX, _DATA_END = 13, 15
 
 
 @dataclass
@@ -51,7 +52,7 @@ class McapWriter:
         self._counts: list[int] = []  # messages of each channel
         self._sequence = 0
         self._chunk_indices: list[bytes] = []
-        self._metadata_count = 0
+        self._metadata_indices: list[bytes] = []
         self._start = self._end = 0
         self._write(_MAGIC)
         self._write(_record(_HEADER, _text('ros2') + _text('fret_monitor')))
@@ -91,8 +92,10 @@ class McapWriter:
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add texts about the whole file."""
         self._write_chunk()
-        self._metadata_count += 1
+        place = self._written
         self._write(_record(_METADATA, _text(name) + _map(values)))
+        self._metadata_indices.append(_record(_METADATA_INDEX, struct.pack(
+            '<QQ', place, self._written - place) + _text(name)))
 
     def end(self) -> None:
         """Write what waits, and the index; nothing can be added any more."""
@@ -103,9 +106,9 @@ class McapWriter:
             self._write(item)
         self._write(_record(_STATISTICS, struct.pack(
             '<QHIIIIQQ', sum(self._counts), len(self._schemas), len(self._counts), 0,
-            self._metadata_count, len(self._chunk_indices), self._start, self._end)
+            len(self._metadata_indices), len(self._chunk_indices), self._start, self._end)
             + _array('<HQ', enumerate(self._counts))))
-        for item in self._chunk_indices:
+        for item in [*self._chunk_indices, *self._metadata_indices]:
             self._write(item)
         self._write(_record(_FOOTER, struct.pack('<QQI', summary, 0, 0)))
         self._write(_MAGIC)

@@ -20,7 +20,7 @@ import sys
 from typing import Any
 
 from fret_monitor.messages.field_path import resolve_field
-from fret_monitor.messages.installed import find_message, fingerprint
+from fret_monitor.messages.installed import complete_definition, find_message, fingerprint
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageLayout
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Source, Text
 from fret_monitor.model.packages import search_path
@@ -544,3 +544,16 @@ def test_a_rewritten_definition_is_read_again(prefix: Path) -> None:
     assert find_message('pkg_b/msg/Cell', [prefix]).fields[0].name == 'voltage'
     path.write_text('int8 other\nint8 more\n')
     assert find_message('pkg_b/msg/Cell', [prefix]).fields[0].name == 'other'
+
+
+def test_a_complete_definition_is_what_recordings_have(tmp_path: Path) -> None:
+    types = pytest.importorskip('rosbags.typesys')
+    folder = tmp_path / 'share' / 'pkg_b' / 'msg'
+    folder.mkdir(parents=True)
+    (folder / 'Outer.msg').write_text('Inner[] a\nInner b\nint8 A=3')
+    (folder / 'Inner.msg').write_text('float32 x\n')
+    text = complete_definition(find_message('pkg_b/msg/Outer', [tmp_path]))
+    line = '=' * 80
+    assert text == f'Inner[] a\nInner b\nint8 A=3\n{line}\nMSG: pkg_b/Inner\nfloat32 x\n'
+    found = types.get_types_from_msg(text, 'pkg_b/msg/Outer')
+    assert set(found) == {'pkg_b/msg/Outer', 'pkg_b/msg/Inner'}

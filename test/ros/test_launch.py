@@ -92,7 +92,8 @@ def environment(folder: Path) -> dict[str, str]:
 
 @pytest.mark.parametrize(('arguments', 'nodes'), [
     (['spec:=bundle.yaml'], {'/fret_monitor', '/fret_logger'}),
-    (['spec:=bundle.yaml', 'namespace:=robot', 'policy:=periodic', 'rate:=5', 'logger:=false'],
+    (['spec:=bundle.yaml', 'namespace:=robot', 'policy:=periodic', 'rate:=5', 'logger:=false',
+      'blackbox:=box', 'blackbox_seconds:=5', 'blackbox_bytes:=100000'],
      {'/robot/fret_monitor'}),
     (['spec:=[bundle.yaml, other.yaml]', 'name:=guard', 'hot_path:=off', 'period:=',
       'log_level:=warn'], {'/guard', '/fret_logger'}),
