@@ -40,6 +40,7 @@ import yaml
 
 POLL_S = 0.05
 STABLE_S = 0.5
+HINT_S = 10
 DELIVERY_S = 5
 
 
@@ -144,15 +145,27 @@ def _wait_until_matched(node: Node, publisher: Publisher) -> None:
     and a monitor that then does replaces its subscription by one of the publisher's reliability.
     """
     before = None
-    since = time.monotonic()
+    since = begin = time.monotonic()
+    is_hint_due = True
     while before is None or time.monotonic() - since < STABLE_S:
         rclpy.spin_once(node, timeout_sec=POLL_S)
         count = publisher.get_subscription_count()
         ids = {tuple(item.endpoint_gid)
                for item in node.get_subscriptions_info_by_topic(publisher.topic_name)}
         now = (count, ids) if count else None
+        if is_hint_due and now is None and time.monotonic() - begin > HINT_S:
+            is_hint_due = False
+            _print_subscribed(node)
         if now != before:
             before, since = now, time.monotonic()
+
+
+def _print_subscribed(node: Node) -> None:
+    """Print which topics have subscriptions: the name may be another one."""
+    topics = [name for name, _ in node.get_topic_names_and_types()
+              if node.count_subscribers(name) and name != '/parameter_events']
+    print(f'nobody subscribes yet; there are subscriptions to {", ".join(topics)}' if topics
+          else 'there is no subscription to any topic', file=sys.stderr)
 
 
 if __name__ == '__main__':

@@ -28,6 +28,8 @@ def add_constants(parser: ArgumentParser) -> None:
 
 def _constant(text: str) -> tuple[str, Text]:
     name, equals, value = text.partition('=')
+    if name.endswith(':'):
+        raise ArgumentTypeError(f"'{text}': here it is {name[:-1]}={value}, without the colon")
     if not equals or not name:
         raise ArgumentTypeError(f"'{text}' is not NAME=VALUE, such as v_max=0.8")
     return name, Text.whole(Source(f'--constant {name}', value))

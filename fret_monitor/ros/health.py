@@ -220,9 +220,9 @@ class Health:
         found = [place for place in self._manifest.topics[index].inputs if place in silent]
         if found:
             is_violating = self._manifest.inputs[found[0]].stale is Stale.VIOLATE
-            lasted = max(silent[place].lasted for place in found) / 1e9
             yield (DiagnosticStatus.ERROR if is_violating else DiagnosticStatus.WARN,
-                   f'nothing for {lasted:.1f} s of {self._named(found)}')
+                   describe_silences({self._manifest.inputs[place].name: silent[place].lasted
+                                      for place in found}))
 
     def _of_messages(self, index: int, unusable: set[int],
                      lost: int) -> Iterator[tuple[bytes, str]]:
@@ -278,6 +278,15 @@ def _troubles(topic: ManifestTopic, status: PublisherStatus) -> Iterator[tuple[b
             f'a publisher of {", ".join(status.other_types)}, and not {topic.message_type}')
     if status.unmatched:
         yield DiagnosticStatus.ERROR, f'not received: {", ".join(status.unmatched)}'
+
+
+def describe_silences(lasted: Mapping[str, int]) -> str:
+    """Return for how long nothing came of each input, given in nanoseconds."""
+    inputs: dict[str, list[str]] = {}
+    for name, duration in lasted.items():
+        inputs.setdefault(f'{duration / 1e9:.1f}', []).append(name)
+    return 'nothing ' + ', '.join(
+        f'for {seconds} s of {", ".join(names)}' for seconds, names in inputs.items())
 
 
 def describe_missing(engine: Engine, statuses: Sequence[PublisherStatus],

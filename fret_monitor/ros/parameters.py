@@ -197,11 +197,21 @@ class Parameters:
         """
         Declare a parameter for each constant of the bundles, with the value in use.
 
-        A constant that has several values is left out unless it was given.
+        A constant that has several values is left out unless it was given. Warn, once, about
+        ignored parameters that have the name of a constant.
         """
-        self._constants.show(pair for item in manifests for pair in item.constants)
+        pairs = [pair for item in manifests for pair in item.constants]
+        self._constants.show(pairs)
+        names = {name for name, _ in pairs}
+        for parameter in list(self._ignored):
+            name = parameter.rpartition('.')[2]
+            if name in names:
+                self._ignored.remove(parameter)
+                self._node.get_logger().warning(
+                    f"ignored parameter '{parameter}': did you mean 'constants.{name}'?")
 
     def _warn_of_slips(self) -> None:
+        self._ignored: list[str] = []
         # Only a warning: a file with the wildcard `/**` also has parameters of other nodes.
         for name in self._node._parameter_overrides:
             if name.startswith('qos_overrides.'):
@@ -209,7 +219,9 @@ class Parameters:
             if self._constants.has(name):
                 continue
             if name not in _KNOWN and not self._node.has_parameter(name):
-                hint = did_you_mean(name, self._table) or f'this node has {", ".join(self._table)}'
+                hint = did_you_mean(name, self._table) \
+                    or f'this node has {", ".join(self._table)}, constants.NAME'
+                self._ignored.append(name)
                 self._node.get_logger().warning(f"ignored parameter '{name}': {hint}")
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:

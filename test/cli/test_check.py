@@ -125,3 +125,10 @@ def test_every_verb_takes_the_name_of_a_bundle(
     done = here.run(verb, 'none.yaml', *options)
     assert done.status == 1
     assert f"error: there is no file 'none.yaml' in {here.folder} nor in " in done.err
+
+
+def test_a_constant_as_ros_writes_parameters_is_refused_with_the_line_to_write(
+        here: Here) -> None:
+    done = here.run('check', 'tank.yaml', '--constant', 'v_max:=0.3')
+    assert done.status == 2
+    assert "'v_max:=0.3': here it is v_max=0.3, without the colon" in done.err

@@ -204,6 +204,25 @@ def test_an_unknown_parameter_is_reported_with_the_nearest_name(
     assert told.count("ignored parameter 'spec'") == 0
 
 
+def test_an_ignored_parameter_named_as_a_constant_is_reported_with_the_prefix(
+    partner: Partner, made: list[MonitorNode | LoggerNode], tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    bundle = tmp_path / 'base.yaml'
+    bundle.write_text(
+        'format: 1\nconstants: {v_max: 0.8}\n'
+        'inputs: {v: {topic: v, type: std_msgs/msg/Float32}}\n'
+        'requirements: [{id: R, ptltl: v < v_max}]\n', encoding='utf-8')
+    given = {'spec': str(bundle), 'v_max': 0.3, 'constant.v_max': 0.3}
+    made.append(MonitorNode(
+        context=partner.context, cli_args=['--ros-args'],
+        parameter_overrides=[Parameter(name, value=item) for name, item in given.items()]))
+    told = capfd.readouterr().err
+    for name in ('v_max', 'constant.v_max'):
+        assert f"ignored parameter '{name}': did you mean 'constants.v_max'?" in told
+    assert 'constants.NAME' in told
+
+
 def test_the_logger_does_not_warn_of_parameters_of_the_monitor(
     partner: Partner, bundle: Path, made: list[MonitorNode | LoggerNode],
     capfd: pytest.CaptureFixture[str],

@@ -18,6 +18,7 @@ from typing import Any
 
 from fret_monitor import build
 from fret_monitor.model.manifest import Manifest
+from fret_monitor.ros.health import describe_silences
 from fret_monitor.ros.silences import SilenceLog, some
 from fret_monitor.runtime import InputCounts, Silence
 import pytest
@@ -134,3 +135,9 @@ def test_only_inputs_with_a_timeout_have_silences(manifest: Manifest) -> None:
 def test_a_line_names_five_and_counts_the_others() -> None:
     assert some(['a', 'b']) == 'a, b'
     assert some(list('abcdefg'), '; ') == 'a; b; c; d; e and 2 more'
+
+
+def test_diagnostics_have_the_time_of_each_silent_input() -> None:
+    assert describe_silences({'x': SECOND}) == 'nothing for 1.0 s of x'
+    assert describe_silences({'x': SECOND, 'ghost': 16 * SECOND, 'y': SECOND}) == (
+        'nothing for 1.0 s of x, y, for 16.0 s of ghost')
