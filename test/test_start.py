@@ -186,10 +186,9 @@ def test_a_bundle_that_changes_between_two_reads_is_built_again(
     read = build.read
     other = BUNDLE.replace('x <= limit', 'x <= 3.0')
 
-    def late(path: Path, *, policy: Policy | None = None,
-             period: Fraction | None = None) -> build.Reading:
+    def late(path: Path, **overrides: Any) -> build.Reading:
         path.write_text(other)
-        return read(path, policy=policy, period=period)
+        return read(path, **overrides)
 
     monkeypatch.setattr(build, 'read', late)
     assert limit_of(start(bundle)) == 3.0

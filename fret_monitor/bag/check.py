@@ -307,6 +307,8 @@ class _Run:
         most = max(1, sum(self._recording.recorded[name] for name, _ in wanted))
         reorder = self._manifest.reorder
         self._engine.advance(min(begin, self._recording.start))
+        if self._selection.begin is None:  # stamps may be before the first reception
+            self._judge_from(begin)
         try:
             for batch in self._recording.batches(wanted, None if last is None else last + reorder):
                 if self._watch is not None:
@@ -332,7 +334,7 @@ class _Run:
 
     def _judge_from(self, begin: int) -> None:
         """Start the requirements afresh; what came before set the inputs and their timeouts."""
-        if begin > self._recording.start:
+        if self._selection.begin is not None:
             self._take(self._engine.advance_all(
                 begin + self._manifest.reorder, most=self._most))
             self._engine.reset()

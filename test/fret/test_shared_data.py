@@ -48,7 +48,7 @@ BOOL, NUMBER = ValueType.BOOL, ValueType.FLOAT64
 ARITHMETIC = ('+', '-', '*', '/', 'mod', '^')
 FAST = ('-std=c99', '-O0', '-fPIC', '-ffp-contract=off')
 # Functions that a project of FRET's users defines outside of FRET.
-FOREIGN = {'Xtarg', 'cos', 'det_3x3', 'dot', 'mag', 'persists', 'sin', 'sqrt', 'yout'}
+FOREIGN = {'Xtarg', 'det_3x3', 'dot', 'mag', 'persists', 'yout'}
 # What FRET calls the inputs of its templates.
 MODE, CONDITION, RESPONSE, STOP = (Variable(name, BOOL) for name in 'mcrs')
 
