@@ -575,6 +575,16 @@ uint32_t fm_engine_deliver_locked(
   return FM_RECEIVED;
 }
 
+uint32_t fm_engine_message_locked(
+  struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
+  const struct fm_origin * origin)
+{
+  struct fm_reading reading = {engine->fields, message, size, 0, false};
+  reading.is_decoded =
+    fm_engine_read(engine, topic, message, size, engine->fields, &reading.stamp);
+  return fm_engine_deliver_locked(engine, topic, &reading, origin);
+}
+
 uint32_t fm_engine_message(
   struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin)
@@ -583,10 +593,7 @@ uint32_t fm_engine_message(
     return FM_RECEIVED;
   }
   fm_engine_lock(engine);
-  struct fm_reading reading = {engine->fields, message, size, 0, false};
-  reading.is_decoded =
-    fm_engine_read(engine, topic, message, size, engine->fields, &reading.stamp);
-  const uint32_t receipt = fm_engine_deliver_locked(engine, topic, &reading, origin);
+  const uint32_t receipt = fm_engine_message_locked(engine, topic, message, size, origin);
   fm_engine_unlock(engine);
   return receipt;
 }

@@ -120,6 +120,11 @@ void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t la
 const struct fm_field * fm_engine_prepare_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t received);
 
+/// As fm_engine_message. `topic` must be in range. In engine.c.
+uint32_t fm_engine_message_locked(
+  struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
+  const struct fm_origin * origin);
+
 /// Let the first message that waits take effect at its stamp, or the evaluator's time if that is
 /// later, but not after `now`. In engine.c.
 void fm_engine_put_waiting_locked(struct fm_engine * engine, int64_t now);

@@ -38,16 +38,6 @@ static bool take_all_due_locked(
   return deadline == INT64_MIN || deadline >= now || *left == 0;
 }
 
-static void deliver_locked(
-  struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size, int64_t time)
-{
-  const struct fm_origin origin = {time, 0, 0, NULL, false};
-  struct fm_reading reading = {engine->fields, message, size, 0, false};
-  reading.is_decoded =
-    fm_engine_read(engine, topic, message, size, engine->fields, &reading.stamp);
-  (void)fm_engine_deliver_locked(engine, topic, &reading, &origin);
-}
-
 bool fm_engine_records(struct fm_engine * engine, struct fm_records * records, uint32_t most)
 {
   fm_engine_lock(engine);
@@ -62,7 +52,8 @@ bool fm_engine_records(struct fm_engine * engine, struct fm_records * records, u
       if (!take_all_due_locked(engine, fm_later(time, -engine->options.reorder), most, &left)) {
         break;
       }
-      deliver_locked(engine, topic, message, size, time);
+      const struct fm_origin origin = {time, 0, 0, NULL, false};
+      (void)fm_engine_message_locked(engine, topic, message, size, &origin);
       records->counts[topic] += 1;
     }
     records->next += 1;

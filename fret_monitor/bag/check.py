@@ -121,11 +121,6 @@ class Result:
     end: int
     warnings: tuple[str, ...] = ()
 
-    @property
-    def is_violated(self) -> bool:
-        """Whether any requirement was violated."""
-        return any(item.verdict is False for item in self.findings)
-
 
 class Changes(Protocol):
     """Takes the changes of verdicts, in the order in which they were found."""
@@ -347,7 +342,7 @@ class _Run:
             details.reverse()
             for violation in batch:
                 # Both are queued together; a detail is missing if its queue was full.
-                has_detail = bool(details) and details[-1].is_of(violation)
+                has_detail = bool(details) and details[-1].violation == violation
                 detail = details.pop() if has_detail else None
                 findings = self._findings[violation.requirement]
                 if not self._is_judging or violation.requirement in self._unread or (

@@ -73,19 +73,18 @@ class ViolationDetail:
     A violation with the values of all inputs at that time (None: no value yet).
 
     `stale` are the indices of the stale inputs. `suppressed` counts the details of this
-    requirement that were not queued so far. With `is_recovery` it is the end of a violation:
-    what the requirement's report compares is true again.
+    requirement that were not queued so far.
     """
 
     violation: Violation
     suppressed: int
     values: tuple[bool | int | float | None, ...]
     stale: frozenset[int] = frozenset()
-    is_recovery: bool = False
 
-    def is_of(self, violation: Violation) -> bool:
-        """Whether these are the details of a violation, or of its end."""
-        return self.violation[:3] == violation[:3] and self.is_recovery == violation.is_recovery
+    @property
+    def is_recovery(self) -> bool:
+        """Whether it is the end of a violation."""
+        return self.violation.is_recovery
 
 
 class Engine:
@@ -301,8 +300,7 @@ class Engine:
         """
         batch: Any = ffi.new('struct fm_violation[]', _BATCH)
         count = self._library.fm_engine_take(self.pointer, batch, _BATCH, milliseconds)
-        return [Violation(item.requirement, item.step, item.stamp, bool(item.is_recovery))
-                for item in batch[0:count]]
+        return [_violation(item) for item in batch[0:count]]
 
     def want_details(self, are_wanted: bool, most_per_s: int = MOST_DETAILS_PER_S) -> None:
         """Queue details from now on; or queue none, and drop those in the queue."""
@@ -313,15 +311,13 @@ class Engine:
         detail: Any = ffi.cast('struct fm_detail *', self._detail)
         if not self._library.fm_engine_take_detail(self.pointer, detail, milliseconds):
             return None
-        item = detail.violation
         values = self._detail + ffi.sizeof('struct fm_detail')
         flags = ffi.buffer(values + self._inputs_bytes, len(self._types))[:]
         return ViolationDetail(
-            Violation(item.requirement, item.step, item.stamp), detail.suppressed,
+            _violation(detail.violation), detail.suppressed,
             tuple(self._value_at(index, values) if flag & 1 else None
                   for index, flag in enumerate(flags)),
-            frozenset(index for index, flag in enumerate(flags) if flag & 2),
-            bool(item.is_recovery))
+            frozenset(index for index, flag in enumerate(flags) if flag & 2))
 
     def _value_at(self, index: int, values: Any) -> bool | int | float:
         place = values + self._monitor.pointer.inputs[index].offset
@@ -391,6 +387,11 @@ class Engine:
         """Return the counters of a topic."""
         found = self._library.fm_engine_topic_counts(self.pointer, index)
         return TopicCounts(found.messages, found.undecodable)
+
+
+def _violation(item: Any) -> Violation:
+    """Return a `struct fm_violation`."""
+    return Violation(item.requirement, item.step, item.stamp, bool(item.is_recovery))
 
 
 def _destroy(library: Any, pointer: Any) -> None:

@@ -44,7 +44,7 @@ class Log:
         self.holds[index] = is_over
         if has_detail:
             self.log.add(ViolationDetail(
-                Violation(index, int(now * 10), int(now * 1e9)), 0, (), is_recovery=is_over), now)
+                Violation(index, int(now * 10), int(now * 1e9), is_over), 0, ()), now)
 
     def taken(self, now: float) -> list[str]:
         self.log.review(now)
