@@ -337,7 +337,7 @@ requirements:
         state.publish(String(data='idle'))
         before = partner.node.get_clock().now().nanoseconds
         x.publish(Float32(data=0.3))
-        wait_until(lambda: bool(heard), 'details')
+        wait_until(lambda: sum(len(array.status) for array in heard) == 2, 'details of both')
         first, second = (status for array in heard for status in array.status)
         assert (first.name, first.level, first.message, first.hardware_id) == (
             'R-1', b'\1', 'stand still', 'robot')
