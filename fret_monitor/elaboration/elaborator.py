@@ -235,6 +235,13 @@ class Elaborator:
             return term
         declaration = self._scope.find(node.text)
         if declaration is not None and node.text not in vocabulary.listed:
+            hidden = vocabulary.numbers[node.text]
+            if isinstance(term.value, ExactNumber) and term.value.value != hidden:
+                self._problems.warning(
+                    f"'{node.text}' is {declaration.role.value} and a value of "
+                    f"'{vocabulary.constants.field}'", node.span,
+                    f'here it is {declaration.role.value}: {term.value.value}',
+                    f'give it another name; the value of the message is {hidden}')
             return term
         if declaration is not None:
             self._problems.warning(

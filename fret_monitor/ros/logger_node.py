@@ -19,8 +19,10 @@ It subscribes to the handler topics of the same bundle, so it can run on another
 monitor. The monitor does not need it.
 """
 
+from collections import deque
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from threading import Condition, Thread
 from time import monotonic
 from typing import Any
@@ -33,7 +35,7 @@ from fret_monitor.model.policies import Severity
 from fret_monitor.ros import native_lifetimes
 from fret_monitor.ros.announced import Announced, News
 from fret_monitor.ros.compiled import open_manifests
-from fret_monitor.ros.details import DETAILS_TOPIC, read_detail
+from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
 from fret_monitor.ros.feed import ErrorKeeper, Feed
 from fret_monitor.ros.fields import UNDECODABLE
 from fret_monitor.ros.handlers import handler_topic
@@ -53,6 +55,18 @@ from std_msgs.msg import Empty
 _CHECK = 0.5  # s between two checks for errors in threads, and for monitors
 _MOST_WAITING = 1000  # violations; above that, messages wait in the middleware
 _WAIT_S = 0.1
+_NEW_S = 5.0  # within which a monitor that announces something new is followed, and longer
+
+
+@dataclass(frozen=True)
+class _Unknown:
+    """A detail of a handler that the logger does not listen to; when it came (monotonic, s)."""
+
+    handler: str
+    status: DiagnosticStatus
+    detail: Detail
+    sent: int
+    came: float
 
 
 class LoggerNode(Node):
@@ -75,7 +89,8 @@ class LoggerNode(Node):
         super().__init__(node_name, **options)
         self._feed = Feed(self)
         self._pairing = Pairing()
-        self._changed = Condition()  # guards the pairing
+        self._changed = Condition()  # guards the pairing, the lines, and what is unknown
+        self._unknown: deque[_Unknown] = deque(maxlen=_MOST_WAITING)
         self._is_over = False
         self._lines: dict[str, ViolationLines] = {}  # by handler
         self._outside: dict[str, str] = {}  # handlers that are not in the bundle, with topics
@@ -148,12 +163,15 @@ class LoggerNode(Node):
                   for item in self._requirements}
         self._outside = {topic.rpartition('/')[2]: topic for topic in sorted(outside)}
         wanted |= {topic: (topic, handler) for handler, topic in self._outside.items()}
-        # Lines of former requirements stay, for violations that wait to be logged.
-        self._lines |= {
+        lines = {
             item.handler: ViolationLines.of(self.get_logger(), item)
             for item in self._requirements} | {
             handler: ViolationLines(self.get_logger(), handler, topic, Severity.ERROR)
             for handler, topic in self._outside.items()}
+        with self._changed:
+            # Lines of former requirements stay, for violations that wait to be logged.
+            self._lines |= lines
+            self._add_missed()
         for topic in self._followed.keys() - wanted.keys():
             self._feed.unsubscribe(self._followed.pop(topic))
         for topic in sorted(wanted.keys() - self._followed.keys()):
@@ -214,16 +232,35 @@ class LoggerNode(Node):
             return  # any node may publish here; the violation is logged without details
         for status in array.status:
             detail, handler = read_detail(status), handler_name(status.name)
-            if handler not in self._lines or detail is None:
+            if detail is None:
                 continue
-            if handler in self._outside:
-                self._lines[handler] = self._described(status)
             with self._changed:
-                if detail.is_recovery:
-                    self._pairing.add_recovery(handler, detail, monotonic())
+                if handler in self._lines:
+                    self._add_detail(handler, status, detail, sent)
                 else:
-                    self._pairing.add_detail(handler, detail, sent)
-                self._changed.notify_all()
+                    self._unknown.append(_Unknown(handler, status, detail, sent, monotonic()))
+
+    def _add_detail(self, handler: str, status: DiagnosticStatus, detail: Detail,
+                    sent: int) -> None:
+        if handler in self._outside:
+            self._lines[handler] = self._described(status)
+        if detail.is_recovery:
+            self._pairing.add_recovery(handler, detail, monotonic())
+        else:
+            self._pairing.add_detail(handler, detail, sent)
+        self._changed.notify_all()
+
+    def _add_missed(self) -> None:
+        """Add violations of new handlers that were published before anybody listened to them."""
+        unknown, now = list(self._unknown), monotonic()
+        self._unknown.clear()
+        for item in unknown:
+            if item.handler not in self._lines:
+                self._unknown.append(item)
+            elif now - item.came < _NEW_S:
+                if not item.detail.is_recovery:
+                    self._pairing.add_violation(item.handler, item.sent, item.sent, now)
+                self._add_detail(item.handler, item.status, item.detail, item.sent)
 
     def _report_all(self) -> None:
         """Log violations once `Pairing` releases them, until the node is destroyed."""

@@ -252,6 +252,20 @@ requirements:
         ("'POWER_STATE_LOST' is a value of 'power_state' by its name", "and not of 'power'", 7)]
 
 
+def test_a_constant_of_the_bundle_that_hides_one_of_the_message_is_warned_of() -> None:
+    _, warnings = specify(parse_bundle(Source('bundle.yaml', """format: 1
+constants: {POWER_ON: 7, POWER_OFF: 0}
+inputs:
+  power: {topic: b, type: demo_msgs/msg/Battery, field: power}
+requirements:
+  - {id: A, ptltl: "power = POWER_ON | power = POWER_OFF"}
+"""), Path()))
+    assert [(item.title, item.label, item.help, item.span.line)
+            for item in warnings if item.span] == [
+        ("'POWER_ON' is a constant and a value of 'power'", 'here it is a constant: 7',
+         'give it another name; the value of the message is 1', 6)]
+
+
 @pytest.mark.parametrize('names', [('first', 'x.y'), ('x.y', 'first')])
 def test_definitions_come_in_any_order_also_as_fret_spells_their_names(
         names: tuple[str, str]) -> None:

@@ -145,8 +145,13 @@ def started(name: str, *arguments: str, environment: dict[str, str] | None = Non
         node.kill()
 
 
-def _is_matched(subscription: Subscription) -> bool:
-    return bool(subscription.get_publisher_count())
+def settle(seconds: float) -> None:
+    """Sleep so long, and longer where more processes want a processor than there are."""
+    sleep(seconds * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1)))
+
+
+def _is_matched(subscription: Subscription, publishers: int) -> bool:
+    return int(subscription.get_publisher_count()) >= publishers
 
 
 class Partner:
@@ -181,7 +186,8 @@ class Partner:
         """Advertise a topic."""
         return self.node.create_publisher(message, topic, profile)
 
-    def listen(self, *handlers: str, prefix: str = 'copilot/handlerprop') -> None:
+    def listen(self, *handlers: str, prefix: str = 'copilot/handlerprop',
+               publishers: int = 1) -> None:
         """Count messages on the handlers whose names end so, once their publishers are there."""
         def listener(name: str) -> Callable[[Empty], None]:
             def count(_: Empty) -> None:
@@ -191,14 +197,15 @@ class Partner:
         for name in handlers:
             subscription = self.node.create_subscription(
                 Empty, prefix + name, listener(name), RELIABLE)
-            wait_until(partial(_is_matched, subscription), f'a publisher of handler {name}')
+            wait_until(partial(_is_matched, subscription, publishers),
+                       f'{publishers} of handler {name}')
 
     def wait_for_listener(self, *publishers: Publisher) -> None:
         """Wait until only current, compatible subscriptions of a monitor are matched."""
         for publisher in publishers:
             wait_until(partial(self._is_heard, publisher), f'a listener to {publisher.topic_name}')
-        # Discovery is not symmetric: the reader matches a moment after the writer.
-        sleep(0.3)
+        # Discovery is not symmetric: the other side matches a moment later.
+        settle(0.3)
 
     def _is_heard(self, publisher: Publisher) -> bool:
         listed = self.node.get_subscriptions_info_by_topic(publisher.topic_name)

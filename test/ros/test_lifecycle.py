@@ -19,7 +19,7 @@ from contextlib import contextmanager
 import gc
 from pathlib import Path
 import shutil
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any
 import weakref
 
@@ -31,7 +31,8 @@ import pytest
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from ros.harness import (
-    NodeProcess, Partner, PATIENCE, RELIABLE, started, wait_until, without_interface_number,
+    NodeProcess, Partner, PATIENCE, RELIABLE, settle, started, wait_until,
+    without_interface_number,
 )
 from std_msgs.msg import Empty, Float32
 from std_srvs.srv import Trigger
@@ -113,7 +114,7 @@ def count_listener(partner: Partner, *names: str) -> None:
 def wait_for_handlers(partner: Partner, count: int, *names: str) -> None:
     wait_until(lambda: all(partner.node.count_publishers(f'copilot/handlerprop{name}') == count
                            for name in names), f'{count} publishers of {names}')
-    sleep(0.3)  # discovery is not symmetric: one side matches a moment later
+    settle(0.3)  # discovery is not symmetric: one side matches a moment later
 
 
 def test_in_each_state_the_node_does_what_the_state_means(

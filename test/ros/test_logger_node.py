@@ -21,12 +21,15 @@ from time import sleep
 from typing import Any
 
 from fret_monitor.ros.details import Detail
+from fret_monitor.ros.logger_node import LoggerNode
 from fret_monitor.ros.pairing import Pairing
 from fret_monitor.start import manifest_of
 import pytest
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from ros.harness import BEST_EFFORT, NodeProcess, Partner, started, wait_until
+from ros.harness import BEST_EFFORT, NodeProcess, Partner, settle, started, wait_until
 from std_msgs.msg import Empty
 
 diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
@@ -60,7 +63,7 @@ class Voice:
         self._details = partner.publisher(diagnostic_msgs.DiagnosticArray, 'copilot/violations')
         for publisher in (self._empty, self._details):
             wait_until(partial(_is_heard, publisher), 'a logger')
-        sleep(0.5)  # until the logger has matched, and perhaps replaced its subscription
+        settle(0.5)  # until the logger has matched, and perhaps replaced its subscription
 
     def cleanup(self) -> None:
         for publisher in (self._empty, self._details):
@@ -338,3 +341,34 @@ def test_the_logger_follows_a_monitor_that_is_configured_again(
                    'the end of the first subscription')
         assert not partner.node.count_subscribers('/copilot/handlerpropZ_9')
         other.destroy_node()
+
+
+def test_a_violation_before_the_logger_listens_to_its_handler_is_logged_from_its_detail(
+    partner: Partner, tmp_path: Path, capfd: pytest.CaptureFixture[str],
+) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE)
+    logger = LoggerNode(context=partner.context, cli_args=['--ros-args'],
+                        parameter_overrides=[Parameter('spec', value=str(bundle))])
+    executor = SingleThreadedExecutor(context=partner.context)
+    try:
+        voice = Voice(partner)
+        bundle.write_text(BUNDLE.replace('A-1', 'B-2'))
+        for step in (3, 4):
+            voice.detail(*right(step), name='B-2')
+        wait_until(lambda: len(logger._unknown) == 2, 'the details')
+        executor.add_node(logger)
+        logged = ''
+
+        def is_logged() -> bool:
+            nonlocal logged
+            executor.spin_once(timeout_sec=0.1)
+            captured = capfd.readouterr()
+            logged += captured.out + captured.err
+            return 'B-2 violated at 12.346: x < 0.5 [step 4: x = 0.7]' in logged
+
+        wait_until(is_logged, 'both violations')
+        assert logged.count('B-2 violated at 12.346: x < 0.5 [step 3: x = 0.7]') == 1
+    finally:
+        executor.shutdown()
+        logger.destroy_node()

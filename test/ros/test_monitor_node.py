@@ -28,7 +28,9 @@ from fret_monitor.logic.pointwise import Value
 from fret_monitor.model.policies import Policy
 import pytest
 from rclpy.publisher import Publisher
-from ros.harness import BEST_EFFORT, LATCHED, NodeProcess, Partner, RELIABLE, started, wait_until
+from ros.harness import (
+    BEST_EFFORT, LATCHED, NodeProcess, Partner, RELIABLE, settle, started, wait_until,
+)
 from ros.reference import expected, Message
 from std_msgs.msg import Bool, Empty, Float32, Int32, String
 
@@ -295,7 +297,7 @@ def test_the_logger_writes_id_sentence_and_time_by_severity(
         plain = partner.publisher(Empty, 'copilot/handlerpropR_5')
         wait_until(lambda: wide.get_subscription_count() > 0
                    and plain.get_subscription_count() > 0, 'a logger that listens')
-        sleep(0.3)
+        settle(0.3)
         now = int(partner.node.get_clock().now().nanoseconds / 1e9)
         wide.publish(Empty())
         plain.publish(Empty())
@@ -331,7 +333,7 @@ requirements:
         partner.wait_for_listener(x, state)
         until_told(logger, 'R-2 violated.* \\[step', lambda: x.publish(Float32(data=0.3)))
         x.publish(Float32(data=0.2))
-        sleep(0.5)
+        settle(0.5)
         partner.reset()
         heard.clear()
         state.publish(String(data='idle'))

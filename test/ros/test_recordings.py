@@ -25,7 +25,7 @@ from fret_monitor.ros.details import DETAILS_TOPIC, read_detail
 from fret_monitor.runtime.evaluator import Violation
 import pytest
 from rclpy.serialization import serialize_message
-from ros.harness import Partner, started, wait_until
+from ros.harness import Partner, settle, started, wait_until
 from rosbags.rosbag2 import Writer
 from sensor_msgs.msg import Temperature
 
@@ -74,7 +74,7 @@ def test_live_and_recorded_messages_give_the_same_occurrences(
         partner.wait_for_listener(*publishers.values())
         topics = {topic: writer.add_connection(f'/{topic}', KIND, typestore=TYPES)
                   for topic in 'ab'}
-        sleep(0.5)  # until the monitor has seen who wants details
+        settle(0.5)  # until the monitor has seen who wants details
         for _ in range(MESSAGES):
             topic, now = rng.choice('ab'), int(time() * 1e9)
             sent = message(now - rng.randrange(100_000_000), round(rng.random(), 3))

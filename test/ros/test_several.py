@@ -175,12 +175,11 @@ def test_monitors_of_different_names_share_a_namespace_and_a_duplicate_is_report
             started('monitor', '-p', f'spec:={bundles[1]}', '-r', '__node:=other') as other:
         with started('monitor', '-p', f'spec:={bundles[1]}') as namesake:
             namesake.wait_for('there is another node /fret_monitor: both watch and announce')
-            partner.listen('R_1', 'R_3')
+            partner.listen('R_1')
+            partner.listen('R_3', publishers=2)
             x, y, z = (partner.publisher(Float32, name) for name in 'xyz')
-            partner.wait_for_listener(x, y, z)
             wait_until(lambda: z.get_subscription_count() == 2, 'both listeners to z')
-            wait_until(lambda: partner.node.count_publishers('copilot/handlerpropR_3') == 2,
-                       'both publishers')
+            partner.wait_for_listener(x, y, z)
             x.publish(Float32(data=0.9))
             y.publish(Float32(data=0.9))
             partner.expect({'R_1': 1})

@@ -21,7 +21,7 @@ from time import sleep, time
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
 import pytest
-from ros.harness import Partner, started, wait_until
+from ros.harness import Partner, settle, started, wait_until
 from ros.operators import Operator
 from ros.simulator import simulating, Simulator
 from sensor_msgs.msg import Temperature
@@ -98,7 +98,7 @@ def test_when_a_publisher_stops_the_violation_comes_on_time(
         listener = Listener(partner)
         p = partner.publisher(Bool, 'p')
         partner.wait_for_listener(p)
-        sleep(0.5)  # until the monitor has seen who wants details
+        settle(0.5)  # until the monitor has seen who wants details
         for _ in range(10):
             stopped = time()
             p.publish(Bool(data=True))
@@ -127,7 +127,7 @@ def test_a_simulation_that_starts_again_starts_the_requirements_afresh(
         ask, answer = partner.publisher(Bool, 'ask'), partner.publisher(Bool, 'answer')
         partner.wait_for_listener(ask, answer)
         simulator.jump(1000.0)
-        sleep(0.5)
+        settle(0.5)
         answer.publish(Bool(data=False))
         ask.publish(Bool(data=False))
         operator.wait(2)
