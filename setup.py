@@ -24,7 +24,8 @@ from glob import glob
 from setuptools import find_packages, setup
 
 NAME = 'fret_monitor'
-SHARED = ('config', 'config/sros2', 'csrc', 'csrc/ros', 'docs', 'examples', 'launch')
+SHARED = ('config', 'config/sros2', 'docs', 'examples', 'launch',
+          *(folder.rstrip('/') for folder in sorted(glob('csrc/**/', recursive=True))))
 
 # The releases that the tests ran with, and those that may replace them without a change of
 # meaning. `fastrtps` is the middleware, which rclpy alone does not have; the common interfaces

@@ -48,6 +48,12 @@
 #endif
 #endif
 
+/// For functions that the files of one generated module share. A program that compiles them all as
+/// one file may define it as `static`.
+#ifndef FM_INTERNAL
+#define FM_INTERNAL
+#endif
+
 /// Version of the layout of the structs below. A module with another one is refused.
 #define FM_ABI 2u
 

@@ -53,6 +53,7 @@ LEVELS = {
     'fret_monitor.explain': 16,
     'fret_monitor.proving': 16,
     'fret_monitor.importing': 16,
+    'fret_monitor.export': 16,
     'fret_monitor.ros': 17,
     'fret_monitor.bag': 17,
     'fret_monitor.cli': 18,  # its verb `bag` calls that face

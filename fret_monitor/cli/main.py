@@ -43,6 +43,7 @@ _VERBS = {
     'simulate': 'run the monitors over a CSV trace',
     'bag': 'run the compiled monitors over recordings',
     'compile': 'write C, libraries and manifest to a folder',
+    'export': 'write the monitors as sources that build without this package',
     'bench': 'measure step time, state and compile time',
     'import': 'make a bundle from a FRET project or an Ogma set-up',
     'explain': 'describe what requirements mean, with examples',

@@ -194,15 +194,15 @@ class _ModuleWriter:
         yield ''
         yield '// The functions of each step group, for the description.'
         for number, _ in enumerate(self._layouts):
-            yield f'void {names.group_function(number, "reset")}(void * state);'
-            yield f'{self._entry_head(number)};'
+            yield f'FM_INTERNAL void {names.group_function(number, "reset")}(void * state);'
+            yield f'FM_INTERNAL {self._entry_head(number)};'
         yield ''
         if self._is_timed:
             return
         yield '// Functions that step several groups, for the step of all.'
         for groups in self._files():
             for block in self._blocks(groups):
-                yield f'void {names.block_function(block[0])}('
+                yield f'FM_INTERNAL void {names.block_function(block[0])}('
                 yield f'  {names.state_struct} * state, const {names.inputs_struct} * inputs,'
                 yield '  bool * verdicts);'
         yield ''
@@ -288,14 +288,16 @@ class _ModuleWriter:
         yield self._entry_head(number)
         yield '{'
         yield from self._locate(number, 'state')
+        inputs = self._names.inputs_struct
+        yield f'  const {inputs} * const in = (const {inputs} *)inputs;'
         if not self._is_timed:
-            yield from (f'  {function}(s, inputs, verdicts);' for function in functions)
+            yield from (f'  {function}(s, in, verdicts);' for function in functions)
         elif len(functions) == 1:
-            yield f'  return {functions[0]}(s, inputs, verdicts, tick);'
+            yield f'  return {functions[0]}(s, in, verdicts, tick);'
         else:
             yield '  int64_t next = FM_NEVER;'
             for function in functions:
-                yield f'  fm_lower(&next, true, {function}(s, inputs, verdicts, tick));'
+                yield f'  fm_lower(&next, true, {function}(s, in, verdicts, tick));'
             yield '  return next;'
         yield from ('}', '')
 
@@ -360,7 +362,9 @@ class _ModuleWriter:
             yield f'static void {names.prefix}_step_any('
             yield '  void * state, const void * inputs, bool * verdicts)'
             yield '{'
-            yield f'  {names.prefix}_step(state, inputs, verdicts);'
+            yield f'  {names.prefix}_step('
+            yield f'    ({names.state_struct} *)state, (const {names.inputs_struct} *)inputs,'
+            yield '    verdicts);'
             yield from ('}', '')
 
     @property
@@ -381,7 +385,8 @@ class _ModuleWriter:
             return
         yield f'static uint64_t {self._overflows_name}(const void * state)'
         yield '{'
-        yield f'  const {self._names.state_struct} * const s = state;'
+        struct = self._names.state_struct
+        yield f'  const {struct} * const s = (const {struct} *)state;'
         yield '  uint64_t sum = 0u;'
         yield from (f'  sum += (uint64_t)s->{queue}[3];' for queue in self._queues)
         yield '  return sum;'

@@ -53,10 +53,14 @@ def identifier(name: str, prefix: str = 'fm') -> str:
     """Return a C identifier similar to `name` that is no keyword, macro or generated name."""
     word = re.sub(r'[^A-Za-z0-9_]', '_', name) or '_'
     is_taken = word in _KEYWORDS or word in _OURS or word[0].isdigit()
-    is_of_module = word.startswith(f'{prefix}_') and _MODULE.fullmatch(word[len(prefix) + 1:])
-    if is_taken or is_of_module or _GENERATED.match(word):
+    if is_taken or is_of_module(word, prefix) or _GENERATED.match(word):
         return 'v_' + word
     return word
+
+
+def is_of_module(word: str, prefix: str) -> bool:
+    """Return whether a word may be a name that a module with this prefix defines."""
+    return word.startswith(f'{prefix}_') and _MODULE.fullmatch(word[len(prefix) + 1:]) is not None
 
 
 def distinct(names: Iterable[str], prefix: str = 'fm') -> dict[str, str]:

@@ -134,6 +134,7 @@ def _signal(entry: InputEntry, find_message: FindMessage,
         layout=layout,
         max_rate=entry.max_rate,
         source=source,
+        place=entry.name.span,
     )
     return signal, vocabulary
 

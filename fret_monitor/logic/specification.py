@@ -42,7 +42,7 @@ class Signal:
     `message_type` are None for an input without ROS. `timeout` and `startup` are in seconds;
     `reduction` is as in `ManifestInput`. `max_rate` is the greatest number of messages a second.
     `layout` is that of the message; None if the specification was not made from a bundle, and
-    messages cannot be decoded.
+    messages cannot be decoded. `place` is that of the name in the bundle.
     """
 
     name: str
@@ -60,6 +60,7 @@ class Signal:
     layout: MessageLayout | None = field(default=None, repr=False)
     max_rate: Fraction | None = None
     source: InputSource = InputSource.FIELD
+    place: Span | None = field(default=None, repr=False, compare=False)
 
     @property
     def is_string(self) -> bool:

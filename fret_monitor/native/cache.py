@@ -235,9 +235,10 @@ def runtime_headers() -> dict[str, str]:
 
 def evaluator_files() -> dict[str, str]:
     """Return the sources of the evaluator's library and all headers, by file name."""
-    sources = (csrc_directory() / name for name in EVALUATOR_SOURCES)
+    csrc = csrc_directory()
+    headers = sorted((*csrc.glob('*.h'), *csrc.glob('ros/*.h')))
     return {file.name: file.read_text(encoding='utf-8')
-            for file in (*sorted(csrc_directory().rglob('*.h')), *sources)}
+            for file in (*headers, *(csrc / name for name in EVALUATOR_SOURCES))}
 
 
 def evaluator_library() -> Path:

@@ -18,15 +18,13 @@ The folder that `compile` writes and `library:=` opens: libraries, manifest, sou
 Opening it needs neither the parser nor a C compiler.
 """
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 import os
 from pathlib import Path
 import shutil
-import tempfile
 
-from fret_monitor.model.diagnostics import refuse
+from fret_monitor.model.folders import check_replaceable, refusing, replaced_folder
 from fret_monitor.model.manifest import Manifest, ManifestError
 from fret_monitor.native.cache import evaluator_files, evaluator_library, private_copy
 from fret_monitor.native.errors import LibraryError
@@ -101,18 +99,9 @@ def check_writable(directory: Path) -> None:
     CompileError
         if `directory` is a file, the current folder, or holds files that `compile` did not write.
     """
-    place = Path(os.path.realpath(directory))
-    with _refusing(directory):
-        if place.is_dir() and not is_compiled(place) and any(place.iterdir()):
-            refuse(f"'{directory}' holds other files", help='name an empty folder, or a new one')
-        for other in _others(place):
-            refuse(f"'{directory}' holds '{other}', which `compile` did not write",
-                   help='move it away, or name a new folder')
-        if place.exists() and not place.is_dir():
-            refuse(f"'{directory}' is a file", help='name a folder')
-        if place == Path.cwd():
-            refuse(f"'{directory}' is the current folder",
-                   help='it would be replaced as a whole: name a new folder')
+    with refusing(directory):
+        former = _written(Path(os.path.realpath(directory)))
+    check_replaceable(directory, former, 'compile')
 
 
 def write_folder(directory: Path, manifest: Manifest, library: Path,
@@ -120,8 +109,8 @@ def write_folder(directory: Path, manifest: Manifest, library: Path,
     """
     Write the folder that a robot needs to run a bundle: libraries, manifest, and sources.
 
-    The folder is written under a temporary name and then renamed; a compiled folder at the same
-    path is replaced. `sources` are the texts of the generated C by file name.
+    A compiled folder at the same path is replaced. `sources` are the texts of the generated C by
+    file name.
 
     Raises
     ------
@@ -132,41 +121,20 @@ def write_folder(directory: Path, manifest: Manifest, library: Path,
     """
     check_writable(directory)
     evaluator = evaluator_library()
-    place = Path(os.path.realpath(directory))  # a symbolic link is not replaced
-    with _refusing(directory):
-        place.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = Path(tempfile.mkdtemp(prefix='.fret_monitor-', dir=place.parent))
-        try:
-            unfinished.chmod(0o755)
-            (unfinished / MANIFEST_FILE).write_text(manifest.to_json(), encoding='utf-8')
-            shutil.copyfile(library, unfinished / library_file(manifest))
-            shutil.copyfile(evaluator, unfinished / EVALUATOR_FILE)
-            _write_sources(unfinished / _SOURCES, sources)
-            _put_in_place(unfinished, place)
-        finally:
-            shutil.rmtree(unfinished, ignore_errors=True)
+    with replaced_folder(directory) as folder:
+        (folder / MANIFEST_FILE).write_text(manifest.to_json(), encoding='utf-8')
+        shutil.copyfile(library, folder / library_file(manifest))
+        shutil.copyfile(evaluator, folder / EVALUATOR_FILE)
+        _write_sources(folder / _SOURCES, sources)
 
 
-@contextmanager
-def _refusing(directory: Path) -> Iterator[None]:
-    """Turn an error of the file system into a `CompileError`."""
-    try:
-        yield
-    except FileExistsError as error:
-        refuse(f"cannot write '{directory}': '{error.filename}' is a file")
-    except OSError as error:
-        refuse(f"cannot write '{directory}': {error.strerror or error}")
-
-
-def _others(place: Path) -> Iterator[Path]:
-    """Yield the files in a compiled folder that `compile` does not write."""
+def _written(place: Path) -> set[Path] | None:
+    """Return the files of a compiled folder that `compile` writes; None for another folder."""
     if not is_compiled(place):
-        return
+        return None
     manifest = open_folder(place).manifest
-    ours = {Path(MANIFEST_FILE), Path(EVALUATOR_FILE), Path(library_file(manifest)), _SOURCES}
-    ours |= {_SOURCES / name for name in source_files(dict.fromkeys(manifest.sources, ''))}
-    yield from (found for found in sorted(path.relative_to(place) for path in place.rglob('*'))
-                if found not in ours)
+    ours = {Path(MANIFEST_FILE), Path(EVALUATOR_FILE), Path(library_file(manifest))}
+    return ours | {_SOURCES / name for name in source_files(dict.fromkeys(manifest.sources, ''))}
 
 
 def source_files(generated: Mapping[str, str]) -> dict[str, str]:
@@ -178,17 +146,3 @@ def _write_sources(folder: Path, generated: Mapping[str, str]) -> None:
     folder.mkdir()
     for name, text in source_files(generated).items():
         (folder / name).write_text(text, encoding='utf-8')
-
-
-def _put_in_place(folder: Path, directory: Path) -> None:
-    if not directory.exists():
-        folder.rename(directory)
-        return
-    former = folder.with_name(folder.name + '-former')
-    directory.rename(former)
-    try:
-        folder.rename(directory)
-    except OSError:
-        former.rename(directory)
-        raise
-    shutil.rmtree(former, ignore_errors=True)

@@ -1,0 +1,294 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Target `copilot`: the interface of the C that Copilot 4 generates.
+
+`NAME.h` declares inputs and handlers, which the user defines, and `step`. `NAME.c` includes the
+monitors, so that it is one file to compile, as Copilot's, and defines no other external names.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from fret_monitor.build import GeneratedMonitor
+from fret_monitor.codegen.comments import comment, safe
+from fret_monitor.codegen.names import Names
+from fret_monitor.export.content import (
+    common_values, Content, csrc_files, export_name, hand_written, HandlerArguments, Options,
+)
+from fret_monitor.export.external_names import check_name, constant_names, input_names
+from fret_monitor.model.diagnostics import Problems
+from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement
+from fret_monitor.model.policies import Policy, Report, Stale
+from fret_monitor.model.values import ValueType
+
+_MONITORS = 'monitors'
+
+
+def copilot(generated: GeneratedMonitor, options: Options) -> Content:
+    """
+    Return the files.
+
+    Raises
+    ------
+    CompileError
+        if a name cannot be that of a variable in C, two names clash, or an input is `stale:
+        violate`.
+    """
+    problems = Problems()
+    check_name(export_name(generated), problems)
+    _check_timeouts(generated, problems)
+    inputs = input_names(generated, _defined(generated.manifest, options), problems)
+    constants = constant_names(generated, options.prefix, inputs, problems)
+    problems.raise_errors()
+    writer = _Writer(generated, options, inputs, constants)
+    hand = hand_written('copilot')
+    module = generated.module.files
+    monitors = {**csrc_files('fret_monitor.h', 'fret_cells.h'), **module,
+                **{name.partition('/')[2]: text for name, text in hand.items()
+                   if name.startswith(f'{_MONITORS}/')}}
+    monitors.pop(f'{writer.name}_fields.c', None)  # no messages are decoded
+    texts = {f'{writer.name}.h': writer.header(), f'{writer.name}.c': writer.source(),
+             f'{writer.name}_types.h': writer.types()}
+    return Content(
+        generated={**{name: '\n'.join(lines) + '\n' for name, lines in texts.items()},
+                   **{f'{_MONITORS}/{name}': text for name, text in monitors.items()}},
+        templates={'README.md': hand['README.md']},
+        values={**common_values(generated, options), **writer.values()},
+        objects=(f'{writer.name}.c',), warnings=problems.warnings)
+
+
+def _check_timeouts(generated: GeneratedMonitor, problems: Problems) -> None:
+    for signal in generated.specification.signals:
+        if signal.timeout is not None and signal.stale is Stale.VIOLATE:
+            problems.error(
+                f"'{signal.name}' is 'stale: violate', which needs messages", signal.place,
+                'Copilot has variables, which are never silent',
+                'stale: warn')
+        elif signal.timeout is not None:
+            problems.warning(f"the timeout of '{signal.name}' has no effect in this export",
+                             signal.place, 'Copilot has variables, which are never silent')
+
+
+def _functions(manifest: Manifest, options: Options) -> list[str]:
+    """Return the names of the functions that a program calls."""
+    names = ['step_at', 'deadline'] if manifest.policy is Policy.TIMED else ['step']
+    return [f'{options.prefix}_{name}' if options.prefix else name for name in names]
+
+
+def _handler(item: ManifestRequirement, options: Options) -> str:
+    return f'{options.prefix}_{item.handler}' if options.prefix else item.handler
+
+
+def _defined(manifest: Manifest, options: Options) -> dict[str, str]:
+    """Return the names of functions, each with what it is."""
+    return {
+        **dict.fromkeys(_functions(manifest, options), 'the function that takes a step'),
+        **{_handler(item, options): f'the handler of {item.id}'
+           for item in manifest.requirements},
+    }
+
+
+@dataclass(frozen=True)
+class _Writer:
+    """Writes the files; `inputs` and `constants` are names in C, see `external_names`."""
+
+    generated: GeneratedMonitor
+    options: Options
+    inputs: Mapping[str, str]
+    constants: Mapping[tuple[str, str], str]
+
+    @property
+    def name(self) -> str:
+        return export_name(self.generated)
+
+    @property
+    def _manifest(self) -> Manifest:
+        return self.generated.manifest
+
+    @property
+    def _is_timed(self) -> bool:
+        return self._manifest.policy is Policy.TIMED
+
+    def _read(self, item: ManifestRequirement) -> list[ManifestInput]:
+        """Return the inputs whose values a handler is called with."""
+        if self.options.handler_arguments is HandlerArguments.NONE:
+            return []
+        return [self._manifest.inputs[index] for index in item.inputs]
+
+    def _opening(self, file: str, what: str) -> Iterator[str]:
+        yield f'// {file}: {what} of {safe(self._manifest.name)}.'
+        yield '// Generated by fret_monitor; changes will be lost.'
+        yield ''
+
+    def types(self) -> Iterator[str]:
+        """Yield the lines of NAME_types.h: constants for the named values of inputs."""
+        guard = f'{self.name.upper()}_TYPES_H_'
+        yield from self._opening(f'{self.name}_types.h', 'the values with names')
+        yield from (f'#ifndef {guard}', f'#define {guard}', '')
+        for item in self._manifest.inputs:
+            if item.values:
+                yield f'// Values of {self.inputs[item.name]}.'
+            for place, (word, value) in enumerate(item.values):
+                number = place if item.is_string else int(value)
+                yield f'#define {self.constants[item.name, word]} {_number(number)}'
+            if item.values:
+                yield ''
+        yield f'#endif  // {guard}'
+
+    def header(self) -> Iterator[str]:
+        """Yield the lines of NAME.h."""
+        guard = f'{self.name.upper()}_H_'
+        yield from self._opening(f'{self.name}.h', 'the interface to the monitors')
+        yield from (f'#ifndef {guard}', f'#define {guard}', '')
+        yield from ('#include <stdbool.h>', '#include <stdint.h>', '')
+        yield f'#include "{self.name}_types.h"'
+        yield from ('', '#ifdef __cplusplus', 'extern "C" {', '#endif', '')
+        yield '// The inputs, which the program defines.'
+        yield from (f'extern {item.value_type.c_name} {self.inputs[item.name]};'
+                    for item in self._manifest.inputs)
+        yield from ('', '// The handlers of violations, which the program defines.')
+        for requirement in self._manifest.requirements:
+            yield from comment(f'{requirement.id}: {requirement.title or requirement.text}')
+            yield f'void {self._signature(requirement)};'
+        yield ''
+        yield from self._functions()
+        yield from ('#ifdef __cplusplus', '}  // extern "C"', '#endif', '', f'#endif  // {guard}')
+
+    def _signature(self, item: ManifestRequirement) -> str:
+        handler = _handler(item, self.options)
+        arguments = ', '.join(f'{kind.value_type.c_name} {handler}_arg{place}'
+                              for place, kind in enumerate(self._read(item)))
+        return f'{handler}({arguments or "void"})'
+
+    def _functions(self) -> Iterator[str]:
+        names = _functions(self._manifest, self.options)
+        if not self._is_timed:
+            yield '// Take a step: copy the inputs, evaluate, call handlers.'
+            yield f'void {names[0]}(void);'
+            yield ''
+            return
+        yield '// Copy the inputs and evaluate them at a time in nanoseconds. What was due since'
+        yield '// the last call is evaluated before. A time that goes back starts afresh.'
+        yield f'void {names[0]}(int64_t now);'
+        yield ''
+        yield f'// The time at which {names[0]} is to be called next if no input changes:'
+        yield '// INT64_MAX if never, INT64_MIN before the first call.'
+        yield f'int64_t {names[1]}(void);'
+        yield ''
+
+    def source(self) -> Iterator[str]:
+        """Yield the lines of NAME.c."""
+        name = self.name
+        yield from self._opening(f'{name}.c', 'the monitors')
+        yield f'#include "{_MONITORS}/fret_alone.h"'
+        yield ''
+        sources = (file for file in self.generated.module.files
+                   if file.endswith('.c') and file != f'{name}_fields.c')
+        yield from (f'#include "{_MONITORS}/{file}"' for file in sources)
+        yield from ('', f'#include "{name}.h"', '')
+        yield f'static struct {name}_state fm_state;'
+        yield f'static struct {name}_inputs fm_inputs;'
+        yield f'static bool fm_verdicts[{name}_verdicts];'
+        yield '// What reports compare with: the verdicts of the last step.'
+        yield f'static bool fm_held[{name}_requirements];'
+        yield ''
+        yield from self._reports()
+        yield from self._copy()
+        yield from self._call()
+        yield from self._macros()
+        yield f'#include "{_MONITORS}/fret_copilot.h"'
+
+    def _reports(self) -> Iterator[str]:
+        yield '// Of a requirement: the verdict to look at, and whether each violating step calls'
+        yield '// its handler, or only the first of several.'
+        yield 'static const struct fm_requirement_table'
+        yield '{'
+        yield '  uint32_t verdict;'
+        yield '  bool is_every_step;'
+        yield '} fm_requirements[] = {'
+        occurrences = {number for group in self.generated.program.groups
+                       for number, _ in group.occurrences}
+        count = len(self._manifest.requirements)
+        own = {number: count + place for place, number in enumerate(sorted(occurrences))}
+        for number, item in enumerate(self._manifest.requirements):
+            is_every_step = str(item.report is Report.EVERY_STEP).lower()
+            yield f'  {{{own.get(number, number)}u, {is_every_step}}},  // {safe(item.id)}'
+        yield from ('};', '')
+
+    def _copy(self) -> Iterator[str]:
+        members = self._members()
+        yield 'static void fm_copy_inputs(void)'
+        yield '{'
+        yield from (f'  fm_inputs.{members[item.name]} = {self.inputs[item.name]};'
+                    for item in self._manifest.inputs)
+        yield from ('}', '')
+
+    def _members(self) -> dict[str, str]:
+        """Return the members of the struct of inputs."""
+        program = self.generated.program
+        names = Names(program.name, (item.name for item in program.signals), (),
+                      (word for word, _ in program.definitions))
+        return names.signals
+
+    def _call(self) -> Iterator[str]:
+        members = self._members()
+        yield 'static void fm_call_handler(uint32_t requirement)'
+        yield '{'
+        yield '  switch (requirement) {'
+        for number, item in enumerate(self._manifest.requirements):
+            values = ', '.join(f'fm_inputs.{members[read.name]}' for read in self._read(item))
+            yield f'    case {number}u: {_handler(item, self.options)}({values}); break;'
+        yield '    default: break;'
+        yield from ('  }', '}', '')
+
+    def _macros(self) -> Iterator[str]:
+        names = _functions(self._manifest, self.options)
+        yield f'#define FM_RESET {self.name}_reset'
+        yield f'#define FM_REQUIREMENTS {len(self._manifest.requirements)}u'
+        if self._is_timed:
+            yield f'#define FM_EVALUATE {self.name}_step_at'
+            yield f'#define FM_STEP_AT {names[0]}'
+            yield f'#define FM_DEADLINE {names[1]}'
+        else:
+            yield f'#define FM_EVALUATE {self.name}_step'
+            yield f'#define FM_STEP {names[0]}'
+        yield ''
+
+    def values(self) -> dict[str, str]:
+        """Return the placeholders of the README."""
+        names = _functions(self._manifest, self.options)
+        define = [f'{item.value_type.c_name} {self.inputs[item.name]};'
+                  for item in self._manifest.inputs]
+        define += [f'void {self._signature(item)} {{}}' for item in self._manifest.requirements]
+        call = f'`void {names[0]}(void)`: take a step.'
+        if self._is_timed:
+            call = (f'`void {names[0]}(int64_t now)` when an input has changed, with the time in '
+                    f'nanoseconds, and at the time that `int64_t {names[1]}(void)` returns '
+                    '(`INT64_MAX`: never). What was due before `now` is evaluated first, so that '
+                    'a late call loses nothing.')
+        named = any(item.values for item in self._manifest.inputs)
+        return {'DEFINE': '\n'.join(define), 'CALL': call,
+                'VALUES': f'`{self.name}_types.h` has constants for the values that have '
+                          'names.\n\n' if named else ''}
+
+
+def _number(number: int) -> str:
+    """Return an integer constant that fits any type of C that holds the number."""
+    if -2 ** 31 < number < 2 ** 31:
+        return f'({number})' if number < 0 else str(number)
+    if number > ValueType.INT64.limits[1]:
+        return f'UINT64_C({number})'
+    return f'INT64_C({number})' if number > -2 ** 63 else 'INT64_MIN'

@@ -1,0 +1,154 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Names of variables, handlers and constants that an export shares with the user's program.
+
+A name of a bundle is kept, so that a program finds it; FRET's names with points are spelled as
+FRET spells them in formulas. What cannot be a name in C, or already is one, is refused.
+"""
+
+from collections.abc import Mapping
+import re
+
+from fret_monitor.build import GeneratedMonitor
+from fret_monitor.codegen.names import is_of_module
+from fret_monitor.export.content import export_name
+from fret_monitor.model.diagnostics import Problems
+from fret_monitor.model.names import fret_name
+
+_IDENTIFIER = re.compile('[A-Za-z_][A-Za-z0-9_]*')
+_C = frozenset("""
+    auto break case char const continue default do double else enum extern float for goto if inline
+    int long register restrict return short signed sizeof static struct switch typedef union
+    unsigned void volatile while bool true false asm typeof nullptr constexpr static_assert
+    thread_local alignas alignof
+""".split())
+_CPP = frozenset("""
+    and and_eq bitand bitor catch class compl concept const_cast consteval constinit co_await
+    co_return co_yield char8_t char16_t char32_t decltype delete dynamic_cast explicit export
+    friend mutable namespace new noexcept not not_eq operator or or_eq private protected public
+    reinterpret_cast requires static_cast template this throw try typeid typename using virtual
+    wchar_t xor xor_eq
+""".split())
+# What programs in C get from the C library, which no variable may replace (C99, 7.1.3).
+_FUNCTIONS = frozenset("""
+    main
+    acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1
+    fabs fdim floor fma fmax fmin fmod frexp hypot ilogb ldexp lgamma llrint llround log log10
+    log1p log2 logb lrint lround modf nan nearbyint nextafter nexttoward pow remainder remquo rint
+    round scalbln scalbn sin sinh sqrt tan tanh tgamma trunc
+    fpclassify isfinite isgreater isinf isless isnan isnormal isunordered signbit
+    memchr memcmp memcpy memmove memset strcat strchr strcmp strcoll strcpy strcspn strerror strlen
+    strncat strncmp strncpy strpbrk strrchr strspn strstr strtok strxfrm
+    abort abs atexit atof atoi atol atoll bsearch calloc div exit free getenv labs ldiv llabs lldiv
+    malloc mblen mbstowcs mbtowc qsort rand realloc srand strtod strtof strtol strtold strtoll
+    strtoul strtoull system wcstombs wctomb
+    clearerr fclose feof ferror fflush fgetc fgetpos fgets fopen fprintf fputc fputs fread freopen
+    fscanf fseek fsetpos ftell fwrite getc getchar gets perror printf putc putchar puts remove
+    rename rewind scanf setbuf setvbuf snprintf sprintf sscanf tmpfile tmpnam ungetc vfprintf
+    vfscanf vprintf vscanf vsnprintf vsprintf vsscanf
+    asctime clock ctime difftime gmtime localtime mktime strftime time
+    isalnum isalpha isblank iscntrl isdigit isgraph islower isprint ispunct isspace isupper
+    isxdigit tolower toupper
+    longjmp raise setjmp setlocale signal localeconv
+""".split())
+_FLOATS = frozenset(f'{name}{kind}' for name in _FUNCTIONS for kind in 'fl')
+_MACROS = re.compile(
+    r'NULL|NAN|INFINITY|HUGE_VAL[FL]?|EOF|errno|assert|offsetof|linux|unix|DECIMAL_DIG'
+    r'|math_errhandling|MATH_.*|FP_.*|(FLT|DBL|LDBL)_.*'
+    r'|(U?INT|SIZE|PTRDIFF|WCHAR|WINT).*_(MAX|MIN|C)|FRET_MONITOR_.*')
+_TYPES = re.compile(
+    r'(u?int(_least|_fast)?(8|16|32|64)|u?intmax|u?intptr|size|ptrdiff|wchar|max_align|float'
+    r'|double)_t')
+_HEADERS = frozenset("""
+    assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal
+    stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string tgmath threads
+    time uchar wchar wctype
+""".split())
+
+
+def check_name(name: str, problems: Problems) -> None:
+    """Report a name of an export whose header would replace one of the C library."""
+    if name in _HEADERS:
+        problems.error(f"'{name}.h' is a header of the C library",
+                       help=f'give the export another name, such as --name {name}_monitors')
+
+
+def fault(word: str, name: str) -> str:
+    """Return why a word cannot be an external name beside the C of the bundle `name`, or ''."""
+    if _IDENTIFIER.fullmatch(word) is None:
+        return 'has characters that names in C do not have'
+    if word in _C:
+        return 'is a keyword of C'
+    if word in _FUNCTIONS or word in _FLOATS:
+        return 'is a function of the C library' if word != 'main' else 'is where a program begins'
+    if _MACROS.fullmatch(word) or _TYPES.fullmatch(word):
+        return 'is defined by a header of C'
+    if word.startswith(('fm_', 'FM_', '__')) or re.match('_[A-Z]', word):
+        return 'begins as names that are reserved'
+    if is_of_module(word, name):
+        return 'is a name of the generated C'
+    return ''
+
+
+def input_names(generated: GeneratedMonitor, defined: Mapping[str, str],
+                problems: Problems) -> dict[str, str]:
+    """
+    Return the variable of each input.
+
+    `defined` are the other external names, each with what it is. Names that cannot be used are
+    reported with their places; a keyword of C++ alone is a warning.
+    """
+    name = export_name(generated)
+    taken = dict(defined)
+    names = {}
+    for signal in generated.specification.signals:
+        word = fret_name(signal.name)
+        shown = f"'{signal.name}'" if word == signal.name else f"'{signal.name}' ({word} in C)"
+        reason = fault(word, name) or (f'is {taken[word]}' if word in taken else '')
+        if reason:
+            problems.error(f'the input {shown} cannot be a variable: it {reason}', signal.place,
+                           help=f'rename it, there and in formulas: {_other(word)}')
+        elif word in _CPP:
+            problems.warning(f"'{word}' is a keyword of C++", signal.place,
+                             'with this input the export can only be compiled as C')
+        taken.setdefault(word, f"the variable of '{signal.name}'")
+        names[signal.name] = word
+    return names
+
+
+def _other(word: str) -> str:
+    plain = re.sub('[^A-Za-z0-9_]+', '_', word).strip('_') or 'input'
+    return re.sub('^(fm_|FM_|_+)', '', plain) + '_value'
+
+
+def constant_names(generated: GeneratedMonitor, prefix: str, inputs: Mapping[str, str],
+                   problems: Problems) -> dict[tuple[str, str], str]:
+    """Return the constant `INPUT_VALUE` of each named value; report those that clash."""
+    taken = {word: f"the variable of '{name}'" for name, word in inputs.items()}
+    names = {}
+    for signal in generated.specification.signals:
+        for value, _ in signal.values:
+            word = f'{inputs[signal.name]}_{fret_name(value)}'
+            word = f'{prefix}_{word}' if prefix else word
+            reason = fault(word, export_name(generated)) if not prefix else \
+                '' if _IDENTIFIER.fullmatch(word) else 'has characters that names in C do not have'
+            reason = reason or (f'is {taken[word]}' if word in taken else '')
+            if reason:
+                problems.error(f"the value '{value}' cannot be the constant {word}: it {reason}",
+                               signal.place, help='rename the value or the input')
+            taken[word] = f"the constant of '{signal.name}' for '{value}'"
+            names[signal.name, value] = word
+    return names

@@ -1,0 +1,42 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The targets of `export` by name."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from fret_monitor.build import GeneratedMonitor
+from fret_monitor.export.c99 import c99
+from fret_monitor.export.content import Content, Options
+from fret_monitor.export.copilot import copilot
+
+
+@dataclass(frozen=True)
+class Target:
+    """
+    A target: a line for `--help`, and the function that makes its files.
+
+    The function raises a `CompileError` with places for a bundle that the target cannot do.
+    """
+
+    summary: str
+    content: Callable[[GeneratedMonitor, Options], Content]
+
+
+TARGETS = {
+    'c99': Target('C99 and CMake: the monitors, and the evaluator that runs any of them', c99),
+    'copilot': Target('the interface of the C that Copilot generates: step() and handlers',
+                      copilot),
+}

@@ -1,0 +1,93 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`export`: writes a folder, with a proof and sizes; refuses what it cannot write."""
+
+import json
+from pathlib import Path
+import re
+
+from cli.command import Here, PUMP
+from fret_monitor.cli import export
+import pytest
+
+
+def test_it_writes_a_folder_and_prints_proof_and_sizes(here: Here) -> None:
+    pytest.importorskip('z3')
+    pytest.importorskip('pycparser')
+    bundle, out = here.file('pump.yaml', PUMP), here.folder / 'out'
+    done = here.run('export', bundle, '--to', 'c99', '--output', out)
+    assert (done.status, done.err) == (0, '')
+    first, proof, *sizes = done.out.splitlines()
+    assert re.fullmatch(rf'{re.escape(str(out))}: c99, \d+ files, 3 requirements, \d+ bytes of '
+                        'state', first)
+    assert proof == 'proved: the generated C computes its program (certificate.json)'
+    assert re.fullmatch(r'[\d,]+ bytes of code and constants, 0 bytes of variables \(.* -Os\)',
+                        sizes[0])
+    certificate = json.loads((out / 'certificate.json').read_text())
+    assert certificate['proved'] and 'seconds' not in str(certificate)
+    before = {path: path.read_bytes() for path in out.rglob('*') if path.is_file()}
+    assert here.run('export', bundle, '--to', 'c99', '--output', out) == done
+    assert {path: path.read_bytes() for path in out.rglob('*') if path.is_file()} == before
+
+
+def test_without_solver_or_compiler_it_exports_and_says_so(
+    here: Here, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(export, 'find_spec', lambda name: None)
+    monkeypatch.setenv('PATH', str(here.folder))
+    monkeypatch.delenv('CC', raising=False)
+    done = here.run('export', here.file('pump.yaml', PUMP), '--to', 'copilot', '--prefix', 'left',
+                    '--output', here.folder / 'out')
+    assert (done.status, done.err) == (0, '')
+    assert done.out.splitlines()[1].startswith('not proved: z3-solver and pycparser missing; ')
+    assert done.out.splitlines()[2] == (
+        'size unknown for this machine: no C compiler found: install gcc (sudo apt install gcc) '
+        'or set CC')
+    assert 'void left_step(void);' in (here.folder / 'out' / 'left.h').read_text()
+    assert not (here.folder / 'out' / 'certificate.json').exists()
+
+
+def test_what_is_not_proved_is_not_exported_unasked(
+    here: Here, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip('z3')
+    pytest.importorskip('pycparser')
+    from fret_monitor.proving import verification
+    monkeypatch.setattr(verification, 'verify', lambda generated, progress:
+                        verification.Verification((), (), None, 'no', 0.0))
+    bundle, out = here.file('pump.yaml', PUMP), here.folder / 'out'
+    done = here.run('export', bundle, '--to', 'c99', '--output', out)
+    assert (done.status, done.out) == (1, '')
+    assert '--no-proof exports without a certificate' in done.err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(('arguments', 'status', 'expected'), [
+    (('--to', 'vxworks', '--output', 'out'), 2, "invalid choice: 'vxworks'"),
+    (('--to', 'c99'), 2, 'the following arguments are required: --output'),
+    (('--to', 'c99', '--output', 'out', '--name', 'a', '--prefix', 'b'), 2, 'not allowed with'),
+    (('--to', 'c99', '--output', 'out', '--prefix', '2nd'), 1, "'2nd' cannot begin names in C"),
+    (('--to', 'c99', '--output', '.', '--no-proof'), 1, 'holds other files'),
+    (('--to', 'c99', '--output', 'out', '--templates', 'none'), 1, "there is no folder 'none'"),
+])
+def test_wrong_arguments_are_refused(
+    here: Here, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], status: int,
+    expected: str,
+) -> None:
+    monkeypatch.chdir(here.folder)
+    done = here.run('export', here.file('pump.yaml', PUMP), *arguments)
+    assert (done.status, done.out) == (status, '')
+    assert expected in done.err
+    assert [path.name for path in Path().iterdir()] == ['pump.yaml']
