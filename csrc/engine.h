@@ -48,7 +48,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 6u
+#define FM_ENGINE_ABI 7u
 
 struct fm_engine;
 

@@ -280,40 +280,25 @@ uint32_t fm_evaluator_step(
   return report.n;
 }
 
-static void store_row(
-  struct fm_evaluator * evaluator, const void * const * columns, uint64_t row, int64_t now)
+// ---- rows --------------------------------------------------------------------------------------
+
+uint32_t fm_evaluator_row(
+  struct fm_evaluator * evaluator, struct fm_rows * rows, struct fm_violation * out)
 {
+  const size_t row = (size_t)rows->next;
+  const int64_t now = fm_evaluator_arrival(evaluator, rows->times[row]);
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
-    if (columns[i] != NULL) {
+    const char * column = rows->columns[i];
+    if (column != NULL) {
       const enum fm_type type = (enum fm_type)evaluator->monitor->inputs[i].type;
-      const char * column = columns[i];
-      fm_evaluator_store_from(
-        evaluator, i, column + (size_t)row * fm_instance_value_bytes(type), now);
+      fm_evaluator_store_from(evaluator, i, column + row * fm_instance_value_bytes(type), now);
     }
   }
+  rows->next += 1;
+  return fm_evaluator_step(evaluator, now, out);
 }
 
-uint64_t fm_evaluator_rows(
-  struct fm_evaluator * evaluator, const void * const * columns, uint64_t n_rows,
-  bool * verdicts)
-{
-  const uint32_t n_requirements = evaluator->monitor->n_requirements;
-  uint64_t announced = 0;
-  for (uint64_t row = 0; row < n_rows; ++row) {
-    const int64_t now = evaluator->instance.time->now;
-    store_row(evaluator, columns, row, now);
-    announced += fm_evaluator_step(evaluator, now, NULL);
-    if (verdicts != NULL && n_requirements > 0) {
-      memcpy(verdicts, evaluator->instance.verdicts, n_requirements * sizeof(bool));
-      verdicts += n_requirements;
-    }
-  }
-  return announced;
-}
-
-// ---- rows of a timed trace ---------------------------------------------------------------------
-
-// Take all that is due at the next instant.
+// Take all that is due by an instant.
 static void take_instant(struct fm_evaluator * evaluator, int64_t instant)
 {
   while (fm_evaluator_deadline(evaluator) <= instant && instant != FM_NEVER) {
@@ -321,27 +306,19 @@ static void take_instant(struct fm_evaluator * evaluator, int64_t instant)
   }
 }
 
-static void take_timed_row(struct fm_evaluator * evaluator, const struct fm_timed_rows * rows)
-{
-  const int64_t now = fm_evaluator_arrival(evaluator, rows->times[rows->next]);
-  store_row(evaluator, rows->columns, rows->next, now);
-  (void)fm_evaluator_step(evaluator, now, NULL);
-  take_instant(evaluator, now);
-}
-
-uint64_t fm_evaluator_timed_rows(
-  struct fm_evaluator * evaluator, struct fm_timed_rows * rows, uint64_t room, int64_t * times,
-  bool * verdicts)
+uint64_t fm_evaluator_rows(
+  struct fm_evaluator * evaluator, struct fm_rows * rows, int64_t until, uint64_t room,
+  int64_t * times, bool * verdicts)
 {
   const bool * present = evaluator->instance.verdicts;
   const size_t bytes = evaluator->monitor->n_requirements * sizeof(bool);
   uint64_t n = 0;
-  if (rows->next < rows->n_rows && !evaluator->instance.time->has_begun) {
+  if (rows->next < rows->n && !evaluator->instance.time->has_begun) {
     (void)fm_evaluator_advance(evaluator, rows->times[rows->next], NULL);
   }
   while (n < room) {
-    const bool has_row = rows->next < rows->n_rows;
-    const int64_t end = has_row ? rows->times[rows->next] : fm_later(rows->until, 1);
+    const bool has_row = rows->next < rows->n;
+    const int64_t end = has_row ? rows->times[rows->next] : fm_later(until, 1);
     const int64_t due = fm_evaluator_deadline(evaluator);
     const bool is_due = due < end && due != FM_NEVER;
     bool * out = verdicts + n * evaluator->monitor->n_requirements;
@@ -350,12 +327,10 @@ uint64_t fm_evaluator_timed_rows(
     }
     memcpy(out, present, bytes);
     times[n] = is_due ? due : end;
-    if (is_due) {
-      take_instant(evaluator, due);
-    } else {
-      take_timed_row(evaluator, rows);
-      rows->next += 1;
+    if (!is_due) {
+      (void)fm_evaluator_row(evaluator, rows, NULL);
     }
+    take_instant(evaluator, times[n]);
     n += !is_due || memcmp(out, present, bytes) != 0 ? 1u : 0u;
     memcpy(out, present, bytes);
   }

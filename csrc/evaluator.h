@@ -279,34 +279,31 @@ FM_EXPORT void fm_evaluator_shift(struct fm_evaluator * evaluator, int64_t by);
 /// FM_TIMED of a later message; 0 before.
 FM_EXPORT int64_t fm_evaluator_now(const struct fm_evaluator * evaluator);
 
-/// Take many rows of a trace at once (not under FM_TIMED): for each, store a value of every input
-/// that has a column, then fm_evaluator_step, both at the evaluator's time. `columns` holds
-/// n_inputs pointers, each to n_rows values of the input's type (bool: bytes), or NULL: the input
-/// keeps its value. `verdicts` has room for n_requirements flags for each row, row after row, or
-/// is NULL. Returns how many violations were announced. O(n_rows x operations).
-FM_EXPORT uint64_t fm_evaluator_rows(
-  struct fm_evaluator * evaluator, const void * const * columns, uint64_t n_rows,
-  bool * verdicts);
-
-/// Rows of a timed trace, and how far they are taken.
-struct fm_timed_rows
+/// Rows of a trace. The caller owns all of it; only `next` is written.
+struct fm_rows
 {
-  const void * const * columns;  // as for fm_evaluator_rows
+  const void * const * columns;  // an input: n values of its type (bool: bytes), or NULL: it keeps
+                                 // its value
   const int64_t * times;         // a row: ns, strictly increasing
-  uint64_t n_rows;
-  int64_t until;                 // ns: what is due by then is taken after the last row
+  uint64_t n;
   uint64_t next;                 // the row to take next; 0 at first
 };
 
-/// Take rows of a timed trace: for each, what is due before it; then its values are stored, and
-/// all ready groups are evaluated. Writes a time and n_requirements verdicts for each row, and for
-/// each instant between and after the rows at which a verdict differs from those written before.
-/// `times` has room for `room` times, `verdicts` for as many rows of flags. Returns how many were
-/// written; fewer than `room` once all is taken. Call it again until then. The first row begins
-/// the time. Violations are only counted. O(evaluations x operations).
-FM_EXPORT uint64_t fm_evaluator_timed_rows(
-  struct fm_evaluator * evaluator, struct fm_timed_rows * rows, uint64_t room, int64_t * times,
-  bool * verdicts);
+/// Take the next row, which there must be, at its time: store its values, then fm_evaluator_step.
+/// What is due before it was taken; what is due at its time comes after it. Writes and returns as
+/// fm_evaluator_step. O(inputs + operations).
+FM_EXPORT uint32_t fm_evaluator_row(
+  struct fm_evaluator * evaluator, struct fm_rows * rows, struct fm_violation * out);
+
+/// Take rows, and after the last one what is due by `until`. Before each row, what is due is taken
+/// first. Writes a time and n_requirements verdicts for each row, and for each instant between and
+/// after the rows at which a verdict differs from those written before. `times` has room for
+/// `room` times, `verdicts` for as many rows of flags. Returns how many were written; fewer than
+/// `room` once all is taken. Call it again until then. The first row begins the time. Violations
+/// are only counted. O(evaluations x operations).
+FM_EXPORT uint64_t fm_evaluator_rows(
+  struct fm_evaluator * evaluator, struct fm_rows * rows, int64_t until, uint64_t room,
+  int64_t * times, bool * verdicts);
 
 /// Put all groups at their start: temporal state, first time point, step numbers, last verdicts
 /// (for the reports), and which inputs were received since the last step. The inputs keep their

@@ -65,6 +65,25 @@ bool fm_engine_records(struct fm_engine * engine, struct fm_records * records, u
   return are_all;
 }
 
+bool fm_engine_rows(struct fm_engine * engine, struct fm_rows * rows, uint32_t most)
+{
+  fm_engine_lock(engine);
+  uint64_t left = UINT64_MAX;
+  engine->has_begun = true;
+  while (rows->next < rows->n && !is_full(engine, most)) {
+    const int64_t time = rows->times[rows->next];
+    if (!take_all_due_locked(engine, time, most, &left)) {
+      break;
+    }
+    const uint32_t n = fm_evaluator_row(engine->options.evaluator, rows, engine->found);
+    fm_engine_announce_locked(engine, n, 0);
+    fm_engine_take_due_by_locked(engine, time);
+  }
+  const bool are_all = rows->next == rows->n;
+  fm_engine_unlock(engine);
+  return are_all;
+}
+
 bool fm_engine_advance_all(struct fm_engine * engine, int64_t now, uint32_t most)
 {
   fm_engine_lock(engine);

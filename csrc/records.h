@@ -53,6 +53,12 @@ struct fm_records
 FM_EXPORT bool fm_engine_records(
   struct fm_engine * engine, struct fm_records * records, uint32_t most);
 
+/// Take rows of a trace while the time is told, as fm_engine_records does with messages; all that
+/// is due before a row is taken before it. The first row begins the time. The engine's inputs have
+/// no timeouts, and it has no period. Any thread; for each row O(what is due + inputs +
+/// operations).
+FM_EXPORT bool fm_engine_rows(struct fm_engine * engine, struct fm_rows * rows, uint32_t most);
+
 /// While the time is told: as fm_engine_advance, but takes all that is due until then, one after
 /// another, and stops when `most` violations are queued. Returns whether the time is `now`. O(what
 /// is due).

@@ -67,6 +67,14 @@ static void add_to_window(struct fm_window * window, int64_t time, double value)
   }
 }
 
+static void add_to_windows(
+  const struct fm_thinning * thinning, uint32_t input, int64_t time, double value)
+{
+  for (uint32_t w = thinning->begins[input]; w < thinning->begins[input + 1]; ++w) {
+    add_to_window(&thinning->windows[w], time, value);
+  }
+}
+
 static void thin_locked(
   struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size, int64_t time,
   const struct fm_thinning * thinning)
@@ -81,12 +89,9 @@ static void thin_locked(
   const int64_t at = options->uses_header_stamps ? stamp : time;
   for (uint32_t k = 0; k < options->topics[topic].n_inputs; ++k) {
     const uint32_t input = options->topics[topic].inputs[k];
-    if (fields[k].outcome != FM_FIELD_READ) {
-      continue;
-    }
-    const double value = as_double(fields[k].value, options->monitor->inputs[input].type);
-    for (uint32_t w = thinning->begins[input]; w < thinning->begins[input + 1]; ++w) {
-      add_to_window(&thinning->windows[w], at, value);
+    if (fields[k].outcome == FM_FIELD_READ) {
+      const double value = as_double(fields[k].value, options->monitor->inputs[input].type);
+      add_to_windows(thinning, input, at, value);
     }
   }
 }
@@ -105,4 +110,13 @@ void fm_engine_thin(
     message += size;
   }
   fm_engine_unlock(engine);
+}
+
+void fm_thin_column(
+  const struct fm_thinning * thinning, uint32_t input, const int64_t * times,
+  const double * values, uint64_t n)
+{
+  for (uint64_t k = 0; k < n; ++k) {
+    add_to_windows(thinning, input, times[k], values[k]);
+  }
 }

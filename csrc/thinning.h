@@ -65,6 +65,12 @@ FM_EXPORT void fm_engine_thin(
   struct fm_engine * engine, const struct fm_records * records,
   const struct fm_thinning * thinning);
 
+/// Put n values of an input into its windows, each at its time (ns). Any thread, with no other one
+/// at these windows; O(n x windows of the input).
+FM_EXPORT void fm_thin_column(
+  const struct fm_thinning * thinning, uint32_t input, const int64_t * times,
+  const double * values, uint64_t n);
+
 #ifdef __cplusplus
 }
 #endif

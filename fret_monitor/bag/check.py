@@ -16,7 +16,8 @@
 Runs a bundle over a recording: what the node would have said of it.
 
 The same engine as the node's is given the serialized messages and their times of reception.
-Timeouts, periods and deadlines are taken between the messages, by the recording's time.
+Timeouts, periods and deadlines are taken between the messages, by the recording's time. Of a
+trace it is given the rows, each of which is a step.
 """
 
 from array import array
@@ -29,6 +30,7 @@ from typing import Protocol
 
 from fret_monitor.bag.moments import Moment
 from fret_monitor.bag.recording import Batch, DamagedRecording, Recording
+from fret_monitor.bag.trace import RowBatch, ROWS, Trace, TRACE_SUFFIX
 from fret_monitor.build import compile_monitor, generate_monitor, read, Reading
 from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.messages.installed import find_message, fingerprint
@@ -106,9 +108,9 @@ class Result:
     """
     What was found in one recording.
 
-    `recorded` and `read` count the messages of each mapped topic. `begin` and `end` are the
-    judged time (ns). `errors` say what is missing or damaged: without any, all was seen.
-    `warnings` say what was seen and could not be used, or was out of order.
+    `recorded` and `read` count the messages of each mapped topic, or the `ROWS` of a trace.
+    `begin` and `end` are the judged time (ns). `errors` say what is missing or damaged: without
+    any, all was seen. `warnings` say what was seen and could not be used, or was out of order.
     """
 
     path: Path
@@ -120,6 +122,14 @@ class Result:
     begin: int
     end: int
     warnings: tuple[str, ...] = ()
+    is_trace: bool = False
+
+    @property
+    def amount(self) -> str:
+        """How much was read, in words."""
+        count = sum(self.read.values())
+        return counted(count, 'row') if self.is_trace else \
+            f'{counted(count, "message")} on {counted(len(self.read), "topic")}'
 
 
 class Changes(Protocol):
@@ -139,8 +149,10 @@ class Changes(Protocol):
         """End at a time (ns)."""
 
 
-Watch = Callable[[Engine, Batch], None]
-"""Takes all messages that are read, before the engine does."""
+AnyRecording = Recording | Trace
+AnyBatch = Batch | RowBatch
+Watch = Callable[[Engine, AnyBatch], None]
+"""Takes all messages or rows that are read, before the engine does."""
 
 
 def check_recording(
@@ -163,8 +175,11 @@ def check_recording(
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[tuple[Recording, FindMessage]]:
+def opened(path: Path) -> Iterator[tuple[AnyRecording, FindMessage]]:
     """Yield a recording, and a function that finds message types in it, or what is installed."""
+    if path.suffix == TRACE_SUFFIX:
+        yield Trace(path), find_message
+        return
     with Recording(path) as recording, tempfile.TemporaryDirectory() as folder:
         recording.write_definitions(Path(folder))
         prefixes = (Path(folder), *search_path())
@@ -175,7 +190,7 @@ def opened(path: Path) -> Iterator[tuple[Recording, FindMessage]]:
         yield recording, find
 
 
-def run(monitor: Monitor, recording: Recording, selection: Selection, *,
+def run(monitor: Monitor, recording: AnyRecording, selection: Selection, *,
         changes: Sequence[Changes] = (), watch: Watch | None = None,
         progress: Progress = no_progress) -> Result:
     """Run a monitor over a recording; raises `CompileError` if they do not fit."""
@@ -215,7 +230,7 @@ def compiled(reading: Reading) -> CompiledMonitor:
 class _Run:
     """One run of an engine over a recording."""
 
-    def __init__(self, monitor: Monitor, recording: Recording, selection: Selection,
+    def __init__(self, monitor: Monitor, recording: AnyRecording, selection: Selection,
                  changes: Sequence[Changes], watch: Watch | None,
                  progress: Progress) -> None:
         self._recording = recording
@@ -223,28 +238,33 @@ class _Run:
         self._changes = changes
         self._watch = watch
         self._progress = progress
-        self._monitor = monitor
-        self._manifest = monitor.manifest
+        self._monitor = recording.prepare(monitor)
+        self._manifest = self._monitor.manifest
         self._evaluator = Evaluator(self._monitor, reports_recoveries=True)
         self._engine = Engine(self._evaluator, takes_recoveries=True)
         self._wants_details = False
         self._most = MOST_QUEUED
         self._want_details()
         self._errors: list[str] = []
-        self._warnings: list[str] = []
+        self._warnings: list[str] = [*recording.warnings]
         self._missing: set[int] = set()  # topics that were not recorded
         self._before: list[RequirementCounts] = []  # of what is judged
         self._is_judging = False
         self._unread: set[int] = set()  # requirements that read one of these topics
-        self._latest = 0  # the time of the last message that was read
-        self._read = array('Q', bytes(8 * len(self._manifest.topics)))
+        self._latest = -NEVER  # the time of the last message that was read
+        self._names = [ROWS] if recording.is_trace else [
+            resolved(topic.name, selection) for topic in self._manifest.topics]
+        self._read = array('Q', bytes(8 * len(self._names)))
         self._findings = [Findings(item.id) for item in self._manifest.requirements]
 
     def result(self) -> Result:
         manifest, recording, selection = self._manifest, self._recording, self._selection
-        names = [resolved(topic.name, selection) for topic in manifest.topics]
-        wanted = dict(self._wanted(names))
+        wanted = dict(self._wanted())
         begin = _at(selection.begin, recording, recording.start)
+        self._is_part = selection.begin is not None
+        if recording.is_trace:  # its time begins with the first row
+            self._is_part = begin > recording.start
+            begin = max(begin, recording.start)
         last = _at(selection.end, recording, recording.end)
         if last < begin:
             refuse('the end is before the begin', help='--from and --to, in this order')
@@ -265,17 +285,18 @@ class _Run:
             each.end(end)
         self._finish(end)
         self._complain()
-        recorded = {name: recording.recorded[name] for name in names}
-        read = dict(zip(names, self._read))
+        recorded = {name: recording.recorded[name] for name in self._names}
+        read = dict(zip(self._names, self._read))
         if not is_limited:
             self._compare(recorded, read)
         return Result(recording.path, manifest, recorded, read, tuple(self._findings),
-                      tuple(self._errors), begin, end, tuple(self._warnings))
+                      tuple(self._errors), begin, end, tuple(self._warnings),
+                      recording.is_trace)
 
-    def _wanted(self, names: list[str]) -> Iterator[tuple[tuple[str, str], int]]:
+    def _wanted(self) -> Iterator[tuple[tuple[str, str], int]]:
         types = self._recording.types
         seen: dict[str, int] = {}
-        for index, (name, topic) in enumerate(zip(names, self._manifest.topics)):
+        for index, (name, topic) in enumerate(zip(self._names, self._manifest.topics)):
             if name in seen:
                 other = self._manifest.topics[seen[name]].name
                 refuse(f"'{other}' and '{topic.name}' are one topic here, {name}",
@@ -299,10 +320,11 @@ class _Run:
 
     def _play(self, wanted: Mapping[tuple[str, str], int], begin: int,
               last: int | None) -> None:
-        most = max(1, sum(self._recording.recorded[name] for name, _ in wanted))
+        most = max(1, sum(self._recording.recorded[name] for name in self._names))
         reorder = self._manifest.reorder
-        self._engine.advance(min(begin, self._recording.start))
-        if self._selection.begin is None:  # stamps may be before the first reception
+        if not self._recording.is_trace:
+            self._engine.advance(min(begin, self._recording.start))
+        if not self._is_part:  # stamps may be before the first reception
             self._judge_from(begin)
         try:
             for batch in self._recording.batches(wanted, None if last is None else last + reorder):
@@ -311,9 +333,9 @@ class _Run:
                 if not self._is_judging:
                     before = batch.before(begin + reorder)
                     self._deliver(before)
-                    if len(before.topics) < len(batch.topics):
+                    if len(before.times) < len(batch.times):
                         self._judge_from(begin)
-                        self._deliver(batch.after(len(before.topics)))
+                        self._deliver(batch.after(len(before.times)))
                 else:
                     self._deliver(batch)
                 self._latest = max(self._latest, batch.times[-1])
@@ -323,13 +345,12 @@ class _Run:
         if not self._is_judging:
             self._judge_from(begin)
 
-    def _deliver(self, batch: Batch) -> None:
-        self._take(self._engine.records(
-            batch.topics, batch.times, batch.sizes, batch.messages, self._read, most=self._most))
+    def _deliver(self, batch: AnyBatch) -> None:
+        self._take(batch.deliver(self._engine, self._read, most=self._most))
 
     def _judge_from(self, begin: int) -> None:
         """Start the requirements afresh; what came before set the inputs and their timeouts."""
-        if self._selection.begin is not None:
+        if self._is_part:
             self._take(self._engine.advance_all(
                 begin + self._manifest.reorder, most=self._most))
             self._engine.reset()
@@ -471,5 +492,5 @@ def absolute(name: str, namespace: str) -> str:
     return '/' + '/'.join(parts)
 
 
-def _at(moment: Moment | None, recording: Recording, otherwise: int) -> int:
+def _at(moment: Moment | None, recording: AnyRecording, otherwise: int) -> int:
     return otherwise if moment is None else moment.in_recording(recording.start, recording.end)

@@ -24,11 +24,12 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from fret_monitor.bag.check import compiled, Findings, Result, run, Selection
+from fret_monitor.bag.check import (
+    AnyBatch, AnyRecording, compiled, Findings, Result, run, Selection,
+)
 from fret_monitor.bag.lanes import FALSE, Lane, TRUE
 from fret_monitor.bag.moments import Anchor, Moment
 from fret_monitor.bag.overview import MOST_SHOWN, Start
-from fret_monitor.bag.recording import Batch, Recording
 from fret_monitor.build import Reading
 from fret_monitor.explain.report import Meaning
 from fret_monitor.logic.formula import (
@@ -113,7 +114,7 @@ class _Shown:
 
 
 def evidence(
-    reading: Reading, meanings: Mapping[str, Meaning], recording: Recording,
+    reading: Reading, meanings: Mapping[str, Meaning], recording: AnyRecording,
     selection: Selection, result: Result, starts: Sequence[Sequence[Start]],
 ) -> list[list[Occurrence]]:
     """Return, for each requirement, what is to be shown of its first occurrences."""
@@ -167,10 +168,11 @@ def _lead(item: Property, result: Result, specification: Specification) -> int:
     topics = {signal.topic for signal in specification.signals if signal.name in item.inputs}
     is_for_all = specification.policy is Policy.EVERY_MESSAGE
     counts = [count for topic, count in zip(result.manifest.topics, result.read.values())
-              if is_for_all or topic.name in topics]
+              if is_for_all or topic.name in topics] or result.read.values()
     interval = (result.end - result.begin) // max(1, sum(counts))
     reach = horizon(item)
-    if specification.policy is Policy.PERIODIC and specification.period is not None:
+    if specification.policy is Policy.PERIODIC and specification.period is not None \
+            and not result.is_trace:
         interval = int(specification.period * 10**9)
     if specification.policy is not Policy.TIMED:
         reach *= interval
@@ -203,7 +205,7 @@ def _formulas(item: Property, specification: Specification,
 
 
 def _watch(shown: Sequence[_Shown], parts: int, specification: Specification, reading: Reading,
-           recording: Recording, selection: Selection) -> Thinning | None:
+           recording: AnyRecording, selection: Selection) -> Thinning | None:
     """Read the recording once more, up to the last window."""
     properties: dict[tuple[Formula, tuple[str, ...]], Property] = {}
     for each in shown:
@@ -223,8 +225,8 @@ def _watch(shown: Sequence[_Shown], parts: int, specification: Specification, re
     thinning = Thinning(monitor, [Window(index, *each.window, parts)
                                   for each in shown for index in each.inputs])
 
-    def watch(engine: Engine, batch: Batch) -> None:
-        thinning.add(engine, batch.topics, batch.times, batch.sizes, batch.messages)
+    def watch(engine: Engine, batch: AnyBatch) -> None:
+        batch.add_to(thinning, engine)
 
     changes = _LaneChanges(len(properties))
     for each in shown:

@@ -17,9 +17,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fret_monitor.bag.check import Findings
+from fret_monitor.bag.check import AnyBatch, Findings
 from fret_monitor.bag.lanes import FALSE, Lane, TRUE
-from fret_monitor.bag.recording import Batch
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.detail_text import show
@@ -75,9 +74,9 @@ class Overview:
         self._since = [begin] * len(self.lanes)
         self._begins = [end + 1] * len(self.lanes)  # when the first change came
 
-    def watch(self, engine: Engine, batch: Batch) -> None:
-        """Take the values of messages."""
-        self.thinning.add(engine, batch.topics, batch.times, batch.sizes, batch.messages)
+    def watch(self, engine: Engine, batch: AnyBatch) -> None:
+        """Take the values of messages or rows."""
+        batch.add_to(self.thinning, engine)
 
     def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
         """Take a change of a verdict."""

@@ -33,6 +33,10 @@ import sys
 from typing import Any, Self
 
 from fret_monitor.model.diagnostics import refuse
+from fret_monitor.native.monitor import Monitor
+from fret_monitor.runtime.engine import Engine
+from fret_monitor.runtime.evaluator import Violation
+from fret_monitor.runtime.thinning import Thinning
 from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
@@ -79,6 +83,16 @@ class Batch:
         """Return the messages after the first `count`."""
         return self._part(count, len(self.times))
 
+    def deliver(self, engine: Engine, counts: 'array[int]', *,
+                most: int) -> Iterator[list[Violation]]:
+        """Deliver the messages to an engine, as `Engine.records`."""
+        return engine.records(
+            self.topics, self.times, self.sizes, self.messages, counts, most=most)
+
+    def add_to(self, thinning: Thinning, engine: Engine) -> None:
+        """Put the values of the messages into windows."""
+        thinning.add(engine, self.topics, self.times, self.sizes, self.messages)
+
     def _part(self, begin: int, end: int) -> 'Batch':
         first = sum(self.sizes[:begin])
         return Batch(self.topics[begin:end], self.times[begin:end], self.sizes[begin:end],
@@ -94,6 +108,9 @@ class Recording(AbstractContextManager['Recording']):
     with their format. `start` and `end` are the times of the first and the last message (ns; both
     0 if there is none).
     """
+
+    is_trace = False
+    warnings: tuple[str, ...] = ()
 
     def __init__(self, path: Path) -> None:
         """
@@ -156,7 +173,11 @@ class Recording(AbstractContextManager['Recording']):
                    help=f"name the recordings in it, such as '{within[0]}'" if within else '')
         if path.is_file() and path.suffix not in _FILES:
             refuse(f"'{path}' is not a recording",
-                   help='a recording is a folder of rosbag2, or a file .mcap, .db3 or .bag')
+                   help='a recording is a folder of rosbag2, or a file .mcap, .db3, .bag or .csv')
+
+    def prepare(self, monitor: Monitor) -> Monitor:
+        """Return a monitor as it is to be run over the recording."""
+        return monitor
 
     def write_definitions(self, folder: Path) -> None:
         """

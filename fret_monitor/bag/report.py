@@ -98,10 +98,8 @@ class _Report:
         yield '<dl>'
         for title, text in (
                 ('recording', str(result.path)), ('bundle', str(self._bundle)),
-                ('from', iso_time(result.begin)), ('to', iso_time(result.end)),
-                ('judged', f'{short_seconds(self._length)} s'),
-                ('messages', f'{sum(result.read.values()):,} on '
-                 f'{counted(len(result.read), "topic")}')):
+                ('from', self._moment(result.begin)), ('to', self._moment(result.end)),
+                ('judged', f'{short_seconds(self._length)} s'), ('read', result.amount)):
             yield f'<dt>{title}</dt><dd>{escaped(text)}</dd>'
         yield '</dl></header>'
         if result.errors:
@@ -161,11 +159,13 @@ class _Report:
         time = item.start.time
         lasts = 'until the end' if item.end is None else \
             f'for {short_seconds(item.end - time)} s'
-        iso = iso_time(time)
+        moment = self._moment(time)
         yield (f'<figure><figcaption><strong>Occurrence {number}</strong> at '
-               f'{self._since(time)}, {lasts}<br><span class="time"><code>{iso}</code> '
-               f'<button class="copy">copy</button></span> <a class="jump" target="_blank" '
-               f'rel="noopener noreferrer" href="{_FOXGLOVE}{iso}">Foxglove</a>')
+               f'{self._since(time)}, {lasts}<br><span class="time"><code>{moment}</code> '
+               '<button class="copy">copy</button></span>')
+        if not self._result.is_trace:
+            yield (' <a class="jump" target="_blank" rel="noopener noreferrer" '
+                   f'href="{_FOXGLOVE}{moment}">Foxglove</a>')
         if item.is_deadline and item.trigger is not None:
             yield (f'<br>The deadline passed {short_seconds(time - item.trigger)} s after the '
                    f'trigger at {self._since(item.trigger)}.')
@@ -191,6 +191,10 @@ class _Report:
 
     def _since(self, time: int) -> str:
         return f'{short_seconds(time - self._result.begin)} s'
+
+    def _moment(self, time: int) -> str:
+        """Return a time as other programs show it: a date, or the seconds of a trace."""
+        return short_seconds(time) if self._result.is_trace else iso_time(time)
 
     def _inputs(self) -> Iterator[str]:
         yield '<section id="inputs"><h2>Inputs</h2><div class="card">'

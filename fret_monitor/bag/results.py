@@ -67,8 +67,7 @@ def table(result: Result) -> str:
               f'{short_seconds(item.longest)} s' if item.occurrences else '-')
              for item in result.findings]
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
-    lines = [f'{result.path}: {counted(sum(result.read.values()), "message")} on '
-             f'{counted(len(result.read), "topic")}, {short_seconds(result.end - result.begin)} s']
+    lines = [f'{result.path}: {result.amount}, {short_seconds(result.end - result.begin)} s']
     return '\n'.join([*lines, *(_aligned(row, widths) for row in rows)])
 
 

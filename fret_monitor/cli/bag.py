@@ -43,7 +43,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     parser.add_argument('bags', metavar='BAG', nargs='+', type=Path,
-                        help='a folder of rosbag2, or a file .mcap, .db3 or .bag')
+                        help='a folder of rosbag2, or a file .mcap, .db3, .bag, or .csv as for '
+                        'simulate')
     add_constants(parser)
     names = parser.add_argument_group('names')
     names.add_argument('--namespace', metavar='NS', default='/',

@@ -20,7 +20,7 @@ interpreter lock while it holds the mutex. Independent of ROS.
 """
 
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
@@ -217,6 +217,19 @@ class Engine:
             'bytes': ffi.from_buffer('uint8_t[]', messages),
             'n': len(topics), 'counts': ffi.from_buffer('uint64_t[]', counts)})
         while not self._library.fm_engine_records(self.pointer, records, most):
+            yield self._take_all()
+        yield self._take_all()
+
+    def rows(self, columns: Sequence['array[Any] | None'], times: 'array[int]', *,
+             most: int = MOST_QUEUED) -> Iterator[list[Violation]]:
+        """
+        Take rows of a trace, while the time is told; what is due between them is taken first.
+
+        The inputs have no timeouts, and the policy no period. `columns` and `times` are as of
+        `Evaluator.native_rows`; otherwise as `records`.
+        """
+        rows = self.evaluator.native_rows(columns, times)
+        while not self._library.fm_engine_rows(self.pointer, rows.pointer, most):
             yield self._take_all()
         yield self._take_all()
 

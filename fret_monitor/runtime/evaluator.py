@@ -35,7 +35,7 @@ NEVER = 2**63 - 1
 """The deadline where nothing will be due."""
 
 _ALIGNMENT = 16
-_TIMED_ROWS = 1024  # rows of verdicts that are taken at once
+_TABLE_ROWS = 4096  # rows of verdicts that are taken at once
 
 _REPORTS = {Report.EVERY_STEP: 'FM_EVERY_STEP', Report.ONSET: 'FM_ONSET',
             Report.OCCURRENCE: 'FM_OCCURRENCE'}
@@ -288,84 +288,65 @@ class Evaluator:
         return [Violation(item.requirement, item.step, item.stamp)
                 for item in self._violations[0:count]]
 
-    def rows(self, columns: Sequence['array[Any] | None'], count: int) -> bytearray:
-        """
-        Take many rows of a trace at once, each a step of all ready groups.
-
-        Parameters
-        ----------
-        columns
-            one for each input: an array of the input's `typecode`, `count` long, or None if the
-            input is to keep its value.
-        count
-            the number of rows.
-
-        Returns
-        -------
-        bytearray
-            the verdicts, row after row, one byte a requirement: 1 satisfied, 0 violated.
-
-        Raises
-        ------
-        ValueError
-            if a column has another type or length.
-        """
-        kept = self._columns(columns, count)
-        verdicts = bytearray(count * len(self.monitor.manifest.requirements))
-        self._library.fm_evaluator_rows(
-            self.pointer, ffi.new('const void *[]', kept), count,
-            ffi.from_buffer('bool[]', verdicts))
-        return verdicts
-
-    def timed_rows(
+    def rows(
         self, columns: Sequence['array[Any] | None'], times: 'array[int]',
         until: int | None = None,
     ) -> Iterator[tuple['array[int]', bytes]]:
         """
-        Take many rows of a timed trace.
+        Take many rows of a trace, each a step of all ready groups.
 
         Parameters
         ----------
-        columns
-            as for `rows`.
-        times
-            when each row takes effect, in nanoseconds; strictly increasing, typecode `q`.
+        columns, times
+            as for `native_rows`.
         until
             what is due by then is taken after the last row; None: nothing is.
 
         Yields
         ------
         tuple[array[int], bytes]
-            times, and as many rows of verdicts, as `rows` has them: for each row, and for each
-            instant between and after the rows at which a verdict differs from those before it.
+            times, and as many rows of verdicts, one byte a requirement: 1 satisfied, 0 violated.
+            There is one for each row, and one for each instant between and after the rows at which
+            a verdict differs from those before it.
 
         Raises
         ------
         ValueError
             if a column has another type or length.
         """
-        kept = self._columns(columns, len(times))  # a struct does not keep alive what it points to
-        pointers = ffi.new('const void *[]', kept)
-        given = ffi.from_buffer('int64_t[]', times)
-        rows = ffi.new('struct fm_timed_rows *', {
-            'columns': pointers, 'times': given, 'n_rows': len(times),
-            'until': -2**63 if until is None else until})
+        rows = self.native_rows(columns, times)
         width = len(self.monitor.manifest.requirements)
-        instants, verdicts = array('q', bytes(8 * _TIMED_ROWS)), bytearray(_TIMED_ROWS * width)
-        count = _TIMED_ROWS
-        while count == _TIMED_ROWS:
-            count = self._library.fm_evaluator_timed_rows(
-                self.pointer, rows, _TIMED_ROWS, ffi.from_buffer('int64_t[]', instants),
-                ffi.from_buffer('bool[]', verdicts))
+        instants, verdicts = array('q', bytes(8 * _TABLE_ROWS)), bytearray(_TABLE_ROWS * width)
+        count = _TABLE_ROWS
+        while count == _TABLE_ROWS:
+            count = self._library.fm_evaluator_rows(
+                self.pointer, rows.pointer, -2**63 if until is None else until, _TABLE_ROWS,
+                ffi.from_buffer('int64_t[]', instants), ffi.from_buffer('bool[]', verdicts))
             if count:
                 yield instants[:count], bytes(verdicts[:count * width])
 
-    def _columns(self, columns: Sequence['array[Any] | None'], count: int) -> list[CData]:
-        """Return pointers to columns, which they keep alive, and one more that is NULL."""
+    def native_rows(
+            self, columns: Sequence['array[Any] | None'], times: 'array[int]') -> 'NativeRows':
+        """
+        Return rows as C takes them.
+
+        Parameters
+        ----------
+        columns
+            one for each input: an array of the input's `typecode`, as long as `times`, or None if
+            the input is to keep its value.
+        times
+            when each row takes effect, in nanoseconds; strictly increasing, typecode `q`.
+
+        Raises
+        ------
+        ValueError
+            if a column has another type or length.
+        """
         if len(columns) != len(self._next):
             raise ValueError(f'{len(columns)} columns for {len(self._next)} inputs')
-        kept = [self._column(index, column, count) for index, column in enumerate(columns)]
-        return [*kept, ffi.NULL]
+        return NativeRows([self._column(index, column, len(times))
+                           for index, column in enumerate(columns)], times)
 
     def _column(self, index: int, column: 'array[Any] | None', count: int) -> CData:
         if column is None:
@@ -440,6 +421,17 @@ class Evaluator:
         """Return the counters of a topic."""
         found = self._library.fm_evaluator_topic_counts(self.pointer, index)
         return TopicCounts(found.messages, found.undecodable)
+
+
+class NativeRows:
+    """A `struct fm_rows`; keeps alive what it points to."""
+
+    def __init__(self, columns: list[CData], times: 'array[int]') -> None:
+        self._columns = columns
+        self._pointers = ffi.new('const void *[]', [*columns, ffi.NULL])
+        self._times = ffi.from_buffer('int64_t[]', times)
+        self.pointer: CData = ffi.new('struct fm_rows *', {
+            'columns': self._pointers, 'times': self._times, 'n': len(times)})
 
 
 class _Options:

@@ -81,6 +81,14 @@ class Thinning:
             'n': len(topics)})
         engine.library.fm_engine_thin(engine.pointer, records, self._thinning)
 
+    def add_rows(self, engine: Engine, columns: Sequence['array[Any]'],
+                 times: 'array[int]') -> None:
+        """Put the values of rows into the windows; a column for each input."""
+        instants = ffi.from_buffer('int64_t[]', times)
+        for index, column in enumerate(columns):
+            values = ffi.from_buffer('double[]', array('d', column))
+            engine.library.fm_thin_column(self._thinning, index, instants, values, len(times))
+
     def before(self, index: int) -> float | None:
         """Return the value at the begin of a window, None if there was none yet."""
         native = self._native[self._places[index]]

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Traces as CSV: a column for each input, a row for each step; a timed trace has a column `time`.
+Traces as CSV: a column for each input, a row for each step, and perhaps a column `time`.
 
 A trace is read in blocks of rows, so that memory does not grow with its length. An invalid cell
 is an error with its line and column.
@@ -21,13 +21,16 @@ is an error with its line and column.
 
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 import csv
 from dataclasses import dataclass
 from difflib import get_close_matches
+from enum import Enum
 from fractions import Fraction
 from io import StringIO
 from itertools import islice
 import math
+from pathlib import Path
 import re
 from typing import Any, NoReturn, TextIO
 
@@ -52,6 +55,27 @@ _DIGITS = 9  # behind the point of a number of seconds
 _LATEST_NS = 2 ** 62
 LONGEST_NS = 2 ** 62 - 3  # FM_LAST_TICK in csrc/fret_monitor.h
 _SEPARATORS = {';': "';'", '\t': 'tabs', '|': "'|'"}
+
+
+class TimeColumn(Enum):
+    """What the column `time` of a trace is: none of its business, used if it is there, needed."""
+
+    IGNORED = 'ignored'
+    OPTIONAL = 'optional'
+    REQUIRED = 'required'
+
+
+@contextmanager
+def open_trace(path: Path) -> Iterator[TextIO]:
+    """Open a file with a trace; raises `CompileError` if it cannot be read."""
+    try:
+        file = path.open(encoding='utf-8-sig', newline='')
+    except FileNotFoundError:
+        refuse(f"there is no file '{path}'")
+    except OSError as error:
+        refuse(f"cannot read '{path}': {error.strerror or error}")
+    with file:
+        yield file
 
 
 def trace_text(signals: Sequence[Signal], rows: Iterable[Sequence[bool | int | float]]) -> str:
@@ -205,15 +229,15 @@ def seconds_text(nanoseconds: int) -> str:
 class TraceReader:
     """Reads the columns of the given inputs from a CSV file."""
 
-    def __init__(self, name: str, file: TextIO, inputs: Sequence[ManifestInput], *,
-                 is_timed: bool = False) -> None:
+    def __init__(self, name: str, file: TextIO, inputs: Sequence[ManifestInput],
+                 time: TimeColumn = TimeColumn.IGNORED) -> None:
         """
-        Read the heading; a timed trace has a column `time` too.
+        Read the heading.
 
         Raises
         ------
         CompileError
-            if an input has no column, or two, or a timed trace has not one column `time`.
+            if an input has no column, or two, or there is not one column `time` and one is needed.
         """
         self._inputs = inputs
         self._source = _Rows(name, file)
@@ -221,15 +245,25 @@ class TraceReader:
         heading = [cell.strip() for cell in next(self._rows, _Row(1, [])).cells]
         self._width = len(heading)
         self._places = self._find(heading)
-        self._time = self._find_time(heading) if is_timed else None
+        is_optional = TIME not in heading or any(item.name == TIME for item in inputs)
+        self._time = None if time is TimeColumn.IGNORED or (
+            time is TimeColumn.OPTIONAL and is_optional) else self._find_time(heading)
+        self._count = 0  # rows read
         self._last: int | None = None  # the time of the row before
         self.first = 0  # the time of the first row
 
-    def blocks(self) -> Iterator[tuple['array[int]', int, list['array[Any]']]]:
-        """
-        Yield the times of the rows of each block, their number, and an array for each input.
+    @property
+    def has_times(self) -> bool:
+        """Whether the rows have times, in the column `time`; if not, they are numbered."""
+        return self._time is not None
 
-        The times are in nanoseconds; there are none if the trace is not timed.
+    def blocks(
+            self, most: int | None = None) -> Iterator[tuple['array[int]', list['array[Any]']]]:
+        """
+        Yield the times of the rows of each block, and an array for each input.
+
+        The times are in nanoseconds; if the trace has none, they are the numbers of the rows from
+        0. `most` is how many rows a block has at most; None: some thousands.
 
         Raises
         ------
@@ -237,13 +271,33 @@ class TraceReader:
             with the place, if the file is not CSV, a cell is not a value of its input, or times do
             not increase.
         """
-        while rows := list(islice(self._limited(), _BLOCK_ROWS)):
+        while rows := list(islice(self._limited(), most or _BLOCK_ROWS)):
             for row in rows:
                 if len(row.cells) != self._width:
                     self._refuse_width(row)
-            times = array('q', () if self._time is None else self._times(rows, self._time))
-            yield times, len(rows), [self._column(rows, item, place) for item, place
-                                     in zip(self._inputs, self._places, strict=True)]
+            begin, self._count = self._count, self._count + len(rows)
+            times = array('q', range(begin, self._count) if self._time is None
+                          else self._times(rows, self._time))
+            yield times, [self._column(rows, item, place) for item, place
+                          in zip(self._inputs, self._places, strict=True)]
+
+    def times(self) -> Iterator[int | None]:
+        """
+        Yield the time of each row, and read nothing else of it; None if it is no time.
+
+        Raises
+        ------
+        CompileError
+            with the place, if the file is not CSV.
+        """
+        for number, row in enumerate(self._rows):
+            time = None
+            if self._time is None:
+                time = number
+            elif self._time < len(row.cells):
+                with suppress(ValueError):
+                    time = parse_seconds(row.cells[self._time].strip())
+            yield time
 
     def _limited(self) -> Iterator[_Row]:
         """Yield rows up to the maximum size of a block."""

@@ -21,7 +21,7 @@ trace. A file of verdicts is created only if the whole trace could be read.
 
 from array import array
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 import csv
 from dataclasses import dataclass, replace
 from functools import partial
@@ -33,11 +33,13 @@ from typing import TextIO
 
 from fret_monitor.model.diagnostics import counted, refuse
 from fret_monitor.model.output import open_output
-from fret_monitor.model.policies import Policy
+from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.traces.csv_trace import LONGEST_NS, seconds_text, TIME, TraceReader
+from fret_monitor.traces.csv_trace import (
+    LONGEST_NS, open_trace, seconds_text, TIME, TimeColumn, TraceReader,
+)
 
 _MOST_LINES = 4096  # size of the cache of lines
 
@@ -88,13 +90,21 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
     """
     writing = nullcontext(sys.stdout) if verdicts is None else open_output(
         verdicts, (trace, *read))
-    with _reading(trace) as file, writing as out:
+    with open_trace(trace) as file, writing as out:
         is_timed = monitor.manifest.policy is Policy.TIMED
-        reader = TraceReader(str(trace), file, monitor.manifest.inputs, is_timed=is_timed)
-        if is_timed:
-            return _run_timed(Evaluator(_without_timeouts(monitor)), reader, out, until,
-                              partial(_report, file, progress))
-        return _run(Evaluator(monitor), reader, out, partial(_report, file, progress))
+        reader = TraceReader(
+            str(trace), file, monitor.manifest.inputs,
+            TimeColumn.REQUIRED if is_timed else TimeColumn.IGNORED)
+        return _run(Evaluator(for_trace(monitor)), reader, out, until,
+                    partial(_report, file, progress))
+
+
+def for_trace(monitor: Monitor) -> Monitor:
+    """Return a monitor whose steps are the rows of a trace, each with values of all inputs."""
+    manifest = monitor.manifest
+    inputs = tuple(replace(item, timeout=None) for item in manifest.inputs)
+    return replace(monitor, manifest=replace(
+        manifest, inputs=inputs, topics=(), period=None, stamp=Stamp.RECEIVED, reorder=0))
 
 
 def _report(file: TextIO, progress: Progress, steps: int) -> None:
@@ -105,70 +115,32 @@ def _report(file: TextIO, progress: Progress, steps: int) -> None:
              counted(steps, 'step'))
 
 
-@contextmanager
-def _reading(path: Path) -> Iterator[TextIO]:
-    try:
-        file = path.open(encoding='utf-8-sig', newline='')
-    except FileNotFoundError:
-        refuse(f"there is no file '{path}'")
-    except OSError as error:
-        refuse(f"cannot read '{path}': {error.strerror or error}")
-    with file:
-        yield file
-
-
-def _run(evaluator: Evaluator, trace: TraceReader, out: TextIO,
+def _run(evaluator: Evaluator, trace: TraceReader, out: TextIO, until: int | None,
          report: Callable[[int], None]) -> Summary:
     ids = [item.id for item in evaluator.monitor.manifest.requirements]
-    csv.writer(out, lineterminator='\n').writerow(['step', *ids])
+    csv.writer(out, lineterminator='\n').writerow([TIME if trace.has_times else 'step', *ids])
     lines: dict[bytes, str] = {}
     violations = [0] * len(ids)
     first: dict[str, int] = {}
-    step = 0
-    for _, count, columns in trace.blocks():
-        found = bytes(evaluator.rows(columns, count))
-        out.write(_text(found, len(ids), step, lines))
+    steps = 0
+    for times, found in _verdicts(evaluator, trace, until):
+        labels = map(seconds_text, times) if trace.has_times else times
+        out.write(_text(labels, found, len(ids), lines))
         for index, name in enumerate(ids):
             verdicts = found[index::len(ids)]
             if name not in first and 0 in verdicts:
-                first[name] = step + verdicts.index(0)
+                first[name] = times[verdicts.index(0)]
             violations[index] += verdicts.count(0)
-        step += count
-        report(step)
-    return Summary(step, dict(zip(ids, violations, strict=True)), first)
-
-
-def _without_timeouts(monitor: Monitor) -> Monitor:
-    """Return a monitor whose inputs are never silent: each row of a trace sets all of them."""
-    inputs = tuple(replace(item, timeout=None) for item in monitor.manifest.inputs)
-    return replace(monitor, manifest=replace(monitor.manifest, inputs=inputs))
-
-
-def _run_timed(evaluator: Evaluator, trace: TraceReader, out: TextIO,
-               until: int | None, report: Callable[[int], None]) -> Summary:
-    ids = [item.id for item in evaluator.monitor.manifest.requirements]
-    csv.writer(out, lineterminator='\n').writerow([TIME, *ids])
-    violations = dict.fromkeys(ids, 0)
-    first: dict[str, int] = {}
-    steps = 0
-    for times, verdicts in _timed_rows(evaluator, trace, until):
         steps += len(times)
-        for row, time in enumerate(times):
-            flags = verdicts[row * len(ids):(row + 1) * len(ids)]
-            out.write(','.join((seconds_text(time), *map(str, flags))) + '\n')
-            for name, flag in zip(ids, flags, strict=True):
-                if not flag:
-                    violations[name] += 1
-                    first.setdefault(name, time)
         report(steps)
-    return Summary(steps, violations, first)
+    return Summary(steps, dict(zip(ids, violations, strict=True)), first)
 
 
-def _timed_rows(evaluator: Evaluator, trace: TraceReader,
-                until: int | None) -> Iterator[tuple['array[int]', bytes]]:
+def _verdicts(evaluator: Evaluator, trace: TraceReader,
+              until: int | None) -> Iterator[tuple['array[int]', bytes]]:
     last: int | None = None
-    for times, _, columns in trace.blocks():
-        yield from evaluator.timed_rows(columns, times)
+    for times, columns in trace.blocks():
+        yield from evaluator.rows(columns, times)
         last = times[-1]
     if until is None or last is None:
         return
@@ -178,19 +150,20 @@ def _timed_rows(evaluator: Evaluator, trace: TraceReader,
         refuse(f'--until {seconds_text(until)} is before the last row of the trace',
                help=f'which is at {seconds_text(last)}')
     empty: list[array[int] | None] = [None] * len(evaluator.monitor.manifest.inputs)
-    yield from evaluator.timed_rows(empty, array('q'), until)
+    yield from evaluator.rows(empty, array('q'), until)
 
 
-def _text(found: bytes, width: int, step: int, lines: dict[bytes, str]) -> str:
+def _text(labels: Iterable[object], found: bytes, width: int, lines: dict[bytes, str]) -> str:
     """Return a block of verdicts as CSV; `lines` caches the text of rows seen before."""
     parts = []
-    for start in range(0, len(found), width):
+    start = 0
+    for label in labels:
         flags = found[start:start + width]
+        start += width
         line = lines.get(flags)
         if line is None:
             if len(lines) >= _MOST_LINES:
                 lines.clear()
-            line = lines[flags] = ',' + ','.join(map(str, flags)) + '\n'
-        parts.append(f'{step}{line}')
-        step += 1
+            line = lines[flags] = ','.join(('', *map(str, flags))) + '\n'
+        parts.append(f'{label}{line}')
     return ''.join(parts)

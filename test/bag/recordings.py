@@ -17,6 +17,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+from fret_monitor.runtime.evaluator import Violation
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
@@ -41,3 +42,23 @@ def write(path: Path, messages: Iterable[Message], *, storage: StoragePlugin = S
             writer.write(connections[topic], START + time,
                          TYPES.serialize_cdr(make(value), kind))
     return path
+
+
+class Kept:
+    """Keeps the changes of verdicts: time, requirement, and whether it is fulfilled again."""
+
+    wants_details = False
+
+    def __init__(self) -> None:
+        """Begin without any."""
+        self.found: list[tuple[int, int, bool]] = []
+
+    def begin(self, begin: int, end: int, manifest: object) -> None:
+        """Take that nothing is violated yet."""
+
+    def change(self, violation: Violation, detail: object) -> None:
+        """Take a change."""
+        self.found.append((violation.stamp, violation.requirement, violation.is_recovery))
+
+    def end(self, time: int) -> None:
+        """Take that the recording is over."""

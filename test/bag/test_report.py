@@ -17,15 +17,13 @@
 from array import array
 from base64 import b64encode
 from hashlib import sha256
-from html.parser import HTMLParser
-import json
 import math
 from pathlib import Path
 from random import Random
 import shutil
 import subprocess
-from typing import Any
 
+from bag.outline import Outline
 from bag.recordings import Message, START, TYPES, write
 from fret_monitor.bag.lanes import FALSE, Lane, TRUE
 from fret_monitor.bag.page import document
@@ -49,36 +47,6 @@ const svg = document.querySelector('svg[data-occurrence]');
 const box = svg.getBoundingClientRect();
 svg.onpointermove({clientX: box.left + box.width * 0.9});
 """
-
-
-class Outline(HTMLParser):
-    """The tags of a page, its headings and badges, and the content of its scripts."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.texts: list[tuple[str, str]] = []
-        self._open: list[str] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-        if tag not in ('meta', 'link', 'br', 'img'):
-            self._open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self._open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        if data.strip() and self._open:
-            self.texts.append((self._open[-1], data.strip()))
-
-    def of(self, *tags: str) -> list[str]:
-        return [text for tag, text in self.texts if tag in tags]
-
-    @property
-    def data(self) -> Any:
-        return json.loads(self.of('script')[0])
 
 
 def report(folder: Path, text: str, messages: list[Message], *options: str) -> Outline:

@@ -714,14 +714,16 @@ static void a_field_that_cannot_be_used_neither_puts_a_timeout_off_nor_ends_a_si
   CHECK(silence_of_flag(evaluator).is_silent);
 }
 
-static void rows_come_at_the_time_of_the_evaluator(void)
+static void rows_put_timeouts_off_from_their_times(void)
 {
   const uint8_t flags[] = {1};
   const void * const columns[] = {flags, NULL};
+  const int64_t times[] = {1030};
+  struct fm_rows rows = {columns, times, 1, 0};
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
-  CHECK(advance(evaluator, 1030) == 0);
-  (void)fm_evaluator_rows(evaluator, columns, 1, NULL);
-  CHECK(fm_evaluator_deadline(evaluator) == 1080 && fm_evaluator_now(evaluator) == 1030);
+  CHECK(advance(evaluator, 1010) == 0);
+  (void)fm_evaluator_row(evaluator, &rows, NULL);
+  CHECK(fm_evaluator_deadline(evaluator) == 1080 && rows.next == 1);
 }
 
 // ---- silence -----------------------------------------------------------------------------------
@@ -1408,9 +1410,12 @@ static void rows_are_stored_and_stepped_in_one_call(void)
   const uint8_t flags[] = {1, 0, 0};
   const double levels[] = {50.0, 50.0, 1.0};
   const void * const columns[] = {flags, levels};
-  bool verdicts[3][N_REQUIREMENTS];
-  // B twice, C once, D once, and A at its onset only.
-  CHECK(fm_evaluator_rows(evaluator, columns, 3, &verdicts[0][0]) == 5);
+  const int64_t times[] = {0, 1, 2};
+  int64_t instants[4];
+  bool verdicts[4][N_REQUIREMENTS];
+  struct fm_rows rows = {columns, times, 3, 0};
+  CHECK(fm_evaluator_rows(evaluator, &rows, INT64_MIN, 4, instants, verdicts[0]) == 3);
+  CHECK(instants[0] == 0 && instants[1] == 1 && instants[2] == 2);
   CHECK(verdicts[0][A] && !verdicts[0][B] && verdicts[0][C] && verdicts[0][D]);
   CHECK(!verdicts[1][A] && !verdicts[1][B] && !verdicts[1][C] && !verdicts[1][D]);
   CHECK(!verdicts[2][A] && verdicts[2][B] && verdicts[2][C] && verdicts[2][D]);
@@ -1422,7 +1427,10 @@ static void a_column_that_is_missing_leaves_its_input_alone(void)
   struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
   const double levels[] = {50.0, 1.0};
   const void * const columns[] = {NULL, levels};
-  CHECK(fm_evaluator_rows(evaluator, columns, 2, NULL) == 2);
+  const int64_t times[] = {0, 1};
+  struct fm_rows rows = {columns, times, 2, 0};
+  CHECK(fm_evaluator_row(evaluator, &rows, out) == 1);
+  CHECK(fm_evaluator_row(evaluator, &rows, out) == 1);
   CHECK(stepped(evaluator, 0, 2, 2) && !fm_evaluator_has_value(evaluator, FLAG));
 }
 
@@ -1635,7 +1643,7 @@ static const struct scenario SCENARIOS[] = {
   SCENARIO(what_is_due_first_comes_first_however_late),
   SCENARIO(an_initial_value_neither_puts_a_timeout_off_nor_ends_a_silence),
   SCENARIO(a_field_that_cannot_be_used_neither_puts_a_timeout_off_nor_ends_a_silence),
-  SCENARIO(rows_come_at_the_time_of_the_evaluator),
+  SCENARIO(rows_put_timeouts_off_from_their_times),
   SCENARIO(what_reads_a_stale_input_is_violated_at_once_and_without_a_step),
   SCENARIO(a_silence_violates_once_and_then_at_each_step),
   SCENARIO(a_value_ends_a_silence_and_the_next_step_is_judged_as_ever),

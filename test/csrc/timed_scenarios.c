@@ -638,12 +638,12 @@ static void rows_give_verdicts_at_rows_and_where_one_changes(void)
   const void * const columns[] = {p, q, no, no};
   int64_t instants[MOST];
   bool verdicts[MOST][N_REQUIREMENTS];
-  struct fm_timed_rows rows = {columns, times, 3, 400, 0};
+  struct fm_rows rows = {columns, times, 3, 0};
   struct fm_evaluator * evaluator = made();
   uint64_t n = 0;
   uint64_t more = ROOM;
   while (more == ROOM) {
-    more = fm_evaluator_timed_rows(evaluator, &rows, ROOM, &instants[n], verdicts[n]);
+    more = fm_evaluator_rows(evaluator, &rows, 400, ROOM, &instants[n], verdicts[n]);
     n += more;
   }
   const int64_t expected[] = {0, 10, 50, 110, 200, 250};
@@ -664,11 +664,10 @@ static void without_an_end_rows_end_with_the_last(void)
   const void * const columns[] = {yes, yes, yes, yes};
   int64_t instants[4];
   bool verdicts[4][N_REQUIREMENTS];
-  struct fm_timed_rows rows = {columns, times, 1, INT64_MIN, 0};
+  struct fm_rows rows = {columns, times, 1, 0};
   struct fm_evaluator * evaluator = made();
-  CHECK(fm_evaluator_timed_rows(evaluator, &rows, 4, instants, verdicts[0]) == 1);
-  rows.until = 20;
-  CHECK(fm_evaluator_timed_rows(evaluator, &rows, 4, instants, verdicts[0]) == 1);
+  CHECK(fm_evaluator_rows(evaluator, &rows, INT64_MIN, 4, instants, verdicts[0]) == 1);
+  CHECK(fm_evaluator_rows(evaluator, &rows, 20, 4, instants, verdicts[0]) == 1);
   CHECK(instants[0] == 16 && !verdicts[0][ALIVE]);  // a reception lasts one tick in a row, too
 }
 

@@ -62,8 +62,8 @@ def rows(specification: Specification, trace: Trace) -> list[list[bool]]:
     with unoptimised():
         evaluator = Evaluator(build_specification(specification).monitor)
     columns = [array(item.type.typecode, trace[item.name]) for item in specification.signals]
-    steps = len(columns[0])
-    found = evaluator.rows(columns, steps)
+    times = array('q', range(len(columns[0])))
+    found = b''.join(flags for _, flags in evaluator.rows(columns, times))
     count = len(specification.properties)
     return [[bool(value) for value in found[number::count]] for number in range(count)]
 

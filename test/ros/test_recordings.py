@@ -18,11 +18,10 @@ from pathlib import Path
 from random import Random
 from time import sleep, time
 
-from bag.recordings import TYPES
+from bag.recordings import Kept, TYPES
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.ros.details import DETAILS_TOPIC, read_detail
-from fret_monitor.runtime.evaluator import Violation
 import pytest
 from rclpy.serialization import serialize_message
 from ros.harness import Partner, settle, started, wait_until
@@ -94,23 +93,3 @@ def test_live_and_recorded_messages_give_the_same_occurrences(
     assert max(abs(one[2] - other[2]) for one, other in zip(heard, bag)) < 1e-6
     # Deadlines after the last message come in the recording only as far as its end.
     assert 0 <= len(heard) - len(bag[:len(heard)]) <= 1 and len(heard) > 50
-
-
-class Kept:
-    """Keeps the changes of a recording."""
-
-    wants_details = False
-
-    def __init__(self) -> None:
-        """Begin without any."""
-        self.found: list[tuple[int, int, bool]] = []
-
-    def begin(self, begin: int, end: int, manifest: object) -> None:
-        """Take that nothing is violated yet."""
-
-    def change(self, violation: Violation, detail: object) -> None:
-        """Take a change."""
-        self.found.append((violation.stamp, violation.requirement, violation.is_recovery))
-
-    def end(self, time: int) -> None:
-        """Take that the recording is over."""

@@ -298,11 +298,16 @@ def test_everything_is_counted() -> None:
 # ---- rows ----------------------------------------------------------------------------------
 
 
+def table(evaluator: Evaluator, columns: list[Any], count: int) -> bytes:
+    """Return the verdicts of rows that are a nanosecond apart."""
+    return b''.join(found for _, found in evaluator.rows(columns, array('q', range(count))))
+
+
 @given(st.lists(st.tuples(st.booleans(), st.integers(0, 20)), max_size=30))
 def test_rows_together_give_the_verdicts_of_rows_one_by_one(rows: list[tuple[bool, int]]) -> None:
     at_once, one_by_one = toy(), toy()
     columns = [array('B', [flag for flag, _ in rows]), array('h', [level for _, level in rows])]
-    found = at_once.rows(columns, len(rows))
+    found = table(at_once, columns, len(rows))
     expected = bytearray()
     for flag, level in rows:
         one_by_one.store(FLAG, flag)
@@ -318,13 +323,13 @@ def test_rows_together_give_the_verdicts_of_rows_one_by_one(rows: list[tuple[boo
 def test_rows_take_columns_of_every_type() -> None:
     evaluator = typed()
     columns = [array(item.typecode, [0, 1]) for item in ValueType]
-    assert evaluator.rows(columns, 2) == b''
+    assert table(evaluator, columns, 2) == b''
     assert [evaluator.value(item) for item in range(len(columns))] == [1] * len(columns)
 
 
 def test_a_row_without_a_column_leaves_the_input_as_it_is() -> None:
     evaluator = toy(toys.with_initial(True, None))
-    assert evaluator.rows([None, array('h', [1, 30])], 2) == bytes([1, 1, 1, 0])
+    assert table(evaluator, [None, array('h', [1, 30])], 2) == bytes([1, 1, 1, 0])
 
 
 @pytest.mark.parametrize('columns', [
@@ -335,7 +340,7 @@ def test_a_row_without_a_column_leaves_the_input_as_it_is() -> None:
 ])
 def test_columns_that_do_not_fit_are_refused(columns: list['array[Any]']) -> None:
     with pytest.raises(ValueError, match='column'):
-        toy().rows(columns, 1)
+        table(toy(), columns, 1)
 
 
 # ---- mismatches and ownership --------------------------------------------------------------

@@ -160,9 +160,9 @@ def test_long_rows_make_smaller_blocks(tmp_path: Path, monkeypatch: pytest.Monke
 
 def recorded(rows: Any, counts: list[int]) -> Any:
     """Return a method that also records the number of rows."""
-    def method(evaluator: Any, columns: Any, count: int) -> Any:
-        counts.append(count)
-        return rows(evaluator, columns, count)
+    def method(evaluator: Any, columns: Any, times: Any) -> Any:
+        counts.append(len(times))
+        return rows(evaluator, columns, times)
     return method
 
 

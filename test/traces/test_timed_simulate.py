@@ -15,7 +15,6 @@
 """Timed traces: `simulate` writes the verdicts of the reference, and where they change."""
 
 from array import array
-from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -23,14 +22,13 @@ from random import Random
 import re
 
 from fret_monitor.build import build_specification
-from fret_monitor.logic.evaluate import Trace
 from fret_monitor.logic.formula import (
     ALWAYS, Binary, BinaryOperator, Constant, Formula, Historically, Once, Variable, Window,
 )
 from fret_monitor.logic.specification import Specification
 from fret_monitor.logic.timed import evaluate_timed, TimedTrace, verdict_rows
 from fret_monitor.model.diagnostics import CompileError
-from fret_monitor.model.policies import Policy, Report
+from fret_monitor.model.policies import Report
 from fret_monitor.model.values import ValueType
 from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.traces import csv_trace
@@ -40,29 +38,14 @@ import pytest
 from strategies import (
     INPUTS, property_of, random_inputs, random_property, random_trace, specification_of,
 )
+from traces.timed_traces import timed, write_trace
 
 P = Variable('p', ValueType.BOOL)
-RATE = Fraction(10 ** 9)
-
-
-def timed(specification: Specification) -> Specification:
-    """Return a specification under the policy timed, its bounds in nanoseconds."""
-    return replace(specification, policy=Policy.TIMED, signals=tuple(
-        replace(item, max_rate=RATE) for item in specification.signals))
 
 
 def response() -> Specification:
     """Return `O[0,10] p`, in nanoseconds."""
     return timed(specification_of([property_of('R', Once(Window(0, 10), P))], (P,)))
-
-
-def write_trace(ticks: Sequence[int], columns: Trace, path: Path, begin: int = 0) -> None:
-    lines = [','.join(['time', *columns])]
-    for row, tick in enumerate(ticks):
-        cells = (column[row] for column in columns.values())
-        lines.append(','.join([seconds_text(begin + tick), *(
-            str(int(value)) if isinstance(value, bool) else repr(value) for value in cells)]))
-    path.write_text('\n'.join(lines) + '\n')
 
 
 def rows(path: Path) -> list[list[str]]:
@@ -175,7 +158,7 @@ def test_changes_beyond_the_rate_are_counted(tmp_path: Path) -> None:
     evaluator = Evaluator(build_specification(slow).monitor)
     columns = [array('B', [row % 2 for row in range(100)])]
     times = array('q', [row * 10_000_000 for row in range(100)])
-    for _ in evaluator.timed_rows(columns, times):
+    for _ in evaluator.rows(columns, times):
         pass
     # 50 intervals came. In a second and a bit p may change 4 times, and begin 4 intervals.
     assert evaluator.time_counts().overflows == 46
@@ -210,7 +193,7 @@ def test_what_remembers_a_lost_change_stays_violated(tmp_path: Path) -> None:
                                        for item in one.signals))
     evaluator = Evaluator(build_specification(rated).monitor)
     columns = [array('B', [1 - row % 2 for row in range(40)])]
-    for _ in evaluator.timed_rows(columns, array('q', [row * 10 for row in range(40)]), 9000):
+    for _ in evaluator.rows(columns, array('q', [row * 10 for row in range(40)]), 9000):
         pass
     assert evaluator.time_counts().overflows > 0
     assert evaluator.verdicts == [False, False]

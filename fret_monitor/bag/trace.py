@@ -1,0 +1,162 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A trace in a CSV file as a recording: a row is a step, as for `simulate`."""
+
+from array import array
+from bisect import bisect_left, bisect_right
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any, TextIO
+
+from fret_monitor.bag.recording import DamagedRecording
+from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.policies import Policy
+from fret_monitor.native.monitor import Monitor
+from fret_monitor.runtime.detail_text import short_seconds
+from fret_monitor.runtime.engine import Engine
+from fret_monitor.runtime.evaluator import Violation
+from fret_monitor.runtime.thinning import Thinning
+from fret_monitor.traces.csv_trace import open_trace, TIME, TimeColumn, TraceReader
+from fret_monitor.traces.simulate import for_trace
+
+ROWS = 'rows'
+"""The name under which rows are counted, in place of a topic."""
+
+TRACE_SUFFIX = '.csv'
+_SECOND_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class RowBatch:
+    """Rows in the order of their times (ns); `columns` has an array for each input."""
+
+    times: 'array[int]'
+    columns: tuple['array[Any]', ...]
+
+    def before(self, time: int) -> 'RowBatch':
+        """Return the rows before a time."""
+        return self._part(0, bisect_left(self.times, time))
+
+    def until(self, time: int) -> 'RowBatch':
+        """Return the rows up to a time."""
+        return self._part(0, bisect_right(self.times, time))
+
+    def after(self, count: int) -> 'RowBatch':
+        """Return the rows after the first `count`."""
+        return self._part(count, len(self.times))
+
+    def _part(self, begin: int, end: int) -> 'RowBatch':
+        return RowBatch(self.times[begin:end], tuple(item[begin:end] for item in self.columns))
+
+    def deliver(self, engine: Engine, counts: 'array[int]', *,
+                most: int) -> Iterator[list[Violation]]:
+        """Deliver the rows to an engine, as `Engine.rows`; `counts` has their number so far."""
+        counts[0] += len(self.times)
+        return engine.rows(self.columns, self.times, most=most)
+
+    def add_to(self, thinning: Thinning, engine: Engine) -> None:
+        """Put the values into windows."""
+        thinning.add_rows(engine, self.columns, self.times)
+
+
+class Trace:
+    """
+    A file with a trace; what it has in common with `Recording` is as there.
+
+    `start`, `end` and `recorded` are known after `prepare`. Without a column `time`, a row is a
+    second, or a period of the bundle, after the one before; `warnings` say so.
+    """
+
+    is_trace = True
+
+    def __init__(self, path: Path) -> None:
+        """Name a file, which is opened later."""
+        self.path = path
+        self.types: dict[str, set[str]] = {}
+        self.formats: dict[str, str] = {}
+        self.recorded: Counter[str] = Counter()
+        self.start = self.end = 0
+        self.warnings: tuple[str, ...] = ()
+        self._spacing = 1  # ns; of the numbers of rows that have no times
+
+    def prepare(self, monitor: Monitor) -> Monitor:
+        """
+        Return a monitor as it is to be run over the trace, and find out how long the trace is.
+
+        Raises
+        ------
+        CompileError
+            if the file cannot be opened, or has not the columns that the monitor needs.
+        """
+        manifest = monitor.manifest
+        self._inputs = manifest.inputs
+        self._time = TimeColumn.REQUIRED if manifest.policy is Policy.TIMED \
+            else TimeColumn.OPTIONAL
+        with open_trace(self.path) as file:
+            reader = self._reader(file)
+            if not reader.has_times:
+                self._spacing = round((manifest.period or 1) * _SECOND_NS)
+                self.warnings = (f"no column '{TIME}': a row counts as "
+                                 f'{short_seconds(self._spacing)} s',)
+            if not self.recorded:
+                self._measure(reader)
+        return for_trace(monitor)
+
+    def _reader(self, file: TextIO) -> TraceReader:
+        return TraceReader(str(self.path), file, self._inputs, self._time)
+
+    def _measure(self, reader: TraceReader) -> None:
+        """Count the rows, and find the first and the last time, as far as they can be read."""
+        first: int | None = None
+        last = 0
+        with suppress(CompileError):  # `batches` raises it again
+            for time in reader.times():
+                self.recorded[ROWS] += 1
+                if time is not None:
+                    first = time if first is None else first
+                    last = time
+        self.start, self.end = (first or 0) * self._spacing, last * self._spacing
+
+    def batches(self, wanted: Mapping[tuple[str, str], int],
+                until: int | None = None) -> Iterator[RowBatch]:
+        """Yield the rows up to a time (ns), many at a time; errors as of `Recording.batches`."""
+        try:
+            for times, columns in self._blocks():
+                batch = RowBatch(array('q', (time * self._spacing for time in times)),
+                                 tuple(columns))
+                if until is not None and batch.times[-1] > until:
+                    batch = batch.until(until)
+                    if batch.times:
+                        yield batch
+                    return
+                yield batch
+        except CompileError as error:
+            raise DamagedRecording(str(error)) from None
+
+    def _blocks(self) -> Iterator[tuple['array[int]', list['array[Any]']]]:
+        """Yield blocks of rows; before an error all rows that come before it."""
+        count = 0
+        try:
+            with open_trace(self.path) as file:
+                for block in self._reader(file).blocks():
+                    yield block
+                    count += len(block[0])
+        except CompileError:
+            with open_trace(self.path) as file:
+                yield from islice(self._reader(file).blocks(1), count, None)
