@@ -245,7 +245,7 @@ class _Run:
         self._wants_details = False
         self._most = MOST_QUEUED
         self._want_details()
-        self._errors: list[str] = []
+        self._errors: list[str] = [*recording.errors]
         self._warnings: list[str] = [*recording.warnings]
         self._missing: set[int] = set()  # topics that were not recorded
         self._before: list[RequirementCounts] = []  # of what is judged

@@ -22,14 +22,15 @@ metadata, `rosbags` yields nothing if the storage spells the QoS of a topic in a
 from array import array
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import dataclass
 from heapq import merge
 from itertools import chain, islice, pairwise
 from operator import itemgetter
-from pathlib import Path
+from pathlib import Path, PurePath
 import sys
+from tempfile import mkdtemp, TemporaryDirectory
 from typing import Any, Self
 
 from fret_monitor.model.diagnostics import refuse
@@ -41,6 +42,7 @@ from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
 from rosbags.typesys import get_types_from_idl, get_types_from_msg, get_typestore, Stores
+import yaml
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -54,6 +56,8 @@ _SEPARATOR = '=' * 80 + '\n'
 _CDR = 'cdr'
 _HEADER = 'std_msgs/msg/Header'
 _FILES = ('.mcap', '.db3', '.bag')
+_METADATA, _INFORMATION, _NAMES = (
+    'metadata.yaml', 'rosbag2_bagfile_information', 'relative_file_paths')
 _Message = tuple[Connection, int, bytes]
 
 
@@ -104,7 +108,8 @@ class Recording(AbstractContextManager['Recording']):
     An open recording; a context manager.
 
     `types` has the types under which each topic was recorded, `recorded` the number of its
-    messages as the recording says it; `formats` has the topics that were not serialized as CDR,
+    messages as the recording says it; `errors` names the files of a folder that are missing or
+    cannot be opened, and are left out. `formats` has the topics that were not serialized as CDR,
     with their format. `start` and `end` are the times of the first and the last message (ns; both
     0 if there is none).
     """
@@ -119,22 +124,14 @@ class Recording(AbstractContextManager['Recording']):
         Raises
         ------
         CompileError
-            if it is none, or it cannot be opened.
+            if it is none, or no file of it can be opened.
         """
         self.path = path
         self._stack = ExitStack()
         self._is_ros1 = path.suffix == '.bag'
         self._check_path()
-        reader: Any
-        try:
-            reader = Reader1(path) if self._is_ros1 else Reader2(path)
-            self._stack.enter_context(reader)
-        except Exception as error:  # noqa: B902  # of whichever library reads the format
-            self._stack.close()
-            refuse(f"cannot read the recording '{path}': {_reason(error)}",
-                   help='a recording that was cut off can be repaired with `ros2 bag reindex` or '
-                   '`mcap recover`')
-        self._reader = reader
+        self.errors: tuple[str, ...] = ()
+        self._reader = reader = self._open()
         self._mode = None if self._is_ros1 else reader.compression_mode
         self._storages: list[Any] = getattr(
             getattr(reader, 'storage', None), 'storages', None) or [
@@ -166,14 +163,39 @@ class Recording(AbstractContextManager['Recording']):
         path = self.path
         if not path.exists():
             refuse(f"there is no recording '{path}'")
-        if path.is_dir() and not (path / 'metadata.yaml').is_file():
+        if path.is_dir() and not (path / _METADATA).is_file():
             within = sorted(item for item in path.iterdir()
-                            if item.suffix in _FILES or (item / 'metadata.yaml').is_file())
+                            if item.suffix in _FILES or (item / _METADATA).is_file())
             refuse(f"'{path}' is not a recording: it has no metadata.yaml",
                    help=f"name the recordings in it, such as '{within[0]}'" if within else '')
         if path.is_file() and path.suffix not in _FILES:
             refuse(f"'{path}' is not a recording",
                    help='a recording is a folder of rosbag2, or a file .mcap, .db3, .bag or .csv')
+
+    def _open(self) -> Any:
+        try:
+            return self._stack.enter_context(
+                Reader1(self.path) if self._is_ros1 else Reader2(self.path))
+        except Exception as error:  # noqa: B902  # of whichever library reads the format
+            with suppress(Exception):
+                return self._open_others()
+            self._stack.close()
+            refuse(f"cannot read the recording '{self.path}': {_reason(error)}",
+                   help='a recording that was cut off can be repaired with `ros2 bag reindex` or '
+                   '`mcap recover`')
+
+    def _open_others(self) -> Any:
+        """Open those files of a folder that can be opened; raises any exception if none can."""
+        folder = Path(self._stack.enter_context(TemporaryDirectory()))
+        metadata = yaml.safe_load((self.path / _METADATA).read_text(encoding='utf-8'))
+        names = [PurePath(name).name for name in metadata[_INFORMATION][_NAMES]]
+        problems = {name: _problem(self.path, _folder_of([name], self.path, metadata, folder))
+                    for name in names}
+        self.errors = tuple(filter(None, problems.values()))
+        if len(self.errors) == len(names):
+            raise DamagedRecording
+        return self._stack.enter_context(Reader2(_folder_of(
+            [name for name in names if not problems[name]], self.path, metadata, folder)))
 
     def prepare(self, monitor: Monitor) -> Monitor:
         """Return a monitor as it is to be run over the recording."""
@@ -295,6 +317,29 @@ class Recording(AbstractContextManager['Recording']):
 def files_of(path: Path) -> list[Path]:
     """Return the files that a recording consists of, by name."""
     return sorted(item for item in path.iterdir() if item.is_file()) if path.is_dir() else [path]
+
+
+def _folder_of(names: Sequence[str], path: Path, metadata: Any, parent: Path) -> Path:
+    """Return a new folder in `parent`, a recording of some files of the one at `path`."""
+    folder = Path(mkdtemp(dir=parent))
+    for name in names:
+        (folder / name).symlink_to(path.resolve() / name)
+    content = {_INFORMATION: {**metadata[_INFORMATION], _NAMES: list(names)}}
+    (folder / _METADATA).write_text(yaml.safe_dump(content), encoding='utf-8')
+    return folder
+
+
+def _problem(path: Path, folder: Path) -> str:
+    """Return what is wrong with the file in a folder of one, which belongs to `path`."""
+    file, = (item for item in folder.iterdir() if item.is_symlink())
+    if not file.exists():
+        return f'{file.name} is missing'
+    try:
+        with Reader2(folder):
+            return ''
+    except Exception as error:  # noqa: B902  # of whichever library reads the format
+        reason = _reason(error).replace(str(folder), str(path))
+        return f'{file.name} cannot be opened: {reason}'
 
 
 def _times(storage: Any) -> tuple[int, int]:

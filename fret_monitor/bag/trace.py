@@ -92,6 +92,7 @@ class Trace:
         self.formats: dict[str, str] = {}
         self.recorded: Counter[str] = Counter()
         self.start = self.end = 0
+        self.errors: tuple[str, ...] = ()
         self.warnings: tuple[str, ...] = ()
         self._spacing = 1  # ns; of the numbers of rows that have no times
 

@@ -503,12 +503,30 @@ def test_files_of_a_split_recording_are_read_in_the_order_of_time(
     assert found['requirements']['LOW']['occurrences'] > 20
 
 
-def test_a_missing_file_of_a_split_recording_is_an_error(tmp_path: Path) -> None:
+def test_a_missing_file_of_a_split_recording_is_an_error(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     messages = random_messages(5)
-    path = split(tmp_path, [messages[:200], messages[200:]])
+    path = split(tmp_path, [messages[:150], messages[150:250], messages[250:]])
     (path / 'part1.mcap').unlink()
-    with pytest.raises(CompileError, match=r'part1\.mcap'):
-        check_recording(bundle(tmp_path, 'every_message'), path, Selection())
+    arguments = ['bag', str(bundle(tmp_path, 'every_message')), str(path), '--json']
+    assert main(arguments) == 1
+    out, err = capsys.readouterr()
+    line = json.loads(out)
+    assert (line['recorded'], line['read']) == (400, 300)
+    assert line['errors'][0] == 'part1.mcap is missing'
+    assert f'error: {path}: part1.mcap is missing\n' in err
+    low = sum(value >= 0.5 for value in levels([*messages[:150], *messages[250:]]))
+    assert line['requirements']['LOW']['violations'] == low
+    assert main([*arguments, '--partial']) == 0
+    assert f'warning: {path}: part1.mcap is missing\n' in capsys.readouterr().err
+    (path / 'part0.mcap').write_bytes((path / 'part0.mcap').read_bytes()[:1000])
+    assert main([*arguments, '--partial', '--report', str(tmp_path / 'page.html')]) == 0
+    line = json.loads(capsys.readouterr().out)
+    assert (line['recorded'], line['read']) == (400, 150)
+    assert line['errors'][0].startswith('part0.mcap cannot be opened: ')
+    (path / 'part2.mcap').unlink()
+    assert main([*arguments, '--partial']) == 1
+    assert 'cannot read the recording' in capsys.readouterr().err
 
 
 def test_a_recording_without_messages_judges_nothing(tmp_path: Path) -> None:
