@@ -170,15 +170,14 @@ def test_the_same_bundle_gives_the_same_bytes(pump: Path, tmp_path: Path) -> Non
              'write(generate_monitor(read(Path(sys.argv[1]))), Path(sys.argv[2]))'
     made = []
     for number, (seed, folder, bundle) in enumerate((
-            ('0', tmp_path, 'in/pump.yaml'), ('1', tmp_path / 'in', str(pump)),
-            ('random', tmp_path / 'in', 'pump.yaml'))):
+            ('0', tmp_path, str(pump)), ('random', tmp_path / 'in', 'pump.yaml'))):
         out = tmp_path / f'out{number}'
         subprocess.run(
             [sys.executable, '-c', script, bundle, str(out)], cwd=folder, check=True,
             env={**os.environ, 'PYTHONHASHSEED': seed, 'PYTHONPATH': str(PACKAGE.parent),
                  'ROS_HOME': str(tmp_path / f'home{number}')})
         made.append(contents(out))
-    assert made[0] == made[1] == made[2]
+    assert made[0] == made[1]
     assert len(made[0]) >= 9
 
 

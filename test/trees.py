@@ -37,8 +37,8 @@ def in_time() -> Iterator[None]:
 
 
 def garbage(piece: str) -> str:
-    """Return a hundred thousand characters of a piece that is not a formula."""
-    return (piece * (100_000 // len(piece) + 1))[:100_000] + ' &'
+    """Return thirty thousand characters of a piece that is not a formula."""
+    return (piece * (30_000 // len(piece) + 1))[:30_000] + ' &'
 
 
 def check_infix(parse: Callable[[Text], object], first: str, level: Mapping[str, int],

@@ -204,7 +204,11 @@ class CompileError(Exception):
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         """Take at least one diagnostic."""
         self.diagnostics = tuple(diagnostics)
-        super().__init__('\n'.join(item.render() for item in self.diagnostics))
+        super().__init__(self.diagnostics)
+
+    def __str__(self) -> str:
+        """Return all diagnostics as they are printed."""
+        return '\n'.join(item.render() for item in self.diagnostics)
 
 
 class Problems:

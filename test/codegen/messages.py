@@ -369,13 +369,15 @@ class Topic:
 
 
 def written_paths(layout: MessageLayout, prefix: str = '', depth: int = 0) -> Iterator[str]:
-    """Yield the paths of all readable values; of arrays, those of a few elements."""
+    """Yield the paths of all readable values and a few others; of arrays, of a few elements."""
     if depth > _DEEPEST:
         return
     for item in layout.fields:
         path, kind = prefix + item.name, item.type
+        is_text = kind.base in ('string', 'wstring')
         if kind.array is not ArrayKind.NONE:
-            yield from (f'{function}({path}{part})' for function in ('len', *REDUCE)
+            functions = ('len',) if kind.is_message or is_text else ('len', *REDUCE)
+            yield from (f'{function}({path}{part})' for function in functions
                         for part in ('', *PARTS))
             for one in _looked_up(layout, item, prefix):
                 yield one
@@ -386,8 +388,10 @@ def written_paths(layout: MessageLayout, prefix: str = '', depth: int = 0) -> It
         for one in [path] if kind.array is ArrayKind.NONE else \
                 [f'{path}[{index}]' for index in sorted({0, 1, 3, last}) if index <= last]:
             yield one
-            yield from (f'{function}({one})' for function in ('len', 'norm', *ANGLES))
+            if is_text:
+                yield f'len({one})'
             if kind.is_message:
+                yield from (f'{function}({one})' for function in ('norm', *ANGLES))
                 yield from written_paths(nested_layout(layout, kind), f'{one}.', depth + 1)
 
 

@@ -90,7 +90,7 @@ def sanitized(folder: Path, name: str, sanitizer: str, *flags: object) -> Path:
 @pytest.mark.parametrize('name', ['engine_threads', 'receivers'])
 def test_threads(tmp_path: Path, name: str, sanitizer: str) -> None:
     program = sanitized(tmp_path, name, sanitizer)
-    for _ in range(3):
+    for _ in range(2):
         done = run(program)
         assert (done.returncode, done.stdout) == (0, '')
 
@@ -148,8 +148,8 @@ def test_losses_counted_are_messages_dropped(tmp_path: Path, seed: int) -> None:
         assert (done.returncode, done.stdout) == (0, '')
 
 
-@pytest.mark.parametrize('standard', ['c99', 'gnu11'])
-@pytest.mark.parametrize('level', ['-O0', '-O2', '-O3'])
+# gcc warns after it has optimized, clang before.
+@pytest.mark.parametrize(('level', 'standard'), [('-O3', 'c99'), ('-O0', 'gnu11')])
 @pytest.mark.parametrize('compiler', compilers())
 def test_it_compiles_without_warnings(
         tmp_path: Path, compiler: tuple[str, ...], level: str, standard: str) -> None:

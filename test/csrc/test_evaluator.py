@@ -125,17 +125,15 @@ def test_counters_and_times_hold_at_their_limits(programs: Path) -> None:
     assert (done.returncode, done.stdout) == (0, '')
 
 
-@pytest.mark.parametrize('standard', ['c99', 'c11'])
-@pytest.mark.parametrize('level', ['-O0', '-O1', '-O2', '-O3'])
+@pytest.mark.parametrize(('level', 'standard'), [('-O3', 'c99'), ('-O1', 'c99'), ('-O0', 'c11')])
 def test_it_compiles_with_gcc_without_warnings(tmp_path: Path, standard: str, level: str) -> None:
     done = compile_all(tmp_path, gcc(), sources(), f'-std={standard}', level)
     assert (done.returncode, done.stdout) == (0, '')
 
 
-@pytest.mark.parametrize('standard', ['c99', 'c11'])
-def test_it_compiles_with_clang_without_warnings(tmp_path: Path, standard: str) -> None:
+def test_it_compiles_with_clang_without_warnings(tmp_path: Path) -> None:
     for file in sources() + programs_in_c():  # of several, ziglang would link the objects
-        done = compile_all(tmp_path, clang(), [file], f'-std={standard}', '-O2')
+        done = compile_all(tmp_path, clang(), [file], '-std=c99', '-O2')
         assert (done.returncode, done.stdout) == (0, '')
 
 

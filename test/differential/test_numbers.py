@@ -49,7 +49,7 @@ def operands(kind: ValueType) -> list[tuple[Any, Any]]:
     rng = Random(kind.value)
     values = all_values(kind)
     return [*product(values, repeat=2),
-            *((random_value(rng, kind), random_value(rng, kind)) for _ in range(500))]
+            *((random_value(rng, kind), random_value(rng, kind)) for _ in range(200))]
 
 
 def random_value(rng: Random, kind: ValueType) -> Any:

@@ -276,22 +276,23 @@ def test_a_sentence_with_one_word_changed_is_a_sentence_or_an_error_at_a_place()
         check_any(' '.join(changed))
 
 
-LONG = 100_000
+LONG = 30_000
 
 
 @pytest.mark.parametrize('text', [
-    'the ' * (LONG // 4), '(' * LONG, 'if ' * (LONG // 3), '! ' * (LONG // 2), 'when p ' * 14_000,
-    'p' * LONG, '"' * LONG, '. ' * 50_000, '3' * LONG, 'the sw shall always satisfy ' + '(' * LONG,
-    'the sw shall always satisfy ' + 'if p then ' * 9_000,
-    'the sw shall always satisfy ' + 'p & ' * 24_000,
-    'the sw shall always satisfy ' + 'x + ' * 24_000 + '1 > ' * 100,
-    f'the sw shall within {"9" * 99_000} ticks satisfy r', 'a ' * 50_000,
+    'the ' * (LONG // 4), '(' * LONG, 'if ' * (LONG // 3), '! ' * (LONG // 2),
+    'when p ' * (LONG // 7), 'p' * LONG, '"' * LONG, '. ' * (LONG // 2), '3' * LONG,
+    'the sw shall always satisfy ' + '(' * LONG,
+    'the sw shall always satisfy ' + 'if p then ' * (LONG // 10),
+    'the sw shall always satisfy ' + 'p & ' * (LONG // 4),
+    'the sw shall always satisfy ' + 'x + ' * (LONG // 4) + '1 > ' * 100,
+    f'the sw shall within {"9" * LONG} ticks satisfy r', 'a ' * (LONG // 2),
 ])
-def test_garbage_of_a_hundred_thousand_characters_is_refused_in_time(text: str) -> None:
+def test_garbage_of_many_characters_is_refused_in_time(text: str) -> None:
     before = time.process_time()
     with pytest.raises(CompileError):
         formalize(parse_fretish(text_of(text)))
-    assert time.process_time() - before < 20
+    assert time.process_time() - before < 6
 
 
 @pytest.mark.parametrize('text', [

@@ -116,8 +116,8 @@ def test_the_reported_size_of_state_is_that_of_c(seed: int, tmp_path: Path) -> N
     told = [(f'struct random_group_{number}', layout.size)
             for number, layout in enumerate(layouts)]
     told.append(('struct random_state', state_bytes(layouts)))
-    lines = [f'typedef char size_{number}[sizeof({name}) == {bytes}u ? 1 : -1];'
-             for number, (name, bytes) in enumerate(told)]
+    lines = [f'typedef char size_{number}[sizeof({name}) == {size}u ? 1 : -1];'
+             for number, (name, size) in enumerate(told)]
     (tmp_path / module.header[0]).write_text(module.header[1])
     (tmp_path / 'sizes.c').write_text('\n'.join([f'#include "{module.header[0]}"', *lines, '']))
     compile_c([*(gcc() or ()), '-std=c99', f'-I{CSRC}', f'-I{tmp_path}', '-c',

@@ -36,7 +36,7 @@ signals = pytest.mark.parametrize('number', SIGNALS)
 
 AT_ONCE = 4  # half of them get the one signal, half the other
 IDLE_ROUNDS = 1  # an idle node has few threads that could meet
-BUSY_ROUNDS = 4
+BUSY_ROUNDS = 2
 PATIENCE = 30.0  # s; it takes two on an idle machine, ten beside other tests
 
 BUNDLE = """
