@@ -5,12 +5,13 @@
 PYTHON := .venv/bin/python
 SHELL := /bin/sh
 
-.PHONY: help setup setup-test demo test lint bench bench-ros bench-bags soak fuzz coverage prove clean
+.PHONY: help setup setup-test demo test thorough lint bench bench-ros bench-bags soak fuzz coverage prove clean
 
 help:
 	@echo 'make setup   make .venv, an environment that runs fret_monitor'
 	@echo 'make demo    a simulated quadrotor, a monitor and a logger over DDS'
 	@echo 'make test    all tests'
+	@echo 'make thorough  all tests, with ten times the random examples'
 	@echo 'make lint    style, types, layers'
 	@echo 'make bench   nanoseconds a step, beside hand-written C'
 	@echo 'make bench-ros  the node as a process, beside a subscriber in C (15 minutes)'
@@ -33,6 +34,10 @@ demo: setup
 # Four workers; three of them start with the tests with ROS 2, which wait more than they compute.
 test: setup-test
 	@$(PYTHON) -m pytest -n 4 $(TESTS)
+
+# Ten times the random examples of those tests that leave their number to hypothesis.
+thorough: setup-test
+	@FRET_MONITOR_EXAMPLES=500 $(PYTHON) -m pytest -n 4 $(TESTS)
 
 lint: setup-test
 	@$(PYTHON) -m pytest --quiet test/test_lint.py test/test_layers.py test/test_house.py

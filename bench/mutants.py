@@ -38,6 +38,7 @@ from fret_monitor.proving.c_source import CFunction, CProgram, shown
 from fret_monitor.proving.contracts import prove_function
 from fret_monitor.proving.monitor import ALL, ProofSubject
 from fret_monitor.proving.verification import GroupResult, read_subject
+from fret_monitor.smt.cells import COUNTERS
 from fret_monitor.smt.solver import Answer
 from pycparser import c_ast, CParser
 from pycparser.c_generator import CGenerator
@@ -317,6 +318,10 @@ def cell_functions(code: CProgram) -> list[str]:
             and not name.startswith(('fm_min', 'fm_max', 'fm_power'))]
 
 
+TICK_FUNCTIONS = ['fm_lower', *(f'fm_{name}_at' for name in COUNTERS)]
+"""The functions of `fret_cells.h` that step cells at ticks."""
+
+
 def judged_cell(code: CProgram, mutant: Mutant, seconds: float = _SECONDS) -> str:
     """Return the result for a mutant of a cell: equivalent if all its callers are proved."""
     for name in _standing_on(code, mutant.function):
@@ -351,6 +356,8 @@ def main() -> int:
     assert code is not None
     cells = sample(code, cell_functions(code), count)
     left += _row('fret_cells.h', ((mutant, judged_cell(code, mutant)) for mutant in cells))
+    left += _row('cells at ticks', ((mutant, judged_cell(code, mutant))
+                                    for mutant in mutants(code, TICK_FUNCTIONS)))
     return 1 if left else 0
 
 

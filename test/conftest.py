@@ -30,9 +30,10 @@ import pytest
 # Helpers of several tests contain assertions too: rewrite them, so that failures show values.
 pytest.register_assert_rewrite('differential.compiled', 'ros.harness', 'strategies')
 
-# Run times depend on other load on the machine more than on the code.
+# Run times depend on other load on the machine more than on the code. `make thorough` tries more.
 settings.register_profile(
-    'fret_monitor', deadline=None, suppress_health_check=[HealthCheck.too_slow])
+    'fret_monitor', deadline=None, suppress_health_check=[HealthCheck.too_slow],
+    max_examples=int(os.environ.get('FRET_MONITOR_EXAMPLES', '50')))
 settings.load_profile('fret_monitor')
 
 ROOT = Path(__file__).resolve().parent.parent

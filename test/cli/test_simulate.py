@@ -399,8 +399,8 @@ def peak_kilobytes(folder: Path, steps: int) -> int:
 
 
 def test_many_rows_need_no_more_memory_than_few(files: Path) -> None:
-    few = peak_kilobytes(files, 100_000)
-    many = peak_kilobytes(files, 500_000)
+    few = peak_kilobytes(files, 50_000)
+    many = peak_kilobytes(files, 250_000)
     assert many - few < 4 * 1024, f'{few} and {many} kB'  # 10 bytes a row
 
 
