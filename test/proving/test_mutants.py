@@ -20,8 +20,8 @@ from random import Random
 from typing import Any
 
 from bench.mutants import (
-    BUNDLES, cell_functions, generated_functions, judged, judged_cell, printed, sample, TICK_FUNCTIONS,
-    subject_of,
+    BUNDLES, cell_functions, generated_functions, judged, judged_cell, printed, sample, subject_of,
+    TICK_FUNCTIONS,
 )
 from differential.compiled import compile_c, gcc
 from fret_monitor.build import GeneratedMonitor
