@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.comments import comment, safe
-from fret_monitor.codegen.names import Names
+from fret_monitor.codegen.names import is_of_module, Names
 from fret_monitor.export.content import (
     common_values, Content, csrc_files, export_name, hand_written, HandlerArguments, Options,
 )
@@ -48,7 +48,7 @@ def copilot(generated: GeneratedMonitor, options: Options) -> Content:
         violate`.
     """
     problems = Problems()
-    check_name(export_name(generated), problems)
+    check_name(_file_name(generated), problems)
     _check_timeouts(generated, problems)
     inputs = input_names(generated, _defined(generated.manifest, options), problems)
     constants = constant_names(generated, options.prefix, inputs, problems)
@@ -60,14 +60,21 @@ def copilot(generated: GeneratedMonitor, options: Options) -> Content:
                 **{name.partition('/')[2]: text for name, text in hand.items()
                    if name.startswith(f'{_MONITORS}/')}}
     monitors.pop(f'{writer.name}_fields.c', None)  # no messages are decoded
-    texts = {f'{writer.name}.h': writer.header(), f'{writer.name}.c': writer.source(),
-             f'{writer.name}_types.h': writer.types()}
+    file = _file_name(generated)
+    texts = {f'{file}.h': writer.header(), f'{file}.c': writer.source(),
+             f'{file}_types.h': writer.types()}
     return Content(
         generated={**{name: '\n'.join(lines) + '\n' for name, lines in texts.items()},
                    **{f'{_MONITORS}/{name}': text for name, text in monitors.items()}},
         templates={'README.md': hand['README.md']},
-        values={**common_values(generated, options), **writer.values()},
-        objects=(f'{writer.name}.c',), warnings=problems.warnings)
+        values={**common_values(generated, options), **writer.values(), 'NAME': file},
+        objects=(f'{file}.c',), warnings=problems.warnings)
+
+
+def _file_name(generated: GeneratedMonitor) -> str:
+    """Return the name of the bundle; as a symbol it may have a prefix, see `Names`."""
+    name = generated.program.name
+    return name if name.isidentifier() and name.isascii() else export_name(generated)
 
 
 def _check_timeouts(generated: GeneratedMonitor, problems: Problems) -> None:
@@ -115,6 +122,10 @@ class _Writer:
         return export_name(self.generated)
 
     @property
+    def file(self) -> str:
+        return _file_name(self.generated)
+
+    @property
     def _manifest(self) -> Manifest:
         return self.generated.manifest
 
@@ -135,8 +146,8 @@ class _Writer:
 
     def types(self) -> Iterator[str]:
         """Yield the lines of NAME_types.h: constants for the named values of inputs."""
-        guard = f'{self.name.upper()}_TYPES_H_'
-        yield from self._opening(f'{self.name}_types.h', 'the values with names')
+        guard = f'{self.file.upper()}_TYPES_H_'
+        yield from self._opening(f'{self.file}_types.h', 'the values with names')
         yield from (f'#ifndef {guard}', f'#define {guard}', '')
         for item in self._manifest.inputs:
             if item.values:
@@ -150,11 +161,11 @@ class _Writer:
 
     def header(self) -> Iterator[str]:
         """Yield the lines of NAME.h."""
-        guard = f'{self.name.upper()}_H_'
-        yield from self._opening(f'{self.name}.h', 'the interface to the monitors')
+        guard = f'{self.file.upper()}_H_'
+        yield from self._opening(f'{self.file}.h', 'the interface to the monitors')
         yield from (f'#ifndef {guard}', f'#define {guard}', '')
         yield from ('#include <stdbool.h>', '#include <stdint.h>', '')
-        yield f'#include "{self.name}_types.h"'
+        yield f'#include "{self.file}_types.h"'
         yield from ('', '#ifdef __cplusplus', 'extern "C" {', '#endif', '')
         yield '// The inputs, which the program defines.'
         yield from (f'extern {item.value_type.c_name} {self.inputs[item.name]};'
@@ -192,13 +203,18 @@ class _Writer:
     def source(self) -> Iterator[str]:
         """Yield the lines of NAME.c."""
         name = self.name
-        yield from self._opening(f'{name}.c', 'the monitors')
+        yield from self._opening(f'{self.file}.c', 'the monitors')
         yield f'#include "{_MONITORS}/fret_alone.h"'
         yield ''
         sources = (file for file in self.generated.module.files
                    if file.endswith('.c') and file != f'{name}_fields.c')
+        own = self._functions_of_module()
+        if own:
+            yield '// Static functions of the generated C that have the name of one in the header.'
+        yield from (f'#define {word} {word}_of_monitors' for word in own)
         yield from (f'#include "{_MONITORS}/{file}"' for file in sources)
-        yield from ('', f'#include "{name}.h"', '')
+        yield from (f'#undef {word}' for word in own)
+        yield from ('', f'#include "{self.file}.h"', '')
         yield f'static struct {name}_state fm_state;'
         yield f'static struct {name}_inputs fm_inputs;'
         yield f'static bool fm_verdicts[{name}_verdicts];'
@@ -210,6 +226,10 @@ class _Writer:
         yield from self._call()
         yield from self._macros()
         yield f'#include "{_MONITORS}/fret_copilot.h"'
+
+    def _functions_of_module(self) -> list[str]:
+        return [word for word in _functions(self._manifest, self.options)
+                if is_of_module(word, self.name)]
 
     def _reports(self) -> Iterator[str]:
         yield '// Of a requirement: the verdict to look at, and whether each violating step calls'
@@ -258,12 +278,13 @@ class _Writer:
         names = _functions(self._manifest, self.options)
         yield f'#define FM_RESET {self.name}_reset'
         yield f'#define FM_REQUIREMENTS {len(self._manifest.requirements)}u'
+        evaluate = f'{self.name}_step_at' if self._is_timed else f'{self.name}_step'
+        suffix = '_of_monitors' if evaluate in self._functions_of_module() else ''
+        yield f'#define FM_EVALUATE {evaluate}{suffix}'
         if self._is_timed:
-            yield f'#define FM_EVALUATE {self.name}_step_at'
             yield f'#define FM_STEP_AT {names[0]}'
             yield f'#define FM_DEADLINE {names[1]}'
         else:
-            yield f'#define FM_EVALUATE {self.name}_step'
             yield f'#define FM_STEP {names[0]}'
         yield ''
 
@@ -281,7 +302,7 @@ class _Writer:
                     'a late call loses nothing.')
         named = any(item.values for item in self._manifest.inputs)
         return {'DEFINE': '\n'.join(define), 'CALL': call,
-                'VALUES': f'`{self.name}_types.h` has constants for the values that have '
+                'VALUES': f'`{self.file}_types.h` has constants for the values that have '
                           'names.\n\n' if named else ''}
 
 

@@ -143,9 +143,8 @@ def constant_names(generated: GeneratedMonitor, prefix: str, inputs: Mapping[str
         for value, _ in signal.values:
             word = f'{inputs[signal.name]}_{fret_name(value)}'
             word = f'{prefix}_{word}' if prefix else word
-            reason = fault(word, export_name(generated)) if not prefix else \
-                '' if _IDENTIFIER.fullmatch(word) else 'has characters that names in C do not have'
-            reason = reason or (f'is {taken[word]}' if word in taken else '')
+            reason = fault(word, export_name(generated)) or (
+                f'is {taken[word]}' if word in taken else '')
             if reason:
                 problems.error(f"the value '{value}' cannot be the constant {word}: it {reason}",
                                signal.place, help='rename the value or the input')

@@ -42,13 +42,11 @@ def renamed(reading: Reading, name: str) -> Reading:
     Raises
     ------
     CompileError
-        if `name` cannot begin a name in C, or belongs to fret_monitor itself.
+        if `name` cannot begin a name in C.
     """
     if _NAME.fullmatch(name) is None:
         refuse(f"'{name}' cannot begin names in C",
                help='use a letter, then at most 99 letters, digits and _')
-    if name.startswith('fm_') or name.lower() in ('fm', 'fret'):
-        refuse(f"'{name}' begins names of fret_monitor's own C", help=f'such as my_{name}')
     return replace(reading, specification=replace(reading.specification, name=name))
 
 

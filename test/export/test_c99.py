@@ -1,0 +1,154 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Target `c99`: it builds without this package, and its test program gives our verdicts."""
+
+from dataclasses import dataclass
+from pathlib import Path
+import shutil
+import subprocess
+
+from differential.compiled import clang, compile_c, gcc, WARNINGS
+from fret_monitor.build import build, generate_monitor, read
+from fret_monitor.export.c99 import c99
+from fret_monitor.export.content import Options
+from fret_monitor.export.folder import assemble, write_export
+from fret_monitor.traces.simulate import simulate
+import pytest
+
+STEPS = """\
+format: 1
+inputs:
+  p: {type: bool}
+  "\\"x, y\\"": {type: float32}
+  n: {type: uint64}
+  d: {type: float64}
+  word: {topic: state, type: std_msgs/msg/String, values: {stopped: halt, moving: "*/ ??/"}}
+requirements:
+  - {id: 'R"1', title: "*/ #error ??/", ptltl: 'p -> O[0,2] "x, y" > 0.1'}
+  - {id: "R,2", ptltl: "H[3,5] (d >= 2.5) -> sqrt(d) < 1.0 & n > 18446744073709551614"}
+  - {id: R-3, ptltl: "word = moving -> Y p"}
+"""
+TIMED = """\
+format: 1
+inputs:
+  p: {type: bool}
+  mode: {type: int8, values: {IDLE: 0, LANDING: -7}}
+evaluation: {policy: timed}
+requirements:
+  - {id: R-1, ptltl: "p -> O[0, 2.5 s] mode = LANDING"}
+  - {id: R-2, ptltl: "H[1 s, 3 s] p -> mode >= IDLE"}
+"""
+LIBRARY = {'memcmp', 'memcpy', 'memset', 'sqrt'}
+
+
+@dataclass(frozen=True)
+class Export:
+    """The folder of an export, and the objects of its sources."""
+
+    name: str
+    bundle: Path
+    folder: Path
+    objects: list[Path]
+
+
+@pytest.fixture(scope='module', params=['steps', 'timed'])
+def export(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Export:
+    """Export a bundle, and compile each source as C that stands alone."""
+    compiler = gcc()
+    if compiler is None:
+        pytest.skip('needs gcc')
+    folder = tmp_path_factory.mktemp('c99')
+    bundle = folder / f'{request.param}.yaml'
+    bundle.write_text(STEPS if request.param == 'steps' else TIMED)
+    generated = generate_monitor(read(bundle))
+    files = assemble('c99', generated, Options(), c99(generated, Options()))
+    write_export(folder / 'out', files)
+    objects = []
+    for source in sorted((folder / 'out' / 'src').glob('*.c')):
+        objects.append(folder / f'{source.stem}.o')
+        compile_c([*compiler, '-std=c99', '-O2', '-ffreestanding', '-ffp-contract=off', *WARNINGS,
+                   '-c', source, '-o', objects[-1]])
+    return Export(request.param, bundle, folder / 'out', objects)
+
+
+def test_the_objects_need_no_heap_and_no_more_than_they_say(export: Export) -> None:
+    nm = shutil.which('nm')
+    if nm is None:
+        pytest.skip('needs nm')
+    listed = subprocess.run([nm, *export.objects], check=True, capture_output=True, text=True)
+    words = [line.split() for line in listed.stdout.splitlines() if line.startswith(' ')
+             or line[:1].isalnum() and ' ' in line]
+    needed = {word[-1] for word in words if word[-2:-1] == ['U']}
+    defined = {word[-1] for word in words if word[-2] in 'TDBR'}
+    assert 'fm_evaluator_init' in defined and f'{export.name}_monitor' in defined
+    assert needed - defined - LIBRARY == set()
+    assert all(word.startswith(('fm_', f'{export.name}_')) for word in defined)
+
+
+def test_the_test_program_gives_the_verdicts_of_simulate(export: Export, tmp_path: Path) -> None:
+    compiler = gcc()
+    assert compiler is not None
+    program, test = tmp_path / 'program', export.folder / 'test'
+    compile_c([*compiler, '-std=c99', *WARNINGS, f'-I{export.folder}/src', test / 'test.c',
+               *export.objects, '-lm', '-o', program])
+    simulate(build(export.bundle).monitor, test / 'trace.csv', tmp_path / 'verdicts.csv')
+    expected = (tmp_path / 'verdicts.csv').read_text()
+    assert (test / 'verdicts.csv').read_text() == expected
+    with (test / 'trace.csv').open() as trace:
+        printed = subprocess.run([program], stdin=trace, check=True, capture_output=True,
+                                 text=True).stdout
+    assert printed == expected
+    _, *columns = zip(*(line.split(',') for line in expected.splitlines()[1:]))
+    assert all({*column} == {'0', '1'} for column in columns)
+    compared = subprocess.run([program, test / 'trace.csv', test / 'verdicts.csv'], check=False)
+    assert compared.returncode == 0
+    for wrong in (expected.replace(',1', ',0', 1), expected + '9,1,1\n', expected[:-20]):
+        (tmp_path / 'verdicts.csv').write_text(wrong)
+        failed = subprocess.run([program, test / 'trace.csv', tmp_path / 'verdicts.csv'],
+                                check=False, capture_output=True)
+        assert failed.returncode == 1
+
+
+@pytest.mark.parametrize('name', ['gcc', 'clang'])
+def test_the_monitors_compile_as_cpp_too(export: Export, name: str, tmp_path: Path) -> None:
+    compiler = gcc() if name == 'gcc' else clang()
+    if compiler is None:
+        pytest.skip(f'needs {name}')
+    compile_c([*compiler, '-x', 'c++', '-std=c++11', *WARNINGS, '-c',
+               export.folder / 'src' / f'{export.name}_monitor.c', '-o', tmp_path / 'out.o'])
+
+
+def test_cmake_builds_tests_and_installs_a_package(export: Export, tmp_path: Path) -> None:
+    cmake = shutil.which('cmake')
+    if cmake is None or export.name == 'timed':
+        pytest.skip('needs cmake' if cmake is None else 'one bundle is enough')
+
+    def run(*words: str | Path) -> None:
+        done = subprocess.run([cmake, *words], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert 'warning' not in done.stdout + done.stderr
+
+    run('-S', export.folder, '-B', tmp_path / 'build', '-Werror=dev',
+        f'-DCMAKE_INSTALL_PREFIX={tmp_path / "prefix"}')
+    run('--build', tmp_path / 'build', '--target', 'all', 'test', 'install')
+    (tmp_path / 'CMakeLists.txt').write_text(
+        'cmake_minimum_required(VERSION 3.16)\nproject(robot LANGUAGES C)\n'
+        'find_package(steps REQUIRED)\nadd_executable(robot robot.c)\n'
+        'target_link_libraries(robot PRIVATE steps::steps)\n')
+    (tmp_path / 'robot.c').write_text(
+        '#include "steps_monitor.h"\n#include "evaluator.h"\nint main(void)\n{\n'
+        '  static struct steps_state state;\n  steps_reset(&state);\n  return 0;\n}\n')
+    run('-S', tmp_path, '-B', tmp_path / 'robot', f'-DCMAKE_PREFIX_PATH={tmp_path / "prefix"}')
+    run('--build', tmp_path / 'robot')
