@@ -31,6 +31,7 @@ from fret_monitor.traces.random_traces import Pools, random_traces
 from fret_monitor.traces.trace import Row, Value
 
 _STEPS = 120
+_REACH_STEPS = 12  # several short random traces in a row: each favours other values
 _LONGEST_STEPS = 50  # for which a value stays: more would leave no room in the trace
 _ROWS_IN_TIME = 60
 _GAPS_NS = (1, 10 ** 6, 10 ** 8, 10 ** 9)  # between rows, besides the bounds of requirements
@@ -50,7 +51,7 @@ def example(generated: GeneratedMonitor) -> tuple[str, str]:
 def _stepped(specification: Specification, pools: Pools, rng: Random) -> tuple[str, str]:
     bounds = {bound for item in specification.properties for bound in item.bounds
               if bound <= _LONGEST_STEPS}
-    runs = chain.from_iterable(random_traces(pools, sorted(bounds), _STEPS, rng, _STEPS))
+    runs = chain.from_iterable(random_traces(pools, sorted(bounds), _REACH_STEPS, rng, _STEPS))
     rows = list(islice((run.row for run in runs for _ in range(run.steps)), _STEPS))
     columns = _columns(specification.signals, rows)
     found = [verdicts(item.formula, columns, item.feedback) for item in specification.properties]

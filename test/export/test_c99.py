@@ -37,7 +37,7 @@ inputs:
   word: {topic: state, type: std_msgs/msg/String, values: {stopped: halt, moving: "*/ ??/"}}
 requirements:
   - {id: 'R"1', title: "*/ #error ??/", ptltl: 'p -> O[0,2] "x, y" > 0.1'}
-  - {id: "R,2", ptltl: "H[3,5] (d >= 2.5) -> sqrt(d) < 1.0 & n > 18446744073709551614"}
+  - {id: "R,2", ptltl: "H[3,5] (d >= 2.5) -> sqrt(d) < 1.6 & n > 9223372036854775808"}
   - {id: R-3, ptltl: "word = moving -> Y p"}
 """
 TIMED = """\
