@@ -21,22 +21,19 @@ It has `copilot/violations`, as the node publishes it, and `copilot/verdicts/HAN
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from fret_monitor.bag.check import absolute
-from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.mcap import McapWriter
+from fret_monitor.model.output import open_output
 from fret_monitor.model.policies import Severity
 from fret_monitor.runtime.detail_text import detail_text
 from fret_monitor.runtime.engine import ViolationDetail
 from fret_monitor.runtime.evaluator import Violation
-from rosbags.interfaces import Connection
-from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
 _ARRAY = 'diagnostic_msgs/msg/DiagnosticArray'
 _BOOL = 'std_msgs/msg/Bool'
-_NAME = 'violations'
 _LEVELS = {None: 0, Severity.WARN: 1, Severity.ERROR: 2}
 
 
@@ -50,15 +47,10 @@ def open_violations(path: Path, namespace: str) -> Iterator['ViolationsMcap']:
     CompileError
         if it cannot be written.
     """
-    try:
-        target = path.resolve()
-        with TemporaryDirectory(prefix='.fret_monitor-', dir=target.parent) as folder:
-            written = Path(folder) / _NAME
-            with Writer(written, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-                yield ViolationsMcap(writer, namespace)
-            (written / f'{_NAME}.mcap').replace(target)
-    except OSError as error:
-        refuse(f"cannot write '{path}': {error.strerror or error}")
+    with open_output(path) as file:
+        writer = McapWriter(file.buffer)
+        yield ViolationsMcap(writer, namespace)
+        writer.end()
 
 
 class ViolationsMcap:
@@ -66,8 +58,8 @@ class ViolationsMcap:
 
     wants_details = True
 
-    def __init__(self, writer: Writer, namespace: str) -> None:
-        """Write with an open writer; topics are in the namespace."""
+    def __init__(self, writer: McapWriter, namespace: str) -> None:
+        """Write with a writer, which the caller ends; topics are in the namespace."""
         self._writer = writer
         self._namespace = namespace
         self._types = get_typestore(Stores.ROS2_JAZZY)
@@ -93,9 +85,9 @@ class ViolationsMcap:
         """Write all verdicts once more, so that plots reach the end."""
         self._write_verdicts(time)
 
-    def _topic(self, name: str, kind: str) -> Connection:
-        return self._writer.add_connection(
-            absolute(name, self._namespace), kind, typestore=self._types)
+    def _topic(self, name: str, kind: str) -> int:
+        definition, _ = self._types.generate_msgdef(kind, ros_version=2)
+        return self._writer.add_channel(absolute(name, self._namespace), kind, definition)
 
     def _write_verdicts(self, time: int) -> None:
         for index in range(len(self._state)):
@@ -103,8 +95,7 @@ class ViolationsMcap:
 
     def _write_verdict(self, time: int, index: int) -> None:
         message = self._types.types[_BOOL](self._state[index])
-        self._writer.write(self._verdicts[index], max(0, time),
-                           self._types.serialize_cdr(message, _BOOL))
+        self._write(self._verdicts[index], time, message, _BOOL)
 
     def _write_detail(self, time: int, detail: ViolationDetail) -> None:
         types = self._types.types
@@ -114,5 +105,8 @@ class ViolationsMcap:
         status = types['diagnostic_msgs/msg/DiagnosticStatus'](
             _LEVELS[text.severity], text.name, text.message, text.hardware_id, values)
         message = types[_ARRAY](types['std_msgs/msg/Header'](stamp, ''), [status])
-        self._writer.write(self._violations, max(0, time),
-                           self._types.serialize_cdr(message, _ARRAY))
+        self._write(self._violations, time, message, _ARRAY)
+
+    def _write(self, channel: int, time: int, message: object, kind: str) -> None:
+        self._writer.add_message(
+            channel, max(0, time), bytes(self._types.serialize_cdr(message, kind)))

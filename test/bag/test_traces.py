@@ -85,6 +85,8 @@ def test_random_requirements_have_the_verdicts_of_simulate(
                                  loops=0 if is_timed else number % 2),
                  report=Report.OCCURRENCE) for number in range(30)], INPUTS, policy)
     specification = timed(specification) if is_timed else specification
+    specification = replace(specification, signals=tuple(
+        replace(item, initial=item.type.is_number and 1) for item in specification.signals))
     monitor = build_specification(specification).monitor
     ticks = [0]
     for _ in range(200):
