@@ -1,0 +1,140 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// detail_thread.c: see detail_thread.h for the contract.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include "detail_thread.h"
+
+#include <pthread.h>
+#include <rcl/error_handling.h>
+#include <stdlib.h>
+
+#include "detail_text.h"
+#include "violation_log.h"
+
+#define MOST_PER_S 100u  // details of a requirement, while they are published
+#define WAIT_MS 100u     // longest wait for a detail; closing the engine ends it at once
+
+struct fm_detail_thread
+{
+  const struct fm_node * node;
+  const struct fm_node_table * table;
+  struct fm_engine * engine;
+  const rcl_publisher_t * publisher;
+  struct fm_violation_log * log;  // NULL: violations are not logged
+  struct fm_detail * detail;
+  pthread_t thread;
+  uint64_t turns;  // atomic
+};
+
+static bool has_listeners(const struct fm_detail_thread * thread)
+{
+  size_t n = 0;
+  if (rcl_publisher_get_subscription_count(thread->publisher, &n) != RCL_RET_OK) {
+    rcl_reset_error();
+  }
+  return n > 0;
+}
+
+static void publish(const struct fm_detail_thread * thread)
+{
+  fm_status_array array;
+  if (!fm_statuses_begin(&array, 1, thread->detail->violation.stamp)) {
+    return;
+  }
+  fm_add_detail(&array, thread->table, thread->detail);
+  if (rcl_publish(thread->publisher, &array, NULL) != RCL_RET_OK) {
+    rcl_reset_error();
+  }
+  fm_statuses_end(&array);
+}
+
+static void pass_on(const struct fm_detail_thread * thread)
+{
+  if (has_listeners(thread)) {
+    publish(thread);
+  }
+  if (thread->log != NULL) {
+    fm_violation_log_add(thread->log, thread->detail);
+  }
+}
+
+static void * run(void * argument)
+{
+  struct fm_detail_thread * thread = argument;
+  while (!fm_engine_is_closed(thread->engine)) {
+    const bool is_heard = has_listeners(thread);
+    __atomic_fetch_add(&thread->turns, 1u, __ATOMIC_RELAXED);
+    fm_engine_want_details(
+      thread->engine, is_heard || thread->log != NULL, is_heard ? MOST_PER_S : FM_LOGGED_PER_S);
+    if (fm_engine_take_detail(thread->engine, thread->detail, WAIT_MS)) {
+      pass_on(thread);
+    }
+    if (thread->log != NULL) {
+      fm_violation_log_review(thread->log);
+    }
+  }
+  while (fm_engine_take_detail(thread->engine, thread->detail, 0)) {
+    pass_on(thread);
+  }
+  if (thread->log != NULL) {
+    fm_violation_log_end(thread->log);
+  }
+  return NULL;
+}
+
+static void free_thread(struct fm_detail_thread * thread)
+{
+  fm_violation_log_destroy(thread->log);
+  free(thread->detail);
+  free(thread);
+}
+
+struct fm_detail_thread * fm_detail_thread_start(
+  const struct fm_node * node, const struct fm_node_table * table, struct fm_engine * engine,
+  const rcl_publisher_t * publisher, bool logs_violations)
+{
+  struct fm_detail_thread * thread = calloc(1, sizeof(*thread));
+  if (thread == NULL) {
+    return NULL;
+  }
+  thread->node = node;
+  thread->table = table;
+  thread->engine = engine;
+  thread->publisher = publisher;
+  thread->detail = malloc(fm_detail_bytes(table->monitor()));
+  thread->log = logs_violations ? fm_violation_log_create(node, table, engine) : NULL;
+  if (thread->detail == NULL || (logs_violations && thread->log == NULL) ||
+    pthread_create(&thread->thread, NULL, run, thread) != 0)
+  {
+    free_thread(thread);
+    return NULL;
+  }
+  return thread;
+}
+
+uint64_t fm_detail_thread_turns(const struct fm_detail_thread * thread)
+{
+  return __atomic_load_n(&thread->turns, __ATOMIC_RELAXED);
+}
+
+void fm_detail_thread_join(struct fm_detail_thread * thread)
+{
+  if (thread != NULL) {
+    pthread_join(thread->thread, NULL);
+    free_thread(thread);
+  }
+}

@@ -1,0 +1,63 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// lifecycle.h: the node as a managed node: its states, and the services that change them.
+///
+/// The main thread only.
+
+#ifndef LIFECYCLE_H_
+#define LIFECYCLE_H_
+
+#include <rcl_lifecycle/rcl_lifecycle.h>
+
+#include "log.h"
+
+enum { FM_LIFECYCLE_SERVICES = 5 };
+
+/// The work of the transitions; `release` is that of `cleanup` and `shutdown`.
+struct fm_transitions
+{
+  bool (* configure)(void * context);
+  bool (* activate)(void * context);
+  void (* deactivate)(void * context);
+  void (* release)(void * context);
+  void * context;
+};
+
+struct fm_lifecycle
+{
+  struct fm_node * node;
+  struct fm_transitions transitions;
+  rcl_lifecycle_state_machine_t machine;
+};
+
+/// Begin unconfigured, and offer the services. Returns false, with the error logged.
+bool fm_lifecycle_begin(
+  struct fm_lifecycle * lifecycle, struct fm_node * node,
+  const struct fm_transitions * transitions);
+
+/// Take a transition (lifecycle_msgs/msg/Transition). Returns whether it succeeded; false, and
+/// nothing has changed, if the state does not have it.
+bool fm_lifecycle_change(struct fm_lifecycle * lifecycle, uint8_t transition);
+
+/// The services, for a wait set.
+void fm_lifecycle_services(
+  const struct fm_lifecycle * lifecycle, const rcl_service_t * services[FM_LIFECYCLE_SERVICES]);
+
+/// Answer what waits.
+void fm_lifecycle_serve(struct fm_lifecycle * lifecycle);
+
+void fm_lifecycle_end(struct fm_lifecycle * lifecycle);
+
+#endif  // LIFECYCLE_H_

@@ -1,0 +1,100 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// log.c: see log.h for the contract.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include "log.h"
+
+#include <pthread.h>
+#include <rcl/error_handling.h>
+#include <rcl/logging.h>
+#include <rcutils/logging.h>
+#include <time.h>
+
+// rcl's own handler is for one thread at a time.
+static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
+
+static void write_line(
+  const rcutils_log_location_t * location, int severity, const char * name,
+  rcutils_time_point_value_t timestamp, const char * format, va_list * arguments)
+{
+  pthread_mutex_lock(&mutex);
+  rcl_logging_multiple_output_handler(location, severity, name, timestamp, format, arguments);
+  pthread_mutex_unlock(&mutex);
+}
+
+bool fm_log_begin(struct fm_node * node)
+{
+  return rcl_logging_configure_with_output_handler(
+    &node->context.global_arguments, &node->allocator, write_line) == RCL_RET_OK;
+}
+
+void fm_log_end(void)
+{
+  if (rcl_logging_fini() != RCL_RET_OK) {
+    rcl_reset_error();
+  }
+}
+
+void fm_log(const struct fm_node * node, enum fm_level level, const char * format, ...)
+{
+  static const int severities[] = {
+    RCUTILS_LOG_SEVERITY_INFO, RCUTILS_LOG_SEVERITY_WARN, RCUTILS_LOG_SEVERITY_ERROR};
+  const char * name = rcl_node_get_logger_name(&node->node);
+  struct fm_text text = {NULL, 0, 0};
+  va_list arguments;
+  if (!rcutils_logging_logger_is_enabled_for(name, severities[level])) {
+    return;
+  }
+  va_start(arguments, format);
+  fm_text_add_arguments(&text, format, arguments);
+  va_end(arguments);
+  rcutils_log(NULL, severities[level], name, "%s", fm_text_get(&text));
+  fm_text_free(&text);
+}
+
+void fm_log_failure(const struct fm_node * node, const char * what)
+{
+  fm_log(node, FM_ERROR, "%s: %s", what, rcl_get_error_string().str);
+  rcl_reset_error();
+}
+
+bool fm_passes(int64_t * next, double seconds)
+{
+  const int64_t now = fm_steady_now();
+  if (now < *next) {
+    return false;
+  }
+  *next = now + (int64_t)(seconds * 1e9);
+  return true;
+}
+
+static int64_t read_clock(clockid_t clock)
+{
+  struct timespec time;
+  (void)clock_gettime(clock, &time);
+  return (int64_t)time.tv_sec * FM_SECOND + time.tv_nsec;
+}
+
+int64_t fm_steady_now(void)
+{
+  return read_clock(CLOCK_MONOTONIC);
+}
+
+int64_t fm_system_now(void)
+{
+  return read_clock(CLOCK_REALTIME);
+}

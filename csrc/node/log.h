@@ -1,0 +1,63 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// log.h: the node's handles of rcl, and its log.
+///
+/// Any thread may log, but none that holds the engine's mutex, and not from within a callback of
+/// the middleware: a line is published on /rosout.
+
+#ifndef LOG_H_
+#define LOG_H_
+
+#include <rcl/rcl.h>
+
+#include "text.h"
+
+/// The node. Owned by main.c; the others use it between its start and its end.
+struct fm_node
+{
+  rcl_context_t context;
+  rcl_node_t node;
+  rcl_allocator_t allocator;
+};
+
+enum fm_level
+{
+  FM_INFO,
+  FM_WARN,
+  FM_ERROR
+};
+
+/// Log to the terminal, the log file and /rosout, as the arguments of ROS say. Returns false, and
+/// leaves the error of rcl, if the log's folder cannot be made.
+bool fm_log_begin(struct fm_node * node);
+void fm_log_end(void);
+
+/// Log one line, in the format of printf.
+void fm_log(const struct fm_node * node, enum fm_level level, const char * format, ...)
+FM_PRINTF(3, 4);
+
+/// Log the error of rcl after a text, and clear it.
+void fm_log_failure(const struct fm_node * node, const char * what);
+
+/// Let at most one event pass in an interval. `*next` is 0 at first; `seconds` of the interval.
+bool fm_passes(int64_t * next, double seconds);
+
+/// CLOCK_MONOTONIC, and the system time, in nanoseconds.
+int64_t fm_steady_now(void);
+int64_t fm_system_now(void);
+
+#define FM_SECOND INT64_C(1000000000)
+
+#endif  // LOG_H_

@@ -1,0 +1,436 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// monitor_node.c: see monitor_node.h for the contract.
+
+#include "monitor_node.h"
+
+#include <lifecycle_msgs/msg/transition.h>
+#include <rcl/error_handling.h>
+#include <rcl/graph.h>
+#include <rmw/qos_profiles.h>
+#include <rosidl_runtime_c/string_functions.h>
+#include <std_srvs/srv/trigger.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "serve.h"
+
+#define WAIT_NS (FM_SECOND / 5)           // a longer wait would outlast a signal
+#define REVIEW_PERIOD_NS (FM_SECOND / 4)  // between two checks of the publishers
+#define REPORT_PERIOD_NS FM_SECOND
+#define MISSING_NS (5 * FM_SECOND)        // after the start, until missing inputs are logged
+#define LOOKS 10u                         // for a node of the same name, one a second
+
+enum { OTHER_SERVICES = 1, WAITS = FM_LIFECYCLE_SERVICES + FM_PARAMETER_SERVICES + OTHER_SERVICES };
+
+// ---- transitions -------------------------------------------------------------------------------
+
+static bool configure(void * context)
+{
+  struct fm_monitor_node * monitor = context;
+  const struct fm_settings settings = {
+    (uint32_t)fm_parameter_whole(&monitor->parameters, "handler_depth"),
+    fm_parameter_is_true(&monitor->parameters, "log_violations"), monitor->parameters.fixed};
+  monitor->parameters.is_configured = fm_session_configure(
+    &monitor->session, monitor->table, &monitor->node, &monitor->clock, &settings);
+  return monitor->parameters.is_configured;
+}
+
+static void deactivate(void * context)
+{
+  struct fm_monitor_node * monitor = context;
+  fm_sign_of_life_end(&monitor->sign_of_life);
+  fm_health_end(&monitor->health);
+  fm_reports_end(&monitor->reports);
+  fm_session_deactivate(&monitor->session);
+}
+
+static bool activate(void * context)
+{
+  struct fm_monitor_node * monitor = context;
+  const int64_t now = fm_steady_now();
+  if (!fm_session_activate(&monitor->session) ||
+    !fm_reports_begin(&monitor->reports, &monitor->session) ||
+    !fm_health_begin(&monitor->health, &monitor->session, &monitor->reports) ||
+    !fm_sign_of_life_begin(&monitor->sign_of_life, &monitor->session))
+  {
+    deactivate(context);
+    return false;
+  }
+  monitor->next_review = now + REVIEW_PERIOD_NS;
+  monitor->next_report = now + REPORT_PERIOD_NS;
+  monitor->missing_at = now + MISSING_NS;
+  fm_log(&monitor->node, FM_INFO, "messages are taken in C, inside %s",
+    rmw_get_implementation_identifier());
+  fm_log(&monitor->node, FM_INFO, "%s", monitor->table->summary);
+  return true;
+}
+
+static void release(void * context)
+{
+  struct fm_monitor_node * monitor = context;
+  monitor->parameters.is_configured = false;
+  if (monitor->session.is_active) {
+    deactivate(context);
+  }
+  if (monitor->session.is_configured) {
+    fm_session_release(&monitor->session);
+  }
+}
+
+// Its reason is logged already. At the start, the process ends.
+static bool note_failure(const struct fm_monitor_node * monitor, bool is_done)
+{
+  if (!is_done && !monitor->is_starting) {
+    fm_log(&monitor->node, FM_ERROR, "nothing is monitored until the node is active again");
+  }
+  return is_done;
+}
+
+static bool try_to_configure(void * context)
+{
+  return note_failure(context, configure(context));
+}
+
+static bool try_to_activate(void * context)
+{
+  return note_failure(context, activate(context));
+}
+
+// ---- services ----------------------------------------------------------------------------------
+
+static void answer_reset(
+  struct fm_monitor_node * monitor, const std_srvs__srv__Trigger_Request * request,
+  std_srvs__srv__Trigger_Response * response)
+{
+  struct fm_text text = {NULL, 0, 0};
+  (void)request;
+  response->success = monitor->session.is_active;
+  if (response->success) {
+    const uint32_t n = monitor->table->monitor()->n_groups;
+    fm_session_reset(&monitor->session);
+    fm_text_add(&text, "restarted %u step group%s; input values kept", n, n == 1u ? "" : "s");
+    fm_log(&monitor->node, FM_INFO, "%s", fm_text_get(&text));
+  } else {
+    fm_text_add(&text, "nothing to restart: the node is not active");
+  }
+  (void)rosidl_runtime_c__String__assign(&response->message, fm_text_get(&text));
+  fm_text_free(&text);
+}
+
+FM_DEFINE_SERVER(serve_reset, std_srvs, Trigger, struct fm_monitor_node, answer_reset)
+
+// The engine leaves /clock before it ends, and follows it after it has begun.
+static void simulate(struct fm_monitor_node * monitor, bool is_simulated)
+{
+  if (!is_simulated) {
+    fm_session_leave_clock(&monitor->session);
+  }
+  const bool was_simulated = monitor->clock.is_simulated;
+  if (fm_clock_simulate(&monitor->clock, is_simulated) && is_simulated && !was_simulated) {
+    fm_session_follow_clock(&monitor->session);
+  }
+}
+
+static void parameter_changed(void * context, const struct fm_parameter * parameter)
+{
+  if (strcmp(parameter->name, "use_sim_time") == 0) {
+    simulate(context, parameter->value.is_true);
+  }
+}
+
+// ---- start -------------------------------------------------------------------------------------
+
+static int fail(const char * what)
+{
+  fprintf(stderr, "error: %s: %s\n", what, rcl_get_error_string().str);
+  rcl_reset_error();
+  return 1;
+}
+
+static int begin_context(struct fm_monitor_node * monitor, int argc, const char * const * argv)
+{
+  rcl_init_options_t options = rcl_get_zero_initialized_init_options();
+  monitor->node.allocator = rcl_get_default_allocator();
+  monitor->node.context = rcl_get_zero_initialized_context();
+  monitor->node.node = rcl_get_zero_initialized_node();
+  if (rcl_init_options_init(&options, monitor->node.allocator) != RCL_RET_OK) {
+    return fail("rcl");
+  }
+  const rcl_ret_t result = rcl_init(argc, argv, &options, &monitor->node.context);
+  const rcl_ret_t ended = rcl_init_options_fini(&options);
+  return result != RCL_RET_OK || ended != RCL_RET_OK ? fail("ROS cannot be initialized") : 0;
+}
+
+static int refuse_unknown_arguments(const struct fm_monitor_node * monitor)
+{
+  const rcl_arguments_t * arguments = &monitor->node.context.global_arguments;
+  if (rcl_arguments_get_count_unparsed_ros(arguments) > 0) {
+    fprintf(stderr, "error: unknown ROS arguments; a parameter has -p before it\n");
+    return 1;
+  }
+  if (rcl_arguments_get_count_unparsed(arguments) > 1) {
+    fprintf(stderr, "error: unexpected arguments; those of ROS come after --ros-args\n");
+    return 1;
+  }
+  return 0;
+}
+
+static int begin_node(struct fm_monitor_node * monitor)
+{
+  const rcl_node_options_t options = rcl_node_get_default_options();
+  monitor->has_log = fm_log_begin(&monitor->node);
+  if (!monitor->has_log) {
+    return fail("ROS cannot make its folder of logs: set HOME, or ROS_LOG_DIR to a folder that "
+             "can be written");
+  }
+  if (rcl_node_init(
+      &monitor->node.node, monitor->table->node_name, "", &monitor->node.context, &options) !=
+    RCL_RET_OK)
+  {
+    return fail("the node cannot be made");
+  }
+  return 0;
+}
+
+static int begin_parameters(struct fm_monitor_node * monitor)
+{
+  struct fm_text problems = {NULL, 0, 0};
+  fm_parameters_begin(&monitor->parameters, &monitor->node, monitor->table, &problems);
+  if (problems.length > 0) {
+    fprintf(stderr, "error: %s\n", fm_text_get(&problems));
+    fm_text_free(&problems);
+    return 1;
+  }
+  fm_parameters_warn(&monitor->parameters);
+  return 0;
+}
+
+static bool begin_services(struct fm_monitor_node * monitor)
+{
+  const struct fm_transitions transitions = {
+    try_to_configure, try_to_activate, deactivate, release, monitor};
+  monitor->has_lifecycle =
+    fm_lifecycle_begin(&monitor->lifecycle, &monitor->node, &transitions);
+  monitor->wait_set = rcl_get_zero_initialized_wait_set();
+  return monitor->has_lifecycle &&
+         fm_parameter_services_begin(
+    &monitor->parameter_services, &monitor->node, &monitor->parameters, parameter_changed,
+    monitor) &&
+         fm_service_open(
+    &monitor->node, &monitor->reset, ROSIDL_GET_SRV_TYPE_SUPPORT(std_srvs, srv, Trigger), "~/reset",
+    &rmw_qos_profile_services_default) &&
+         rcl_wait_set_init(
+    &monitor->wait_set, 1, 0, 0, 0, WAITS, 0, &monitor->node.context, monitor->node.allocator) ==
+         RCL_RET_OK;
+}
+
+static bool start(struct fm_monitor_node * monitor)
+{
+  if (!fm_parameter_is_true(&monitor->parameters, "autostart")) {
+    fm_log(&monitor->node, FM_INFO, "waiting to be configured and activated: autostart is false");
+    return true;
+  }
+  return fm_lifecycle_change(
+    &monitor->lifecycle, lifecycle_msgs__msg__Transition__TRANSITION_CONFIGURE) &&
+         fm_lifecycle_change(
+    &monitor->lifecycle, lifecycle_msgs__msg__Transition__TRANSITION_ACTIVATE);
+}
+
+int fm_monitor_node_begin(
+  struct fm_monitor_node * monitor, const struct fm_node_table * table, int argc,
+  const char * const * argv)
+{
+  monitor->table = table;
+  monitor->clock.node = &monitor->node;
+  int status = begin_context(monitor, argc, argv);
+  status = status == 0 ? refuse_unknown_arguments(monitor) : status;
+  status = status == 0 ? begin_node(monitor) : status;
+  status = status == 0 ? begin_parameters(monitor) : status;
+  if (status != 0) {
+    return status;
+  }
+  simulate(monitor, fm_parameter_is_true(&monitor->parameters, "use_sim_time"));
+  monitor->looks = LOOKS;
+  monitor->next_look = fm_steady_now() + FM_SECOND;
+  monitor->is_starting = true;
+  status = begin_services(monitor) && start(monitor) ? 0 : 1;
+  monitor->is_starting = false;
+  return status;
+}
+
+void fm_monitor_node_end(struct fm_monitor_node * monitor)
+{
+  if (monitor->node.node.impl != NULL) {
+    release(monitor);
+    (void)fm_clock_simulate(&monitor->clock, false);
+    fm_service_close(&monitor->node, &monitor->reset);
+    fm_parameter_services_end(&monitor->parameter_services);
+    if (monitor->has_lifecycle) {
+      fm_lifecycle_end(&monitor->lifecycle);
+    }
+    fm_parameters_end(&monitor->parameters);
+    if (rcl_wait_set_fini(&monitor->wait_set) != RCL_RET_OK ||
+      rcl_node_fini(&monitor->node.node) != RCL_RET_OK)
+    {
+      rcl_reset_error();
+    }
+  }
+  if (monitor->node.context.impl != NULL &&
+    (rcl_shutdown(&monitor->node.context) != RCL_RET_OK ||
+    rcl_context_fini(&monitor->node.context) != RCL_RET_OK))
+  {
+    rcl_reset_error();
+  }
+  if (monitor->has_log) {
+    fm_log_end();
+  }
+}
+
+// ---- the executor ------------------------------------------------------------------------------
+
+static bool fill_wait_set(struct fm_monitor_node * monitor)
+{
+  const rcl_service_t * services[WAITS];
+  fm_lifecycle_services(&monitor->lifecycle, services);
+  for (int k = 0; k < FM_PARAMETER_SERVICES; ++k) {
+    services[FM_LIFECYCLE_SERVICES + k] = &monitor->parameter_services.services[k];
+  }
+  services[WAITS - 1] = &monitor->reset;
+  bool is_good = rcl_wait_set_clear(&monitor->wait_set) == RCL_RET_OK;
+  for (int k = 0; k < WAITS; ++k) {
+    is_good = is_good &&
+      rcl_wait_set_add_service(&monitor->wait_set, services[k], NULL) == RCL_RET_OK;
+  }
+  return is_good && (!monitor->clock.is_simulated || rcl_wait_set_add_subscription(
+           &monitor->wait_set, &monitor->clock.subscription, NULL) == RCL_RET_OK);
+}
+
+static bool has_request(const struct fm_monitor_node * monitor)
+{
+  for (int k = 0; k < WAITS; ++k) {
+    if (monitor->wait_set.services[k] != NULL) {
+      return true;
+    }
+  }
+  return false;
+}
+
+static void serve_all(struct fm_monitor_node * monitor)
+{
+  if (monitor->clock.is_simulated && fm_clock_take(&monitor->clock)) {
+    fm_session_wake(&monitor->session);
+  }
+  if (has_request(monitor)) {
+    serve_reset(&monitor->reset, monitor);
+    fm_parameter_services_serve(&monitor->parameter_services);
+    fm_lifecycle_serve(&monitor->lifecycle);
+  }
+}
+
+// ---- timers ------------------------------------------------------------------------------------
+
+static bool is_due(int64_t * next, int64_t now, int64_t period)
+{
+  if (now < *next) {
+    return false;
+  }
+  *next = *next + period > now ? *next + period : now + period;
+  return true;
+}
+
+static void run_timers_of_session(struct fm_monitor_node * monitor, int64_t now)
+{
+  if (is_due(&monitor->next_review, now, REVIEW_PERIOD_NS)) {
+    fm_session_review(&monitor->session);
+  }
+  if (is_due(&monitor->next_report, now, REPORT_PERIOD_NS)) {
+    fm_reports_review(&monitor->reports);
+    fm_health_publish(&monitor->health);
+    fm_sign_of_life_beat(&monitor->sign_of_life);
+  }
+  if (now >= monitor->missing_at) {
+    monitor->missing_at = INT64_MAX;
+    fm_reports_missing(&monitor->reports);
+  }
+}
+
+// Whether there are two nodes of this name or more.
+static bool has_namesake(struct fm_monitor_node * monitor)
+{
+  const rcl_node_t * node = &monitor->node.node;
+  rcutils_string_array_t names = rcutils_get_zero_initialized_string_array();
+  rcutils_string_array_t namespaces = rcutils_get_zero_initialized_string_array();
+  size_t n = 0;
+  if (rcl_get_node_names(node, monitor->node.allocator, &names, &namespaces) != RCL_RET_OK) {
+    rcl_reset_error();
+  }
+  for (size_t k = 0; k < names.size; ++k) {
+    n += strcmp(names.data[k], rcl_node_get_name(node)) == 0 &&
+      strcmp(namespaces.data[k], rcl_node_get_namespace(node)) == 0 ? 1u : 0u;
+  }
+  if (rcutils_string_array_fini(&names) != RCUTILS_RET_OK ||
+    rcutils_string_array_fini(&namespaces) != RCUTILS_RET_OK)
+  {
+    rcutils_reset_error();
+  }
+  return n > 1u;
+}
+
+static void look_for_namesake(struct fm_monitor_node * monitor)
+{
+  monitor->looks -= 1u;
+  if (has_namesake(monitor)) {
+    monitor->looks = 0;
+    fm_log(&monitor->node, FM_WARN,
+      "there is another node %s: both watch and announce; give one another name "
+      "(-r __node:=NAME) to tell them apart in /diagnostics, ~/reset and transitions",
+      rcl_node_get_fully_qualified_name(&monitor->node.node));
+  }
+}
+
+static void run_timers(struct fm_monitor_node * monitor)
+{
+  const int64_t now = fm_steady_now();
+  if (monitor->session.is_active) {
+    run_timers_of_session(monitor, now);
+  }
+  if (monitor->looks > 0 && is_due(&monitor->next_look, now, FM_SECOND)) {
+    look_for_namesake(monitor);
+  }
+}
+
+static int64_t time_to_wait(const struct fm_monitor_node * monitor)
+{
+  const int64_t next = monitor->next_review < monitor->next_report ?
+    monitor->next_review : monitor->next_report;
+  const int64_t left = next - fm_steady_now();
+  return !monitor->session.is_active || left > WAIT_NS ? WAIT_NS : left < 0 ? 0 : left;
+}
+
+bool fm_monitor_node_spin_once(struct fm_monitor_node * monitor)
+{
+  const rcl_ret_t result = fill_wait_set(monitor) ?
+    rcl_wait(&monitor->wait_set, time_to_wait(monitor)) : RCL_RET_ERROR;
+  if (result != RCL_RET_OK && result != RCL_RET_TIMEOUT) {
+    fm_log_failure(&monitor->node, "the node cannot wait");
+    return false;
+  }
+  if (result == RCL_RET_OK) {
+    serve_all(monitor);
+  }
+  run_timers(monitor);
+  return true;
+}

@@ -1,0 +1,63 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// monitor_node.h: the node: its parameters, life cycle, services and timers.
+///
+/// The main thread only.
+
+#ifndef MONITOR_NODE_H_
+#define MONITOR_NODE_H_
+
+#include "health.h"
+#include "lifecycle.h"
+#include "parameter_services.h"
+#include "sign_of_life.h"
+
+/// Zeroed before fm_monitor_node_begin; fm_monitor_node_end frees all of it.
+struct fm_monitor_node
+{
+  struct fm_node node;
+  const struct fm_node_table * table;
+  struct fm_node_clock clock;
+  struct fm_parameters parameters;
+  struct fm_parameter_services parameter_services;
+  struct fm_lifecycle lifecycle;
+  struct fm_session session;
+  struct fm_reports reports;            // these three while the session is active
+  struct fm_health health;
+  struct fm_sign_of_life sign_of_life;
+  rcl_service_t reset;
+  rcl_wait_set_t wait_set;
+  int64_t next_review;                  // of the publishers; steady, as the others
+  int64_t next_report;
+  int64_t missing_at;                   // when what is missing is logged; INT64_MAX: it was
+  int64_t next_look;                    // for another node of the same name
+  uint32_t looks;                       // that are left
+  bool is_starting;                     // a transition that fails ends the process
+  bool has_log;
+  bool has_lifecycle;
+};
+
+/// Start: `configure` and `activate` too, unless `autostart` is false. Returns the exit status, 0
+/// if it runs; else the reasons are on standard error.
+int fm_monitor_node_begin(
+  struct fm_monitor_node * monitor, const struct fm_node_table * table, int argc,
+  const char * const * argv);
+
+/// Wait for up to 0.2 s, and serve what is due. Returns false if rcl fails, with the error logged.
+bool fm_monitor_node_spin_once(struct fm_monitor_node * monitor);
+
+void fm_monitor_node_end(struct fm_monitor_node * monitor);
+
+#endif  // MONITOR_NODE_H_

@@ -1,0 +1,128 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// node_table.h: what the node of an exported bundle is made from, beside its monitor.
+///
+/// `export --to ros2` generates one constant `fm_node_table`; all other C of the node is the same
+/// for every bundle. Texts are UTF-8. Indices of inputs, topics and requirements are those of the
+/// monitor's description. Constant, so that any thread may read it.
+
+#ifndef NODE_TABLE_H_
+#define NODE_TABLE_H_
+
+#include <rosidl_runtime_c/message_type_support_struct.h>
+
+#include "evaluator.h"
+#include "fret_fields.h"
+
+/// The function that returns the type support of a message type, for the table: it is declared
+/// here, so that the table includes no header of a message.
+#define FM_TYPE_SUPPORT(package, folder, name) \
+  ROSIDL_TYPESUPPORT_INTERFACE__MESSAGE_SYMBOL_NAME(rosidl_typesupport_c, package, folder, name)
+#define FM_DECLARE_TYPE_SUPPORT(package, folder, name) \
+  const rosidl_message_type_support_t * FM_TYPE_SUPPORT(package, folder, name)(void)
+
+/// A name of a value of an input. A string input is stored as the index of its name.
+struct fm_value_name
+{
+  const char * name;
+  union fm_value value;
+};
+
+struct fm_node_input
+{
+  const char * name;
+  const char * key;   // of its value in details
+  const char * path;  // the field, as written in the bundle
+  const struct fm_value_name * values;
+  uint32_t n_values;
+  bool is_timed_out;  // it has a timeout and a topic
+  bool has_initial;
+  union fm_value initial;
+  double timeout;     // s, for the log; 0: none
+  double startup;     // s, for the log
+};
+
+/// What the bundle fixes of a subscription's quality of service.
+enum fm_choice
+{
+  FM_FOLLOW = 0,  // as the publishers offer; of `history`: keep last
+  FM_WEAKER = 1,  // best effort, volatile, keep last
+  FM_STRONGER = 2 // reliable, transient local, keep all
+};
+
+struct fm_fixed_qos
+{
+  enum fm_choice reliability;
+  enum fm_choice durability;
+  enum fm_choice history;
+  uint32_t depth;  // messages; 0: the default
+};
+
+struct fm_node_topic
+{
+  const char * name;  // as written in the bundle: to be resolved by the node
+  const char * type;  // package/msg/Name
+  const rosidl_message_type_support_t * (* support)(void);
+  struct fm_fixed_qos qos;
+};
+
+struct fm_node_requirement
+{
+  const char * id;
+  const char * handler;   // topic, relative
+  const char * text;      // title, or sentence or formula, in one line
+  const char * sentence;  // of the log: title and text
+  const uint32_t * inputs;
+  uint32_t n_inputs;
+  bool is_warning;        // its severity; otherwise error
+  bool shows_verdict;     // in /diagnostics: it reports occurrences
+};
+
+/// A constant of the bundle, with the value that was compiled in, as written.
+struct fm_constant
+{
+  const char * name;
+  const char * value;
+};
+
+struct fm_node_table
+{
+  const char * bundle;     // its name
+  const char * component;
+  const char * node_name;  // unless it is remapped
+  const char * summary;    // of the log: requirements, inputs, topics, policy, bytes of state
+  const struct fm_monitor * (* monitor)(void);
+  const struct fm_readers * (* readers)(void);  // NULL: no topics
+  const struct fm_topic * topic_inputs;         // a topic
+  const struct fm_node_topic * topics;
+  const struct fm_node_input * inputs;
+  const struct fm_node_requirement * requirements;
+  const struct fm_constant * constants;
+  uint32_t n_topics;
+  uint32_t n_constants;
+  uint32_t policy;           // enum fm_policy
+  const uint8_t * reports;   // as in fm_evaluator_options, up to `startups`
+  const uint8_t * sources;
+  const int64_t * timeouts;
+  const bool * violates;
+  const int64_t * startups;
+  int64_t period;            // ns, with FM_PERIODIC
+  bool uses_header_stamps;   // as in fm_engine_options
+  int64_t reorder;
+};
+
+extern const struct fm_node_table fm_node_table;
+
+#endif  // NODE_TABLE_H_

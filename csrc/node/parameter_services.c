@@ -1,0 +1,364 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// parameter_services.c: see parameter_services.h for the contract.
+
+#include "parameter_services.h"
+
+#include <rcl/error_handling.h>
+#include <rcl_interfaces/msg/parameter.h>
+#include <rcl_interfaces/msg/parameter_descriptor.h>
+#include <rcl_interfaces/msg/parameter_event.h>
+#include <rcl_interfaces/msg/parameter_value.h>
+#include <rcl_interfaces/msg/set_parameters_result.h>
+#include <rcl_interfaces/srv/describe_parameters.h>
+#include <rcl_interfaces/srv/get_parameter_types.h>
+#include <rcl_interfaces/srv/get_parameters.h>
+#include <rcl_interfaces/srv/list_parameters.h>
+#include <rcl_interfaces/srv/set_parameters.h>
+#include <rcl_interfaces/srv/set_parameters_atomically.h>
+#include <rmw/qos_profiles.h>
+#include <rosidl_runtime_c/primitives_sequence_functions.h>
+#include <rosidl_runtime_c/string_functions.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "serve.h"
+
+typedef rcl_interfaces__msg__ParameterValue parameter_value;
+
+enum { DESCRIBE, GET, TYPES, LIST, SET, SET_ATOMICALLY };
+
+// ---- values ------------------------------------------------------------------------------------
+
+static void assign(rosidl_runtime_c__String * string, const char * text)
+{
+  (void)rosidl_runtime_c__String__assign(string, text);
+}
+
+static void write_value(parameter_value * out, const struct fm_parameter_value * value)
+{
+  out->type = (uint8_t)value->type;
+  out->bool_value = value->is_true;
+  out->integer_value = value->whole;
+  out->double_value = value->real;
+  if (value->text != NULL) {
+    assign(&out->string_value, value->text);
+  }
+}
+
+// The text is not copied.
+static struct fm_parameter_value read_value(const parameter_value * value)
+{
+  const bool is_text = value->type == FM_PARAMETER_STRING;
+  return (struct fm_parameter_value) {
+    value->type > FM_PARAMETER_STRING ? FM_PARAMETER_LIST : (enum fm_parameter_type)value->type,
+    value->bool_value, value->integer_value, value->double_value,
+    is_text ? value->string_value.data : NULL};
+}
+
+static const struct fm_parameter * find(
+  const struct fm_parameter_services * services, const rosidl_runtime_c__String * name)
+{
+  return fm_parameter_find(services->parameters, name->data);
+}
+
+static bool are_known(
+  const struct fm_parameter_services * services, const rosidl_runtime_c__String__Sequence * names)
+{
+  for (size_t k = 0; k < names->size; ++k) {
+    if (find(services, &names->data[k]) == NULL) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// ---- reading: as rclpy, an unknown name gives an empty answer ------------------------------------
+
+static void answer_describe(
+  struct fm_parameter_services * services,
+  const rcl_interfaces__srv__DescribeParameters_Request * request,
+  rcl_interfaces__srv__DescribeParameters_Response * response)
+{
+  if (!are_known(services, &request->names) ||
+    !rcl_interfaces__msg__ParameterDescriptor__Sequence__init(
+      &response->descriptors, request->names.size))
+  {
+    return;
+  }
+  for (size_t k = 0; k < request->names.size; ++k) {
+    const struct fm_parameter * found = find(services, &request->names.data[k]);
+    rcl_interfaces__msg__ParameterDescriptor * descriptor = &response->descriptors.data[k];
+    assign(&descriptor->name, found->name);
+    assign(&descriptor->description, found->description);
+    descriptor->type = (uint8_t)found->value.type;
+    descriptor->read_only = found->settable == FM_AT_START;
+  }
+}
+
+static void answer_get(
+  struct fm_parameter_services * services,
+  const rcl_interfaces__srv__GetParameters_Request * request,
+  rcl_interfaces__srv__GetParameters_Response * response)
+{
+  if (!are_known(services, &request->names) ||
+    !rcl_interfaces__msg__ParameterValue__Sequence__init(&response->values, request->names.size))
+  {
+    return;
+  }
+  for (size_t k = 0; k < request->names.size; ++k) {
+    write_value(&response->values.data[k], &find(services, &request->names.data[k])->value);
+  }
+}
+
+static void answer_types(
+  struct fm_parameter_services * services,
+  const rcl_interfaces__srv__GetParameterTypes_Request * request,
+  rcl_interfaces__srv__GetParameterTypes_Response * response)
+{
+  if (!are_known(services, &request->names) ||
+    !rosidl_runtime_c__uint8__Sequence__init(&response->types, request->names.size))
+  {
+    return;
+  }
+  for (size_t k = 0; k < request->names.size; ++k) {
+    response->types.data[k] = (uint8_t)find(services, &request->names.data[k])->value.type;
+  }
+}
+
+static size_t count_dots(const char * text)
+{
+  size_t n = 0;
+  for (; *text != '\0'; ++text) {
+    n += *text == '.' ? 1u : 0u;
+  }
+  return n;
+}
+
+static bool is_deep_enough(const char * name, uint64_t depth)
+{
+  return depth == rcl_interfaces__srv__ListParameters_Request__DEPTH_RECURSIVE ||
+         count_dots(name) < depth;
+}
+
+static bool is_listed(
+  const rcl_interfaces__srv__ListParameters_Request * request, const char * name)
+{
+  if (request->prefixes.size == 0) {
+    return is_deep_enough(name, request->depth);
+  }
+  for (size_t k = 0; k < request->prefixes.size; ++k) {
+    const char * prefix = request->prefixes.data[k].data;
+    const size_t length = strlen(prefix);
+    if (strcmp(name, prefix) == 0 || (strncmp(name, prefix, length) == 0 && name[length] == '.' &&
+      is_deep_enough(name + length + 1u, request->depth)))
+    {
+      return true;
+    }
+  }
+  return false;
+}
+
+static void add_prefix(rosidl_runtime_c__String__Sequence * prefixes, const char * name)
+{
+  const char * dot = strrchr(name, '.');
+  if (dot == NULL) {
+    return;
+  }
+  const size_t length = (size_t)(dot - name);
+  for (size_t k = 0; k < prefixes->size; ++k) {
+    if (prefixes->data[k].size == length && strncmp(prefixes->data[k].data, name, length) == 0) {
+      return;
+    }
+  }
+  (void)rosidl_runtime_c__String__assignn(&prefixes->data[prefixes->size++], name, length);
+}
+
+static void answer_list(
+  struct fm_parameter_services * services,
+  const rcl_interfaces__srv__ListParameters_Request * request,
+  rcl_interfaces__srv__ListParameters_Response * response)
+{
+  const struct fm_parameters * parameters = services->parameters;
+  rosidl_runtime_c__String__Sequence * names = &response->result.names;
+  rosidl_runtime_c__String__Sequence * prefixes = &response->result.prefixes;
+  if (!rosidl_runtime_c__String__Sequence__init(names, parameters->n_declared) ||
+    !rosidl_runtime_c__String__Sequence__init(prefixes, parameters->n_declared))
+  {
+    return;
+  }
+  names->size = prefixes->size = 0;  // `capacity` are there, and are freed
+  for (size_t k = 0; k < parameters->n_declared; ++k) {
+    if (is_listed(request, parameters->declared[k].name)) {
+      assign(&names->data[names->size++], parameters->declared[k].name);
+      add_prefix(prefixes, parameters->declared[k].name);
+    }
+  }
+}
+
+// ---- setting -----------------------------------------------------------------------------------
+
+static void publish_changes(
+  const struct fm_parameter_services * services,
+  const rcl_interfaces__msg__Parameter__Sequence * changed)
+{
+  rcl_interfaces__msg__ParameterEvent event;
+  const int64_t now = fm_system_now();
+  if (!rcl_interfaces__msg__ParameterEvent__init(&event)) {
+    return;
+  }
+  event.stamp.sec = (int32_t)(now / FM_SECOND);
+  event.stamp.nanosec = (uint32_t)(now % FM_SECOND);
+  assign(&event.node, rcl_node_get_fully_qualified_name(&services->node->node));
+  if (!rcl_interfaces__msg__Parameter__Sequence__copy(changed, &event.changed_parameters) ||
+    rcl_publish(&services->events, &event, NULL) != RCL_RET_OK)
+  {
+    rcl_reset_error();
+  }
+  rcl_interfaces__msg__ParameterEvent__fini(&event);
+}
+
+// Set all, or none if one of them is refused.
+static void set_all(
+  struct fm_parameter_services * services,
+  const rcl_interfaces__msg__Parameter__Sequence * wanted,
+  rcl_interfaces__msg__SetParametersResult * result)
+{
+  struct fm_text reason = {NULL, 0, 0};
+  for (size_t k = 0; k < wanted->size; ++k) {
+    const struct fm_parameter_value value = read_value(&wanted->data[k].value);
+    fm_parameter_refuse(services->parameters, wanted->data[k].name.data, &value, &reason);
+  }
+  result->successful = reason.length == 0;
+  for (size_t k = 0; result->successful && k < wanted->size; ++k) {
+    const struct fm_parameter_value value = read_value(&wanted->data[k].value);
+    fm_parameter_set(services->parameters, wanted->data[k].name.data, &value);
+    services->changed(
+      services->context, fm_parameter_find(services->parameters, wanted->data[k].name.data));
+  }
+  if (result->successful && wanted->size > 0) {
+    publish_changes(services, wanted);
+  }
+  assign(&result->reason, fm_text_get(&reason));
+  fm_text_free(&reason);
+}
+
+static void answer_set(
+  struct fm_parameter_services * services,
+  const rcl_interfaces__srv__SetParameters_Request * request,
+  rcl_interfaces__srv__SetParameters_Response * response)
+{
+  if (!rcl_interfaces__msg__SetParametersResult__Sequence__init(
+      &response->results, request->parameters.size))
+  {
+    return;
+  }
+  for (size_t k = 0; k < request->parameters.size; ++k) {
+    const rcl_interfaces__msg__Parameter__Sequence one = {&request->parameters.data[k], 1, 1};
+    set_all(services, &one, &response->results.data[k]);
+  }
+}
+
+static void answer_set_atomically(
+  struct fm_parameter_services * services,
+  const rcl_interfaces__srv__SetParametersAtomically_Request * request,
+  rcl_interfaces__srv__SetParametersAtomically_Response * response)
+{
+  set_all(services, &request->parameters, &response->result);
+}
+
+// ---- services ----------------------------------------------------------------------------------
+
+FM_DEFINE_SERVER(
+  serve_describe, rcl_interfaces, DescribeParameters, struct fm_parameter_services,
+  answer_describe)
+FM_DEFINE_SERVER(
+  serve_get, rcl_interfaces, GetParameters, struct fm_parameter_services, answer_get)
+FM_DEFINE_SERVER(
+  serve_types, rcl_interfaces, GetParameterTypes, struct fm_parameter_services, answer_types)
+FM_DEFINE_SERVER(
+  serve_list, rcl_interfaces, ListParameters, struct fm_parameter_services, answer_list)
+FM_DEFINE_SERVER(
+  serve_set, rcl_interfaces, SetParameters, struct fm_parameter_services, answer_set)
+FM_DEFINE_SERVER(
+  serve_set_atomically, rcl_interfaces, SetParametersAtomically, struct fm_parameter_services,
+  answer_set_atomically)
+
+static bool advertise_events(struct fm_parameter_services * services)
+{
+  rcl_publisher_options_t options = rcl_publisher_get_default_options();
+  options.qos = rmw_qos_profile_parameter_events;
+  services->events = rcl_get_zero_initialized_publisher();
+  if (rcl_publisher_init(
+      &services->events, &services->node->node,
+      ROSIDL_GET_MSG_TYPE_SUPPORT(rcl_interfaces, msg, ParameterEvent), "/parameter_events",
+      &options) == RCL_RET_OK)
+  {
+    return true;
+  }
+  fm_log_failure(services->node, "cannot advertise /parameter_events");
+  return false;
+}
+
+bool fm_parameter_services_begin(
+  struct fm_parameter_services * services, struct fm_node * node,
+  struct fm_parameters * parameters,
+  void (* changed)(void * context, const struct fm_parameter * parameter), void * context)
+{
+  const struct {const rosidl_service_type_support_t * type; const char * name;} wanted[] = {
+    {ROSIDL_GET_SRV_TYPE_SUPPORT(rcl_interfaces, srv, DescribeParameters),
+      "~/describe_parameters"},
+    {ROSIDL_GET_SRV_TYPE_SUPPORT(rcl_interfaces, srv, GetParameters), "~/get_parameters"},
+    {ROSIDL_GET_SRV_TYPE_SUPPORT(rcl_interfaces, srv, GetParameterTypes),
+      "~/get_parameter_types"},
+    {ROSIDL_GET_SRV_TYPE_SUPPORT(rcl_interfaces, srv, ListParameters), "~/list_parameters"},
+    {ROSIDL_GET_SRV_TYPE_SUPPORT(rcl_interfaces, srv, SetParameters), "~/set_parameters"},
+    {ROSIDL_GET_SRV_TYPE_SUPPORT(rcl_interfaces, srv, SetParametersAtomically),
+      "~/set_parameters_atomically"}};
+  services->node = node;
+  services->parameters = parameters;
+  services->changed = changed;
+  services->context = context;
+  for (int k = 0; k < FM_PARAMETER_SERVICES; ++k) {
+    if (!fm_service_open(
+        node, &services->services[k], wanted[k].type, wanted[k].name, &rmw_qos_profile_parameters))
+    {
+      return false;
+    }
+  }
+  return advertise_events(services);
+}
+
+void fm_parameter_services_serve(struct fm_parameter_services * services)
+{
+  serve_describe(&services->services[DESCRIBE], services);
+  serve_get(&services->services[GET], services);
+  serve_types(&services->services[TYPES], services);
+  serve_list(&services->services[LIST], services);
+  serve_set(&services->services[SET], services);
+  serve_set_atomically(&services->services[SET_ATOMICALLY], services);
+}
+
+void fm_parameter_services_end(struct fm_parameter_services * services)
+{
+  for (int k = 0; k < FM_PARAMETER_SERVICES; ++k) {
+    fm_service_close(services->node, &services->services[k]);
+  }
+  if (services->events.impl != NULL &&
+    rcl_publisher_fini(&services->events, &services->node->node) != RCL_RET_OK)
+  {
+    rcl_reset_error();
+  }
+}

@@ -1,0 +1,105 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// parameters.h: the node's parameters: declared, given on the command line or in files, checked.
+///
+/// `log_level` and `use_sim_time` may be set at any time. Others are read by `configure`, or only
+/// at the start. What is compiled into the node cannot be set: constants, the policy.
+///
+/// The main thread only.
+
+#ifndef PARAMETERS_H_
+#define PARAMETERS_H_
+
+#include "log.h"
+#include "node_table.h"
+
+/// Types, with the numbers of rcl_interfaces/msg/ParameterType.
+enum fm_parameter_type
+{
+  FM_PARAMETER_UNSET = 0,
+  FM_PARAMETER_BOOL = 1,
+  FM_PARAMETER_INTEGER = 2,
+  FM_PARAMETER_DOUBLE = 3,
+  FM_PARAMETER_STRING = 4,
+  FM_PARAMETER_LIST = 5  // any list: no parameter of this node is one
+};
+
+/// A value; `text` is owned, and NULL unless the type is a string.
+struct fm_parameter_value
+{
+  enum fm_parameter_type type;
+  bool is_true;
+  int64_t whole;
+  double real;
+  char * text;
+};
+
+/// When a parameter may be set.
+enum fm_settable
+{
+  FM_ALWAYS,         // and takes effect at once
+  FM_UNCONFIGURED,   // read by `configure`
+  FM_AT_START        // given at the start only
+};
+
+struct fm_parameter
+{
+  char * name;
+  char * description;
+  enum fm_settable settable;
+  struct fm_parameter_value value;
+};
+
+/// The parameters of a node. Zeroed before fm_parameters_begin.
+struct fm_parameters
+{
+  struct fm_node * node;
+  const struct fm_node_table * table;
+  struct fm_parameter * declared;
+  size_t n_declared;
+  struct fm_parameter * given;  // on the command line, or in files
+  size_t n_given;
+  struct fm_fixed_qos * fixed;  // a topic: the bundle's, or that of `qos_overrides`
+  bool is_configured;           // set by the owner: `configure` has read them
+};
+
+/// Declare all parameters, with the values that were given. Adds problems to `problems`, one a
+/// line, each with what to write instead.
+void fm_parameters_begin(
+  struct fm_parameters * parameters, struct fm_node * node, const struct fm_node_table * table,
+  struct fm_text * problems);
+
+/// Log parameters that were given, and are ignored.
+void fm_parameters_warn(const struct fm_parameters * parameters);
+
+void fm_parameters_end(struct fm_parameters * parameters);
+
+/// A declared parameter; NULL if there is none.
+struct fm_parameter * fm_parameter_find(const struct fm_parameters * parameters, const char * name);
+
+/// The value of a declared parameter.
+bool fm_parameter_is_true(const struct fm_parameters * parameters, const char * name);
+int64_t fm_parameter_whole(const struct fm_parameters * parameters, const char * name);
+
+/// Why a parameter cannot be set to a value now; adds nothing to `reason` if it can.
+void fm_parameter_refuse(
+  const struct fm_parameters * parameters, const char * name,
+  const struct fm_parameter_value * value, struct fm_text * reason);
+
+/// Set a parameter to a value that is not refused; the value is copied. Sets the level of the log.
+void fm_parameter_set(
+  struct fm_parameters * parameters, const char * name, const struct fm_parameter_value * value);
+
+#endif  // PARAMETERS_H_

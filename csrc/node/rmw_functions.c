@@ -1,0 +1,63 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// rmw_functions.c: see rmw_functions.h for the contract.
+///
+/// middleware.h declares the structs of rmw under names of its own, so that the libraries of
+/// `compile` need no headers of ROS. Here both are known, and their sizes are compared.
+
+#include "rmw_functions.h"
+
+#include <rcutils/error_handling.h>
+#include <rmw/rmw.h>
+#include <rmw/types.h>
+
+typedef char same_message[
+  sizeof(struct fm_serialized) == sizeof(rmw_serialized_message_t) ? 1 : -1];
+typedef char fitting_info[
+  sizeof(struct fm_padded_info) >= sizeof(rmw_message_info_t) ? 1 : -1];
+
+static int take(
+  const void * subscription, struct fm_serialized * message, bool * taken,
+  struct fm_message_info * info, void * allocation)
+{
+  return rmw_take_serialized_message_with_info(
+    subscription, (rmw_serialized_message_t *)(void *)message, taken,
+    (rmw_message_info_t *)(void *)info, allocation);
+}
+
+static int take_message(
+  const void * subscription, void * message, bool * taken, struct fm_message_info * info,
+  void * allocation)
+{
+  return rmw_take_with_info(
+    subscription, message, taken, (rmw_message_info_t *)(void *)info, allocation);
+}
+
+static int listen(void * subscription, fm_on_message callback, const void * user_data)
+{
+  return rmw_subscription_set_on_new_message_callback(subscription, callback, user_data);
+}
+
+static int publish(const void * publisher, const void * message, void * allocation)
+{
+  return rmw_publish(publisher, message, allocation);
+}
+
+struct fm_middleware fm_rmw_functions(void)
+{
+  const struct fm_middleware functions = {
+    take, listen, publish, rcutils_reset_error, rcutils_error_is_set, take_message, {0, 0, 0}};
+  return functions;
+}

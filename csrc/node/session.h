@@ -1,0 +1,89 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// session.h: monitors the bundle: from its subscriptions through the engine to its handlers.
+///
+/// All functions are called by the main thread. While a session runs, these threads use its
+/// engine: those of the middleware (receivers), the announcer, and that of the details.
+
+#ifndef SESSION_H_
+#define SESSION_H_
+
+#include "announcer.h"
+#include "detail_thread.h"
+#include "mapped_topic.h"
+#include "node_clock.h"
+
+/// What `configure` has read from the parameters.
+struct fm_settings
+{
+  uint32_t handler_depth;             // messages
+  bool logs_violations;
+  const struct fm_fixed_qos * fixed;  // a topic: the bundle's, or of `qos_overrides`
+};
+
+/// Zeroed: no session. The functions below make and end what it holds.
+struct fm_session
+{
+  const struct fm_node_table * table;
+  struct fm_node * node;
+  struct fm_node_clock * clock;
+  struct fm_settings settings;
+  struct fm_middleware middleware;
+  rcl_publisher_t * handlers;         // a requirement
+  uint32_t n_handlers;
+  rcl_publisher_t details;
+  void * memory;                      // of the evaluator
+  struct fm_engine * engine;
+  struct fm_announcer * announcer;
+  struct fm_detail_thread * detail_thread;
+  struct fm_mapped_topic * topics;
+  uint32_t n_topics;                  // that were opened
+  uint32_t next_reviewed;
+  bool is_configured;
+  bool is_active;
+};
+
+/// Advertise the handlers and `copilot/violations`. Returns false, with the reason logged, and
+/// nothing is left. O(requirements).
+bool fm_session_configure(
+  struct fm_session * session, const struct fm_node_table * table, struct fm_node * node,
+  struct fm_node_clock * clock, const struct fm_settings * settings);
+
+/// Start monitoring, without a past and without values. Returns false, with the reason logged, and
+/// nothing is left running.
+bool fm_session_activate(struct fm_session * session);
+
+/// Stop monitoring; nothing is stepped or published afterwards. The handlers stay.
+void fm_session_deactivate(struct fm_session * session);
+
+/// Stop, and withdraw the handlers.
+void fm_session_release(struct fm_session * session);
+
+/// Check the publishers of the topics, some at a time; to be called four times a second.
+void fm_session_review(struct fm_session * session);
+
+/// Reset all step groups between two steps.
+void fm_session_reset(struct fm_session * session);
+
+/// `use_sim_time` is about to be changed, was changed; /clock has moved.
+void fm_session_leave_clock(struct fm_session * session);
+void fm_session_follow_clock(struct fm_session * session);
+void fm_session_wake(struct fm_session * session);
+
+/// Whether each thread has looked for work since the counters in `turns` (two) were written, which
+/// are written anew if so.
+bool fm_session_turns(const struct fm_session * session, uint64_t * turns);
+
+#endif  // SESSION_H_

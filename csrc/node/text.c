@@ -1,0 +1,208 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// text.c: see text.h for the contract.
+
+#include "text.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST_DIGITS = 17, LONGEST_NUMBER = 64 };
+
+const char * fm_text_get(const struct fm_text * text)
+{
+  return text->bytes == NULL ? "" : text->bytes;
+}
+
+void fm_text_clear(struct fm_text * text)
+{
+  text->length = 0;
+  if (text->bytes != NULL) {
+    text->bytes[0] = '\0';
+  }
+}
+
+void fm_text_free(struct fm_text * text)
+{
+  free(text->bytes);
+  memset(text, 0, sizeof(*text));
+}
+
+// Make room for so many characters more, and a zero.
+static bool has_room(struct fm_text * text, size_t more)
+{
+  if (text->length + more < text->capacity) {
+    return true;
+  }
+  const size_t capacity = 2 * text->capacity + more + 64u;
+  char * bytes = realloc(text->bytes, capacity);
+  if (bytes == NULL) {
+    return false;
+  }
+  text->bytes = bytes;
+  text->capacity = capacity;
+  return true;
+}
+
+void fm_text_add_arguments(struct fm_text * text, const char * format, va_list arguments)
+{
+  va_list again;
+  va_copy(again, arguments);
+  const int length = vsnprintf(NULL, 0, format, again);
+  va_end(again);
+  if (length >= 0 && has_room(text, (size_t)length)) {
+    (void)vsnprintf(text->bytes + text->length, (size_t)length + 1u, format, arguments);
+    text->length += (size_t)length;
+  }
+}
+
+void fm_text_add(struct fm_text * text, const char * format, ...)
+{
+  va_list arguments;
+  va_start(arguments, format);
+  fm_text_add_arguments(text, format, arguments);
+  va_end(arguments);
+}
+
+void fm_text_list(struct fm_text * text, const char * separator, const char * word)
+{
+  fm_text_add(text, "%s%s", text->length == 0 ? "" : separator, word);
+}
+
+// ---- numbers -----------------------------------------------------------------------------------
+
+static bool rounds_to(const char * decimal, double value, bool is_single)
+{
+  return is_single ? (double)strtof(decimal, NULL) == value : strtod(decimal, NULL) == value;
+}
+
+// Make a decimal such as 1.25e+03 larger in its last digit. False if a digit more were needed.
+static bool increment(char * decimal)
+{
+  char * place = strchr(decimal, 'e');
+  while (place-- > decimal) {
+    if (*place == '9') {
+      *place = '0';
+    } else if (*place >= '0' && *place < '9') {
+      *place = (char)(*place + 1);
+      return true;
+    }
+  }
+  return false;
+}
+
+// Write the shortest decimal that rounds to a positive value, as d.ddde+XX. Below a power of two,
+// floats are closer together than above it: the nearest decimal may round to the float below it,
+// and the next decimal to the power.
+static void write_shortest(char * out, double value, bool is_single)
+{
+  int exponent;
+  const bool is_power = frexp(value, &exponent) == 0.5;
+  for (int digits = 1; digits <= MOST_DIGITS; ++digits) {
+    (void)snprintf(out, LONGEST_NUMBER, "%.*e", digits - 1, value);
+    if (rounds_to(out, value, is_single) ||
+      (is_power && increment(out) && rounds_to(out, value, is_single)))
+    {
+      return;
+    }
+  }
+  (void)snprintf(out, LONGEST_NUMBER, "%.*e", MOST_DIGITS - 1, value);
+}
+
+// Write a decimal d.ddde+XX as Python does: with an exponent below 1e-4 and from 1e16 on.
+static void add_spelled(struct fm_text * text, const char * decimal)
+{
+  const char * mark = strchr(decimal, 'e');
+  const int exponent = atoi(mark + 1);
+  char digits[LONGEST_NUMBER];
+  int n = 0;
+  for (const char * place = decimal; place < mark; ++place) {
+    if (*place != '.') {
+      digits[n++] = *place;
+    }
+  }
+  digits[n] = '\0';
+  if (exponent < -4 || exponent >= 16) {
+    fm_text_add(text, "%c%s%se%c%02d", digits[0], n > 1 ? "." : "", digits + 1,
+      exponent < 0 ? '-' : '+', abs(exponent));
+  } else if (exponent < 0) {
+    fm_text_add(text, "0.%.*d%s", -exponent - 1, 0, digits);
+  } else if (n <= exponent + 1) {
+    fm_text_add(text, "%s", digits);
+    for (int k = n; k < exponent + 1; ++k) {
+      fm_text_add(text, "0");
+    }
+    fm_text_add(text, ".0");
+  } else {
+    fm_text_add(text, "%.*s.%s", exponent + 1, digits, digits + exponent + 1);
+  }
+}
+
+static void add_float(struct fm_text * text, double value, bool is_single)
+{
+  char decimal[LONGEST_NUMBER];
+  if (isnan(value)) {
+    fm_text_add(text, "nan");
+    return;
+  }
+  fm_text_add(text, "%s", signbit(value) ? "-" : "");
+  value = fabs(value);
+  if (isinf(value) || value == 0.0) {
+    fm_text_add(text, "%s", value == 0.0 ? "0.0" : "inf");
+    return;
+  }
+  write_shortest(decimal, value, is_single);
+  add_spelled(text, decimal);
+}
+
+void fm_text_add_float64(struct fm_text * text, double value)
+{
+  add_float(text, value, false);
+}
+
+void fm_text_add_float32(struct fm_text * text, float value)
+{
+  add_float(text, (double)value, true);
+}
+
+void fm_text_add_seconds(struct fm_text * text, int64_t nanoseconds)
+{
+  const uint64_t size = nanoseconds < 0 ? -(uint64_t)nanoseconds : (uint64_t)nanoseconds;
+  fm_text_add(text, "%s%" PRIu64 ".%09" PRIu64, nanoseconds < 0 ? "-" : "",
+    size / UINT64_C(1000000000), size % UINT64_C(1000000000));
+}
+
+void fm_text_add_short_seconds(struct fm_text * text, int64_t nanoseconds)
+{
+  fm_text_add_seconds(text, nanoseconds);
+  while (text->length > 0 && text->bytes[text->length - 1u] == '0') {
+    text->length -= 1u;
+  }
+  if (text->length > 0 && text->bytes[text->length - 1u] == '.') {
+    text->length -= 1u;
+  }
+  if (text->bytes != NULL) {
+    text->bytes[text->length] = '\0';
+  }
+}
+
+char * fm_copy_of(const char * text)
+{
+  char * copy = malloc(strlen(text) + 1u);
+  return copy == NULL ? NULL : strcpy(copy, text);
+}

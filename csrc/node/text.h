@@ -1,0 +1,65 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// text.h: texts that grow, and numbers as the node in Python writes them.
+///
+/// Not thread-safe. When memory is short a text is cut off; nothing fails. Amortised O(characters
+/// added).
+
+#ifndef TEXT_H_
+#define TEXT_H_
+
+#include <stdarg.h>
+
+#include "fret_monitor.h"
+
+#if defined(__GNUC__)
+#define FM_PRINTF(place, first) __attribute__((format(printf, place, first)))
+#else
+#define FM_PRINTF(place, first)
+#endif
+
+/// Zeroed: an empty text. The owner calls fm_text_free.
+struct fm_text
+{
+  char * bytes;
+  size_t length;
+  size_t capacity;
+};
+
+/// The text, ended by a zero; valid until it is changed.
+const char * fm_text_get(const struct fm_text * text);
+
+void fm_text_clear(struct fm_text * text);
+void fm_text_free(struct fm_text * text);
+
+/// Add text, in the format of printf.
+void fm_text_add(struct fm_text * text, const char * format, ...) FM_PRINTF(2, 3);
+void fm_text_add_arguments(struct fm_text * text, const char * format, va_list arguments);
+
+/// Add `word`, after `separator` unless the text is empty.
+void fm_text_list(struct fm_text * text, const char * separator, const char * word);
+
+/// Add the shortest decimal that rounds to the same float64 or float32, spelled as Python does.
+void fm_text_add_float64(struct fm_text * text, double value);
+void fm_text_add_float32(struct fm_text * text, float value);
+
+/// Add a time in seconds, exactly: with nine decimals, or without zeros at its end.
+void fm_text_add_seconds(struct fm_text * text, int64_t nanoseconds);
+void fm_text_add_short_seconds(struct fm_text * text, int64_t nanoseconds);
+
+/// Return a copy that the caller frees; NULL if memory is short.
+char * fm_copy_of(const char * text);
+
+#endif  // TEXT_H_

@@ -1,0 +1,54 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// violation_log.h: the log of violations: at most one line a second of each requirement.
+///
+/// The end of a violation is logged after the line of the violation. What is logged comes from the
+/// details that the engine queues; it may have suppressed some, or the queue may have been full.
+/// The counters of the engine show that, so that no violation is left uncounted.
+///
+/// One thread at a time.
+
+#ifndef VIOLATION_LOG_H_
+#define VIOLATION_LOG_H_
+
+#include "engine.h"
+#include "log.h"
+#include "node_table.h"
+
+/// Details of a requirement in a second while only the log reads them.
+#define FM_LOGGED_PER_S 10u
+
+struct fm_violation_log;
+
+/// Make a log of an engine's violations, which outlives it; NULL if memory is short.
+/// O(requirements).
+struct fm_violation_log * fm_violation_log_create(
+  const struct fm_node * node, const struct fm_node_table * table, struct fm_engine * engine);
+
+/// Free it. NULL is allowed.
+void fm_violation_log_destroy(struct fm_violation_log * log);
+
+/// Log a violation or its end, or leave it to the review if there was a line just now. The detail
+/// is copied. O(inputs).
+void fm_violation_log_add(struct fm_violation_log * log, const struct fm_detail * detail);
+
+/// Log what was left out, where a second has passed since the last line; to be called several
+/// times a second. O(requirements).
+void fm_violation_log_review(struct fm_violation_log * log);
+
+/// Log all that was left out.
+void fm_violation_log_end(struct fm_violation_log * log);
+
+#endif  // VIOLATION_LOG_H_

@@ -1,0 +1,381 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The node that `export --to ros2` writes, beside the monitor in Python, in one graph.
+
+Both receive the same messages, with faults; their violations, details and diagnostics are equal.
+The node is built once for each bundle of this module.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+import random
+import re
+import signal
+from time import sleep
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+import pytest
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import (
+    DescribeParameters, GetParameters, ListParameters, SetParameters,
+)
+from ros.exported import exported_bundle, ExportedNode, running
+from ros.harness import BEST_EFFORT, LATCHED, Partner, PATIENCE, RELIABLE, started, wait_until
+from ros.simulator import simulating
+from ros.talker import talking
+from std_msgs.msg import Bool, Float32, Header, Int32, String, UInt8
+from std_srvs.srv import Trigger
+
+sensor_msgs = pytest.importorskip('sensor_msgs.msg')
+
+FAULTS = """
+format: 1
+inputs:
+  n: {topic: n, type: std_msgs/msg/Int32, qos: {depth: 5000}}
+  x: {topic: topic/x, type: std_msgs/msg/Float32, timeout: 1.0, startup: 60, stale: violate}
+  elbow: {topic: joints, type: sensor_msgs/msg/JointState, field: "position[1]"}
+  reach: {topic: joints, type: sensor_msgs/msg/JointState, field: max(position)}
+  state: {topic: state, type: std_msgs/msg/String, values: {IDLE: "idle", MOVING: "moving"}}
+  level: {topic: level, type: std_msgs/msg/UInt8, initial: 7, values: {LOW: 1, HIGH: 200}}
+  fixed: {topic: fixed, type: std_msgs/msg/Bool, qos: {reliability: reliable}}
+constants: {limit: 0.7}
+evaluation: {policy: relevant_message}
+requirements:
+  - {id: GREETING, ptltl: "n != -1"}
+  - {id: NEXT, cocospec: "true -> (n <= 0 or n = pre n + 1)"}
+  - {id: X-1, title: "x is \\"small\\"", ptltl: "x < limit -> O[0,3] (x > 0.2)"}
+  - {id: X-2, ptltl: "Y (x > 0.3) | x > 0.5", report: onset, severity: warn}
+  - {id: ELBOW, ptltl: "elbow < 1.0 & reach < 4.0"}
+  - {id: STILL, ptltl: "state = IDLE -> level = HIGH"}
+  - {id: LEVEL, ptltl: "H (level != HIGH)", report: occurrence}
+  - {id: FIXED, ptltl: "fixed"}
+"""
+HANDLERS = ('GREETING', 'NEXT', 'X_1', 'X_2', 'ELBOW', 'STILL', 'LEVEL', 'FIXED')
+
+TIMED = """
+format: 1
+inputs:
+  request: {topic: request, type: std_msgs/msg/Bool}
+  done: {topic: done, type: std_msgs/msg/Bool, timeout: 30.0, stale: violate}
+  delay: {topic: sent, type: std_msgs/msg/Header, field: age(stamp)}
+evaluation: {policy: timed}
+requirements:
+  - {id: ANSWER, fretish: "when request the robot shall within 3 seconds satisfy done"}
+  - {id: EDGE, ptltl: "request -> O[0, 2500 ms] (request & Y !request)"}
+  - {id: FRESH, ptltl: "delay < 1.5"}
+"""
+OF_TIMED = ('ANSWER', 'EDGE', 'FRESH')
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / 'bundle.yaml'
+    path.write_text(text, encoding='utf-8')
+    return path
+
+
+@pytest.fixture(scope='module')
+def faults(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written(tmp_path_factory.mktemp('faults'), FAULTS)
+
+
+def renamed(handlers: tuple[str, ...]) -> list[str]:
+    """Return the arguments by which the exported node publishes beside the other."""
+    names = [*(f'handlerprop{name}' for name in handlers), 'violations']
+    return ['-r', '__node:=exported', *(argument for name in names for argument in (
+        '-r', f'copilot/{name}:=exported/{name}'))]
+
+
+class Both:
+    """Counts and compares what the two nodes publish."""
+
+    def __init__(self, partner: Partner, handlers: tuple[str, ...]) -> None:
+        self.partner = partner
+        self.handlers = handlers
+        self.reports: dict[str, DiagnosticArray] = {}
+        self.details: dict[str, list[Any]] = {'copilot': [], 'exported': []}
+        partner.node.create_subscription(DiagnosticArray, '/diagnostics', self._report, 100)
+        for place, found in self.details.items():
+            partner.node.create_subscription(
+                DiagnosticArray, f'{place}/violations', partial(self._detail, found), RELIABLE)
+            partner.listen(*handlers, prefix=f'{place}/handlerprop')
+
+    def _report(self, array: DiagnosticArray) -> None:
+        self.reports[array.status[0].name.partition(':')[0]] = array
+
+    def _detail(self, found: list[Any], array: DiagnosticArray) -> None:
+        found.append((array.header.stamp, array.status[0]))
+
+    def shown(self, place: str) -> list[Any]:
+        """Return the details without their stamps, but for those of a publisher that is killed."""
+        return sorted((item.name, item.message, item.level, [
+            (pair.key, pair.value) for pair in item.values if pair.key != 'stamp'])
+            for _, item in self.details[place] if item.name not in ('GREETING', 'NEXT'))
+
+    def statuses(self, node: str) -> dict[str, tuple[bytes, str, dict[str, str]]]:
+        """Return the next report of a node by the names of its statuses; without the rates."""
+        self.reports.pop(node, None)
+        wait_until(lambda: node in self.reports, f'a report of {node}')
+        return {item.name.partition(': ')[2]: (
+            item.level, re.sub(r'for [0-9.]+ s', 'for long', item.message),
+            {pair.key: pair.value for pair in item.values if pair.key not in self._left_out(item)})
+            for item in self.reports[node].status}
+
+    @staticmethod
+    def _left_out(status: Any) -> tuple[str, ...]:
+        """Return what may differ: the nodes receive more or less of a publisher that is killed."""
+        is_killed = status.name.partition(': ')[2] in ('topic /n', 'GREETING', 'NEXT')
+        return ('rate', 'received', 'lost', 'steps', 'violations', 'announced')[:6 * is_killed + 1]
+
+    def expect_equal(self) -> dict[str, tuple[bytes, str, dict[str, str]]]:
+        """Wait until both nodes report the same, twice, and return it."""
+        found: list[Any] = []
+
+        def are_equal() -> bool:
+            found.append((self.statuses('fret_monitor'), self.statuses('exported')))
+            same = [ours == theirs for ours, theirs in found[-2:]]
+            return len(found) > 1 and all(same) and found[-1] == found[-2]
+
+        try:
+            wait_until(are_equal, 'equal reports')
+        except AssertionError:
+            ours, theirs = found[-1]
+            differing = {name: (ours.get(name), theirs.get(name)) for name in {*ours, *theirs}
+                         if ours.get(name) != theirs.get(name)}
+            raise AssertionError(f'they differ: {differing}') from None
+        return dict(found[-1][0])
+
+
+@contextmanager
+def both(partner: Partner, bundle: Path, handlers: tuple[str, ...],
+         *arguments: str) -> Iterator[tuple[Both, ExportedNode]]:
+    """Start both nodes, and count what they publish."""
+    with started('monitor', '-p', f'spec:={bundle}', *arguments), \
+            running(exported_bundle(bundle), *renamed(handlers), *arguments) as node:
+        yield Both(partner, handlers), node
+
+
+def call(partner: Partner, kind: Any, name: str, **fields: Any) -> Any:
+    """Call a service of the exported node."""
+    client = partner.node.create_client(kind, f'exported/{name}')
+    assert client.wait_for_service(PATIENCE)
+    answer = client.call_async(kind.Request(**fields))
+    wait_until(answer.done, f'an answer of {name}')
+    partner.node.destroy_client(client)
+    return answer.result()
+
+
+def wait_for_subscriptions(partner: Partner, topic: str, count: int = 2) -> None:
+    wait_until(lambda: partner.node.count_subscribers(topic) == count, f'{count} on {topic}')
+    sleep(0.3)
+
+
+def test_both_nodes_report_the_same_violations_and_counters_on_all_faults(
+    partner: Partner, stranger: Partner, faults: Path, tmp_path: Path,
+) -> None:
+    chance = random.Random(7)
+    with both(partner, faults, HANDLERS) as (nodes, node):
+        x = partner.publisher(Float32, 'topic/x', BEST_EFFORT)
+        joints = partner.publisher(sensor_msgs.JointState, 'joints')
+        state = partner.publisher(String, 'state', LATCHED)
+        best = partner.publisher(Int32, 'level')  # of another type
+        fixed = partner.publisher(Bool, 'fixed', BEST_EFFORT)  # does not match `qos`
+        level = stranger.publisher(UInt8, 'level')
+        node.wait_for('/fixed: it offers best effort, volatile')
+        node.wait_for('/partner publishes std_msgs/msg/Int32 on /level, where the bundle says '
+                      'std_msgs/msg/UInt8')
+        for topic in ('topic/x', 'joints', 'state', 'level'):
+            wait_for_subscriptions(partner, topic)
+        late = None
+        for number in range(120):
+            x.publish(Float32(data=chance.choice([0.0, 0.25, 0.5, 0.75, 1.0, 0.1])))
+            if number == 60:  # a reliable publisher comes late: nothing changes for the others
+                late = stranger.publisher(Float32, 'topic/x')
+            if number % 7 == 0:
+                joints.publish(sensor_msgs.JointState(position=[0.0, chance.uniform(0, 2), 3.0]))
+                state.publish(String(data=chance.choice(['idle', 'moving'])))
+                level.publish(UInt8(data=chance.choice([1, 200, 5])))
+            sleep(0.005)
+        joints.publish(sensor_msgs.JointState(position=[0.5]))  # no elbow
+        joints.publish(sensor_msgs.JointState(position=[]))
+        state.publish(String(data='broken'))
+        x.publish(b'\0\1\0\0')  # without a number
+        fixed.publish(Bool(data=False))  # not received
+        with talking(tmp_path) as first:
+            wait_for_subscriptions(partner, 'n')
+            first.greet(lambda: wait_until(lambda: all(
+                nodes.statuses(name)['topic /n'][1] == 'received'
+                for name in ('fret_monitor', 'exported')), 'greetings'))
+            first.go(0.001)  # it is killed while it publishes
+            sleep(0.2)
+            first.kill()
+        wait_until(lambda: nodes.statuses('exported')['topic /n'][1].startswith('no publisher'),
+                   'the end of the publisher')
+        with talking(tmp_path, message='Float64') as wrong:
+            wrong.go(0.01)
+            node.wait_for('publishes std_msgs/msg/Float64 on /n')
+        before = nodes.statuses('exported')['topic /topic/x'][2]
+        assert before['undecodable'] != '0'
+        for service in ('fret_monitor', 'exported'):
+            assert partner.reset(f'{service}/reset').startswith('restarted 6 step groups')
+        assert late is not None
+        late.publish(Float32(data=0.0))
+        sleep(0.05)
+        level.publish(UInt8(data=200))
+        node.wait_for("for 'x': X-1, X-2 violated until one comes")
+        report = nodes.expect_equal()
+        assert report['X-1'][1] == 'violated: nothing comes of x'
+        assert report['topic /level'][1] == 'a publisher of std_msgs/msg/Int32, and not ' \
+            'std_msgs/msg/UInt8'
+        assert report['topic /fixed'][1] == 'not received: /partner'
+        assert int(report['topic /joints'][2]['unusable elbow']) == 2
+        wait_until(lambda: nodes.shown('copilot') == nodes.shown('exported'), 'the same details')
+        assert len(nodes.shown('exported')) > 20
+        assert best.get_subscription_count() == 0
+        for line in ('X-2 violated at', "; input 'elbow' keeps its value",
+                     'joints: position[1] cannot be read (the array has 1 element)',
+                     "state: data is not among its values in the bundle; input 'state' keeps",
+                     'a message on /topic/x cannot be decoded as std_msgs/msg/Float32'):
+            assert line in node.output
+    counts = {key: int(value[2]['announced']) for key, value in report.items()
+              if 'announced' in value[2]}
+    for name, count in counts.items():
+        assert partner.heard[name.replace('-', '_')] == 2 * count
+    assert all(counts[name] for name in ('X-1', 'X-2', 'ELBOW', 'STILL', 'LEVEL'))
+
+
+def test_timed_requirements_are_violated_at_the_same_instants_of_a_simulated_clock(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    with simulating() as clock, both(
+            partner, written(tmp_path, TIMED), OF_TIMED, '-p', 'use_sim_time:=true',
+    ) as (nodes, node):
+        request, done = partner.publisher(Bool, 'request'), partner.publisher(Bool, 'done')
+        sent = partner.publisher(Header, 'sent')
+        partner.wait_for_listener(request, done, sent)
+        for topic in ('request', 'done', 'sent', '/clock'):
+            wait_for_subscriptions(partner, topic)
+
+        def at(seconds: float, publish: Callable[[], None]) -> None:
+            clock.jump(seconds)
+            sleep(0.1)
+            publish()
+            sleep(0.1)
+
+        at(10.0, lambda: request.publish(Bool(data=False)))
+        at(1.0, lambda: done.publish(Bool(data=False)))
+        at(1.0, lambda: request.publish(Bool(data=True)))
+        at(10.0, lambda: request.publish(Bool(data=True)))  # both are violated meanwhile
+        at(1.0, lambda: done.publish(Bool(data=True)))
+        stamp = Header()
+        stamp.stamp.sec = 20
+        at(1.0, lambda: sent.publish(stamp))
+        at(40.0, lambda: None)  # `done` is silent
+        at(-30.0, lambda: done.publish(Bool(data=False)))  # time goes back
+        at(2.0, lambda: None)
+        report = nodes.expect_equal()
+        assert report['time of bundle'][2]['restarts'] == '1'
+        node.wait_for('time went back, to 34.000 s')
+    details = [[(stamp, item.name, item.level, [(pair.key, pair.value) for pair in item.values])
+                for stamp, item in nodes.details[place]] for place in ('copilot', 'exported')]
+    assert [str(item) for item in details[0]] == [str(item) for item in details[1]]
+    times = {item.values[0].value for _, item in nodes.details['exported']
+             if item.name == 'ANSWER'}
+    assert '4' in times  # three seconds after the request at 1 s
+    for name in OF_TIMED:
+        assert int(report[name][2]['announced']) > 0
+
+
+def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
+    partner: Partner, faults: Path,
+) -> None:
+    with running(exported_bundle(faults), *renamed(HANDLERS), '-p', 'handler_depth:=10',
+                 '-p', 'spec:=other.yaml', '-p', 'constants.limit:=0.7',
+                 '-p', 'qos_overrides./n.subscription.depth:=7') as node:
+        assert "ignored parameter 'spec': the bundle is compiled into this node" in node.output
+        listed = call(partner, ListParameters, 'list_parameters').result.names
+        assert {'use_sim_time', 'log_level', 'handler_depth', 'log_violations', 'autostart',
+                'constants.limit', 'qos_overrides./topic/x.subscription.reliability'} <= {*listed}
+        values = call(partner, GetParameters, 'get_parameters', names=[
+            'handler_depth', 'log_violations', 'constants.limit',
+            'qos_overrides./n.subscription.depth']).values
+        assert (values[0].integer_value, values[1].bool_value, values[2].double_value,
+                values[3].integer_value) == (10, True, 0.7, 7)
+        described = call(partner, DescribeParameters, 'describe_parameters',
+                         names=['handler_depth']).descriptors[0]
+        assert described.description.startswith('violations that a slow listener')
+        assert call(partner, GetParameters, 'get_parameters', names=['nothing']).values == []
+
+        def set_to(name: str, value: ParameterValue) -> str:
+            answer = call(partner, SetParameters, 'set_parameters',
+                          parameters=[Parameter(name=name, value=value)]).results[0]
+            return str(answer.reason) if not answer.successful else ''
+
+        assert 'deactivate and clean up first' in set_to(
+            'handler_depth', ParameterValue(type=2, integer_value=5))
+        assert 'compiled into this node' in set_to(
+            'constants.limit', ParameterValue(type=3, double_value=0.1))
+        assert 'has to be one of debug' in set_to(
+            'log_level', ParameterValue(type=4, string_value='loud'))
+        assert "no parameter 'nothing'" in set_to('nothing', ParameterValue(type=1))
+        assert set_to('use_sim_time', ParameterValue(type=1, bool_value=True)) == ''
+        wait_for_subscriptions(partner, '/clock', 1)
+        assert set_to('use_sim_time', ParameterValue(type=1, bool_value=False)) == ''
+        wait_for_subscriptions(partner, '/clock', 0)
+
+        def change(transition: int) -> bool:
+            return bool(call(partner, ChangeState, 'change_state',
+                             transition=Transition(id=transition)).success)
+
+        assert not change(Transition.TRANSITION_CONFIGURE)
+        assert change(Transition.TRANSITION_DEACTIVATE)
+        wait_for_subscriptions(partner, 'n', 0)
+        assert call(partner, Trigger, 'reset').message == \
+            'nothing to restart: the node is not active'
+        assert change(Transition.TRANSITION_CLEANUP)
+        assert set_to('handler_depth', ParameterValue(type=2, integer_value=5)) == ''
+        assert change(Transition.TRANSITION_CONFIGURE)
+        assert change(Transition.TRANSITION_ACTIVATE)
+        wait_for_subscriptions(partner, 'n', 1)
+        state = call(partner, GetState, 'get_state').current_state
+        assert (state.id, state.label) == (3, 'active')
+        assert node.end(signal.SIGTERM) == 0
+
+
+@pytest.mark.parametrize(('arguments', 'reason'), [
+    (['-p', 'handler_depth:=0'], "'handler_depth' is 0, and has to be a number of messages"),
+    (['-p', 'log_violations:=7'], "'log_violations' is 7, and has to be true or false"),
+    (['-p', 'constants.limit:=0.5'], 'compiled into this node, as 0.7'),
+    (['-p', 'qos_overrides./n.subscription.reliability:=high'],
+     "is 'high', and has to be one of reliable, best_effort, best_available"),
+    (['-p', 'qos_overrides./copilot/handlerpropNEXT.publisher.depth:=1'],
+     'violations are announced reliable and volatile'),
+    (['-r', 'n:=/one', '-r', 'state:=/one'], "'n' and 'state' are both remapped to /one"),
+    (['spec:=x'], 'unknown ROS arguments'),
+])
+def test_what_cannot_be_used_ends_the_process_with_the_reason(
+    arguments: list[str], reason: str, domain: int, faults: Path,
+) -> None:
+    node = ExportedNode(exported_bundle(faults), *arguments)
+    try:
+        assert node.status() == 1
+        assert reason in node.output
+    finally:
+        node.kill()
