@@ -5,7 +5,7 @@
 PYTHON := .venv/bin/python
 SHELL := /bin/sh
 
-.PHONY: help setup setup-test demo test thorough lint bench bench-ros bench-bags soak fuzz coverage prove clean
+.PHONY: help setup setup-test demo test thorough lint bench bench-ros bench-bags bench-copilot soak fuzz coverage prove clean
 
 help:
 	@echo 'make setup   make .venv, an environment that runs fret_monitor'
@@ -15,6 +15,7 @@ help:
 	@echo 'make lint    style, types, layers'
 	@echo 'make bench   nanoseconds a step, beside hand-written C'
 	@echo 'make bench-ros  the node as a process, beside a subscriber in C (15 minutes)'
+	@echo 'make bench-copilot  the C of export --to copilot, beside Copilot itself'
 	@echo 'make bench-bags  checking recordings, beside reading them'
 	@echo 'make soak    ten million messages through the node, and rows through simulate (15 minutes)'
 	@echo 'make fuzz    hostile inputs for SECONDS=60 (docs/assurance.md)'
@@ -53,6 +54,9 @@ bench-ros: setup
 
 bench-bags: setup-test
 	@$(PYTHON) -m bench.bags
+
+bench-copilot: setup
+	@$(PYTHON) -m bench.copilot_abi
 
 soak: setup
 	@$(PYTHON) -m bench.soak

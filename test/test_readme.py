@@ -15,8 +15,8 @@
 """
 The user's pages are correct: their commands are run, and their files written.
 
-A fenced block whose first line is a comment with the name of a file is that file. In a block
-marked `console`, a line after `$ ` is a command, and what follows is its output, in which `...`
+A fenced block whose first line is a comment with the name of a file is that file, as is one that
+is marked with a language and a name, as in `json db.json`. In a block marked `console`, a line after `$ ` is a command, and what follows is its output, in which `...`
 stands for anything.
 """
 
@@ -32,7 +32,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))]
-FENCE = re.compile(r'^```(\w*)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+FENCE = re.compile(r'^```(?P<kind>\w*)(?: (?P<file>\S+))?\n(?P<text>.*?)^```$',
+                   re.MULTILINE | re.DOTALL)
 FILE = re.compile(r'# (\S+\.(?:yaml|csv|c|py))\n')
 
 if not PAGES[0].is_file():
@@ -86,11 +87,13 @@ def test_the_commands_of_a_page_print_what_it_says(page: Path, repository: Path)
         'PATH': f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}',
     }
     for block in FENCE.finditer(text):
-        if named := FILE.match(block[2]):
-            (repository / named[1]).write_text(block[2], encoding='utf-8')
-        if block[1] != 'console':
+        named = FILE.match(block['text'])
+        name = block['file'] or (named[1] if named else None)
+        if name:
+            (repository / name).write_text(block['text'], encoding='utf-8')
+        if block['kind'] != 'console':
             continue
-        for each in sessions(block[2], text.count('\n', 0, block.start()) + 1):
+        for each in sessions(block['text'], text.count('\n', 0, block.start()) + 1):
             done = subprocess.run(
                 ['bash', '-c', each.command], cwd=repository, env=environment, text=True,
                 stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,

@@ -31,6 +31,7 @@ from fret_monitor.export.content import (
 from fret_monitor.export.external_names import check_name, constant_names, input_names
 from fret_monitor.model.diagnostics import Problems
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement
+from fret_monitor.model.names import HANDLER_PREFIX
 from fret_monitor.model.policies import Policy, Report, Stale
 from fret_monitor.model.values import ValueType
 
@@ -50,6 +51,7 @@ def copilot(generated: GeneratedMonitor, options: Options) -> Content:
     problems = Problems()
     check_name(_file_name(generated), problems)
     _check_timeouts(generated, problems)
+    _check_handlers(generated, options, problems)
     inputs = input_names(generated, _defined(generated.manifest, options), problems)
     constants = constant_names(generated, options.prefix, inputs, problems)
     problems.raise_errors()
@@ -96,7 +98,22 @@ def _functions(manifest: Manifest, options: Options) -> list[str]:
 
 
 def _handler(item: ManifestRequirement, options: Options) -> str:
-    return f'{options.prefix}_{item.handler}' if options.prefix else item.handler
+    """Return the name of a handler; Ogma capitalises the first letter of the id."""
+    word = item.handler.removeprefix(HANDLER_PREFIX)
+    name = HANDLER_PREFIX + word[:1].upper() + word[1:]
+    return f'{options.prefix}_{name}' if options.prefix else name
+
+
+def _check_handlers(generated: GeneratedMonitor, options: Options, problems: Problems) -> None:
+    taken: dict[str, str] = {}
+    for item, written in zip(generated.manifest.requirements, generated.specification.properties,
+                             strict=True):
+        name = _handler(item, options)
+        if name in taken:
+            problems.error(f"'{item.id}' and '{taken[name]}' have one handler, {name}",
+                           written.place, 'in C, the first letter of an id is a capital',
+                           'give one of them another id')
+        taken[name] = item.id
 
 
 def _defined(manifest: Manifest, options: Options) -> dict[str, str]:

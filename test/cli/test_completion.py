@@ -35,7 +35,7 @@ def completions(line: str, folder: Path) -> list[str]:
 
 def test_verbs_options_and_ids_are_completed(here: Here) -> None:
     bundle = here.file('pump.yaml', PUMP.replace('R,2', 'R-2'))
-    assert completions('fret-monitor ex', here.folder) == ['explain']
+    assert completions('fret-monitor expl', here.folder) == ['explain']
     assert completions('fret-monitor simulate --fail', here.folder) == ['--fail-on-violation']
     assert completions(f'fret-monitor explain {bundle} R-', here.folder) == ['R-1', 'R-2']
     assert completions(f'fret-monitor explain {here.folder}/none.yaml R', here.folder) == ['']

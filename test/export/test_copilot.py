@@ -256,6 +256,17 @@ def test_names_that_cannot_be_shared_with_a_program_are_refused(
     assert expected in str(refused.value)
 
 
+def test_two_ids_with_one_handler_are_refused(tmp_path: Path) -> None:
+    text = ('format: 1\ninputs: {q: {type: bool}}\nrequirements:\n'
+            '  - {id: speed-1, ptltl: "q"}\n  - {id: Speed-1, ptltl: "!q"}\n')
+    with pytest.raises(CompileError) as refused:
+        copilot(generated(tmp_path, text, 'pump'), Options())
+    assert "bundle.yaml:5:27: error: 'Speed-1' and 'speed-1' have one handler" in str(
+        refused.value)
+    alone = copilot(generated(tmp_path, text.replace('Speed-1', 'other'), 'pump'), Options())
+    assert 'void handlerpropSpeed_1(void);' in alone.generated['pump.h']  # as Ogma writes it
+
+
 def test_a_name_of_a_header_of_c_is_refused(tmp_path: Path) -> None:
     with pytest.raises(CompileError, match=re.escape("'string.h' is a header of the C library")):
         content(tmp_path, '  q: {type: bool}\n', 'string')

@@ -47,7 +47,7 @@ void left_handlerprop___int_main_void_____(uint8_t a_value, uint8_t mode_value)
   printf("left int %d %d\n", a_value, mode_value);
 }
 
-void left_handlerpropint(float x_value, int32_t word_value)
+void left_handlerpropInt(float x_value, int32_t word_value)
 {
   printf("left word %.9g %d\n", (double)x_value, word_value);
 }
