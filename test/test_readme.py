@@ -16,8 +16,8 @@
 The user's pages are correct: their commands are run, and their files written.
 
 A fenced block whose first line is a comment with the name of a file is that file, as is one that
-is marked with a language and a name, as in `json db.json`. In a block marked `console`, a line after `$ ` is a command, and what follows is its output, in which `...`
-stands for anything.
+is marked with a language and a name, as in `json db.json`. In a block marked `console`, a line
+after `$ ` is a command, and what follows is its output, in which `...` stands for anything.
 """
 
 from collections.abc import Iterator
