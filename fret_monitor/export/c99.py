@@ -24,9 +24,10 @@ from collections.abc import Iterator
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.c import string_literal
 from fret_monitor.export.content import (
-    common_values, Content, csrc_files, export_name, hand_written, Options,
+    common_values, Content, csrc_files, export_name, hand_written, HandlerArguments, Options,
 )
 from fret_monitor.export.examples import example
+from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.policies import Policy
 
 _RUNTIME = ('fret_monitor.h', 'fret_cells.h')
@@ -38,7 +39,17 @@ _FIELDS_ROW = ('| `src/{}_fields.c`, `src/fret_fields.h` | reads the inputs from
 
 
 def c99(generated: GeneratedMonitor, options: Options) -> Content:
-    """Return the files; every bundle can be exported."""
+    """
+    Return the files; every bundle can be exported.
+
+    Raises
+    ------
+    CompileError
+        if handlers shall have arguments: this target calls none.
+    """
+    if options.handler_arguments is not HandlerArguments.NONE:
+        refuse('the target c99 calls no handlers', help='leave --handler-arguments out: a '
+               'verdict is an element of an array, and the inputs are a struct')
     name, files = export_name(generated), generated.module.files
     library = {**csrc_files(*_RUNTIME, *_EVALUATOR, *(_EXTRACTORS if generated.module.readers
                                                       else ())), **files}

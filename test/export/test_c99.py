@@ -20,6 +20,7 @@ import shutil
 import subprocess
 
 from differential.compiled import clang, compile_c, gcc, WARNINGS
+from differential.test_clean_c import has_sanitizers, SANITIZERS
 from fret_monitor.build import build, generate_monitor, read
 from fret_monitor.export.c99 import c99
 from fret_monitor.export.content import Options
@@ -101,8 +102,10 @@ def test_the_test_program_gives_the_verdicts_of_simulate(export: Export, tmp_pat
     compiler = gcc()
     assert compiler is not None
     program, test = tmp_path / 'program', export.folder / 'test'
-    compile_c([*compiler, '-std=c99', *WARNINGS, f'-I{export.folder}/src', test / 'test.c',
-               *export.objects, '-lm', '-o', program])
+    sanitizers = SANITIZERS if has_sanitizers(tmp_path) else ()
+    compile_c([*compiler, '-std=c99', *sanitizers, *WARNINGS, f'-I{export.folder}/src',
+               test / 'test.c', export.folder / 'src' / f'{export.name}_monitor.c', '-lm', '-o',
+               program])
     simulate(build(export.bundle).monitor, test / 'trace.csv', tmp_path / 'verdicts.csv')
     expected = (tmp_path / 'verdicts.csv').read_text()
     assert (test / 'verdicts.csv').read_text() == expected

@@ -191,6 +191,12 @@ def test_two_exports_in_one_program_call_the_handlers_of_the_reference(two: Two)
     rows = rows_of(4, 200, (0, 0, 1_000_000_000))
     assert handlers_of_right(run(program, rows)[0]) == handlers_of_right(
         right_calls(two.right, rows))
+    # A time that goes back, and one after the last tick, start afresh.
+    later = [(row[0] + 2 ** 62, *row[1:]) for row in rows_of(5, 50, (1_000_000_000,))]
+    expected = [*right_calls(two.right, rows), *right_calls(two.right, rows[:50]),
+                *right_calls(two.right, later)]
+    assert handlers_of_right(run(program, [*rows, *rows[:50], *later])[0]) == handlers_of_right(
+        expected)
 
 
 def handlers_of_right(lines: Sequence[str]) -> list[str]:
