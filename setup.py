@@ -91,9 +91,11 @@ def shared_files(folder):
     """
     Return where the files of a folder are installed to.
 
-    :returns: a list of (folder below the prefix, files), one entry for `setup(data_files=...)`
+    :returns: a list of (folder below the prefix, files) for `setup(data_files=...)`, of one entry
+        or none
     """
-    return [(f'share/{NAME}/{folder}', sorted(glob(f'{folder}/*.*')))]
+    files = sorted(glob(f'{folder}/*.*'))
+    return [(f'share/{NAME}/{folder}', files)] if files else []
 
 
 setup(

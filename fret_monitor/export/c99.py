@@ -29,6 +29,7 @@ from fret_monitor.export.content import (
 from fret_monitor.export.examples import example
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.policies import Policy
+from fret_monitor.native.compiler import COMPILE_FLAGS
 
 _RUNTIME = ('fret_monitor.h', 'fret_cells.h')
 _EVALUATOR = tuple(f'{name}.{kind}' for name in (
@@ -57,6 +58,8 @@ def c99(generated: GeneratedMonitor, options: Options) -> Content:
     values = {
         **common_values(generated, options),
         'LIBRARY_SOURCES': '\n  '.join(f'src/{file}' for file in library if file.endswith('.c')),
+        'EXACT_FLAGS': '\n    '.join(flag for flag in COMPILE_FLAGS if flag.startswith(
+            ('-ffp-contract', '-fno-builtin'))),
         'EXAMPLE': '\n'.join(_example(name, generated.manifest.policy is Policy.TIMED)),
         'FIELDS_ROW': _FIELDS_ROW.format(name) if generated.module.readers else '',
     }
