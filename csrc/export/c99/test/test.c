@@ -27,7 +27,14 @@
 
 #include "test_tables.h"
 
-enum { LINE_BYTES = 1 << 16, MOST_COLUMNS = 1 << 12, NO_INPUT = -1, TIME = -2 };
+enum
+{
+  LINE_BYTES = 1 << 16,
+  ROW_BYTES = sizeof(test_heading) + 2 * TEST_REQUIREMENTS + 64,
+  MOST_COLUMNS = 1 << 12,
+  NO_INPUT = -1,
+  TIME = -2
+};
 
 static const int64_t NS_PER_S = INT64_C(1000000000);
 
@@ -37,8 +44,8 @@ static struct
   char * cells[MOST_COLUMNS];
   int inputs[MOST_COLUMNS];  // of each column: an input, NO_INPUT or TIME
   int n_columns;
-  char row[LINE_BYTES];  // of verdicts
-  char expected[LINE_BYTES];
+  char row[ROW_BYTES];  // of verdicts
+  char expected[ROW_BYTES];
   FILE * trace;
   FILE * verdicts;  // to compare with, or NULL
   long n_rows;
@@ -84,9 +91,15 @@ static int read_cells(void)
   if (fgets(run.line, LINE_BYTES, run.trace) == NULL) {
     return 0;
   }
+  if (strlen(run.line) == LINE_BYTES - 1) {
+    fail("a line is too long");
+  }
   run.line[strcspn(run.line, "\r\n")] = '\0';
   int n = 0;
-  for (char * cell = run.line; cell != NULL && n < MOST_COLUMNS; ++n) {
+  for (char * cell = run.line; cell != NULL; ++n) {
+    if (n == MOST_COLUMNS) {
+      fail("too many columns");
+    }
     run.cells[n] = cell;
     cell = end_cell(cell);
   }
@@ -205,7 +218,7 @@ static void give_line(void)
     puts(run.row);
     return;
   }
-  if (fgets(run.expected, LINE_BYTES, run.verdicts) == NULL) {
+  if (fgets(run.expected, ROW_BYTES, run.verdicts) == NULL) {
     fail("more verdicts than expected");
   }
   run.expected[strcspn(run.expected, "\r\n")] = '\0';
@@ -309,7 +322,7 @@ int main(int n_arguments, char ** arguments)
   strcpy(run.row, test_heading);
   give_line();
   run_all();
-  if (run.verdicts != NULL && fgets(run.expected, LINE_BYTES, run.verdicts) != NULL) {
+  if (run.verdicts != NULL && fgets(run.expected, ROW_BYTES, run.verdicts) != NULL) {
     fail("fewer verdicts than expected");
   }
   return 0;
