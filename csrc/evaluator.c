@@ -113,15 +113,12 @@ static void renew(struct fm_evaluator * evaluator, uint32_t i)
 }
 
 // Called when the last stale input of a group was stored. A group that is not ready cannot step,
-// so that its verdicts are set to true here.
+// so that its verdicts are set to true here; fm_evaluator_message reports that.
 static void end_violation(struct fm_evaluator * evaluator, uint32_t g)
 {
-  const struct fm_group * group = &evaluator->monitor->groups[g];
-  const struct fm_instance * instance = &evaluator->instance;
-  instance->groups[g].knows_stale = false;
-  for (uint32_t k = 0; instance->groups[g].unset > 0 && k < group->n_requirements; ++k) {
-    instance->previous[group->requirements[k]] = true;
-    instance->verdicts[group->requirements[k]] = true;
+  evaluator->instance.groups[g].knows_stale = false;
+  if (evaluator->instance.groups[g].unset > 0) {
+    fm_set_verdicts(evaluator, g, true);
   }
 }
 
@@ -238,6 +235,7 @@ uint32_t fm_evaluator_message(
   struct fm_topic_cell * cell = &evaluator->topics[topic];
   cell->counts.messages += 1;
   fm_end_receptions(evaluator, now);
+  fm_report_recoveries(evaluator, cell, &report);
   switch (evaluator->policy) {
     case FM_EVERY_MESSAGE:
       fm_step_ready_groups(evaluator, &report);
@@ -255,7 +253,7 @@ uint32_t fm_evaluator_message(
       fm_evaluate_groups_of(evaluator, topic, now, &report);
       break;
     case FM_PERIODIC:
-      return 0;
+      return report.n;
   }
   if (cell->tells_receptions) {
     evaluator->instance.time->receptions_end = end_of_reception(evaluator, now);

@@ -255,8 +255,8 @@ FM_EXPORT int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator);
 /// evaluate to. A group that becomes stale violates its requirements once, without a step, ready
 /// or not. They are counted and, unless report_onset finds the last verdict false already,
 /// announced, with the number of the group's next step. When the last stale input of a group is
-/// stored, a group that is not ready counts as satisfied again; one that is ready keeps its
-/// verdict until its next step.
+/// stored, a group that is not ready counts as satisfied again, and fm_evaluator_message reports
+/// the recovery; one that is ready keeps its verdict until its next step.
 ///
 /// With `patience`, a timeout that is found more than that late, by a time that has moved by more
 /// than half of it at once, is put off, once a silence: the process did not run, or the clock has

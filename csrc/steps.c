@@ -69,15 +69,32 @@ void fm_judge_group(struct fm_evaluator * evaluator, uint32_t g, struct fm_findi
   }
 }
 
-void fm_overrule(struct fm_evaluator * evaluator, uint32_t g)
+void fm_set_verdicts(struct fm_evaluator * evaluator, uint32_t g, bool verdict)
 {
   const struct fm_group * group = &evaluator->monitor->groups[g];
   for (uint32_t k = 0; k < group->n_requirements; ++k) {
     const uint32_t r = group->requirements[k];
-    evaluator->instance.verdicts[r] = false;
-    evaluator->instance.verdicts[evaluator->requirements[r].occurrence] = false;
+    evaluator->instance.verdicts[r] = verdict;
+    evaluator->instance.verdicts[evaluator->requirements[r].occurrence] = verdict;
   }
+}
+
+void fm_overrule(struct fm_evaluator * evaluator, uint32_t g)
+{
+  fm_set_verdicts(evaluator, g, false);
   evaluator->instance.groups[g].knows_stale = true;
+}
+
+void fm_report_recoveries(
+  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic, struct fm_findings * report)
+{
+  const struct fm_instance * instance = &evaluator->instance;
+  for (uint32_t k = 0; instance->time->n_waiting > 0 && k < topic->n_groups; ++k) {
+    const uint32_t g = topic->groups[k];
+    if (instance->groups[g].unset > 0 && instance->groups[g].stale == 0) {
+      fm_judge_group(evaluator, g, report);
+    }
+  }
 }
 
 // ---- steps -------------------------------------------------------------------------------------

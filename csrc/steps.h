@@ -55,7 +55,16 @@ void fm_end_receptions(struct fm_evaluator * evaluator, int64_t instant);
 /// Count and report the verdicts of a group.
 void fm_judge_group(struct fm_evaluator * evaluator, uint32_t g, struct fm_findings * report);
 
+/// Set the verdicts of a group, and what its reports compare.
+void fm_set_verdicts(struct fm_evaluator * evaluator, uint32_t g, bool verdict);
+
 /// Set the verdicts of a stale group to false: its formulas were evaluated on old values.
 void fm_overrule(struct fm_evaluator * evaluator, uint32_t g);
+
+/// Report that the groups of a topic are no longer violated that are neither stale nor ready: they
+/// cannot step.
+void fm_report_recoveries(
+  struct fm_evaluator * evaluator, const struct fm_topic_cell * topic,
+  struct fm_findings * report);
 
 #endif  // STEPS_H_

@@ -456,7 +456,6 @@ static void model_end_silence(uint32_t i, int64_t now)
         if (requirements[r].group == g && !is_ready(g)) {
           model.verdicts[r] = true;
           model.verdicts[occurrences[r]] = true;
-          model.compared[r] = true;
         }
       }
     }
@@ -608,6 +607,20 @@ static bool steps_with(uint32_t g, uint32_t topic)
   return false;
 }
 
+// A group that cannot step is no longer violated once its inputs are not stale.
+static void model_recover(uint32_t topic, int64_t now)
+{
+  for (uint32_t g = 0; g < monitor.n_groups; ++g) {
+    for (uint32_t r = 0; r < monitor.n_requirements; ++r) {
+      if (requirements[r].group == g && reads_topic(g, topic) && !is_ready(g) &&
+        !is_stale_group(g))
+      {
+        model_judge(r, model.steps[g], now);
+      }
+    }
+  }
+}
+
 static void model_message(uint32_t topic, int64_t now)
 {
   n_expected = 0;
@@ -615,6 +628,7 @@ static void model_message(uint32_t topic, int64_t now)
     return;
   }
   counters.topics[topic].messages += 1;
+  model_recover(topic, now);
   if (is_timed() && model.has_begun) {
     model_take_record(now);
   }

@@ -38,6 +38,7 @@ import traceback
 CRASHES = Path('fuzz-crashes')
 LONGEST = 3000  # bytes of an input
 MESSAGES = 'messages'  # the target in C
+RECORDINGS = 'recordings'  # compared with the reference evaluators
 GUIDED = importlib.util.find_spec('atheris') is not None
 
 
@@ -54,7 +55,7 @@ def main() -> int:
 
 def _fuzz_all(options: Namespace) -> int:
     from fuzz.targets import TARGETS
-    known = [*TARGETS, MESSAGES]
+    known = [*TARGETS, MESSAGES, RECORDINGS]
     chosen = options.targets or known
     unknown = [name for name in chosen if name not in known]
     if unknown:
@@ -67,6 +68,8 @@ def _fuzz_all(options: Namespace) -> int:
     for name in chosen:
         if name == MESSAGES:
             _fuzz_messages(share, options.seed)
+        elif name == RECORDINGS:
+            _fuzz_recordings(share, options.seed)
         else:
             _fuzz_apart(name, share, options.seed)
     found = sorted(set(CRASHES.glob('*')) - before)
@@ -108,6 +111,15 @@ def _fuzz_messages(seconds: float, seed: int) -> None:
         print(f'BUG in {MESSAGES}: {report}')
         # The arguments hold the seed; the report is the sanitizer's.
         _write(MESSAGES, f'{done.args}\n{report}'.encode(), f'status {done.returncode}')
+
+
+def _fuzz_recordings(seconds: float, seed: int) -> None:
+    from fuzz.recordings import fuzz
+    try:
+        print(f'{RECORDINGS}: {fuzz(seconds, seed or time.time_ns() % 2 ** 32):,} recordings')
+    except AssertionError as error:
+        print(f'BUG in {RECORDINGS}: {error}')
+        _write(RECORDINGS, str(error).encode(), 'judged in another way')
 
 
 class Recorder:
