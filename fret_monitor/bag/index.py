@@ -22,9 +22,8 @@ from urllib.parse import quote
 
 from fret_monitor.bag.fleet import page_name
 from fret_monitor.bag.page import badge, document, escaped
+from fret_monitor.bag.results import verdict_text
 from fret_monitor.model.diagnostics import counted
-
-_WORDS = {True: 'satisfied', False: 'VIOLATED', None: 'open or not judged'}
 
 
 def index_page(title: str, lines: Iterable[str], folder: Path) -> str:
@@ -58,4 +57,4 @@ def _cell(found: dict[str, Any] | None) -> str:
     if found is None:
         return ''
     times = f' {found["occurrences"]:,}' if found['occurrences'] else ''
-    return badge(_WORDS[found['verdict']]) + times
+    return badge(verdict_text(found['verdict'], is_open='open' in found)) + times

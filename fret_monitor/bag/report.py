@@ -28,7 +28,7 @@ from fret_monitor.bag.evidence import evidence, Occurrence, Plot
 from fret_monitor.bag.overview import Overview
 from fret_monitor.bag.page import badge, document, escaped, LEGEND, table
 from fret_monitor.bag.recording import files_of
-from fret_monitor.bag.results import verdict_text
+from fret_monitor.bag.results import verdict_of
 from fret_monitor.build import Reading
 from fret_monitor.explain.report import Meaning, meanings
 from fret_monitor.model.diagnostics import counted
@@ -111,7 +111,7 @@ class _Report:
         yield from self._inputs()
 
     def _summary(self) -> str:
-        words = [verdict_text(item) for item in self._result.findings]
+        words = [verdict_of(item) for item in self._result.findings]
         parts = [f'{words.count(word)} {word.lower()}' for word in (
             'VIOLATED', 'satisfied', 'open', 'not judged') if word in words]
         return f'{counted(len(words), "requirement")}: {", ".join(parts)}.'
@@ -119,7 +119,7 @@ class _Report:
     def _verdicts(self) -> Iterator[str]:
         yield '<section id="overview"><h2>Verdicts</h2><div class="card"><div class="rows">'
         for index, item in enumerate(self._result.findings):
-            yield (f'<a href="#r{index}">{escaped(item.id)}</a>{badge(verdict_text(item))}'
+            yield (f'<a href="#r{index}">{escaped(item.id)}</a>{badge(verdict_of(item))}'
                    f'<svg data-lane="{index}" role="img" aria-label="verdicts over time"></svg>')
         yield '<span></span><span></span><svg data-times="1" role="img" aria-label="time"></svg>'
         yield f'</div>{LEGEND}</div></section>'
@@ -131,7 +131,7 @@ class _Report:
                 self._result.findings, self._manifest.requirements)):
             meaning = self._meanings[item.id]
             yield (f'<article class="card" id="r{index}"><h3>{escaped(item.id)} '
-                   f'{badge(verdict_text(item))}</h3>')
+                   f'{badge(verdict_of(item))}</h3>')
             if requirement.title:
                 yield f'<p>{escaped(requirement.title)}</p>'
             yield f'<blockquote>{escaped(requirement.text)}</blockquote><dl>'

@@ -41,6 +41,7 @@ def json_line(result: Result) -> str:
             'violations': item.violations,
             'occurrences': item.occurrences,
             'first': None if item.first is None else seconds(item.first),
+            **({'open': True} if item.is_open else {}),
         } for item in result.findings},
         'errors': list(result.errors),
     }, ensure_ascii=False)
@@ -52,17 +53,22 @@ def failed_line(path: object, error: str) -> str:
                        'errors': [error]}, ensure_ascii=False)
 
 
-def verdict_text(item: Findings) -> str:
-    """Return the verdict in a word."""
-    if item.verdict is None:
-        return 'open' if item.is_open else 'not judged'
-    return 'satisfied' if item.verdict else 'VIOLATED'
+def verdict_text(verdict: bool | None, *, is_open: bool) -> str:
+    """Return a verdict in a word."""
+    if verdict is None:
+        return 'open' if is_open else 'not judged'
+    return 'satisfied' if verdict else 'VIOLATED'
+
+
+def verdict_of(item: Findings) -> str:
+    """Return the verdict of a requirement in a word."""
+    return verdict_text(item.verdict, is_open=item.is_open)
 
 
 def table(result: Result) -> str:
     """Return the result for a terminal; times count from the begin of what was judged."""
     rows = [('requirement', 'verdict', 'occurrences', 'first at', 'longest')]
-    rows += [(item.id, verdict_text(item), f'{item.occurrences:,}',
+    rows += [(item.id, verdict_of(item), f'{item.occurrences:,}',
               '-' if item.first is None else f'{short_seconds(item.first - result.begin)} s',
               f'{short_seconds(item.longest)} s' if item.occurrences else '-')
              for item in result.findings]
@@ -97,7 +103,8 @@ def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str) -> str:
                     message=f'violated {counted(found["occurrences"], "time")}{first}')
                 failure.text = _clean(texts.get(name, ''))
             elif found['verdict'] is None:
-                ElementTree.SubElement(case, 'skipped', message='open, or not judged')
+                ElementTree.SubElement(case, 'skipped', message=verdict_text(
+                    None, is_open='open' in found))
         for error in content['errors']:
             case = ElementTree.SubElement(
                 suite, 'testcase', name='recording', classname='recording')

@@ -25,6 +25,7 @@ import shutil
 from typing import Any
 from xml.etree import ElementTree
 
+from bag.outline import Outline
 from bag.recordings import FLOAT, Message, START, TYPES, write
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.moments import Moment
@@ -324,15 +325,40 @@ def test_several_recordings_in_processes_and_a_run_that_goes_on(
 
 def test_recordings_on_a_cluster(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip('distributed', reason='needs the extra dask')
-    paths = [write(tmp_path / f'bag{number}', random_messages(number, 50)) for number in range(3)]
+    file, reports, junit = (tmp_path / name for name in ('soon.yaml', 'reports', 'junit.xml'))
+    file.write_text("""format: 1
+evaluation: {policy: timed}
+inputs:
+  level: {topic: level, type: std_msgs/msg/Float64}
+  flow: {topic: flow, type: std_msgs/msg/Float64}
+requirements:
+  - {id: SOON, fretish: "when flow > 1 the pump shall within 2 seconds satisfy level > 1"}
+""", encoding='utf-8')
+    paths = [write(tmp_path / name, messages) for name, messages in (
+        ('open', [('/level', 0, 0.0), ('/flow', SECOND, 2.0)]),
+        ('unknown', [('/flow', 0, 2.0), ('/flow', 9 * SECOND, 0.0)]),
+        ('violated', [('/level', 0, 0.0), ('/flow', 1, 2.0), ('/flow', 9 * SECOND, 0.0)]))]
     bad = tmp_path / 'bad.mcap'
     bad.write_bytes(b'no recording at all')
-    arguments = ['bag', str(bundle(tmp_path, 'every_message')), *map(str, [*paths, bad]), '--json']
-    assert main([*arguments, '--dask', 'local', '--jobs', '2']) == 1
+    arguments = ['bag', str(file), *map(str, [*paths, bad]), '--json', '--missing-topics', 'ok']
+    assert main([*arguments, '--dask', 'local', '--jobs', '2', '--report', str(reports),
+                 '--junit', str(junit)]) == 1
     out, err = capsys.readouterr()
     assert f"cannot read the recording '{bad}'" in err
-    found = {item['bag']: item['read'] for item in map(json.loads, out.splitlines())}
-    assert found == {**{str(path): 50 for path in paths}, str(bad): 0}
+    found = {item['bag']: item for item in map(json.loads, out.splitlines())}
+    assert {path: item['read'] for path, item in found.items()} == {
+        **{str(path): count for path, count in zip(paths, (2, 2, 3))}, str(bad): 0}
+    first, second, _ = (found[str(path)]['requirements']['SOON'] for path in paths)
+    assert (first['verdict'], first['open']) == (None, True)
+    assert (second['verdict'], 'open' in second) == (None, False)
+    index = Outline((reports / 'index.html').read_text(encoding='utf-8'))
+    assert index.of('span') == ['open', 'not judged', 'violated']
+    links = [values['href'] for tag, values in index.tags if tag == 'a']
+    assert sorted(map(str, links)) == sorted(
+        item.name for item in reports.iterdir() if item.name != 'index.html')
+    assert len(links) == 3
+    suites = ElementTree.parse(junit).getroot()
+    assert [item.get('message') for item in suites.iter('skipped')] == ['open', 'not judged']
     assert main([*arguments, '--dask', 'tcp://127.0.0.1:1']) == 1
     assert "no scheduler of Dask at 'tcp://127.0.0.1:1'" in capsys.readouterr().err
 
