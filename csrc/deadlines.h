@@ -23,18 +23,18 @@
 #include "tables.h"
 
 /// Set when an input times out. O(1).
-void fm_set_due(struct fm_evaluator * evaluator, uint32_t i, int64_t due);
+FM_INTERNAL void fm_set_due(struct fm_evaluator * evaluator, uint32_t i, int64_t due);
 
 /// Set when a group is to be evaluated. O(1).
-void fm_set_group_due(struct fm_evaluator * evaluator, uint32_t g, int64_t due);
+FM_INTERNAL void fm_set_group_due(struct fm_evaluator * evaluator, uint32_t g, int64_t due);
 
 /// Under FM_TIMED: let the groups that are ready and have not begun, begin now. O(groups).
-void fm_begin_ready_groups(struct fm_evaluator * evaluator);
+FM_INTERNAL void fm_begin_ready_groups(struct fm_evaluator * evaluator);
 
 /// Look for the deadline anew: times of the instance have changed. O(1).
-void fm_forget_deadline(struct fm_evaluator * evaluator);
+FM_INTERNAL void fm_forget_deadline(struct fm_evaluator * evaluator);
 
 /// The nanoseconds from one time to a later one; 0 if it is not later. O(1).
-int64_t fm_since(int64_t from, int64_t to);
+FM_INTERNAL int64_t fm_since(int64_t from, int64_t to);
 
 #endif  // DEADLINES_H_

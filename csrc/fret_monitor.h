@@ -48,8 +48,8 @@
 #endif
 #endif
 
-/// For functions that the files of one generated module share. A program that compiles them all as
-/// one file may define it as `static`.
+/// For functions that the files of one generated module, or those of the evaluator, share. A
+/// program that compiles them all as one file may define it as `static`.
 #ifndef FM_INTERNAL
 #define FM_INTERNAL
 #endif

@@ -20,8 +20,8 @@
 
 // ---- layout ------------------------------------------------------------------------------------
 
-// Offsets of the parts of the block, in bytes. Only `lay_out` computes them.
-struct layout
+// Offsets of the parts of the block, in bytes. Only `lay_out_instance` computes them.
+struct fm_instance_layout
 {
   uint64_t time;
   uint64_t inputs;
@@ -46,9 +46,9 @@ uint64_t fm_block_append(struct fm_block * block, uint64_t count, uint64_t size)
   return begin;
 }
 
-static struct layout lay_out(const struct fm_monitor * monitor)
+static struct fm_instance_layout lay_out_instance(const struct fm_monitor * monitor)
 {
-  struct layout layout = {0};
+  struct fm_instance_layout layout = {0};
   layout.block.fits = true;
   layout.time = fm_block_append(&layout.block, 1, sizeof(struct fm_instance_time));
   layout.inputs =
@@ -70,13 +70,13 @@ uint64_t fm_instance_verdicts(const struct fm_monitor * monitor)
 
 uint64_t fm_instance_bytes(const struct fm_monitor * monitor)
 {
-  const struct layout layout = lay_out(monitor);
+  const struct fm_instance_layout layout = lay_out_instance(monitor);
   return layout.block.fits ? layout.block.bytes : 0;
 }
 
 struct fm_instance fm_instance_make(const struct fm_monitor * monitor, void * block)
 {
-  const struct layout layout = lay_out(monitor);
+  const struct fm_instance_layout layout = lay_out_instance(monitor);
   char * memory = block;
   struct fm_instance instance;
   memset(block, 0, (size_t)layout.block.bytes);

@@ -37,7 +37,7 @@ struct fm_block
 };
 
 /// Append `count` elements of `size` bytes, aligned to FM_ALIGNMENT. Returns their offset. O(1).
-uint64_t fm_block_append(struct fm_block * block, uint64_t count, uint64_t size);
+FM_INTERNAL uint64_t fm_block_append(struct fm_block * block, uint64_t count, uint64_t size);
 
 struct fm_instance_input
 {
@@ -91,39 +91,39 @@ struct fm_instance
 };
 
 /// The bytes of the block; 0 if it does not fit in the address space. O(1).
-uint64_t fm_instance_bytes(const struct fm_monitor * monitor);
+FM_INTERNAL uint64_t fm_instance_bytes(const struct fm_monitor * monitor);
 
 /// Make an instance in a block of fm_instance_bytes bytes, aligned to FM_ALIGNMENT. No input has a
 /// value, every group is at its start, and time has not begun. The monitor's indices are in range.
 /// O(bytes).
-struct fm_instance fm_instance_make(const struct fm_monitor * monitor, void * block);
+FM_INTERNAL struct fm_instance fm_instance_make(const struct fm_monitor * monitor, void * block);
 
 /// The number of verdicts that the groups write. O(1).
-uint64_t fm_instance_verdicts(const struct fm_monitor * monitor);
+FM_INTERNAL uint64_t fm_instance_verdicts(const struct fm_monitor * monitor);
 
 /// Put all groups at their start, with all verdicts true and nothing due; values and other times
 /// stay.
 /// O(groups + requirements + state bytes).
-void fm_instance_reset(const struct fm_instance * instance);
+FM_INTERNAL void fm_instance_reset(const struct fm_instance * instance);
 
 /// Bytes of a stored value; 0 for an unknown type. O(1).
-uint32_t fm_instance_value_bytes(enum fm_type type);
+FM_INTERNAL uint32_t fm_instance_value_bytes(enum fm_type type);
 
 /// Write the value of an input. Integers wrap to the input's type; a bool is i != 0. The second
 /// function takes an object of the input's type (bool: a byte) at any alignment. O(1).
-void fm_instance_write(
+FM_INTERNAL void fm_instance_write(
   const struct fm_instance * instance, uint32_t input, union fm_value value);
-void fm_instance_write_from(
+FM_INTERNAL void fm_instance_write_from(
   const struct fm_instance * instance, uint32_t input, const void * value);
 
 /// Move all times by `by` nanoseconds; one that would leave the range stays at its end.
 /// O(inputs + groups).
-void fm_instance_shift(const struct fm_instance * instance, int64_t by);
+FM_INTERNAL void fm_instance_shift(const struct fm_instance * instance, int64_t by);
 
 /// The sum, or the nearest time in range. O(1).
-int64_t fm_later(int64_t time, int64_t by);
+FM_INTERNAL int64_t fm_later(int64_t time, int64_t by);
 
 /// The nanoseconds from one time to another, or the nearest number in range. O(1).
-int64_t fm_between(int64_t from, int64_t to);
+FM_INTERNAL int64_t fm_between(int64_t from, int64_t to);
 
 #endif  // INSTANCE_H_

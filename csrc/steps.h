@@ -30,40 +30,42 @@ struct fm_findings
 
 /// Step the groups that are ready: all; those that read a topic; those of a topic whose inputs
 /// were all received anew.
-void fm_step_ready_groups(struct fm_evaluator * evaluator, struct fm_findings * report);
-void fm_step_ready_groups_of(
+FM_INTERNAL void fm_step_ready_groups(
+  struct fm_evaluator * evaluator, struct fm_findings * report);
+FM_INTERNAL void fm_step_ready_groups_of(
   struct fm_evaluator * evaluator, const struct fm_topic_cell * topic,
   struct fm_findings * report);
-void fm_step_complete_groups_of(
+FM_INTERNAL void fm_step_complete_groups_of(
   struct fm_evaluator * evaluator, const struct fm_topic_cell * topic,
   struct fm_findings * report);
 
 /// Under FM_TIMED: evaluate groups at an instant: one; the ready ones that read a topic; all ready
 /// ones; all that are due by then.
-void fm_evaluate_group(
+FM_INTERNAL void fm_evaluate_group(
   struct fm_evaluator * evaluator, uint32_t g, int64_t instant, struct fm_findings * report);
-void fm_evaluate_groups_of(
+FM_INTERNAL void fm_evaluate_groups_of(
   struct fm_evaluator * evaluator, uint32_t topic, int64_t instant, struct fm_findings * report);
-void fm_evaluate_ready_groups(
+FM_INTERNAL void fm_evaluate_ready_groups(
   struct fm_evaluator * evaluator, int64_t instant, struct fm_findings * report);
-void fm_evaluate_due_groups(
+FM_INTERNAL void fm_evaluate_due_groups(
   struct fm_evaluator * evaluator, int64_t instant, struct fm_findings * report);
 
 /// Let the inputs become false that said that a message came, if that is over by an instant.
-void fm_end_receptions(struct fm_evaluator * evaluator, int64_t instant);
+FM_INTERNAL void fm_end_receptions(struct fm_evaluator * evaluator, int64_t instant);
 
 /// Count and report the verdicts of a group.
-void fm_judge_group(struct fm_evaluator * evaluator, uint32_t g, struct fm_findings * report);
+FM_INTERNAL void fm_judge_group(
+  struct fm_evaluator * evaluator, uint32_t g, struct fm_findings * report);
 
 /// Set the verdicts of a group, and what its reports compare.
-void fm_set_verdicts(struct fm_evaluator * evaluator, uint32_t g, bool verdict);
+FM_INTERNAL void fm_set_verdicts(struct fm_evaluator * evaluator, uint32_t g, bool verdict);
 
 /// Set the verdicts of a stale group to false: its formulas were evaluated on old values.
-void fm_overrule(struct fm_evaluator * evaluator, uint32_t g);
+FM_INTERNAL void fm_overrule(struct fm_evaluator * evaluator, uint32_t g);
 
 /// Report that the groups of a topic are no longer violated that are neither stale nor ready: they
 /// cannot step.
-void fm_report_recoveries(
+FM_INTERNAL void fm_report_recoveries(
   struct fm_evaluator * evaluator, const struct fm_topic_cell * topic,
   struct fm_findings * report);
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.export.c99 import c99
+from fret_monitor.export.cfs import cfs
 from fret_monitor.export.content import Content, Options
 from fret_monitor.export.copilot import copilot
 from fret_monitor.export.ros2 import ros2
@@ -38,6 +39,7 @@ class Target:
 
 TARGETS = {
     'c99': Target('C99 and CMake: the monitors, and the evaluator that runs any of them', c99),
+    'cfs': Target('an application of the core Flight System: an event for each violation', cfs),
     'copilot': Target('the interface of the C that Copilot generates: step() and handlers',
                       copilot),
     'ros2': Target('a package for colcon, with one node in C on rcl', ros2),

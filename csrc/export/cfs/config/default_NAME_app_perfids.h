@@ -1,0 +1,22 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+// @NAME@_app_perfids.h: the identifier in the performance log. To be set by the mission.
+
+#ifndef @UPPER@_APP_PERFIDS_H_
+#define @UPPER@_APP_PERFIDS_H_
+
+#define @UPPER@_APP_PERF_ID 91
+
+#endif  // @UPPER@_APP_PERFIDS_H_

@@ -1,0 +1,28 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+// How monitors and evaluator are compiled as a part of one file: nothing of them is visible
+// outside of it, so that several exports fit into one program. To be included first.
+
+#ifndef FRET_STATIC_H_
+#define FRET_STATIC_H_
+
+#if defined(__GNUC__)
+#define FM_EXPORT static __attribute__((unused))
+#else
+#define FM_EXPORT static
+#endif
+#define FM_INTERNAL FM_EXPORT
+
+#endif  // FRET_STATIC_H_
