@@ -38,7 +38,7 @@ from fret_monitor.traces.simulate import simulate
 import numpy
 import pytest
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import CompressionMode, Reader, StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 import yaml
 
@@ -606,6 +606,40 @@ requirements: [{{id: OFF, ptltl: "!on"}}]
             writer.write(topic, START + number, serialize_message(event))
     result = check_recording(file, tmp_path / 'bag', Selection())
     assert (result.errors, result.findings[0].violations) == ((), 2)
+
+
+@pytest.mark.parametrize(('storage', 'compression'), [
+    (StoragePlugin.MCAP, CompressionMode.STORAGE),
+    (StoragePlugin.SQLITE3, CompressionMode.MESSAGE)])
+def test_two_gigabytes_are_read_in_little_memory(
+        tmp_path: Path, storage: StoragePlugin, compression: CompressionMode) -> None:
+    count, kind = 2048, 'std_msgs/msg/Float64MultiArray'
+    layout = TYPES.types['std_msgs/msg/MultiArrayLayout'](dim=[], data_offset=0)
+    low, high = (TYPES.serialize_cdr(TYPES.types[kind](
+        layout, numpy.full(1 << 17, value)), kind) for value in (0.0, 1.0))
+    writer = Writer(tmp_path / 'bag', version=9, storage_plugin=storage)
+    writer.set_compression(compression, CompressionFormat.ZSTD)  # to less than a megabyte
+    with writer:
+        topic = writer.add_connection('/level', kind, typestore=TYPES)
+        for number in range(count):
+            writer.write(topic, START + number, high if number % 8 == 7 else low)
+    file = tmp_path / 'large.yaml'
+    file.write_text(f"""format: 1
+inputs: {{level: {{topic: level, type: {kind}, field: "data[9]"}}}}
+requirements: [{{id: LOW, ptltl: "level < 0.5"}}]
+""", encoding='utf-8')
+    megabytes: list[int] = []
+
+    def measure(*_: object) -> None:
+        pages = int(Path('/proc/self/statm').read_text(encoding='ascii').split()[1])
+        megabytes.append(pages * os.sysconf('SC_PAGE_SIZE') >> 20)
+
+    measure()
+    result = check_recording(file, tmp_path / 'bag', Selection(), progress=measure)
+    assert (result.errors, result.findings[0].violations) == ((), count // 8)
+    assert len(megabytes) > 1000
+    assert max(megabytes) < megabytes[0] + 100
+    assert max(megabytes[len(megabytes) // 2:]) < max(megabytes[:len(megabytes) // 2]) + 20
 
 
 def test_the_recordings_of_rosbag2_are_read_whole() -> None:
