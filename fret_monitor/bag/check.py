@@ -222,6 +222,13 @@ def read_bundle(bundle: Path, selection: Selection, find: FindMessage) -> Readin
         reading.specification, properties=properties))
 
 
+def requirement_texts(bundle: Path, path: Path, selection: Selection) -> dict[str, str]:
+    """Return the requirements' texts of a bundle, by id; errors as of `check_recording`."""
+    with opened(path) as (_, find):
+        reading = read_bundle(bundle, selection, find)
+    return {item.id: item.text for item in generate_monitor(reading).manifest.requirements}
+
+
 def compiled(reading: Reading) -> CompiledMonitor:
     """Compile what was read; raises `NativeError` if the compiler fails."""
     return compile_monitor(generate_monitor(reading))

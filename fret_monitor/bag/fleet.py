@@ -22,7 +22,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from concurrent.futures import as_completed, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 import hashlib
 from importlib import import_module
@@ -32,10 +32,14 @@ from pathlib import Path
 import re
 from typing import Any
 
+from fret_monitor import __version__
 from fret_monitor.bag.check import check_recording, Result, Selection
 from fret_monitor.bag.recording import files_of
-from fret_monitor.bag.results import failed_line, json_line
-from fret_monitor.model.diagnostics import CompileError, refuse
+from fret_monitor.bag.results import json_line
+from fret_monitor.bag.results_file import failed_line, problem_texts, recording_key
+from fret_monitor.bundle.reader import survey_bundle
+from fret_monitor.messages.installed import find_message, fingerprint
+from fret_monitor.model.diagnostics import CompileError, Problems, refuse
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.errors import NativeError
 from fret_monitor.start import manifest_of
@@ -62,44 +66,72 @@ def check_one(bundle: Path, path: Path, selection: Selection, *, settings: str =
     Check a recording; what is wrong with it becomes part of the outcome.
 
     With `reports`, a folder, its report is written there (`page_name`). With `settings`, the line
-    contains them, and the SHA-256 of the recording.
+    contains them and the SHA-256 of the recording, which is null if the recording changed
+    meanwhile, and that of the report.
     """
     check: Callable[[], Result]
+    page = None
     if reports is None:
         check = partial(check_recording, bundle, path, selection, progress=progress)
     else:
         from fret_monitor.bag.report import check_and_report
-        check = partial(check_and_report, bundle, path, selection, reports / page_name(path),
-                        progress=progress)
-    return outcome_of(path, check, settings)
+        page = reports / page_name(path)
+        check = partial(check_and_report, bundle, path, selection, page, progress=progress)
+    return outcome_of(path, check, settings, page)
 
 
-def outcome_of(path: Path, check: Callable[[], Result], settings: str = '') -> Outcome:
-    """Call a function that checks a recording; see `check_one`."""
+def outcome_of(path: Path, check: Callable[[], Result], settings: str = '',
+               page: Path | None = None) -> Outcome:
+    """Call a function that checks a recording and writes its page; see `check_one`."""
+    before = digest(path) if settings else None
     result = None
     error = ''
     try:
         result = check()
         line = json_line(result)
     except (CompileError, NativeError, OSError) as problem:
-        error = str(problem)
+        error = str(problem) if isinstance(problem, CompileError) else f'error: {path}: {problem}'
+        line = failed_line(path, problem_texts(problem))
     except Exception as problem:  # noqa: B902  # a recording must not end the run of the others
-        error = f'error: {path}: {type(problem).__name__}: {problem}'
-    if error:
-        line = failed_line(path, error)
+        return _failed(path, f'{type(problem).__name__}: {problem}')
     if settings:
-        line = json.dumps({**json.loads(line), 'sha256': digest(path), 'settings': settings},
-                          ensure_ascii=False)
+        notes = {'sha256': before if digest(path) == before else None, 'settings': settings}
+        if page is not None:
+            notes['report'] = next(iter(_page_digests(page)), None)
+        line = json.dumps({**json.loads(line), **notes}, ensure_ascii=False)
     return Outcome(path, line, result, error)
+
+
+def _failed(path: Path, error: str) -> Outcome:
+    return Outcome(path, failed_line(path, [error]), None, f'error: {path}: {error}')
 
 
 def settings_of(bundle: Path, selection: Selection) -> str:
     """Return a hash of what, beside a recording, decides about its results."""
     try:
-        bundle_hash = manifest_of(bundle, constants=selection.constants).bundle_hash
+        read = [manifest_of(bundle, constants=selection.constants).bundle_hash]
     except CompileError:  # perhaps its messages are only in the recordings
-        bundle_hash = hashlib.sha256(bundle.read_bytes()).hexdigest()
-    return hashlib.sha256(f'{bundle_hash} {selection!r}'.encode()).hexdigest()
+        read = _written(bundle)
+    constants = sorted((name, text.value) for name, text in selection.constants.items())
+    parts = [__version__, *read, repr(constants), repr(replace(selection, constants={}))]
+    return hashlib.sha256('\0'.join(parts).encode('utf-8', 'surrogatepass')).hexdigest()
+
+
+def _written(bundle: Path) -> list[str]:
+    """Return the texts of a bundle's files, and its message types as far as they are installed."""
+    survey = survey_bundle(bundle, Problems())
+    if survey is None:
+        return []  # no recording can be checked
+    types = sorted({item.type.value for item in survey.inputs if item.type is not None})
+    return [*(source.text for source in survey.sources),
+            *(f'{name} {_installed(name)}' for name in types)]
+
+
+def _installed(message_type: str) -> str:
+    try:
+        return fingerprint(find_message(message_type))
+    except CompileError:
+        return ''
 
 
 def page_name(path: Path) -> str:
@@ -169,8 +201,7 @@ def _one_by_one(check: _Check, bundle: Path, paths: Iterable[Path], selection: S
             try:
                 yield pool.submit(check, bundle, path, selection).result()
             except BrokenProcessPool:
-                error = 'the process that checked it died'
-                yield Outcome(path, failed_line(path, error), None, error)
+                yield _failed(path, 'the process that checked it died')
     return rest
 
 
@@ -210,31 +241,29 @@ def check_on_cluster(bundle: Path, paths: Sequence[Path], selection: Selection, 
             if problem is None:
                 yield done.result()
             else:  # its worker died, again and again, or lacks what is needed
-                text = f'{type(problem).__name__}: {problem}'
-                yield Outcome(waiting[done], failed_line(waiting[done], text), None, text)
+                yield _failed(waiting[done], f'{type(problem).__name__}: {problem}')
 
 
-def finished_lines(results: Path) -> dict[str, str]:
-    """Return the lines of a file of results that an earlier run wrote, by recording."""
-    found: dict[str, str] = {}
-    try:
-        text = results.read_text(encoding='utf-8')
-    except FileNotFoundError:
-        return {}
-    for line in text.splitlines():
-        try:
-            found[str(json.loads(line)['bag'])] = line
-        except (ValueError, KeyError, TypeError):
-            continue  # the run was stopped while it wrote this line
-    return found
+def reusable(lines: Mapping[str, str], path: Path, settings: str,
+             page: Path | None = None) -> str | None:
+    """
+    Return the line of a recording that need not be checked again; None if it must be.
 
-
-def reusable(lines: Mapping[str, str], path: Path, settings: str) -> str | None:
-    """Return the line of a recording that need not be checked again; None if it must be."""
-    line = lines.get(str(path))
+    With `page`, the file with its report must be there as it was written.
+    """
+    line = lines.get(recording_key(path))
     if line is None:
         return None
     content = json.loads(line)
     is_same = content.get('settings') == settings and not content.get('errors') \
-        and content.get('sha256') == digest(path)
+        and content.get('sha256') is not None and content['sha256'] == digest(path) \
+        and (page is None or content.get('report') in _page_digests(page))
     return line if is_same else None
+
+
+def _page_digests(page: Path) -> list[str]:
+    """Return the SHA-256 of a file in a list, which is empty if it cannot be read."""
+    try:
+        return [hashlib.sha256(page.read_bytes()).hexdigest()]
+    except OSError:
+        return []

@@ -47,12 +47,6 @@ def json_line(result: Result) -> str:
     }, ensure_ascii=False)
 
 
-def failed_line(path: object, error: str) -> str:
-    """Return the line of a recording that could not be checked at all."""
-    return json.dumps({'bag': str(path), 'recorded': 0, 'read': 0, 'requirements': {},
-                       'errors': [error]}, ensure_ascii=False)
-
-
 def verdict_text(verdict: bool | None, *, is_open: bool) -> str:
     """Return a verdict in a word."""
     if verdict is None:
@@ -84,11 +78,13 @@ def _aligned(row: Sequence[str], widths: Sequence[int]) -> str:
     return '  '.join([*words, *numbers]).rstrip()
 
 
-def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str) -> str:
+def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str, *,
+          is_partial: bool = False) -> str:
     """
     Return lines of JSON as JUnit's XML: a suite a recording, a case a requirement.
 
-    `texts` are those of the requirements, by id.
+    `texts` are those of the requirements, by id. If it `is_partial`, what is missing in a
+    recording that could be judged is no error, but in the suite's output.
     """
     suites = ElementTree.Element('testsuites', name=_clean(bundle))
     for content in map(json.loads, lines):
@@ -105,7 +101,8 @@ def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str) -> str:
             elif found['verdict'] is None:
                 ElementTree.SubElement(case, 'skipped', message=verdict_text(
                     None, is_open='open' in found))
-        for error in content['errors']:
+        is_wanted = is_partial and content['requirements']
+        for error in [] if is_wanted else content['errors']:
             case = ElementTree.SubElement(
                 suite, 'testcase', name='recording', classname='recording')
             ElementTree.SubElement(case, 'error', message=_clean(error))
@@ -113,6 +110,9 @@ def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str) -> str:
         for kind in ('failure', 'error', 'skipped'):
             plural = kind if kind == 'skipped' else f'{kind}s'
             suite.set(plural, str(len(suite.findall(f'*/{kind}'))))
+        if is_wanted and content['errors']:
+            output = ElementTree.SubElement(suite, 'system-out')
+            output.text = _clean('\n'.join(content['errors']))
     ElementTree.indent(suites)
     return ElementTree.tostring(suites, encoding='unicode', xml_declaration=True) + '\n'
 

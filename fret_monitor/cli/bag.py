@@ -15,25 +15,27 @@
 """`bag BUNDLE BAG...`: the compiled monitors over recordings."""
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from importlib.util import find_spec
 import json
 import os
 from pathlib import Path
 import sys
-from typing import TextIO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import pip_install, refuse
+from fret_monitor.model.diagnostics import CompileError, pip_install, refuse
 from fret_monitor.model.output import open_output, refuse_overwriting
 from fret_monitor.model.policies import Stamp
+from fret_monitor.native.errors import NativeError
 
 if TYPE_CHECKING:
     from fret_monitor.bag.check import Result, Selection
     from fret_monitor.bag.fleet import Outcome
+    from fret_monitor.bag.results_file import ResultsFile
 
 _PAGES = ('.html', '.htm')
 _MOMENT = 'seconds since the start, seconds since 1970, or such as end-3'
@@ -87,6 +89,18 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Check recordings; return 1 if something could not be seen, or at a wanted violation."""
+    from fret_monitor.bag.results_file import failed_line, problem_texts, recording_key
+    lines: dict[str, str] = {}
+    try:
+        return _run(options, lines)
+    except (CompileError, NativeError) as error:
+        for path in options.bags:
+            if options.json and recording_key(path) not in lines:
+                print(failed_line(path, problem_texts(error)), flush=True)
+        raise
+
+
+def _run(options: Namespace, lines: dict[str, str]) -> int:
     if find_spec('rosbags') is None:
         refuse('`bag` needs the extra `bag`', help=pip_install('rosbags'))
     from fret_monitor.bag.recording import files_of
@@ -102,7 +116,7 @@ def run(options: Namespace) -> int:
             refuse(f'{name} is of one recording, here are {len(options.bags)}',
                    help='call the command once for each' if path is not options.report else
                    'name a folder, for an index and a page each')
-    return _check(options, bundle, _selection(options))
+    return _check(options, bundle, _selection(options), lines)
 
 
 def _selection(options: Namespace) -> 'Selection':
@@ -113,14 +127,16 @@ def _selection(options: Namespace) -> 'Selection':
         None if options.stamp is None else Stamp(options.stamp), dict(options.constants))
 
 
-def _check(options: Namespace, bundle: Path, selection: 'Selection') -> int:
-    from fret_monitor.bag.results import junit
-    lines: dict[str, str] = {}
-    texts: dict[str, str] = {}
+def _check(options: Namespace, bundle: Path, selection: 'Selection', lines: dict[str, str]) -> int:
+    """Check recordings, and add the line of each to `lines`."""
+    from fret_monitor.bag.results_file import recording_key, ResultsFile
     status = 0
     folder = _report_folder(options)
-    for outcome in _counted(_outcomes(options, bundle, selection, folder), len(options.bags)):
-        lines[_key(outcome.path)] = outcome.line
+    results = None if options.results is None else ResultsFile(options.results)
+    texts: dict[str, str] = {}
+    for outcome in _counted(
+            _outcomes(options, bundle, selection, folder, results), len(options.bags)):
+        lines[recording_key(outcome.path)] = outcome.line
         if outcome.result is not None:
             texts = {item.id: item.text for item in outcome.result.manifest.requirements}
         _print(outcome, selection, is_json=options.json)
@@ -129,15 +145,27 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection') -> int:
         if outcome.error or (content['errors'] and not selection.is_partial) \
                 or (is_violated and options.fail_on_violation):
             status = 1
-    found = [lines[key] for key in map(_key, options.bags) if key in lines]
+    found = [lines[key] for key in map(recording_key, options.bags) if key in lines]
     if options.junit is not None:
-        with open_output(options.junit) as file:
-            file.write(junit(found, texts, bundle.stem))
+        _write_junit(options, bundle, selection, found, texts)
     if folder is not None:
         from fret_monitor.bag.index import index_page
         with open_output(folder / 'index.html') as file:
             file.write(index_page(f'{bundle.stem}: {len(found)} recordings', found, folder))
+    if results is not None and results.error:
+        refuse(results.error, help='the recordings printed since then will be checked again')
     return status
+
+
+def _write_junit(options: Namespace, bundle: Path, selection: 'Selection', found: Sequence[str],
+                 texts: Mapping[str, str]) -> None:
+    from fret_monitor.bag.check import requirement_texts
+    from fret_monitor.bag.results import junit
+    judged = [item['bag'] for item in map(json.loads, found) if item['requirements']]
+    if judged and not texts:  # all were checked before
+        texts = requirement_texts(bundle, Path(judged[0]), selection)
+    with open_output(options.junit) as file:
+        file.write(junit(found, texts, bundle.stem, is_partial=selection.is_partial))
 
 
 def _print(outcome: 'Outcome', selection: 'Selection', *, is_json: bool) -> None:
@@ -184,42 +212,45 @@ def _report_folder(options: Namespace) -> Path | None:
     return folder
 
 
-def _key(path: Path | str) -> str:
-    return str(Path(path).absolute())
-
-
-def _outcomes(options: Namespace, bundle: Path, selection: 'Selection',
-              folder: Path | None) -> Iterator['Outcome']:
-    from fret_monitor.bag.fleet import finished_lines, Outcome, reusable, settings_of
-    if options.results is None:
+def _outcomes(options: Namespace, bundle: Path, selection: 'Selection', folder: Path | None,
+              results: 'ResultsFile | None') -> Iterator['Outcome']:
+    from fret_monitor.bag.fleet import Outcome, page_name, reusable, settings_of
+    from fret_monitor.bag.results_file import finished_lines
+    if results is None:
         yield from _checked(options, bundle, options.bags, selection, folder, '')
         return
     settings = settings_of(bundle, selection)
-    known = finished_lines(options.results)
+    known = {} if _has_files(options, folder) else finished_lines(options.results)
     left = []
     for path in options.bags:
-        line = reusable(known, path, settings)
+        page = None if folder is None else folder / page_name(path)
+        line = reusable(known, path, settings, page)
         if line is None:
             left.append(path)
         else:
             yield Outcome(path, line, None)
-    with options.results.open('a', encoding='utf-8') as file:
-        _end_line(options.results, file)
-        for outcome in _checked(options, bundle, left, selection, folder, settings):
-            file.write(outcome.line + '\n')
-            file.flush()
-            yield outcome
+    for outcome in _checked(options, bundle, left, selection, folder, settings):
+        results.add(outcome.line)
+        yield outcome
+
+
+def _has_files(options: Namespace, folder: Path | None) -> bool:
+    """Return whether files are to be written that only a check of the recording can give."""
+    return options.csv is not None or options.mcap is not None or (
+        options.report is not None and folder is None)
 
 
 def _checked(options: Namespace, bundle: Path, paths: Sequence[Path], selection: 'Selection',
              folder: Path | None, settings: str) -> Iterator['Outcome']:
     """Check recordings, in the way that the options say."""
-    from fret_monitor.bag.fleet import check_all, check_on_cluster, check_one, outcome_of
-    has_files = options.csv is not None or options.mcap is not None or (
-        options.report is not None and folder is None)
-    if has_files and paths:
+    from fret_monitor.bag.fleet import (
+        check_all, check_on_cluster, check_one, outcome_of, page_name,
+    )
+    if _has_files(options, folder) and paths:
+        page = None if folder is None else folder / page_name(paths[0])
         yield outcome_of(
-            paths[0], lambda: _with_changes(options, bundle, selection, folder), settings)
+            paths[0], lambda: _with_changes(options, bundle, selection, page or options.report),
+            settings, page)
     elif options.dask is not None:
         if find_spec('distributed') is None:
             refuse('--dask needs the extra `dask`', help=pip_install('distributed'))
@@ -235,18 +266,10 @@ def _checked(options: Namespace, bundle: Path, paths: Sequence[Path], selection:
                              reports=folder)
 
 
-def _end_line(path: Path, file: TextIO) -> None:
-    """End the last line, which a run that was stopped may have left unfinished."""
-    content = path.read_bytes()
-    if content and not content.endswith(b'\n'):
-        file.write('\n')
-
-
 def _with_changes(options: Namespace, bundle: Path, selection: 'Selection',
-                  folder: Path | None) -> 'Result':
-    """Check a recording, and write what happens in it to the files that the options name."""
+                  page: Path | None) -> 'Result':
+    """Check a recording, and write what happens in it to `page` and as the options say."""
     from fret_monitor.bag.check import Changes, check_recording
-    from fret_monitor.bag.fleet import page_name
     from fret_monitor.bag.report import check_and_report
     from fret_monitor.bag.results import ChangesCsv
     from fret_monitor.bag.violations import open_violations
@@ -258,7 +281,6 @@ def _with_changes(options: Namespace, bundle: Path, selection: 'Selection',
             changes.append(stack.enter_context(
                 open_violations(options.mcap, options.namespace)))
         path = options.bags[0]
-        page = options.report if folder is None else folder / page_name(path)
         report = stack.enter_context(progress('bag'))
         if page is None:
             return check_recording(bundle, path, selection, changes=changes, progress=report)

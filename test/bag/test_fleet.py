@@ -1,0 +1,232 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Many recordings: when earlier results count, and what becomes of the files asked for."""
+
+from errno import ENOSPC
+import json
+import os
+from pathlib import Path
+import threading
+from xml.etree import ElementTree
+
+from bag.recordings import START, write
+from fret_monitor.bag.check import check_recording
+from fret_monitor.bag.results_file import finished_lines, ResultsFile
+from fret_monitor.cli.main import main
+import pytest
+from rosbags.rosbag2 import Reader, Writer
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+
+LOW = """format: 1
+inputs: {level: {topic: level, type: std_msgs/msg/Float64}}
+requirements: [{id: LOW, ptltl: "level < 0.5"}]
+"""
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> Path:
+    """Write a bundle that a level of 0.5 violates."""
+    file = tmp_path / 'low.yaml'
+    file.write_text(LOW, encoding='utf-8')
+    return file
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """Write a recording that violates it in its second message."""
+    return write(tmp_path / 'recording', [('/level', 0, 0.0), ('/level', 5, 0.7)])
+
+
+def test_results_do_not_count_after_a_file_of_the_bundle_changed(
+        tmp_path: Path, capsys: Capture) -> None:
+    kind = 'tank_msgs/msg/Level'  # its definition is in the recording alone
+    types = get_typestore(Stores.ROS2_JAZZY)
+    types.register(get_types_from_msg('float64 level', kind))
+    with Writer(tmp_path / 'tank', version=9) as writer:
+        topic = writer.add_connection('/level', kind, typestore=types)
+        writer.write(topic, START, types.serialize_cdr(types.types[kind](0.7), kind))
+    signals, file = tmp_path / 'signals.yaml', tmp_path / 'tank.yaml'
+    signals.write_text(f"""format: 1
+constants: {{limit: 0.9}}
+inputs: {{level: {{topic: level, type: {kind}, field: level}}}}
+""", encoding='utf-8')
+    file.write_text("""format: 1
+signals: signals.yaml
+requirements: [{id: LOW, ptltl: "level < limit"}]
+""", encoding='utf-8')
+    arguments = ['bag', str(file), str(tmp_path / 'tank'), '--results', str(tmp_path / 'r.jsonl')]
+    for _ in range(2):
+        assert main(arguments) == 0
+    assert 'checked before, no violation' in capsys.readouterr().out
+    signals.write_text(signals.read_text(encoding='utf-8').replace('0.9', '0.5'), encoding='utf-8')
+    assert main([*arguments, '--fail-on-violation']) == 1
+    assert 'VIOLATED' in capsys.readouterr().out
+    assert main([*arguments, '--constant', 'limit=0.9', '--fail-on-violation']) == 0
+    assert 'satisfied' in capsys.readouterr().out
+
+
+def test_results_do_not_count_if_the_recording_changed_meanwhile(
+        tmp_path: Path, bundle: Path, recording: Path, capsys: Capture,
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        def check_and_change(*arguments: object, **named: object) -> object:
+            result = check_recording(*arguments, **named)  # type: ignore[arg-type]
+            with (recording / 'recording.mcap').open('ab') as file:
+                file.write(b'more')
+            return result
+
+        patch.setattr('fret_monitor.bag.fleet.check_recording', check_and_change)
+        arguments = ['bag', str(bundle), str(recording), '--results', str(tmp_path / 'r.jsonl')]
+        assert main([*arguments, '--json']) == 0
+        assert json.loads(capsys.readouterr().out)['sha256'] is None
+    main(arguments)
+    assert 'checked before' not in capsys.readouterr().out
+
+
+def test_files_are_written_though_the_recording_was_checked_before(
+        tmp_path: Path, bundle: Path, recording: Path, capsys: Capture) -> None:
+    arguments = ['bag', str(bundle), str(recording), '--results', str(tmp_path / 'r.jsonl')]
+    for option, name in (('--csv', 'c.csv'), ('--mcap', 'm.mcap'), ('--report', 'p.html')):
+        for _ in range(2):
+            assert main([*arguments, option, str(tmp_path / name)]) == 0
+            (tmp_path / name).unlink()
+    junit = tmp_path / 'j.xml'
+    assert main([*arguments, '--junit', str(junit)]) == 0
+    assert 'checked before' in capsys.readouterr().out
+    failure, = ElementTree.parse(junit).iter('failure')
+    assert failure.text == 'level < 0.5'
+
+
+def test_an_index_has_the_pages_of_recordings_that_were_checked_before(
+        tmp_path: Path, bundle: Path, recording: Path, capsys: Capture) -> None:
+    second = write(tmp_path / 'second', [('/level', 0, 0.0)])
+    reports = tmp_path / 'reports'
+    arguments = ['bag', str(bundle), str(recording), str(second),
+                 '--results', str(tmp_path / 'r.jsonl')]
+    assert main(arguments) == 0
+    with_reports = [*arguments, '--report', str(reports)]
+    assert main(with_reports) == 0
+    pages = sorted(reports.glob('re*.html')) + sorted(reports.glob('second*.html'))
+    assert len(pages) == 2
+    capsys.readouterr()
+    assert main(with_reports) == 0
+    assert capsys.readouterr().out.count('checked before') == 2
+    pages[0].unlink()
+    pages[1].write_text('of another bundle', encoding='utf-8')
+    assert main(with_reports) == 0
+    assert 'checked before' not in capsys.readouterr().out
+    assert all('LOW' in page.read_text(encoding='utf-8') for page in pages)
+    index = (reports / 'index.html').read_text(encoding='utf-8')
+    assert all(f'href="{page.name}"' in index for page in pages)
+
+
+def read_pipe(pipe: Path, found: list[bytes]) -> threading.Thread:
+    """Make a pipe, and start to read it."""
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: found.append(pipe.read_bytes()), daemon=True)
+    reader.start()
+    return reader
+
+
+@pytest.mark.parametrize('option', ['--mcap', '--csv', '--report', '--junit'])
+def test_a_pipe_is_written_and_not_replaced(
+        tmp_path: Path, bundle: Path, recording: Path, option: str) -> None:
+    pipe, found = tmp_path / 'pipe.html', list[bytes]()
+    reader = read_pipe(pipe, found)
+    assert main(['bag', str(bundle), str(recording), option, str(pipe)]) == 0
+    reader.join(10)
+    assert pipe.is_fifo()
+    assert len(found[0]) > 50
+    if option == '--mcap':
+        (tmp_path / 'out.mcap').write_bytes(found[0])
+        with Reader(tmp_path / 'out.mcap') as reader_of_mcap:
+            assert reader_of_mcap.message_count > 2
+
+
+def test_results_are_not_kept_in_a_pipe(
+        tmp_path: Path, bundle: Path, recording: Path, capsys: Capture) -> None:
+    os.mkfifo(tmp_path / 'pipe')
+    assert main(['bag', str(bundle), str(recording), '--results', str(tmp_path / 'pipe')]) == 1
+    assert 'it is not a regular file' in capsys.readouterr().err
+
+
+def test_results_that_were_cut_off_are_read(tmp_path: Path) -> None:
+    results = tmp_path / 'r.jsonl'
+    file = ResultsFile(results)
+    for name in ('säck', 'line\u2028separator\x85', 'no\udcff'):
+        file.add(json.dumps({'bag': name}, ensure_ascii=False))
+    results.write_bytes(results.read_bytes() + '{"bag": "ä'.encode()[:-1])
+    again = ResultsFile(results)
+    again.add('{"bag": "last"}')
+    assert [Path(name).name for name in finished_lines(results)] == [
+        'säck', 'line\u2028separator\x85', 'no\udcff', 'last']
+
+
+def test_a_name_that_is_not_utf_8_is_in_the_results(
+        tmp_path: Path, bundle: Path, recording: Path, capsys: Capture) -> None:
+    path = tmp_path / os.fsdecode(b'bad\xff.mcap')
+    (recording / 'recording.mcap').rename(path)
+    results, junit = tmp_path / 'r.jsonl', tmp_path / 'j.xml'
+    arguments = ['bag', str(bundle), str(path), '--results', str(results), '--junit', str(junit)]
+    for _ in range(2):
+        assert main([*arguments, '--report', str(tmp_path / 'pages')]) == 0
+    assert capsys.readouterr().out.count('checked before') == 1
+    assert json.loads(results.read_text(encoding='utf-8'))['bag'] == str(path)
+
+
+def test_a_full_disk_does_not_end_the_run(
+        tmp_path: Path, bundle: Path, recording: Path, capsys: Capture,
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    results = tmp_path / 'r.jsonl'
+    open_file = Path.open
+
+    class Full:
+        """A file on a full disk."""
+
+        def __enter__(self) -> 'Full':
+            return self
+
+        def __exit__(self, *error: object) -> None:
+            """Close it."""
+
+        def write(self, data: object) -> None:
+            raise OSError(ENOSPC, 'No space left on device')
+
+        def flush(self) -> None:
+            """Write nothing."""
+
+    def full(path: Path, mode: str = 'r', **options: str) -> object:
+        is_it = path == results and mode in ('a', 'ab')
+        return Full() if is_it else open_file(path, mode, **options)  # type: ignore[call-overload]
+
+    second = write(tmp_path / 'second', [('/level', 0, 0.0)])
+    results.write_text('', encoding='utf-8')
+    monkeypatch.setattr(Path, 'open', full)
+    assert main(['bag', str(bundle), str(recording), str(second), '--results', str(results)]) == 1
+    out, err = capsys.readouterr()
+    assert (out.count('VIOLATED'), out.count('satisfied')) == (1, 1)
+    assert f"cannot write '{results}': No space left on device" in err
+    assert err.count('No space') == 1
+
+
+def test_one_recording_by_two_names_is_checked_once(
+        tmp_path: Path, bundle: Path, recording: Path, capsys: Capture,
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    results = ['--results', 'r.jsonl']
+    assert main(['bag', str(bundle), str(recording), *results]) == 0
+    assert main(['bag', str(bundle), 'recording', *results]) == 0
+    assert 'checked before' in capsys.readouterr().out
