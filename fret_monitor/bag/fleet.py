@@ -27,6 +27,7 @@ from functools import partial
 import hashlib
 from importlib import import_module
 import json
+import logging
 from multiprocessing import get_context
 from pathlib import Path
 import re
@@ -217,16 +218,19 @@ def check_on_cluster(bundle: Path, paths: Sequence[Path], selection: Selection, 
     Raises
     ------
     CompileError
-        if there is no scheduler.
+        if there is no scheduler, or it has no worker.
     """
     dask: Any = import_module('distributed')
+    logging.getLogger('distributed').setLevel(logging.ERROR)  # it logs how a cluster starts
     paths = [path.absolute() for path in paths]
     check = partial(check_one, settings=settings,
                     reports=None if reports is None else reports.absolute())
     with ExitStack() as stack:
         if address == 'local':
+            # Without an address its server would take port 8787, on all networks.
             cluster = stack.enter_context(dask.LocalCluster(
-                n_workers=jobs, threads_per_worker=1, dashboard_address=None))
+                n_workers=jobs, threads_per_worker=1, dashboard_address='127.0.0.1:0',
+                scheduler_kwargs={'dashboard': False}))
             client = stack.enter_context(dask.Client(cluster))
         else:
             try:
@@ -234,6 +238,7 @@ def check_on_cluster(bundle: Path, paths: Sequence[Path], selection: Selection, 
             except (OSError, ValueError) as error:
                 refuse(f"no scheduler of Dask at '{address}': {error}",
                        help='start one: dask scheduler; dask worker ADDRESS; or --dask local')
+            _expect_worker(client, address)
         waiting = {client.submit(check, bundle.absolute(), path, selection, pure=False): path
                    for path in paths}
         for done in dask.as_completed(list(waiting)):
@@ -242,6 +247,14 @@ def check_on_cluster(bundle: Path, paths: Sequence[Path], selection: Selection, 
                 yield done.result()
             else:  # its worker died, again and again, or lacks what is needed
                 yield _failed(waiting[done], f'{type(problem).__name__}: {problem}')
+
+
+def _expect_worker(client: Any, address: str) -> None:
+    try:
+        client.wait_for_workers(1, timeout=_CLUSTER_TIMEOUT_S)
+    except TimeoutError:
+        refuse(f"the scheduler of Dask at '{address}' has no worker",
+               help=f'start one, or several: dask worker {address}')
 
 
 def reusable(lines: Mapping[str, str], path: Path, settings: str,

@@ -323,7 +323,9 @@ def test_several_recordings_in_processes_and_a_run_that_goes_on(
     assert sum('bag1' in line for line in results.read_text(encoding='utf-8').splitlines()) == 1
 
 
-def test_recordings_on_a_cluster(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_recordings_on_a_cluster(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str],
+        caplog: pytest.LogCaptureFixture) -> None:
     pytest.importorskip('distributed', reason='needs the extra dask')
     file, reports, junit = (tmp_path / name for name in ('soon.yaml', 'reports', 'junit.xml'))
     file.write_text("""format: 1
@@ -345,6 +347,7 @@ requirements:
                  '--junit', str(junit)]) == 1
     out, err = capsys.readouterr()
     assert f"cannot read the recording '{bad}'" in err
+    assert not [item for item in caplog.records if item.name.startswith('distributed')]
     found = {item['bag']: item for item in map(json.loads, out.splitlines())}
     assert {path: item['read'] for path, item in found.items()} == {
         **{str(path): count for path, count in zip(paths, (2, 2, 3))}, str(bad): 0}

@@ -230,3 +230,56 @@ def test_one_recording_by_two_names_is_checked_once(
     assert main(['bag', str(bundle), str(recording), *results]) == 0
     assert main(['bag', str(bundle), 'recording', *results]) == 0
     assert 'checked before' in capsys.readouterr().out
+
+
+def test_a_cluster_without_workers_is_an_error(
+        bundle: Path, recording: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = pytest.importorskip('distributed', reason='needs the extra dask')
+    monkeypatch.setattr('fret_monitor.bag.fleet._CLUSTER_TIMEOUT_S', 1)
+    with distributed.LocalCluster(n_workers=0, dashboard_address='127.0.0.1:0',
+                                  scheduler_kwargs={'dashboard': False}) as cluster:
+        address = cluster.scheduler_address
+        assert main(['bag', str(bundle), str(recording), '--dask', address]) == 1
+    err = capsys.readouterr().err
+    assert f"error: the scheduler of Dask at '{address}' has no worker" in err
+    assert f'= help: start one, or several: dask worker {address}' in err
+
+
+def test_every_error_is_json(
+        tmp_path: Path, bundle: Path, recording: Path, capsys: Capture,
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    def errors(*arguments: object) -> list[list[str]]:
+        assert main(['bag', *map(str, arguments), '--json']) == 1
+        out, err = capsys.readouterr()
+        assert 'error: ' in err
+        return [json.loads(line)['errors'] for line in out.splitlines()]
+
+    bad = tmp_path / 'bad.yaml'
+    bad.write_text(LOW.replace('< 0.5', '< < 0.5'), encoding='utf-8')
+    for arguments, text in (
+            ((tmp_path / 'gone.yaml', recording), 'there is no file '),
+            ((bundle, recording, recording / 'x', '--csv', 'c.csv'), '--csv is of one recording'),
+            ((bad, recording), f'{bad}:3:'), ((bundle, tmp_path / 'no'), 'there is no recording')):
+        found = errors(*arguments)
+        assert len(found) == (2 if '--csv' in arguments else 1)
+        assert all(error.startswith(text) and '\n' not in error for error, in found), found
+    monkeypatch.setattr('fret_monitor.cli.bag.find_spec', lambda name: None)
+    (text,), = errors(bundle, recording)
+    assert text.startswith('`bag` needs the extra `bag`; ')
+
+
+def test_junit_agrees_with_the_exit_status_of_a_partial_check(
+        tmp_path: Path, bundle: Path, recording: Path) -> None:
+    junit = tmp_path / 'j.xml'
+    file = recording / 'recording.mcap'
+    file.write_bytes(file.read_bytes().replace(b'/level', b'/leval'))
+    arguments = ['bag', str(bundle), str(file), '--junit', str(junit)]
+    assert main([*arguments]) == 1
+    assert ElementTree.parse(junit).getroot()[0].get('errors') == '1'
+    assert main([*arguments, '--partial']) == 0
+    suite, = ElementTree.parse(junit).getroot()
+    assert (suite.get('errors'), suite.get('skipped'), suite.get('tests')) == ('0', '1', '1')
+    assert '/level was not recorded' in suite.findtext('system-out', '')
+    file.write_bytes(b'')
+    assert main([*arguments, '--partial']) == 1
+    assert ElementTree.parse(junit).getroot()[0].get('errors') == '1'
