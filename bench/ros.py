@@ -42,6 +42,10 @@ import sys
 from tempfile import TemporaryDirectory, TemporaryFile
 import time
 
+from fret_monitor.build import generate_monitor, read
+from fret_monitor.export.content import Options
+from fret_monitor.export.ros2 import NODE_PACKAGES, ros2
+from fret_monitor.export.ros2_table import packages_of
 from fret_monitor.native.compiler import find_compiler
 from fret_monitor.ros.parameters import MONITOR_PARAMETERS
 
@@ -65,6 +69,9 @@ SILENCES = 10.0  # a second
 SETTLE = 8.0  # s for an idle monitor to start, and to log what it waits for
 HANDLER = 'copilot/handlerpropEACH'
 PACKAGES = ('std_msgs', 'sensor_msgs', 'diagnostic_msgs')
+NODE_LIBRARIES = ('rcl', 'rcl_lifecycle', 'rcl_yaml_param_parser', 'rcutils', 'rmw',
+                  'rosidl_runtime_c')
+EXPORTED = 'exported node'
 
 
 # -- the programs in C ----------------------------------------------------------------------------
@@ -75,28 +82,62 @@ def prefixes() -> list[Path]:
     return [Path(name) for name in (*filter(None, sourced), sys.prefix)]
 
 
-def build(name: str, folder: Path) -> Path:
-    """Compile a program of `bench/ros` into a folder, and return it."""
-    program = folder / name
-    included = [place for prefix in prefixes() for place in sorted(glob(f'{prefix}/include/*/'))]
-    linked = [place for prefix in prefixes()
+def searched() -> list[str]:
+    """Return the arguments by which a C compiler finds the headers of ROS."""
+    return [f'-isystem{place}' for prefix in prefixes()
+            for place in sorted(glob(f'{prefix}/include/*/'))]
+
+
+def linked(libraries: Sequence[str], packages: Sequence[str]) -> list[str]:
+    """Return the arguments to link libraries of ROS, and the messages of packages."""
+    places = [place for prefix in prefixes()
               for place in (f'{prefix}/lib', *sorted(glob(f'{prefix}/lib/python*/*/ros_*.libs')))
               if Path(place).is_dir()]
-    libraries = ['rcl', 'rcutils', 'rmw', 'rosidl_runtime_c',
-                 *(f'{package}__rosidl_{kind}_c' for package in PACKAGES
-                   for kind in ('typesupport', 'generator'))]
-    done = subprocess.run(
-        [*find_compiler().command, '-std=c99', '-D_POSIX_C_SOURCE=200809L', '-O2',
-         *(f'-isystem{place}' for place in included),
-         str(HERE / 'ros' / f'{name}.c'), str(HERE / 'ros' / 'no_python.c'), '-o', str(program),
-         *(f'-L{place}' for place in linked),
-         # DT_RPATH, unlike DT_RUNPATH, is also used for the dependencies of libraries.
-         '-rdynamic', '-Wl,--disable-new-dtags', '-Wl,--unresolved-symbols=ignore-in-shared-libs',
-         *(f'-Wl,-rpath,{place}' for place in linked), *(f'-l{name}' for name in libraries)],
-        capture_output=True, text=True, check=False)
+    return [
+        *(f'-L{place}' for place in places),
+        # DT_RPATH, unlike DT_RUNPATH, is also used for the dependencies of libraries.
+        '-rdynamic', '-Wl,--as-needed', '-Wl,--disable-new-dtags',
+        '-Wl,--unresolved-symbols=ignore-in-shared-libs',
+        *(f'-Wl,-rpath,{place}' for place in places), *(f'-l{name}' for name in libraries),
+        *(f'-l{package}__rosidl_{kind}_c' for package in packages
+          for kind in ('typesupport', 'generator'))]
+
+
+def rmw_library() -> str:
+    """Return the library with the functions of rmw: the wheels have no rmw_implementation."""
+    has_choice = any((prefix / 'lib' / 'librmw_implementation.so').is_file()
+                     for prefix in prefixes())
+    return 'rmw_implementation' if has_choice else 'rmw_fastrtps_cpp'
+
+
+def build(name: str, folder: Path) -> Path:
+    """Compile a program of `bench/ros` into a folder, and return it."""
+    return compiled(folder / name, [
+        '-std=c99', '-D_POSIX_C_SOURCE=200809L', '-O2', *searched(),
+        str(HERE / 'ros' / f'{name}.c'), str(HERE / 'ros' / 'no_python.c'),
+        *linked(['rcl', 'rcutils', 'rmw', 'rosidl_runtime_c'], PACKAGES)])
+
+
+def compiled(program: Path, arguments: Sequence[str]) -> Path:
+    """Compile and link a program, and return it."""
+    done = subprocess.run([*find_compiler().command, *arguments, '-o', str(program)],
+                          capture_output=True, text=True, check=False)
     if done.returncode:
-        raise SystemExit(f'{name}.c cannot be built here:\n{done.stderr}')
+        raise SystemExit(f'{program.name} cannot be built here:\n{done.stderr}')
     return program
+
+
+def exported(bundle: Path, folder: Path) -> Path:
+    """Compile the node of `export --to ros2` into a folder, and return it."""
+    generated = generate_monitor(read(bundle))
+    folder.mkdir(exist_ok=True)
+    for name, text in ros2(generated, Options()).generated.items():
+        (folder / Path(name).name).write_text(text, encoding='utf-8')
+    return compiled(folder / 'monitor', [
+        '-std=c99', '-O2', '-ffp-contract=off', *searched(),
+        *(str(path) for path in sorted(folder.glob('*.c'))), str(HERE / 'ros' / 'no_python.c'),
+        *linked([*NODE_LIBRARIES, rmw_library()],
+                sorted({*NODE_PACKAGES, *packages_of(generated.manifest)})), '-lm', '-pthread'])
 
 
 # -- processes ------------------------------------------------------------------------------------
@@ -373,6 +414,11 @@ class Bench:
         return [Subject(name, (*command, '-p', f"hot_path:='{way}'"), is_monitor=True)
                 for name, way in (('monitor', 'auto'), ('monitor, hot_path off', 'off'))]
 
+    def all_monitors(self, bundle: Path) -> list[Subject]:
+        """Return the monitors, and the node of `export --to ros2`."""
+        program = exported(bundle, self.folder / f'{bundle.stem}_node')
+        return [*self.monitors(bundle), Subject(EXPORTED, (str(program),), is_monitor=True)]
+
     def bundle(self, name: str, inputs: str, requirements: str) -> Path:
         """Write a bundle and return its path."""
         path = self.folder / f'{name}.yaml'
@@ -467,7 +513,7 @@ def quiet(bench: Bench) -> Iterator[Row]:
     work = bench.work(TOPICS, bench.rate)
     example = HERE.parent / 'config' / 'quadrotor.yaml'
     found = rounds_of(bench, work, [
-        bench.bare(work), bench.unread(work), bench.callback(work), *bench.monitors(example),
+        bench.bare(work), bench.unread(work), bench.callback(work), *bench.all_monitors(example),
         bench.rclpy(work)])
     yield from processor_rows('no violation', found, '1.0')
     for figure, name in (('resident memory (VmRSS)', 'resident'),
@@ -484,7 +530,7 @@ def violations(bench: Bench) -> Iterator[Row]:
     publish = ('--publish', HANDLER)
     found = rounds_of(bench, work, [
         bench.bare(work, *publish), bench.unread(work, *publish),
-        bench.callback(work, *publish), *bench.monitors(bundle), bench.rclpy(work, *publish)])
+        bench.callback(work, *publish), *bench.all_monitors(bundle), bench.rclpy(work, *publish)])
     yield from processor_rows('a violation each', found, '1.1')
     del found[UNREAD]
     for name in ('p50', 'p99'):
@@ -500,7 +546,7 @@ def deadlines(bench: Bench) -> Iterator[Row]:
         '  - {id: EACH, report: onset, ptltl: "current > 0.0"}\n')
     found = rounds_of(bench, work, [
         bench.callback(work, '--publish', HANDLER, '--after', str(TIMEOUT)),
-        *bench.monitors(bundle)])
+        *bench.all_monitors(bundle)])
     late = {name: [replace(item, p50=item.p50 - 1e6 * TIMEOUT, p99=item.p99 - 1e6 * TIMEOUT)
                    for item in samples] for name, samples in found.items()}
     for name in ('p50', 'p99'):
@@ -514,7 +560,7 @@ def idle(bench: Bench) -> Iterator[Row]:
     bundle = bench.bundle(
         'idle', ''.join(float_input(f'x{i}', f'x{i}', more) for i in range(REQUIREMENTS)),
         ''.join(f'  - {{id: R{i}, ptltl: "x{i} < 1.0"}}\n' for i in range(REQUIREMENTS)))
-    for subject in bench.monitors(bundle):
+    for subject in bench.all_monitors(bundle):
         found = []
         for _ in range(bench.rounds):
             running = Running(subject)
@@ -539,7 +585,7 @@ def cloud(bench: Bench) -> Iterator[Row]:
         '    field: header.stamp.sec\n    qos: {depth: 10}\n',
         '  - {id: R, ptltl: "sec >= 0"}\n')
     found = rounds_of(bench, work, [
-        bench.bare(work), bench.unread(work), *bench.monitors(bundle)])
+        bench.bare(work), bench.unread(work), *bench.all_monitors(bundle)])
     yield from processor_rows('1 MB PointCloud2', found, '1.0')
 
 
@@ -550,7 +596,7 @@ def flood(bench: Bench) -> Iterator[Row]:
         'flood', float_input('current', TOPICS[0], ', qos: {depth: 10}'),
         '  - {id: R, ptltl: "current >= 0.0"}\n')
     found = rounds_of(bench, work, [
-        bench.bare(work), *bench.monitors(bundle), bench.rclpy(work)])
+        bench.bare(work), *bench.all_monitors(bundle), bench.rclpy(work)])
     for row in rows('kept of a flood, depth 10', '%', found,
                     lambda item: 100.0 * item.counted / item.sent, 'at least 90 %'):
         yield replace(row, note=row.note.partition(',')[0] if row.note.startswith('in ') else '')
@@ -577,7 +623,7 @@ def start(bench: Bench) -> Iterator[Row]:
             ''.join(float_input(f'x{i}', topic) for i, topic in enumerate(topics)),
             ''.join(f'  - {{id: R{i}, ptltl: "x{i % len(topics)} < -{i}.0"}}\n'
                     for i in range(REQUIREMENTS)))
-        subjects = [bench.bare(work, '--publish', handler), *bench.monitors(bundle),
+        subjects = [bench.bare(work, '--publish', handler), *bench.all_monitors(bundle),
                     bench.rclpy(work, '--publish', handler)]
         for subject in subjects:
             started(bench.load, work, subject)  # compiles, and fills the file system's cache

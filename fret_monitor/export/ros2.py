@@ -35,8 +35,10 @@ from fret_monitor.native.cache import csrc_directory, EVALUATOR_SOURCES
 NODE_NAME = 'fret_monitor'
 """As that of the monitor in Python, so that services and topics have the same names."""
 
-_OF_NODE = ('diagnostic_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rosgraph_msgs', 'std_msgs',
-            'std_srvs')
+NODE_PACKAGES = ('diagnostic_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rosgraph_msgs',
+                 'std_msgs', 'std_srvs')
+"""The packages of the messages and services that every node has."""
+
 _UNUSED = ('in_place.c', 'records.c', 'thinning.c')
 
 
@@ -57,7 +59,7 @@ def ros2(generated: GeneratedMonitor, options: Options) -> Content:
     files = {**csrc_files(*_hand_written_sources()), **generated.module.files}
     sources = {f'src/{name.rpartition("/")[2]}': text for name, text in files.items()}
     sources['src/node_table.c'] = node_table(generated, NODE_NAME)
-    interfaces = sorted({*_OF_NODE, *packages_of(manifest)})
+    interfaces = sorted({*NODE_PACKAGES, *packages_of(manifest)})
     values = {
         **common_values(generated, options),
         'PACKAGE': package_name(export_name(generated)),

@@ -22,16 +22,21 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
-from glob import glob
 import hashlib
+from importlib.util import find_spec
 import os
 from pathlib import Path
+import shutil
 import subprocess
 import sys
 from tempfile import TemporaryDirectory, TemporaryFile
 
+import bench.ros
 from fret_monitor import build
 from fret_monitor.build import GeneratedMonitor
+from fret_monitor.export.content import Options
+from fret_monitor.export.folder import assemble
+from fret_monitor.export.ros2 import NODE_PACKAGES, ros2
 from fret_monitor.export.ros2_table import node_table, packages_of
 from fret_monitor.native import csrc_directory
 from fret_monitor.native.cache import EVALUATOR_SOURCES
@@ -40,20 +45,8 @@ from ros import forked
 from ros.harness import NodeProcess
 
 ROOT = Path(__file__).resolve().parents[2]
-_OF_NODE = ('diagnostic_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rosgraph_msgs', 'std_msgs',
-            'std_srvs')
-_LIBRARIES = ('rcl', 'rcl_lifecycle', 'rcl_yaml_param_parser', 'rcutils', 'rmw',
-              'rosidl_runtime_c')
-# The wheels have rmw_fastrtps_cpp in place of rmw_implementation, and a library in which two
-# symbols of Python are not defined.
 _FLAGS = (*(flag for flag in COMPILE_FLAGS if flag not in (
     '-O2', '-fPIC', '-fvisibility=hidden')), '-O1', '-Werror')
-
-
-def prefixes() -> list[Path]:
-    """Return the prefixes of ROS 2: the sourced installation first, then the wheels."""
-    sourced = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    return [Path(name) for name in (*filter(None, sourced), sys.prefix)]
 
 
 @cache
@@ -65,14 +58,13 @@ def _compiled(sources: Iterable[Path], folder: Path, flags: Sequence[str]) -> li
     """Compile C files with all warnings as errors."""
     csrc = csrc_directory()
     searched = [f'-I{place}' for place in (csrc, csrc / 'ros', csrc / 'node', folder)]
-    searched += [f'-isystem{place}' for prefix in prefixes()
-                 for place in sorted(glob(f'{prefix}/include/*/'))]
     folder.mkdir(parents=True, exist_ok=True)
 
     def compiled(source: Path) -> Path:
         made = folder / f'{source.stem}.o'
         done = subprocess.run(
-            [*find_compiler().command, *_FLAGS, *flags, *searched, '-c', source, '-o', made],
+            [*find_compiler().command, *_FLAGS, *flags, *searched, *bench.ros.searched(),
+             '-c', source, '-o', made],
             capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         return made
@@ -106,35 +98,77 @@ def exported_node(generated: GeneratedMonitor, flags: tuple[str, ...] = ()) -> P
         for name, text in files.items():
             (folder / name).write_text(text, encoding='utf-8')
         objects = _compiled(sorted(folder.glob('*.c')), folder, flags)
-        packages = sorted({*_OF_NODE, *packages_of(generated.manifest)})
+        packages = sorted({*NODE_PACKAGES, *packages_of(generated.manifest)})
         _BUILT[key] = _linked([*objects, *hand_written(flags)], packages, folder / 'node', flags)
     return _BUILT[key]
 
 
 def _linked(objects: Sequence[Path], packages: Sequence[str], program: Path,
             flags: Sequence[str]) -> Path:
-    places = [place for prefix in prefixes()
-              for place in (f'{prefix}/lib', *sorted(glob(f'{prefix}/lib/python*/*/ros_*.libs')))
-              if Path(place).is_dir()]
-    has_choice = any(Path(place, 'librmw_implementation.so').is_file() for place in places)
-    libraries = [*_LIBRARIES, 'rmw_implementation' if has_choice else 'rmw_fastrtps_cpp',
-                 *(f'{package}__rosidl_{kind}_c' for package in packages
-                   for kind in ('typesupport', 'generator'))]
-    done = subprocess.run(
-        [*find_compiler().command, *flags, *objects, '-o', program,
-         *(f'-L{place}' for place in places), *(f'-Wl,-rpath,{place}' for place in places),
-         # DT_RPATH, unlike DT_RUNPATH, is also used for the dependencies of libraries.
-         '-rdynamic', '-Wl,--as-needed', '-Wl,--disable-new-dtags',
-         '-Wl,--unresolved-symbols=ignore-in-shared-libs',
-         *(f'-l{name}' for name in libraries), '-lm', '-pthread'],
-        capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return program
+    return bench.ros.compiled(program, [
+        *flags, *map(str, objects),
+        *bench.ros.linked([*bench.ros.NODE_LIBRARIES, bench.ros.rmw_library()], packages),
+        '-lm', '-pthread'])
 
 
 def exported_bundle(bundle: Path, flags: tuple[str, ...] = ()) -> Path:
     """Return the program of the node of a bundle."""
     return exported_node(build.generate_monitor(build.read(bundle)), flags)
+
+
+# The targets of the wheels name paths of the machine that made them.
+_DROP_MISSING = """
+function(drop_missing)
+  get_property(targets DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR} PROPERTY IMPORTED_TARGETS)
+  foreach(target IN LISTS targets)
+    foreach(property INTERFACE_INCLUDE_DIRECTORIES INTERFACE_LINK_LIBRARIES)
+      get_target_property(found ${target} ${property})
+      set(kept)
+      foreach(item IN LISTS found)
+        if(NOT IS_ABSOLUTE "${item}" OR EXISTS "${item}")
+          list(APPEND kept "${item}")
+        endif()
+      endforeach()
+      if(found)
+        set_target_properties(${target} PROPERTIES ${property} "${kept}")
+      endif()
+    endforeach()
+  endforeach()
+endfunction()
+cmake_language(DEFER CALL drop_missing)
+"""
+
+
+def has_ament_cmake() -> bool:
+    """Return whether CMake and ament_cmake are installed, with what they need of Python."""
+    return shutil.which('cmake') is not None and any(
+        (prefix / 'share' / 'ament_cmake').is_dir() for prefix in bench.ros.prefixes()) and all(
+        find_spec(name) is not None for name in ('ament_package', 'catkin_pkg'))
+
+
+def cmake_build(bundle: Path, folder: Path) -> Path:
+    """Export a bundle, build the package with CMake, install it, and return its program."""
+    generated = build.generate_monitor(build.read(bundle))
+    files = assemble('ros2', generated, Options(), ros2(generated, Options()))
+    for name, text in files.items():
+        (folder / 'package' / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / 'package' / name).write_text(text, encoding='utf-8')
+    (folder / 'drop.cmake').write_text(_DROP_MISSING, encoding='utf-8')
+    no_python = folder / 'no_python.o'
+    bench.ros.compiled(no_python, ['-c', str(ROOT / 'bench' / 'ros' / 'no_python.c')])
+    prefixes = [str(prefix) for prefix in bench.ros.prefixes()]
+    for command in (
+            ('cmake', '-S', folder / 'package', '-B', folder / 'build',
+             f'-DCMAKE_PREFIX_PATH={";".join(prefixes)}', f'-DPython3_EXECUTABLE={sys.executable}',
+             f'-DCMAKE_PROJECT_INCLUDE={folder / "drop.cmake"}',
+             f'-DCMAKE_EXE_LINKER_FLAGS={no_python} {" ".join(bench.ros.linked((), ()))}'),
+            ('cmake', '--build', folder / 'build', '--parallel', '2'),
+            ('cmake', '--install', folder / 'build', '--prefix', folder / 'installed')):
+        done = subprocess.run(
+            [*map(str, command)], capture_output=True, text=True, check=False,
+            env={**os.environ, 'AMENT_PREFIX_PATH': os.pathsep.join(prefixes)})
+        assert done.returncode == 0, f'{done.stdout}\n{done.stderr}'
+    return next((folder / 'installed' / 'lib').glob('*/monitor'))
 
 
 class ExportedNode(NodeProcess):

@@ -37,7 +37,9 @@ from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import (
     DescribeParameters, GetParameters, ListParameters, SetParameters,
 )
-from ros.exported import exported_bundle, ExportedNode, running
+from ros.exported import (
+    cmake_build, exported_bundle, ExportedNode, has_ament_cmake, running,
+)
 from ros.harness import BEST_EFFORT, LATCHED, Partner, PATIENCE, RELIABLE, started, wait_until
 from ros.simulator import simulating
 from ros.talker import talking
@@ -379,3 +381,12 @@ def test_what_cannot_be_used_ends_the_process_with_the_reason(
         assert reason in node.output
     finally:
         node.kill()
+
+
+def test_the_package_builds_with_ament_cmake_and_its_node_runs(
+    domain: int, faults: Path, tmp_path: Path,
+) -> None:
+    if not has_ament_cmake():
+        pytest.skip('ament_cmake or cmake is not installed here')
+    with running(cmake_build(faults, tmp_path), '-r', '__node:=exported') as node:
+        node.wait_for('watching 8 requirements')
