@@ -87,7 +87,8 @@ void fm_parameters_warn(const struct fm_parameters * parameters);
 void fm_parameters_end(struct fm_parameters * parameters);
 
 /// A declared parameter; NULL if there is none.
-struct fm_parameter * fm_parameter_find(const struct fm_parameters * parameters, const char * name);
+struct fm_parameter * fm_parameter_find(
+  const struct fm_parameters * parameters, const char * name);
 
 /// The value of a declared parameter.
 bool fm_parameter_is_true(const struct fm_parameters * parameters, const char * name);

@@ -44,7 +44,8 @@
     package ## __srv__ ## type ## _Request__fini(&request); \
   }
 
-/// Make a service; `name` is relative to the node (`~/reset`). Returns false, with the error logged.
+/// Make a service; `name` is relative to the node (`~/reset`). Returns false, with the error
+/// logged.
 bool fm_service_open(
   struct fm_node * node, rcl_service_t * service, const rosidl_service_type_support_t * type,
   const char * name, const rmw_qos_profile_t * profile);
