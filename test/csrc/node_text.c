@@ -1,0 +1,46 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// Prints floats as text.c spells them: each line of the input is a kind (f, d) and the bits.
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "text.h"
+
+int main(void)
+{
+  char kind;
+  uint64_t bits;
+  struct fm_text text = {NULL, 0, 0};
+  while (scanf(" %c %" SCNu64, &kind, &bits) == 2) {
+    const uint32_t low = (uint32_t)bits;
+    float single;
+    double value;
+    memcpy(&single, &low, sizeof(single));
+    memcpy(&value, &bits, sizeof(value));
+    fm_text_clear(&text);
+    if (kind == 'f') {
+      fm_text_add_float32(&text, single);
+    } else if (kind == 'd') {
+      fm_text_add_float64(&text, value);
+    } else {
+      fm_text_add_short_seconds(&text, (int64_t)bits);
+    }
+    puts(fm_text_get(&text));
+  }
+  fm_text_free(&text);
+  return 0;
+}

@@ -1,0 +1,58 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Numbers in the details and the log of the exported node, spelled as Python spells them."""
+
+from pathlib import Path
+import random
+import struct
+import subprocess
+
+from csrc.test_evaluator import gcc, run, SANITIZERS, WARNINGS
+from fret_monitor.model.floats import shortest_float32
+from fret_monitor.native import csrc_directory
+from fret_monitor.runtime.detail_text import short_seconds
+
+HERE = Path(__file__).resolve().parent
+
+
+def spelled(folder: Path, lines: list[str]) -> list[str]:
+    """Return what the C prints for these lines."""
+    csrc = csrc_directory()
+    done = run(*gcc(), f'-I{csrc}', f'-I{csrc / "node"}', *WARNINGS, '-std=c99', *SANITIZERS,
+               HERE / 'node_text.c', csrc / 'node' / 'text.c', '-o', folder / 'text', '-lm')
+    assert done.returncode == 0, done.stdout
+    printed = subprocess.run([folder / 'text'], input='\n'.join(lines), text=True,
+                             capture_output=True, check=True)
+    return printed.stdout.splitlines()
+
+
+def test_floats_and_times_are_spelled_as_in_python(tmp_path: Path) -> None:
+    chance = random.Random(5)
+    doubles = [chance.getrandbits(64) for _ in range(2000)]
+    doubles += [exponent << 52 for exponent in range(2048)]  # powers of two, 0 and infinity
+    doubles += [struct.unpack('<Q', struct.pack('<d', value))[0] for value in (
+        0.1, 1e16, 9999999999999998.0, 1e-4, 0.00012, 1e-5, 123456.789, -0.0, 1e22, 5e-324)]
+    singles = [chance.getrandbits(32) for _ in range(2000)]
+    singles += [exponent << 23 for exponent in range(256)]
+    times = [0, 1, 10**9, 2_500_000_000, -1, -1_500_000_000, 2**62]
+    printed = spelled(tmp_path, [*(f'd {bits}' for bits in doubles),
+                                 *(f'f {bits}' for bits in singles),
+                                 *(f't {time % 2**64}' for time in times)])
+    wanted = [
+        *(repr(struct.unpack('<d', struct.pack('<Q', bits))[0]) for bits in doubles),
+        *(shortest_float32(struct.unpack('<f', struct.pack('<I', bits))[0]) for bits in singles),
+        *map(short_seconds, times)]
+    assert [pair for pair in zip(printed, wanted) if pair[0] != pair[1]] == []
+    assert len(printed) == len(wanted)
