@@ -70,13 +70,15 @@ def _words(kind: type[Enum]) -> Schema:
     return {'enum': [item.value for item in kind]}
 
 
-def _above(least: float) -> Schema:
-    return {'type': 'number', 'exclusiveMinimum': least}
+def _number(**limits: float) -> Schema:
+    """Return the schema of a number, which may be quoted."""
+    return {'anyOf': [{'type': 'number', **limits},
+                      {'type': 'string', 'pattern': r'^[+-]?[0-9.]+([eE][+-]?[0-9]+)?$'}]}
 
 
-_TEXT: Schema = {'type': _SCALAR}
+_TEXT: Schema = {'type': _SCALAR, 'minLength': 1}
 _FREE: Schema = {'type': [*_SCALAR, 'null']}
-_SECONDS = _above(0)
+_SECONDS = _number(exclusiveMinimum=0)
 _QOS: Schema = {'type': ['object', 'null'], 'additionalProperties': False, 'properties': {
     key: {'enum': list(words)} if words else {'type': 'integer', 'minimum': 1}
     for key, words in QOS_KEYS.items()}}
@@ -84,7 +86,7 @@ _ONE_FORMULA: Schema = {'oneOf': [{'required': [key]} for key in FORMULA_KEYS]}
 
 # The shape of each key's value, and its description. A key means the same wherever it stands.
 _VALUES: dict[str, tuple[Schema, str]] = {
-    'format': ({'const': 1}, 'the version of the format: 1'),
+    'format': ({'enum': [1, '1']}, 'the version of the format: 1'),
     'title': (_FREE, 'a title'),
     'description': (_FREE, 'a description'),
     'component': (_TEXT, 'the component that FRETish sentences must name; default: any'),
@@ -104,17 +106,17 @@ _VALUES: dict[str, tuple[Schema, str]] = {
                              'requirements that read the input as violated'),
     'startup': (_SECONDS, 'with a timeout: seconds within which the first message must come; '
                           'default: 10, or the timeout if that is longer'),
-    'max_rate': (_above(0), 'the greatest number of messages in a second (Hz)'),
+    'max_rate': (_number(exclusiveMinimum=0), 'the greatest number of messages in a second (Hz)'),
     'definitions': (_named({'anyOf': [_TEXT, {
         'type': 'object', 'additionalProperties': False, **_ONE_FORMULA,
         'properties': dict.fromkeys(FORMULA_KEYS, _TEXT)}]}), 'expressions by name'),
     'policy': (_words(Policy), 'when a step happens; default: every_message'),
     'period': (_SECONDS, 'with the policy periodic: the seconds between two steps'),
-    'rate': (_above(0), 'with the policy periodic: steps a second (Hz)'),
+    'rate': (_number(exclusiveMinimum=0), 'with the policy periodic: steps a second (Hz)'),
     'unit': (_SECONDS, 'with the policy timed: seconds that a count without a unit stands for'),
     'stamp': (_words(Stamp), 'with the policy timed: what time a message counts at'),
-    'reorder': ({'type': 'number', 'minimum': 0}, 'with the policy timed: seconds that a message '
-                                                  'waits for others with earlier stamps'),
+    'reorder': (_number(minimum=0), 'with the policy timed: seconds that a message waits for '
+                                    'others with earlier stamps'),
     'report': (_words(Report), 'which violations are announced'),
     'severity': (_words(Severity), 'the level at which violations are logged; default: error'),
     'id': (_TEXT, 'the name of the requirement'),

@@ -73,6 +73,7 @@ def test_bundles_of_all_kinds_are_found() -> None:
 
 def test_all_keys_are_valid_where_they_belong() -> None:
     assert is_valid(GOOD)
+    assert is_valid(GOOD.replace('0.5', '"0.5"').replace('format: 1', 'format: "1"'))
     assert is_valid('inputs: {x: {type: bool}}\nconstants:\n')  # a signals file
 
 
@@ -93,6 +94,7 @@ def test_all_keys_are_valid_where_they_belong() -> None:
     ('ptltl: "H fast", ', ''),
     ('ptltl: "H fast"', 'ptltl: "H fast", fretish: x'),
     ('id: 010, ', ''),
+    ('id: 010', 'id: ""'),
     ('report: onset', 'report: always'),
     ('slow: {fretish: x < 0.1}', 'slow: {frettish: x < 0.1}'),
     ('v_max: 0.5', 'v_max: [0.5]'),
