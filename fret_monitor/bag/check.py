@@ -52,6 +52,7 @@ MOST_KEPT = 10_000
 
 _ALL = 2**32 - 1  # details a second
 _MOST_WITH_DETAILS = 64  # violations that wait; the queue of details is short
+_MOST_AHEAD_S = 10  # that a stamp may be ahead of the last message
 _MOST_DEADLINES = 100_000  # that are looked at after the end, for verdicts that are open
 
 
@@ -109,7 +110,7 @@ class Result:
     What was found in one recording.
 
     `recorded` and `read` count the messages of each mapped topic, or the `ROWS` of a trace.
-    `begin` and `end` are the judged time (ns). `errors` say what is missing or damaged: without
+    `begin` and `end` are the judged time, `start` is that of the first message (ns). `errors` say what is missing or damaged: without
     any, all was seen. `warnings` say what was seen and could not be used, or was out of order.
     """
 
@@ -121,6 +122,7 @@ class Result:
     errors: tuple[str, ...]
     begin: int
     end: int
+    start: int
     warnings: tuple[str, ...] = ()
     is_trace: bool = False
 
@@ -257,6 +259,7 @@ class _Run:
         self._missing: set[int] = set()  # topics that were not recorded
         self._before: list[RequirementCounts] = []  # of what is judged
         self._is_judging = False
+        self._is_cut_off = False  # it cannot be read to its end
         self._unread: set[int] = set()  # requirements that read one of these topics
         self._latest = -NEVER  # the time of the last message that was read
         self._names = [ROWS] if recording.is_trace else [
@@ -272,11 +275,10 @@ class _Run:
         if recording.is_trace:  # its time begins with the first row
             self._is_part = begin > recording.start
             begin = max(begin, recording.start)
-        last = _at(selection.end, recording, recording.end)
-        if last < begin:
-            refuse('the end is before the begin', help='--from and --to, in this order')
+        last = min(_at(selection.end, recording, recording.end), recording.end)
+        self._check_part(begin, last)
         is_limited = last < recording.end
-        end = max(last, _at(selection.until, recording, last))
+        end = self._end(last)
         missing = {number for index in self._missing for number in manifest.topics[index].inputs}
         self._unread = {index for index, item in enumerate(manifest.requirements)
                         if missing.intersection(item.inputs)}
@@ -284,9 +286,8 @@ class _Run:
             each.begin(begin, end, manifest)
         self._play(wanted, begin, last if is_limited else None)
         if not is_limited:
-            waiting = self._engine.latest_waiting
-            last = max(last, self._latest, last if waiting is None else waiting)
-            end = max(last, _at(selection.until, recording, last))
+            last = self._last(last)
+            end = self._end(last)
         self._take(self._engine.advance_all(end + manifest.reorder, most=self._most))
         for each in self._changes:
             each.end(end)
@@ -297,12 +298,45 @@ class _Run:
         if not is_limited:
             self._compare(recorded, read)
         return Result(recording.path, manifest, recorded, read, tuple(self._findings),
-                      tuple(self._errors), begin, end, tuple(self._warnings),
+                      tuple(self._errors), begin, end, recording.start, tuple(self._warnings),
                       recording.is_trace)
+
+    def _check_part(self, begin: int, last: int) -> None:
+        selection, recording = self._selection, self._recording
+        if last < begin and (selection.end is None or last == recording.end):
+            refuse(f"--from is after the end of '{recording.path.name}'",
+                   help=f'it ends {_span(recording.end - recording.start)} after its begin')
+        if last < begin:
+            refuse('the end is before the begin', help='--from and --to, in this order')
+        if selection.until is not None and selection.until.in_recording(
+                recording.start, last) < last:
+            refuse('--until is before the end of what is judged',
+                   help='it says how far the time goes on after that: --until end+10')
+
+    def _last(self, last: int) -> int:
+        """Return the end of the time in which something was seen."""
+        if self._is_cut_off:
+            return max(self._latest, self._recording.start)
+        waiting = self._engine.latest_waiting
+        last = max(last, self._latest)
+        most = last + _MOST_AHEAD_S * 10**9
+        if waiting is not None and waiting > most:
+            self._errors.append('messages are stamped more than '
+                                f'{_MOST_AHEAD_S} s after the end of the recording: left out')
+        return last if waiting is None else max(last, min(waiting, most))
+
+    def _end(self, last: int) -> int:
+        """Return how far the time goes on."""
+        until = self._selection.until
+        return last if until is None else max(
+            last, until.in_recording(self._recording.start, last))
 
     def _wanted(self) -> Iterator[tuple[tuple[str, str], int]]:
         types = self._recording.types
         seen: dict[str, int] = {}
+        if not self._names:
+            refuse('no input of the bundle has a topic',
+                   help='write the topic of each: x: {topic: level, type: std_msgs/msg/Float64}')
         for index, (name, topic) in enumerate(zip(self._names, self._manifest.topics)):
             if name in seen:
                 other = self._manifest.topics[seen[name]].name
@@ -320,19 +354,25 @@ class _Run:
                 self._errors.append(f'{name} was recorded as {" and ".join(others)}, the bundle '
                                     f'says {topic.message_type}')
             elif not found:
-                self._missing.add(index)
-                near = did_you_mean(name, types)
-                text = f'{name} was not recorded' + (f': {near}' if near else '')
-                (self._warnings if self._selection.may_miss else self._errors).append(text)
+                near = _remedy(name, types) or did_you_mean(name, types)
+                self._miss(index, f'{name} was not recorded' + (f': {near}' if near else ''))
+            elif not self._recording.recorded[name] and any(
+                    self._manifest.inputs[item].initial is None for item in topic.inputs):
+                self._miss(index, f'no message of {name} was recorded')
+
+    def _miss(self, index: int, text: str) -> None:
+        """Note that a topic is missing: what reads it is not judged."""
+        self._missing.add(index)
+        (self._warnings if self._selection.may_miss else self._errors).append(text)
 
     def _play(self, wanted: Mapping[tuple[str, str], int], begin: int,
               last: int | None) -> None:
         most = max(1, sum(self._recording.recorded[name] for name in self._names))
         reorder = self._manifest.reorder
-        if not self._recording.is_trace:
-            self._engine.advance(min(begin, self._recording.start))
         if not self._is_part:  # stamps may be before the first reception
             self._judge_from(begin)
+        if not self._recording.is_trace:
+            self._engine.advance(min(begin, self._recording.start))
         try:
             for batch in self._recording.batches(wanted, None if last is None else last + reorder):
                 if self._watch is not None:
@@ -348,6 +388,7 @@ class _Run:
                 self._latest = max(self._latest, batch.times[-1])
                 self._progress(sum(self._read) / most, self._recording.path.name)
         except DamagedRecording as error:
+            self._is_cut_off = True
             self._errors.append(f'the recording cannot be read to its end: {error}')
         if not self._is_judging:
             self._judge_from(begin)
@@ -489,6 +530,12 @@ def resolved(topic: str, selection: Selection) -> str:
     renamed = {absolute(old, selection.namespace): absolute(new, selection.namespace)
                for old, new in selection.remaps.items()}
     return renamed.get(name, name)
+
+
+def _remedy(name: str, recorded: Iterable[str]) -> str:
+    """Return the option that finds a topic in a namespace, if there is one."""
+    found = sorted(item for item in recorded if item.endswith(name))
+    return f'--namespace {found[0].removesuffix(name)} reads {found[0]}' if found else ''
 
 
 def absolute(name: str, namespace: str) -> str:

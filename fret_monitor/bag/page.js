@@ -243,7 +243,7 @@ function drawOverview(svg) {
 
 function drawTimes(svg) {
   const width = start(svg);
-  drawAxis(svg, 0, Math.max(1, DATA.length), width, 0);
+  drawAxis(svg, DATA.begin, Math.max(1, DATA.length), width, 0);
   finish(svg, width, 20);
 }
 
@@ -253,12 +253,12 @@ function drawInput(svg) {
   add(svg, 'text', {class: 'name', x: 0, y: 12}, input.name);
   const value = add(svg, 'text', {class: 'value', x: width, y: 12}, '');
   drawPlot(svg, input, input, input.n, width, 18);
-  drawAxis(svg, 0, Math.max(1, DATA.length), width, 18 + PLOT);
+  drawAxis(svg, DATA.begin, Math.max(1, DATA.length), width, 18 + PLOT);
   finish(svg, width, 40 + PLOT);
   follow(svg, width, 18 + PLOT, (part) => {
     value.textContent = part === null ? '' :
       `${range(input, valuesAt(input, Math.floor(part * input.n)))} at ` +
-      `${Number((part * DATA.length / 1e9).toPrecision(6))} s`;
+      `${Number(((DATA.begin + part * DATA.length) / 1e9).toPrecision(6))} s`;
   });
 }
 

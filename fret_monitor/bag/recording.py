@@ -33,7 +33,7 @@ import sys
 from tempfile import mkdtemp, TemporaryDirectory
 from typing import Any, Self
 
-from fret_monitor.model.diagnostics import refuse
+from fret_monitor.model.diagnostics import counted, refuse
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.evaluator import Violation
@@ -56,6 +56,9 @@ _SEPARATOR = '=' * 80 + '\n'
 _CDR = 'cdr'
 _HEADER = 'std_msgs/msg/Header'
 _FILES = ('.mcap', '.db3', '.bag')
+_COMPRESSED = '.zstd'
+_UNFINISHED = ('-wal', '-journal')  # what SQLite has not put into its file yet
+_CUT_OFF = ('magic', 'footer', 'truncated', 'malformed', 'not a database', 'index', 'end of file')
 _METADATA, _INFORMATION, _NAMES = (
     'metadata.yaml', 'rosbag2_bagfile_information', 'relative_file_paths')
 _Message = tuple[Connection, int, bytes]
@@ -132,6 +135,9 @@ class Recording(AbstractContextManager['Recording']):
         self._check_path()
         self.errors: tuple[str, ...] = ()
         self._reader = reader = self._open()
+        self.errors += tuple(_unfinished(path))
+        if path.is_dir() and not self.errors:
+            self.errors = tuple(_unlisted(path, reader))
         self._mode = None if self._is_ros1 else reader.compression_mode
         self._storages: list[Any] = getattr(
             getattr(reader, 'storage', None), 'storages', None) or [
@@ -168,6 +174,9 @@ class Recording(AbstractContextManager['Recording']):
                             if item.suffix in _FILES or (item / _METADATA).is_file())
             refuse(f"'{path}' is not a recording: it has no metadata.yaml",
                    help=f"name the recordings in it, such as '{within[0]}'" if within else '')
+        if path.is_file() and path.suffix == _COMPRESSED:
+            refuse(f"'{path}' is a compressed file of a recording",
+                   help=f'name its folder, or decompress it: zstd -d {path.name}')
         if path.is_file() and path.suffix not in _FILES:
             refuse(f"'{path}' is not a recording",
                    help='a recording is a folder of rosbag2, or a file .mcap, .db3, .bag or .csv')
@@ -180,14 +189,16 @@ class Recording(AbstractContextManager['Recording']):
             with suppress(Exception):
                 return self._open_others()
             self._stack.close()
-            refuse(f"cannot read the recording '{self.path}': {_reason(error)}",
+            reason = _reason(error)
+            is_cut_off = any(word in reason.lower() for word in _CUT_OFF)
+            refuse(f"cannot read the recording '{self.path}': {reason}",
                    help='a recording that was cut off can be repaired with `ros2 bag reindex` or '
-                   '`mcap recover`')
+                   '`mcap recover`' if is_cut_off else '')
 
     def _open_others(self) -> Any:
         """Open those files of a folder that can be opened; raises any exception if none can."""
         folder = Path(self._stack.enter_context(TemporaryDirectory()))
-        metadata = yaml.safe_load((self.path / _METADATA).read_text(encoding='utf-8'))
+        metadata = _metadata(self.path)
         names = [PurePath(name).name for name in metadata[_INFORMATION][_NAMES]]
         problems = {name: _problem(self.path, _folder_of([name], self.path, metadata, folder))
                     for name in names}
@@ -319,6 +330,10 @@ def files_of(path: Path) -> list[Path]:
     return sorted(item for item in path.iterdir() if item.is_file()) if path.is_dir() else [path]
 
 
+def _metadata(folder: Path) -> Any:
+    return yaml.safe_load((folder / _METADATA).read_text(encoding='utf-8'))
+
+
 def _folder_of(names: Sequence[str], path: Path, metadata: Any, parent: Path) -> Path:
     """Return a new folder in `parent`, a recording of some files of the one at `path`."""
     folder = Path(mkdtemp(dir=parent))
@@ -340,6 +355,30 @@ def _problem(path: Path, folder: Path) -> str:
     except Exception as error:  # noqa: B902  # of whichever library reads the format
         reason = _reason(error).replace(str(folder), str(path))
         return f'{file.name} cannot be opened: {reason}'
+
+
+def _unfinished(path: Path) -> Iterator[str]:
+    """Yield what is wrong with files whose last messages SQLite has elsewhere."""
+    for file in files_of(path):
+        for ending in _UNFINISHED:
+            beside = file.with_name(file.name + ending)
+            if file.suffix == '.db3' and beside.is_file() and beside.stat().st_size:
+                yield (f'{beside.name} has messages that are not in {file.name} yet: end the '
+                       f'recorder, or run: sqlite3 {file.name} "PRAGMA wal_checkpoint(TRUNCATE)"')
+
+
+def _unlisted(path: Path, reader: Any) -> Iterator[str]:
+    """Yield what metadata.yaml does not say of a folder, or says in two ways."""
+    names = _metadata(path)[_INFORMATION][_NAMES]
+    listed = {PurePath(name).name.removesuffix(_COMPRESSED) for name in names}
+    for file in files_of(path):
+        name = file.name.removesuffix(_COMPRESSED)
+        if PurePath(name).suffix in _FILES and name not in listed:
+            yield f'{file.name} is not listed in metadata.yaml: its messages are left out'
+    by_topic = sum(item.msgcount for item in reader.connections)
+    if reader.message_count != by_topic:
+        yield (f'metadata.yaml counts {counted(reader.message_count, "message")}, and {by_topic:,} '
+               'by topic')
 
 
 def _times(storage: Any) -> tuple[int, int]:
@@ -377,4 +416,6 @@ def _write_text(folder: Path, name: str, text: str) -> None:
 
 
 def _reason(error: Exception) -> str:
-    return (str(error) or type(error).__name__).rstrip('.')
+    text = str(error).partition(' Please report')[0]
+    return f'there is no {text}' if isinstance(error, KeyError) else (
+        text or type(error).__name__).rstrip('.')

@@ -102,10 +102,11 @@ class _Report:
                 ('judged', f'{short_seconds(self._length)} s'), ('read', result.amount)):
             yield f'<dt>{title}</dt><dd>{escaped(text)}</dd>'
         yield '</dl></header>'
-        if result.errors:
-            yield '<section class="card warning" id="errors"><h2>What was not seen</h2><ul>'
-            yield from (f'<li>{escaped(error)}</li>' for error in result.errors)
-            yield '</ul></section>'
+        problems = (*result.errors, *result.warnings)
+        if problems:
+            yield '<section class="card warning" id="errors"><h2>What was not seen as it was</h2>'
+            yield from ('<ul>', *(f'<li>{escaped(item)}</li>' for item in problems), '</ul>')
+            yield '</section>'
         yield from self._verdicts()
         yield from self._requirements()
         yield from self._inputs()
@@ -190,7 +191,7 @@ class _Report:
             yield f'<p class="faint">Further occurrences at {times}{more}.</p>'
 
     def _since(self, time: int) -> str:
-        return f'{short_seconds(time - self._result.begin)} s'
+        return f'{short_seconds(time - self._result.start)} s'
 
     def _moment(self, time: int) -> str:
         """Return a time as other programs show it: a date, or the seconds of a trace."""
@@ -210,6 +211,7 @@ class _Report:
         result, overview = self._result, self._overview
         inputs = self._manifest.inputs
         return {
+            'begin': self._result.begin - self._result.start,
             'length': self._length,
             'lanes': overview.verdicts(result.findings),
             'inputs': [{

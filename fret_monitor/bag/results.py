@@ -60,10 +60,10 @@ def verdict_of(item: Findings) -> str:
 
 
 def table(result: Result) -> str:
-    """Return the result for a terminal; times count from the begin of what was judged."""
+    """Return the result for a terminal; times count from the begin of the recording."""
     rows = [('requirement', 'verdict', 'occurrences', 'first at', 'longest')]
     rows += [(item.id, verdict_of(item), f'{item.occurrences:,}',
-              '-' if item.first is None else f'{short_seconds(item.first - result.begin)} s',
+              '-' if item.first is None else f'{short_seconds(item.first - result.start)} s',
               f'{short_seconds(item.longest)} s' if item.occurrences else '-')
              for item in result.findings]
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
