@@ -43,6 +43,7 @@ from fret_monitor.model.packages import search_path
 from fret_monitor.model.policies import Policy, Report, Stale, Stamp
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.monitor import CompiledMonitor, Monitor
+from fret_monitor.runtime.detail_text import short_seconds
 from fret_monitor.runtime.engine import Engine, MOST_QUEUED, ViolationDetail
 from fret_monitor.runtime.evaluator import Evaluator, NEVER, RequirementCounts, Violation
 from fret_monitor.start import manifest_of, start
@@ -110,8 +111,9 @@ class Result:
     What was found in one recording.
 
     `recorded` and `read` count the messages of each mapped topic, or the `ROWS` of a trace.
-    `begin` and `end` are the judged time, `start` is that of the first message (ns). `errors` say what is missing or damaged: without
-    any, all was seen. `warnings` say what was seen and could not be used, or was out of order.
+    `begin` and `end` are the judged time, `start` is that of the first message (ns). `errors` say
+    what is missing or damaged: without any, all was seen. `warnings` say what was seen and could
+    not be used, or was out of order.
     """
 
     path: Path
@@ -305,7 +307,8 @@ class _Run:
         selection, recording = self._selection, self._recording
         if last < begin and (selection.end is None or last == recording.end):
             refuse(f"--from is after the end of '{recording.path.name}'",
-                   help=f'it ends {_span(recording.end - recording.start)} after its begin')
+                   help=f'it ends {short_seconds(recording.end - recording.start)} s after its '
+                   'begin')
         if last < begin:
             refuse('the end is before the begin', help='--from and --to, in this order')
         if selection.until is not None and selection.until.in_recording(
@@ -315,8 +318,9 @@ class _Run:
 
     def _last(self, last: int) -> int:
         """Return the end of the time in which something was seen."""
-        if self._is_cut_off:
-            return max(self._latest, self._recording.start)
+        if self._is_cut_off or sum(self._read) < sum(
+                self._recording.recorded[name] for name in self._names):
+            return max(self._latest, self._recording.start)  # silence after it is not its own
         waiting = self._engine.latest_waiting
         last = max(last, self._latest)
         most = last + _MOST_AHEAD_S * 10**9
@@ -359,6 +363,9 @@ class _Run:
             elif not self._recording.recorded[name] and any(
                     self._manifest.inputs[item].initial is None for item in topic.inputs):
                 self._miss(index, f'no message of {name} was recorded')
+
+        if not any(self._recording.recorded[name] for name in self._names) and not self._errors:
+            self._errors.append('no message was recorded of what the bundle reads')
 
     def _miss(self, index: int, text: str) -> None:
         """Note that a topic is missing: what reads it is not judged."""

@@ -377,8 +377,8 @@ def _unlisted(path: Path, reader: Any) -> Iterator[str]:
             yield f'{file.name} is not listed in metadata.yaml: its messages are left out'
     by_topic = sum(item.msgcount for item in reader.connections)
     if reader.message_count != by_topic:
-        yield (f'metadata.yaml counts {counted(reader.message_count, "message")}, and {by_topic:,} '
-               'by topic')
+        yield (f'metadata.yaml counts {counted(reader.message_count, "message")}, and '
+               f'{by_topic:,} by topic')
 
 
 def _times(storage: Any) -> tuple[int, int]:
