@@ -22,6 +22,7 @@ from fret_monitor.export.c99 import c99
 from fret_monitor.export.cfs import cfs
 from fret_monitor.export.content import Content, Options
 from fret_monitor.export.copilot import copilot
+from fret_monitor.export.fprime import fprime
 from fret_monitor.export.ros2 import ros2
 
 
@@ -42,5 +43,7 @@ TARGETS = {
     'cfs': Target('an application of the core Flight System: an event for each violation', cfs),
     'copilot': Target('the interface of the C that Copilot generates: step() and handlers',
                       copilot),
+    'fprime': Target('a component of F Prime: an event and a channel for each requirement',
+                     fprime),
     'ros2': Target('a package for colcon, with one node in C on rcl', ros2),
 }
