@@ -111,8 +111,11 @@ def _linked(objects: Sequence[Path], packages: Sequence[str], program: Path,
         '-lm', '-pthread'])
 
 
-def exported_bundle(bundle: Path, flags: tuple[str, ...] = ()) -> Path:
-    """Return the program of the node of a bundle."""
+SANITIZERS = ('-g', '-fsanitize=address,undefined', '-fno-sanitize-recover=all')
+
+
+def exported_bundle(bundle: Path, flags: tuple[str, ...] = SANITIZERS) -> Path:
+    """Return the program of the node of a bundle; an error of memory, or a leak, ends it."""
     return exported_node(build.generate_monitor(build.read(bundle)), flags)
 
 
