@@ -26,6 +26,9 @@ from typing import BinaryIO
 
 _MAGIC = b'\x89MCAP0\r\n'
 _CHUNK_BYTES = 1 << 20
+_INDEX_BYTES = 16  # of a message
+_END_BYTES = 300  # of the last chunk and its index, the statistics, and what ends the file
+_CHANNEL_BYTES = 35  # of a topic, in both
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE = 1, 2, 3, 4, 5
 _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX, _STATISTICS, _METADATA = 6, 7, 8, 11, 12
 _METADATA_INDEX, _DATA_END = 13, 15
@@ -53,14 +56,19 @@ class McapWriter:
         self._sequence = 0
         self._chunk_indices: list[bytes] = []
         self._metadata_indices: list[bytes] = []
+        self._has_ended = False
+        self._summary_bytes = 0  # of definitions and indices
         self._start = self._end = 0
         self._write(_MAGIC)
         self._write(_record(_HEADER, _text('ros2') + _text('fret_monitor')))
 
     @property
     def size(self) -> int:
-        """The bytes of the file so far, with those that wait to be written."""
-        return self._written + self._chunk.size
+        """The bytes of the file; before its end, about those it has if it ends now, or more."""
+        if self._has_ended:
+            return self._written
+        return (self._written + self._chunk.size + _INDEX_BYTES * len(self._chunk.messages)
+                + _CHANNEL_BYTES * len(self._counts) + self._summary_bytes + _END_BYTES)
 
     def add_channel(self, topic: str, message_type: str, definition: str) -> int:
         """
@@ -96,6 +104,7 @@ class McapWriter:
         self._write(_record(_METADATA, _text(name) + _map(values)))
         self._metadata_indices.append(_record(_METADATA_INDEX, struct.pack(
             '<QQ', place, self._written - place) + _text(name)))
+        self._summary_bytes += len(self._metadata_indices[-1])
 
     def end(self) -> None:
         """Write what waits, and the index; nothing can be added any more."""
@@ -112,9 +121,11 @@ class McapWriter:
             self._write(item)
         self._write(_record(_FOOTER, struct.pack('<QQI', summary, 0, 0)))
         self._write(_MAGIC)
+        self._has_ended = True
 
     def _define(self, record: bytes) -> None:
         self._definitions.append(record)
+        self._summary_bytes += len(record)
         self._write_chunk()
         self._write(record)
 
@@ -148,6 +159,7 @@ class McapWriter:
             struct.pack('<QQQQ', start, end, place, length), _array('<HQ', places.items()),
             struct.pack('<Q', self._written - place - length), _text(''),
             struct.pack('<QQ', offset, offset)])))
+        self._summary_bytes += len(self._chunk_indices[-1])
         is_first = len(self._chunk_indices) == 1
         self._start = start if is_first else min(self._start, start)
         self._end = max(self._end, end)

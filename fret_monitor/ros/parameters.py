@@ -100,6 +100,7 @@ LOGGER_PARAMETERS = {
 }
 
 _LEAST_BYTES = 4096  # of a black box
+_LEAST_DISK_BYTES = 1 << 20
 _HOT_PATHS = ('auto', 'on', 'off')
 _LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 # Parameters of rclpy and of both nodes: one parameter file may be given to both.
@@ -332,7 +333,7 @@ def _blackbox(given: Mapping[str, Any], problems: list[str]) -> BlackBoxSettings
     seconds = _positive(given, 'blackbox_seconds', 'seconds, say 10.0', problems)
     numbers = [_count(given, f'blackbox_{name}', unit, least, problems) for name, unit, least in (
         ('bytes', 'bytes', _LEAST_BYTES), ('files', 'files', 1),
-        ('disk_bytes', 'bytes', _LEAST_BYTES))]
+        ('disk_bytes', 'bytes', _LEAST_DISK_BYTES))]
     if not isinstance(folder, str):
         problems.append(f"parameter 'blackbox' is {folder!r}, and has to be the path of a folder")
     if not folder or problems:
@@ -345,7 +346,7 @@ def _count(given: Mapping[str, Any], name: str, unit: str, least: int,
     value = given.get(name, MONITOR_PARAMETERS[name].default)
     if not isinstance(value, int) or isinstance(value, bool) or not least <= value < 1 << 62:
         problems.append(f"parameter '{name}' is {value!r}, and has to be a number of {unit}, "
-                        f'at least {least}')
+                        f'at least {least}: -p {name}:={least}')
         return least
     return value
 

@@ -38,8 +38,10 @@ def test_what_is_written_is_read_in_the_order_of_the_times(tmp_path: Path, size:
         for number in (1, 0, 3, 2, 5, 4, 9, 8, 7, 6):
             writer.add_message(channels[number % 2], START + number, payload(number, size), START)
         writer.add_metadata('fret_monitor', {'bundle': 'tank'})
+        before = writer.size
         writer.end()
         assert writer.size == file.tell()
+        assert file.tell() <= before < file.tell() + 1000
     with Reader(path) as reader:
         counts = {item.topic: item.msgcount for item in reader.connections}
         assert counts == {'/a': 5, '/b': 5, '/c': 0}

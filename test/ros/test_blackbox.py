@@ -21,7 +21,7 @@ import json
 from pathlib import Path
 import shutil
 import struct
-from time import sleep, time_ns
+from time import monotonic_ns, sleep, time_ns
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -30,14 +30,14 @@ from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.cli.main import main
 from fret_monitor.model.mcap import McapWriter
 from fret_monitor.ros import blackbox, Refusal
-from fret_monitor.ros.blackbox import BlackBox
+from fret_monitor.ros.blackbox import _Pending, BlackBox
 from fret_monitor.ros.parameters import BlackBoxSettings, read_settings
-from fret_monitor.runtime import Engine, Evaluator
+from fret_monitor.runtime import Engine, Evaluator, KeptMessage, Occurrences
 import pytest
 from ros.harness import NodeProcess, Partner, started, wait_until
 from rosbags.rosbag2 import Reader
 from sensor_msgs.msg import Temperature
-from std_msgs.msg import Float32
+from std_msgs.msg import Float32, Header
 
 BUNDLE = """
 format: 1
@@ -60,8 +60,21 @@ class FakeNode:
     def resolve_topic_name(self, name: str) -> str:
         return f'/robot/{name}'
 
+    def get_fully_qualified_name(self) -> str:
+        return '/robot/fret_monitor'
+
     def get_logger(self) -> 'FakeNode':
         return self
+
+    def get_clock(self) -> 'FakeNode':
+        return self
+
+    def now(self) -> 'FakeNode':
+        return self
+
+    @property
+    def nanoseconds(self) -> int:
+        return time_ns()
 
     def info(self, line: str) -> None:
         self.lines.append(line)
@@ -89,8 +102,10 @@ class Workbench:
         self.send(0.1)
         self.send(0.9)
 
-    def send(self, value: float) -> None:
-        self.engine.message(0, MESSAGE + struct.pack('<f', value), received=time_ns())
+    def send(self, value: float, at: float | None = None, more: int = 0) -> None:
+        """Send a message, at a time in seconds, with so many bytes that are not read."""
+        self.engine.message(0, MESSAGE + struct.pack('<f', value) + bytes(more),
+                            received=time_ns() if at is None else int(at * 1e9))
 
     def files(self) -> list[Path]:
         return sorted(self.folder.glob('*.mcap'))
@@ -104,7 +119,7 @@ class Workbench:
 
     def times(self, path: Path) -> list[int]:
         with Reader(path) as reader:
-            return [time for _, time, _ in reader.messages()]
+            return [time for item, time, _ in reader.messages() if item.topic == '/robot/x']
 
 
 @pytest.fixture
@@ -136,11 +151,11 @@ def test_a_file_has_what_was_before_and_after_and_later_violations_join_it(
     bench.wait(written=1)
     bench.send(0.4)  # too late
     [path] = bench.files()
-    assert path.name.endswith('Z_R_1.mcap')
+    assert path.name.endswith('Z_robot_fret_monitor_R_1.mcap')
     assert bench.node.lines == [f'the last messages are in {path}']
     with Reader(path) as reader:
         assert {item.topic: item.msgcount for item in reader.connections} == {
-            '/robot/x': 5, '/robot/deep/heat': 0}
+            '/robot/x': 5, '/robot/deep/heat': 0, '/robot/~/blackbox_end': 1}
     result = check_recording(bench.spec, path, Selection(namespace='/robot'))
     assert result.errors == ()
     assert sum(result.read.values()) == 5
@@ -180,10 +195,104 @@ def test_files_need_no_more_disk_than_allowed(quick: None, tmp_path: Path) -> No
             bench.engine.message(0, large, received=time_ns())
         bench.wait(written=number + 1)
         sizes = [path.stat().st_size for path in bench.files()]
-        assert sum(sizes) < 20_000 + 6_000  # a message more, and the index
+        assert sum(sizes) <= 20_000
         sleep(0.4)
     assert bench.files()
     bench.box.end()
+
+
+def test_a_violation_is_in_its_file_however_little_that_may_have(
+        quick: None, tmp_path: Path) -> None:
+    bench = Workbench(tmp_path, disk_bytes=20_000)
+    for number in range(50):
+        bench.send(0.1, at=100 + number, more=900)
+    bench.send(0.9, at=200, more=900)
+    bench.send(0.1, at=201, more=900)
+    bench.wait(written=1)
+    [path] = bench.files()
+    assert 10_000 < path.stat().st_size <= 20_000
+    times = bench.times(path)
+    assert times[-2:] == [200 * 10**9, 201 * 10**9]
+    assert len(times) > 10
+    bench.send(0.1, more=900)
+    bench.send(0.9, more=30_000)  # more than it may have
+    bench.wait(written=2)
+    [path] = bench.files()
+    assert len(bench.times(path)) == 1
+    bench.box.end()
+
+
+def test_a_file_has_messages_of_one_run_of_the_clock(quick: None, tmp_path: Path) -> None:
+    bench = Workbench(tmp_path)
+    for at, value in ((100, 0.1), (101, 0.1), (5, 0.1), (6, 0.9), (7, 0.2)):
+        bench.send(value, at=at)
+    sleep(0.1)  # it is pending
+    bench.send(0.1, at=3)
+    bench.send(0.9, at=4)
+    bench.wait(written=2)
+    assert [[time // 10**9 for time in bench.times(path)] for path in bench.files()] == [
+        [5, 6, 7], [3, 4]]
+    bench.box.end()
+
+
+class FakeRing:
+    """A ring with messages and occurrences that a test gives."""
+
+    def __init__(self) -> None:
+        self.messages: list[KeptMessage] = []
+        self.found: Occurrences | None = None
+
+    def take_occurrences(self) -> Occurrences | None:
+        found, self.found = self.found, None
+        return found
+
+    def read(self, place: int) -> Iterator[tuple[int, KeptMessage]]:
+        yield from list(enumerate(self.messages, 1))[place:]
+
+    def violate(self, steady: int) -> None:
+        self.messages.append(KeptMessage(0, steady, time_ns(), 0, MESSAGE + bytes(4)))
+        self.found = Occurrences(1, steady, steady, 0)
+
+
+def test_a_violation_right_after_the_longest_time_of_a_file_is_in_the_next(
+        tmp_path: Path) -> None:
+    bench = Workbench(tmp_path)
+    bench.box.end()
+    fake, begin = FakeRing(), monotonic_ns()
+    ring: Any = fake
+    for seconds in (0.0, 59.9, 60.1):  # between two calls, as far as the files can know
+        fake.violate(begin + int(seconds * 1e9))
+        bench.box._look(ring, is_over=False)
+    bench.box._look(ring, is_over=True)
+    assert [len(bench.times(path)) for path in bench.files()] == [2, 2]
+
+
+def test_nodes_that_share_a_folder_never_use_one_name(tmp_path: Path) -> None:
+    settings = BlackBoxSettings(tmp_path)
+    made = [_Pending(settings, 'name', Occurrences(1, 0, 0, 0), {'requirement': 'R'})
+            for _ in range(3)]
+    for pending in made[:2]:  # at the same time
+        pending.open([('/end', 'std_msgs/msg/Header', '')])
+    for pending in made[:2]:
+        pending.finish()
+    made[2].open([])
+    made[2].finish()
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        'blackbox_name.mcap', 'blackbox_name_2.mcap', 'blackbox_name_3.mcap']
+
+
+DUE = BUNDLE.replace('every_message', 'timed').replace(
+    'ptltl: "x < 0.5"', 'fretish: "when x > 0.5 the tank shall within 0.2 seconds satisfy x < 0"')
+
+
+def test_a_deadline_after_the_last_message_is_not_open_in_a_file(bench: Workbench) -> None:
+    bench.violate()
+    bench.wait(written=1)
+    [path] = bench.files()
+    bench.spec.write_text(DUE, encoding='utf-8')
+    result = check_recording(bench.spec, path, Selection(namespace='/robot'))
+    assert result.errors == ()
+    assert [item.occurrences for item in result.findings] == [1]
 
 
 @pytest.mark.parametrize('failure', ['folder', 'disk'])
@@ -212,7 +321,7 @@ def test_what_cannot_be_written_is_logged_once_and_counted(
     ({'blackbox_seconds': -1.0}, "'blackbox_seconds' is -1.0"),
     ({'blackbox_bytes': 0}, "'blackbox_bytes' is 0, and has to be a number of bytes"),
     ({'blackbox_files': 0}, "'blackbox_files' is 0, and has to be a number of files, at least 1"),
-    ({'blackbox_disk_bytes': 'much'}, "'blackbox_disk_bytes' is 'much'"),
+    ({'blackbox_disk_bytes': 100_000}, 'at least 1048576: -p blackbox_disk_bytes:=1048576'),
 ])
 def test_values_that_cannot_be_used_are_refused(given: dict[str, object], words: str) -> None:
     with pytest.raises(Refusal, match=words):
@@ -234,7 +343,7 @@ def test_a_monitor_writes_a_file_that_bag_judges_alike(
 
     partner.node.create_subscription(DiagnosticArray, '/diagnostics', keep, 10)
     arguments = ('-p', f'spec:={spec}', '-p', f'hot_path:={hot_path}', '-p',
-                 f'blackbox:={folder}', '-r', 'x:=y')
+                 f'blackbox:={folder}', '-p', 'blackbox_bytes:=4096', '-r', 'x:=y')
     with started('monitor', *arguments) as node:
         publisher = partner.publisher(Float32, 'y')
         other = partner.publisher(Temperature, 'deep/heat')
@@ -248,6 +357,8 @@ def test_a_monitor_writes_a_file_that_bag_judges_alike(
         [path] = folder.iterdir()
         wait_until(lambda: any('"written": "1"' in text for text in seen.values()), 'a status')
         assert list(seen) == ['keeps the last messages']
+        other.publish(Temperature(header=Header(frame_id=5_000 * 'x')))
+        wait_until(lambda: any('larger than `blackbox_bytes`' in text for text in seen), 'it')
         shutil.rmtree(folder)
         publisher.publish(Float32(data=0.1))
         publisher.publish(Float32(data=0.75))
