@@ -352,6 +352,11 @@ uint64_t fm_evaluator_steps(const struct fm_evaluator * evaluator, uint32_t grou
   return group < evaluator->monitor->n_groups ? evaluator->instance.groups[group].steps : 0;
 }
 
+int64_t fm_evaluator_start(const struct fm_evaluator * evaluator, uint32_t group)
+{
+  return group < evaluator->monitor->n_groups ? evaluator->instance.groups[group].start : 0;
+}
+
 const bool * fm_evaluator_verdicts(const struct fm_evaluator * evaluator)
 {
   return evaluator->instance.verdicts;

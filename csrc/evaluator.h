@@ -331,6 +331,9 @@ FM_EXPORT bool fm_evaluator_is_timed(const struct fm_evaluator * evaluator);
 /// Steps a group has taken since start or reset; under FM_TIMED evaluations.
 FM_EXPORT uint64_t fm_evaluator_steps(const struct fm_evaluator * evaluator, uint32_t group);
 
+/// The time of the first of these steps; any number if there was none.
+FM_EXPORT int64_t fm_evaluator_start(const struct fm_evaluator * evaluator, uint32_t group);
+
 /// Verdicts of the last steps, n_requirements flags, owned by the evaluator; true where a
 /// requirement's group has neither stepped nor been stale yet.
 FM_EXPORT const bool * fm_evaluator_verdicts(const struct fm_evaluator * evaluator);

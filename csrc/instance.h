@@ -59,7 +59,7 @@ struct fm_instance_group
   uint32_t awaited;      // inputs not received since stepped_at
   uint32_t stale;        // stale inputs
   bool knows_stale;      // its verdicts were set to false for them
-  int64_t start;         // under FM_TIMED: the time of its tick 0
+  int64_t start;         // the time of its first step; under FM_TIMED of its tick 0
   int64_t due;           // under FM_TIMED: when it is to be evaluated next; INT64_MAX: never
 };
 

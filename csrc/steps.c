@@ -122,6 +122,9 @@ static void account(struct fm_evaluator * evaluator, uint32_t g, struct fm_findi
     fm_overrule(evaluator, g);
   }
   fm_judge_group(evaluator, g, report);
+  if (cell->steps == 0 && evaluator->policy != FM_TIMED) {
+    cell->start = report->stamp;
+  }
   cell->steps += 1;
   cell->stepped_at = evaluator->instance.time->stores;
   cell->awaited = evaluator->monitor->groups[g].n_inputs;

@@ -21,6 +21,7 @@ trace it is given the rows, each of which is a step.
 """
 
 from array import array
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -144,7 +145,10 @@ class Changes(Protocol):
         """Whether it wants the values of the inputs at each change."""
 
     def begin(self, begin: int, end: int, manifest: Manifest) -> None:
-        """Begin a run from a time to another (ns), with all requirements fulfilled."""
+        """Begin a run from a time to another (ns), in which no requirement is judged yet."""
+
+    def judged(self, requirement: int, time: int) -> None:
+        """Take that a requirement is judged from a time on, and is fulfilled."""
 
     def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
         """Take that a requirement is violated, or fulfilled again; with details if wanted."""
@@ -262,6 +266,7 @@ class _Run:
         self._before: list[RequirementCounts] = []  # of what is judged
         self._is_judging = False
         self._is_cut_off = False  # it cannot be read to its end
+        self._unjudged: list[int] = []  # requirements that took no step yet
         self._unread: set[int] = set()  # requirements that read one of these topics
         self._latest = -NEVER  # the time of the last message that was read
         self._names = [ROWS] if recording.is_trace else [
@@ -411,15 +416,38 @@ class _Run:
             self._engine.reset()
         self._before = [self._engine.requirement_counts(k) for k in range(len(self._findings))]
         self._is_judging = True
+        self._begin = begin
+        self._unjudged = [index for index in range(len(self._findings))
+                          if index not in self._unread]
+
+    def _first_steps(self) -> list[tuple[int, int]]:
+        """Return the times and requirements of first steps since the last call, in order."""
+        found = []
+        for index in self._unjudged if self._changes else ():
+            if self._engine.requirement_counts(index).steps > self._before[index].steps:
+                group = self._manifest.requirements[index].group
+                found.append((max(self._begin, self._evaluator.start(group)), index))
+        self._unjudged = sorted({*self._unjudged} - {index for _, index in found})
+        return sorted(found)
+
+    def _report_judged(self, first_steps: 'deque[tuple[int, int]]', until: int) -> None:
+        """Report the first steps up to a time, unless a violation has been reported before."""
+        while first_steps and first_steps[0][0] <= until:
+            time, index = first_steps.popleft()
+            for each in self._changes if not self._findings[index].occurrences else ():
+                each.judged(index, time)
 
     def _take(self, found: Iterable[list[Violation]]) -> None:
         for batch in found:
             details = list(self._details()) if self._wants_details else []
             details.reverse()
+            changed = {(violation.stamp, violation.requirement) for violation in batch}
+            first_steps = deque(item for item in self._first_steps() if item not in changed)
             for violation in batch:
                 # Both are queued together; a detail is missing if its queue was full.
                 has_detail = bool(details) and details[-1].violation == violation
                 detail = details.pop() if has_detail else None
+                self._report_judged(first_steps, violation.stamp)
                 findings = self._findings[violation.requirement]
                 if not self._is_judging or violation.requirement in self._unread or (
                         violation.is_recovery and findings.since is None):
@@ -430,6 +458,7 @@ class _Run:
                     _begin(findings, violation.stamp)
                 for each in self._changes:
                     each.change(violation, detail)
+            self._report_judged(first_steps, NEVER)
             self._want_details()
 
     def _want_details(self) -> None:

@@ -303,6 +303,9 @@ class _LaneChanges:
         for waiting in self._waiting:
             waiting.sort(key=lambda shown: shown.start.time, reverse=True)
 
+    def judged(self, requirement: int, time: int) -> None:
+        """Take that a requirement is judged from a time on."""
+
     def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
         """Take that a formula is false, or true again."""
         number = violation.requirement

@@ -78,6 +78,9 @@ class Overview:
         """Take the values of messages or rows."""
         batch.add_to(self.thinning, engine)
 
+    def judged(self, requirement: int, time: int) -> None:
+        """Take that a requirement is judged from a time on."""
+
     def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
         """Take a change of a verdict."""
         index = violation.requirement

@@ -124,25 +124,44 @@ def _clean(text: str) -> str:
 
 
 class ChangesCsv:
-    """Writes verdicts whenever one changes: a column a requirement, 1 fulfilled, 0 violated."""
+    """
+    Writes verdicts whenever one changes: a column a requirement, 1 fulfilled, 0 violated.
+
+    It is empty until the requirement is judged for the first time.
+    """
 
     wants_details = False
 
     def __init__(self, file: TextIO) -> None:
         """Write to `file`, an open CSV file."""
         self._writer = csv.writer(file, lineterminator='\n')
-        self._state: list[int] = []
+        self._state: list[int | None] = []
+        self._waiting: int | None = None  # the time of a row to which more may be added
 
     def begin(self, begin: int, end: int, manifest: Manifest) -> None:
-        """Write the heading, and the first row: all are fulfilled."""
-        self._state = [1] * len(manifest.requirements)
+        """Write the heading, and begin the first row."""
+        self._state = [None] * len(manifest.requirements)
         self._writer.writerow(['time', *(item.id for item in manifest.requirements)])
-        self._writer.writerow([seconds(begin), *self._state])
+        self._waiting = begin
+
+    def judged(self, requirement: int, time: int) -> None:
+        """Add to a row that a requirement is fulfilled."""
+        if time != self._waiting:
+            self._end_row()
+            self._waiting = time
+        self._state[requirement] = 1
 
     def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
         """Write a row with one verdict changed."""
+        self._end_row()
         self._state[violation.requirement] = int(violation.is_recovery)
         self._writer.writerow([seconds(violation.stamp), *self._state])
 
     def end(self, time: int) -> None:
-        """Write nothing: the last row holds until the end."""
+        """Write what waits: the last row holds until the end."""
+        self._end_row()
+
+    def _end_row(self) -> None:
+        if self._waiting is not None:
+            self._writer.writerow([seconds(self._waiting), *self._state])
+            self._waiting = None

@@ -23,17 +23,19 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fret_monitor.bag.check import absolute
+from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.mcap import McapWriter
 from fret_monitor.model.output import open_output
 from fret_monitor.model.policies import Severity
-from fret_monitor.runtime.detail_text import detail_text
+from fret_monitor.runtime.detail_text import detail_text, seconds
 from fret_monitor.runtime.engine import ViolationDetail
 from fret_monitor.runtime.evaluator import Violation
 from rosbags.typesys import get_typestore, Stores
 
 _ARRAY = 'diagnostic_msgs/msg/DiagnosticArray'
 _BOOL = 'std_msgs/msg/Bool'
+_END_OF_STAMPS = 2**31 * 10**9  # the seconds of builtin_interfaces/msg/Time have 32 bits
 _LEVELS = {None: 0, Severity.WARN: 1, Severity.ERROR: 2}
 
 
@@ -63,42 +65,51 @@ class ViolationsMcap:
         self._writer = writer
         self._namespace = namespace
         self._types = get_typestore(Stores.ROS2_JAZZY)
-        self._state: list[bool] = []
+        self._state: list[bool | None] = []  # None: not judged yet
+        self.without_details = 0
+        """Changes that are only in the verdicts, as the engine had no room for the details."""
 
     def begin(self, begin: int, end: int, manifest: Manifest) -> None:
-        """Begin at a time (ns), with all requirements fulfilled."""
+        """Begin at a time (ns); there is no verdict yet."""
         self._manifest = manifest
-        self._state = [True] * len(manifest.requirements)
+        self._state = [None] * len(manifest.requirements)
         self._violations = self._topic('copilot/violations', _ARRAY)
         self._verdicts = [self._topic(f'copilot/verdicts/{item.handler}', _BOOL)
                           for item in manifest.requirements]
-        self._write_verdicts(begin)
+
+    def judged(self, requirement: int, time: int) -> None:
+        """Write that a requirement is fulfilled."""
+        self._state[requirement] = True
+        self._write_verdict(time, requirement, True)
 
     def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
         """Write a verdict, and the details of its change."""
         self._state[violation.requirement] = violation.is_recovery
-        self._write_verdict(violation.stamp, violation.requirement)
-        if detail is not None:
+        self._write_verdict(violation.stamp, violation.requirement, violation.is_recovery)
+        if detail is None:
+            self.without_details += 1
+        else:
             self._write_detail(violation.stamp, detail)
 
     def end(self, time: int) -> None:
         """Write all verdicts once more, so that plots reach the end."""
-        self._write_verdicts(time)
+        for index, state in enumerate(self._state):
+            if state is not None:
+                self._write_verdict(time, index, state)
 
     def _topic(self, name: str, kind: str) -> int:
         definition, _ = self._types.generate_msgdef(kind, ros_version=2)
         return self._writer.add_channel(absolute(name, self._namespace), kind, definition)
 
-    def _write_verdicts(self, time: int) -> None:
-        for index in range(len(self._state)):
-            self._write_verdict(time, index)
-
-    def _write_verdict(self, time: int, index: int) -> None:
-        message = self._types.types[_BOOL](self._state[index])
+    def _write_verdict(self, time: int, index: int, verdict: bool) -> None:
+        message = self._types.types[_BOOL](verdict)
         self._write(self._verdicts[index], time, message, _BOOL)
 
     def _write_detail(self, time: int, detail: ViolationDetail) -> None:
         types = self._types.types
+        if time >= _END_OF_STAMPS:
+            refuse(f'the time {seconds(time)} is too late for the stamp of a message, which ends '
+                   'in 2038', help='leave --mcap out, or end with --to before it')
         text = detail_text(self._manifest, detail)
         stamp = types['builtin_interfaces/msg/Time'](time // 10**9, time % 10**9)
         values = [types['diagnostic_msgs/msg/KeyValue'](*pair) for pair in text.values]

@@ -17,6 +17,7 @@
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from importlib.util import find_spec
 import json
 import os
@@ -27,7 +28,7 @@ from typing import TYPE_CHECKING
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import CompileError, pip_install, refuse
+from fret_monitor.model.diagnostics import CompileError, counted, pip_install, refuse
 from fret_monitor.model.output import open_output, refuse_overwriting
 from fret_monitor.model.policies import Stamp
 from fret_monitor.native.errors import NativeError
@@ -274,18 +275,25 @@ def _with_changes(options: Namespace, bundle: Path, selection: 'Selection',
     from fret_monitor.bag.results import ChangesCsv
     from fret_monitor.bag.violations import open_violations
     changes: list[Changes] = []
+    mcap = None
     with ExitStack() as stack:
         if options.csv is not None:
             changes.append(ChangesCsv(stack.enter_context(open_output(options.csv))))
         if options.mcap is not None:
-            changes.append(stack.enter_context(
-                open_violations(options.mcap, options.namespace)))
+            mcap = stack.enter_context(open_violations(options.mcap, options.namespace))
+            changes.append(mcap)
         path = options.bags[0]
         report = stack.enter_context(progress('bag'))
         if page is None:
-            return check_recording(bundle, path, selection, changes=changes, progress=report)
-        return check_and_report(
-            bundle, path, selection, page, changes=changes, progress=report)
+            result = check_recording(bundle, path, selection, changes=changes, progress=report)
+        else:
+            result = check_and_report(
+                bundle, path, selection, page, changes=changes, progress=report)
+        if mcap is None or not mcap.without_details:
+            return result
+        return replace(result, warnings=(*result.warnings, (
+            f'{counted(mcap.without_details, "change")} of verdicts are not in copilot/violations '
+            f'of {options.mcap}: too many at one time')))
 
 
 def _remap(text: str) -> tuple[str, str]:

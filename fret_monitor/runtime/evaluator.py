@@ -379,6 +379,10 @@ class Evaluator:
         """Return how many steps a group has taken since start or reset."""
         return int(self._library.fm_evaluator_steps(self.pointer, group))
 
+    def start(self, group: int) -> int:
+        """Return the time of the first of these steps; any number if there was none."""
+        return int(self._library.fm_evaluator_start(self.pointer, group))
+
     @property
     def verdicts(self) -> list[bool]:
         """Verdicts of the last steps, by requirement; True before the first step."""

@@ -56,6 +56,9 @@ class Kept:
     def begin(self, begin: int, end: int, manifest: object) -> None:
         """Take that nothing is violated yet."""
 
+    def judged(self, requirement: int, time: int) -> None:
+        """Take that a requirement is judged from a time on."""
+
     def change(self, violation: Violation, detail: object) -> None:
         """Take a change."""
         self.found.append((violation.stamp, violation.requirement, violation.is_recovery))

@@ -21,7 +21,7 @@ from pathlib import Path
 import threading
 from xml.etree import ElementTree
 
-from bag.recordings import START, write
+from bag.recordings import FLOAT, START, TYPES, write
 from fret_monitor.bag.check import check_recording
 from fret_monitor.bag.results_file import finished_lines, ResultsFile
 from fret_monitor.cli.main import main
@@ -29,6 +29,7 @@ import pytest
 from rosbags.rosbag2 import Reader, Writer
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
+SECOND = 10**9
 LOW = """format: 1
 inputs: {level: {topic: level, type: std_msgs/msg/Float64}}
 requirements: [{id: LOW, ptltl: "level < 0.5"}]
@@ -283,3 +284,70 @@ def test_junit_agrees_with_the_exit_status_of_a_partial_check(
     file.write_bytes(b'')
     assert main([*arguments, '--partial']) == 1
     assert ElementTree.parse(junit).getroot()[0].get('errors') == '1'
+
+
+TWO = """format: 1
+evaluation: {policy: POLICY}
+inputs:
+  level: {topic: level, type: std_msgs/msg/Float64}
+  flow: {topic: flow, type: std_msgs/msg/Float64}
+  gone: {topic: gone, type: std_msgs/msg/Float64, initial: 0}
+requirements:
+  - {id: LEVEL, ptltl: "level < 0.5"}
+  - {id: FLOW, ptltl: "flow < 0.5"}
+  - {id: GONE, ptltl: "gone < 0.5"}
+"""
+
+
+@pytest.mark.parametrize(('policy', 'level', 'flow'), [  # when each takes its first step
+    ('every_message', 1, 2 * SECOND), ('timed', 2, 2 * SECOND),
+    ('periodic, rate: 100', 1 + SECOND // 100, 1 + 2 * SECOND)])
+def test_verdicts_are_written_from_the_first_step_on(
+        tmp_path: Path, policy: str, level: int, flow: int) -> None:
+    file, csv, mcap = (tmp_path / name for name in ('two.yaml', 'c.csv', 'm.mcap'))
+    file.write_text(TWO.replace('POLICY', policy), encoding='utf-8')
+    path = write(tmp_path / 'bag', [
+        ('/level', 1, 0.0), ('/level', SECOND, 0.7), ('/flow', 2 * SECOND, 0.0),
+        ('/flow', 3 * SECOND, 0.0)])
+    arguments = ['bag', str(file), str(path), '--missing-topics', 'ok']
+    assert main([*arguments, '--csv', str(csv), '--mcap', str(mcap)]) == 0
+    rows = [row.split(',') for row in csv.read_text(encoding='utf-8').splitlines()[1:]]
+    if level > 1:
+        assert rows.pop(0) == ['1700000000.000000001', '', '', '']  # nothing is judged yet
+    assert [row[1:] for row in rows] == [['1', '', ''], ['0', '', ''], ['0', '1', '']]
+    assert [int(row[0].replace('.', '')) - START for row in rows[::2]] == [level, flow]
+    with Reader(mcap) as reader:
+        found = [(item.topic.rpartition('prop')[2], time - START, data[4])
+                 for item, time, data in reader.messages() if 'verdicts' in item.topic]
+    assert [item[:2] for item in found][:3:2] == [('LEVEL', level), ('FLOW', flow)]
+    assert [(name, value) for name, _, value in found] == [
+        ('LEVEL', 1), ('LEVEL', 0), ('FLOW', 1), ('LEVEL', 0), ('FLOW', 1)]
+
+
+def test_only_verdicts_by_initial_values_are_written_of_an_empty_recording(tmp_path: Path) -> None:
+    file, csv = tmp_path / 'two.yaml', tmp_path / 'c.csv'
+    file.write_text(TWO.replace('POLICY', 'timed'), encoding='utf-8')
+    with Writer(tmp_path / 'bag', version=9) as writer:
+        for topic in ('/level', '/flow', '/gone'):
+            writer.add_connection(topic, FLOAT, typestore=TYPES)
+    assert main(['bag', str(file), str(tmp_path / 'bag'), '--partial', '--csv', str(csv)]) == 0
+    row, = csv.read_text(encoding='utf-8').splitlines()[1:]
+    assert row.endswith(',,,1')  # GONE has an initial value
+
+
+def test_details_for_which_there_was_no_room_are_a_warning(
+        tmp_path: Path, recording: Path, capsys: Capture) -> None:
+    file = tmp_path / 'many.yaml'
+    file.write_text(LOW.split('requirements')[0] + 'requirements:\n' + ''.join(
+        f'  - {{id: R{k}, ptltl: "level < 0.5"}}\n' for k in range(1100)), encoding='utf-8')
+    assert main(['bag', str(file), str(recording), '--mcap', str(tmp_path / 'm.mcap')]) == 0
+    assert '76 changes of verdicts are not in copilot/violations' in capsys.readouterr().err
+
+
+def test_a_time_after_2038_has_no_stamp(
+        tmp_path: Path, bundle: Path, capsys: Capture) -> None:
+    path = write(tmp_path / 'late', [('/level', 2**31 * SECOND - START, 0.7)])
+    assert main(['bag', str(bundle), str(path)]) == 0
+    assert main(['bag', str(bundle), str(path), '--mcap', str(tmp_path / 'm.mcap')]) == 1
+    assert ('the time 2147483648.000000000 is too late for the stamp of a message, which ends in '
+            '2038') in capsys.readouterr().err
