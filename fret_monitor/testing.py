@@ -24,6 +24,7 @@ ROS is imported only when a monitor was started.
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from itertools import count
 import os
 from pathlib import Path
 import re
@@ -44,7 +45,9 @@ _VIOLATED = re.compile(
 _UNSEEN = re.compile(
     r'\[ERROR\] (.* its messages are not received|.* does not match the subscription to .*)')
 _SILENT = ', nothing comes of '  # in the line of a violation by an input that is too old
+_REORDERED = re.compile(r'reordered within (?P<seconds>[\d.e+-]+) s')
 _NAME = 'fret_monitor'
+_NUMBERS = count(1)  # of the monitors of this process
 _ARRIVAL_S = 0.1  # after the end of a block, for messages that were published before
 _LOG_S = 3.0  # after a violation, until it is logged
 _HAS_PASSED = pytest.StashKey[bool]()
@@ -56,7 +59,7 @@ class Watched:
     def __init__(self, bundle: str | os.PathLike[str], arguments: tuple[str, ...],
                  seconds: float, *, allow_losses: bool = False) -> None:
         """Start it with further ROS arguments; all waits end after some seconds."""
-        self.node_name = f'{_NAME}_{os.getpid()}'
+        self.node_name = f'{_NAME}_{os.getpid()}_{next(_NUMBERS)}'
         self._arguments = arguments
         self._seconds = seconds
         self._allow_losses = allow_losses
@@ -132,7 +135,9 @@ class Watched:
 
     def _check(self, until: float) -> None:
         from fret_monitor.ros.next_report import next_report
-        sleep(_ARRIVAL_S)
+        reorder = max((float(match['seconds']) for match in _REORDERED.finditer(self.output)),
+                      default=0.0)  # messages wait so long before they are evaluated
+        sleep(_ARRIVAL_S + reorder)
         ready = _READY.search(self.output)
         report = next_report(self.node_name, int(ready['number']) if ready else 0,
                              self._seconds, self._is_running)

@@ -25,6 +25,7 @@ from xml.etree import ElementTree
 
 from bag.recordings import Message, write
 import fret_monitor
+from fret_monitor import testing
 from fret_monitor.ros import next_report
 from fret_monitor.testing import Watched, watching
 import pytest
@@ -185,7 +186,10 @@ def test_messages_that_were_not_received_fail_the_test_and_every_bundle_is_waite
 def test_lost_messages_fail_the_test_unless_they_are_allowed(
         monkeypatch: pytest.MonkeyPatch) -> None:
     monitor = Watched.__new__(Watched)
-    monitor._output, monitor.node_name, monitor._seconds = 'watching 1 requirement', 'node', 1.0
+    monitor._output = 'watching 1 requirement, by the stamps of headers, reordered within 2.5 s, x'
+    monitor.node_name, monitor._seconds = 'node', 1.0
+    slept: list[float] = []
+    monkeypatch.setattr(testing, 'sleep', slept.append)
     report = next_report.NodeReport(
         (next_report.RequirementReport('R', 'satisfied', 3, 0),),
         (next_report.TopicReport('topic /x', 0, 2), next_report.TopicReport('topic /y', 0, 0)))
@@ -195,6 +199,15 @@ def test_lost_messages_fail_the_test_unless_they_are_allowed(
         monitor.check()
     monitor._allow_losses = True
     monitor.check()
+    assert slept == [2.6, 2.6]  # until the last messages are evaluated
+
+
+def test_two_monitors_of_a_test_have_two_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(subprocess, 'Popen', lambda *_, **__: None)
+    made = [Watched('tank.yaml', (), 1.0) for _ in range(2)]
+    for monitor in made:
+        monitor._file.close()
+    assert made[0].node_name != made[1].node_name
 
 
 WITHOUT_BLOCK = """
