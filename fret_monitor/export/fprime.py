@@ -34,7 +34,7 @@ from fret_monitor.model.policies import InputSource, Severity
 from fret_monitor.model.values import ValueType
 
 _FPP = {ValueType.BOOL: 'bool', ValueType.FLOAT32: 'F32', ValueType.FLOAT64: 'F64'}
-_OF_HANDLERS = ('portNum', 'context', 'opCode', 'cmdSeq')  # parameters and members there are
+_OF_HANDLERS = ('portNum', 'm_runner', 'm_isStarted', 'fm_stored')  # what a handler names itself
 _PORTS = """\
     command recv port cmdIn
     command reg port cmdRegOut
@@ -104,10 +104,14 @@ class _Writer:
     def _arguments(self, topic: flight.Topic) -> list[tuple[int, str, str]]:
         """Return index, name and type of each input that is an argument of a topic's port."""
         spelled = flight.members(self.generated)
-        return [(index, f'{spelled[index]}_' if spelled[index] in _OF_HANDLERS
-                 else spelled[index], _type(self._manifest.inputs[index].value_type))
+        return [(index, self._argument(spelled[index]),
+                 _type(self._manifest.inputs[index].value_type))
                 for index in topic.inputs
                 if self._manifest.inputs[index].source is InputSource.FIELD]
+
+    def _argument(self, word: str) -> str:
+        is_taken = word in _OF_HANDLERS or word.startswith(f'{self.name}_runner_')
+        return f'{word}_' if is_taken else word
 
     def _requirements(self) -> list[str]:
         return flight.requirement_words(self._manifest)

@@ -59,11 +59,11 @@ requirements:
     'cycles': """\
 format: 1
 inputs:
-  p: {type: bool, topic: pump}
-  n: {type: int16, topic: level}
+  m_runner: {type: bool, topic: pump}
+  portNum: {type: int16, topic: level}
 evaluation: {policy: periodic, period: 0.5}
 requirements:
-  - {id: R-1, ptltl: "p -> O[0,3] n > 100"}
+  - {id: R-1, ptltl: "m_runner -> O[0,3] portNum > 100"}
 """,
     'topics': """\
 format: 1
