@@ -55,6 +55,7 @@ MOST_KEPT = 10_000
 _ALL = 2**32 - 1  # details a second
 _MOST_WITH_DETAILS = 64  # violations that wait; the queue of details is short
 _MOST_AHEAD_S = 10  # that a stamp may be ahead of the last message
+_LAST_TIME = 2**63 - 1  # ns
 _MOST_DEADLINES = 100_000  # that are looked at after the end, for verdicts that are open
 
 
@@ -276,6 +277,9 @@ class _Run:
 
     def result(self) -> Result:
         manifest, recording, selection = self._manifest, self._recording, self._selection
+        if recording.end > _LAST_TIME:
+            refuse(f"'{recording.path}' ends at {recording.end} ns: nanoseconds since 1970 must "
+                   'be less than 2**63, which is in the year 2262')
         wanted = dict(self._wanted())
         begin = _at(selection.begin, recording, recording.start)
         self._is_part = selection.begin is not None
@@ -340,9 +344,22 @@ class _Run:
         return last if until is None else max(
             last, until.in_recording(self._recording.start, last))
 
+    def _check_remaps(self) -> None:
+        """Refuse a new name for a topic that the bundle does not have."""
+        selection = self._selection
+        topics = {absolute(topic.name, selection.namespace): topic.name
+                  for topic in self._manifest.topics}
+        for old, new in selection.remaps.items():
+            if absolute(old, selection.namespace) not in topics:
+                refuse(f"--remap {old}:={new}: the bundle has no topic '{old}'",
+                       help=did_you_mean(old, topics.values())
+                       or f'it has {", ".join(topics.values())}')
+
     def _wanted(self) -> Iterator[tuple[tuple[str, str], int]]:
         types = self._recording.types
         seen: dict[str, int] = {}
+        if not self._recording.is_trace:
+            self._check_remaps()
         if not self._names:
             refuse('no input of the bundle has a topic',
                    help='write the topic of each: x: {topic: level, type: std_msgs/msg/Float64}')
