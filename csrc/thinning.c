@@ -32,7 +32,7 @@ static double as_double(union fm_value value, uint8_t type)
   return type >= FM_UINT8 ? (double)value.u : (double)value.i;
 }
 
-static void add_to_bucket(struct fm_bucket * bucket, double value)
+static void add_to_bucket(struct fm_bucket * bucket, int64_t time, double value)
 {
   if (bucket->n == bucket->n_nan) {
     bucket->least = value;
@@ -45,17 +45,23 @@ static void add_to_bucket(struct fm_bucket * bucket, double value)
   } else if (value > bucket->most) {
     bucket->most = value;
   }
-  bucket->last = value;
+  if (bucket->n == 0u || time >= bucket->time) {  // stamps may come out of order
+    bucket->last = value;
+    bucket->time = time;
+  }
   bucket->n += 1;
 }
 
 static void add_to_window(struct fm_window * window, int64_t time, double value)
 {
   if (time < window->begin) {
-    window->before = value;
-    window->has_before = true;
+    if (!window->has_before || time >= window->before_time) {
+      window->before = value;
+      window->before_time = time;
+      window->has_before = true;
+    }
   } else if (time <= window->end) {
-    if (!window->has_value) {
+    if (!window->has_value || time < window->first) {
       window->has_value = true;
       window->first = time;
     }
@@ -63,7 +69,7 @@ static void add_to_window(struct fm_window * window, int64_t time, double value)
     const double length = (double)((uint64_t)window->end - (uint64_t)window->begin) + 1.0;
     const uint32_t place = (uint32_t)(since / length * window->n_buckets);
     add_to_bucket(
-      &window->buckets[place < window->n_buckets ? place : window->n_buckets - 1u], value);
+      &window->buckets[place < window->n_buckets ? place : window->n_buckets - 1u], time, value);
   }
 }
 

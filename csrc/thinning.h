@@ -30,7 +30,8 @@ struct fm_bucket
 {
   double least;    // of those that are numbers; NaN if none is
   double most;
-  double last;     // in the order in which they came
+  double last;     // the latest by its time; of one time, the last to come
+  int64_t time;    // of `last`
   uint32_t n;
   uint32_t n_nan;
 };
@@ -45,8 +46,9 @@ struct fm_window
   uint32_t n_buckets;          // 1 or more
   bool has_before;             // a value came before `begin`
   bool has_value;              // a value came in the window
-  double before;               // the last one before `begin`
-  int64_t first;               // when the first one in the window came
+  double before;               // the latest before `begin`
+  int64_t before_time;         // of `before`
+  int64_t first;               // the earliest time of a value in the window
 };
 
 /// Windows of all inputs, those of input k from begins[k] to begins[k + 1] - 1.

@@ -33,15 +33,15 @@ from fret_monitor.bag.overview import MOST_SHOWN, Start
 from fret_monitor.build import Reading
 from fret_monitor.explain.report import Meaning
 from fret_monitor.logic.formula import (
-    Binary, BinaryOperator, Constant, Conversion, Formula, Historically, Unary, UnaryOperator,
-    Variable, variables,
+    Binary, BinaryOperator, Constant, Conversion, Formula, Historically, postorder, Unary,
+    UnaryOperator, Variable, variables,
 )
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.propositions import bounds, horizon, propositions, triggers
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.manifest import Manifest
-from fret_monitor.model.policies import Policy, Report
+from fret_monitor.model.policies import Policy, Report, Stale
 from fret_monitor.model.values import ValueType
 from fret_monitor.runtime.engine import Engine, ViolationDetail
 from fret_monitor.runtime.evaluator import Violation
@@ -111,6 +111,7 @@ class _Shown:
     lanes: list[_Lane] = field(default_factory=list)
     ready: int | None = None  # when all inputs had a value, within the window
     rises: list[tuple[int, int]] = field(default_factory=list)  # (time, step) of the trigger
+    is_by_change: bool = False  # a proposition beside the trigger changes when it begins
 
 
 def evidence(
@@ -218,8 +219,10 @@ def _watch(shown: Sequence[_Shown], parts: int, specification: Specification, re
     if not properties:
         return None
     try:
+        # A lane shows what a formula is of the last values, also while an input is silent.
         monitor = compiled(replace(reading, specification=replace(
-            specification, properties=tuple(properties.values())))).monitor
+            specification, properties=tuple(properties.values()), signals=tuple(
+                replace(item, stale=Stale.WARN) for item in specification.signals)))).monitor
     except CompileError:
         return None  # more state than allowed; the other parts of the report are worth having
     thinning = Thinning(monitor, [Window(index, *each.window, parts)
@@ -235,6 +238,9 @@ def _watch(shown: Sequence[_Shown], parts: int, specification: Specification, re
             changes.add_lane(number, lane.lane)
             if lane.kind == 'trigger':
                 changes.add_occurrence(number, each)
+            elif not any(lane.formula in postorder([other.formula]) for other in each.lanes
+                         if other.kind == 'trigger'):
+                changes.add_start(number, each)
     last = max(each.window[1] for each in shown)
     run(monitor, recording, replace(selection, end=Moment(Anchor.EPOCH, last), until=None),
         changes=[changes], watch=watch)
@@ -284,6 +290,7 @@ class _LaneChanges:
         self._waiting: list[list[_Shown]] = [[] for _ in range(count)]
         self._rises: list[deque[tuple[int, int]]] = [
             deque(maxlen=_MOST_RISES) for _ in range(count)]
+        self._starts: list[dict[int, list[_Shown]]] = [{} for _ in range(count)]
         self._state: list[int | None] = [None] * count  # None: no change yet
         self.first_changes: list[int | None] = [None] * count
 
@@ -294,6 +301,10 @@ class _LaneChanges:
     def add_occurrence(self, number: int, shown: _Shown) -> None:
         """Remember when a formula became true before an occurrence."""
         self._waiting[number].append(shown)
+
+    def add_start(self, number: int, shown: _Shown) -> None:
+        """Note it if a formula changes at the instant at which an occurrence begins."""
+        self._starts[number].setdefault(shown.start.time, []).append(shown)
 
     def begin(self, begin: int, end: int, manifest: Manifest) -> None:
         """Begin a run."""
@@ -310,6 +321,8 @@ class _LaneChanges:
         """Take that a formula is false, or true again."""
         number = violation.requirement
         self._paint(number, violation.stamp - 1)
+        for shown in self._starts[number].get(violation.stamp, ()):
+            shown.is_by_change = True
         if self._state[number] is None:
             self.first_changes[number] = violation.stamp
         self._pass(number, violation.stamp)
@@ -383,7 +396,7 @@ def _trigger(shown: _Shown, specification: Specification) -> tuple[int | None, b
     """Return the trigger that has led to an occurrence, and whether its time was over then."""
     is_timed = specification.policy is Policy.TIMED
     start = shown.start
-    for bound in reversed(bounds(shown.item)):
+    for bound in () if shown.is_by_change else reversed(bounds(shown.item)):
         for time, step in reversed(shown.rises):
             left = start.time - time - bound if is_timed else start.step - step - bound
             if 0 <= left <= (_TOLERANCE_NS if is_timed else 0):

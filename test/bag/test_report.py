@@ -18,6 +18,7 @@ from array import array
 from base64 import b64encode
 from hashlib import sha256
 import math
+from operator import itemgetter
 from pathlib import Path
 from random import Random
 import shutil
@@ -137,6 +138,27 @@ def test_the_trigger_is_the_one_whose_time_was_over(tmp_path: Path) -> None:
     assert [lane[0] for _, _, lane in occurrence['l']] == ['f', 'f', 'f', 't']
 
 
+def test_an_answer_that_ends_too_early_is_no_deadline(tmp_path: Path) -> None:
+    text = answer('timed', '2 seconds').replace('shall within 2 seconds', 'shall for 2 seconds')
+    found = report(tmp_path, text, [
+        ('/level', 0, 2.0), ('/flow', 0, 0.0), ('/flow', SECOND, 2.0),
+        ('/level', 3 * SECOND, 0.0), ('/level', 4 * SECOND, 2.0)])
+    occurrence, = found.data['occurrences']
+    assert (occurrence['g'], occurrence['d']) == (-2 * SECOND, 0)
+
+
+def test_a_proposition_is_drawn_of_the_last_values_while_an_input_is_silent(
+        tmp_path: Path) -> None:
+    text = answer('timed', '2 seconds').replace(
+        'type: std_msgs/msg/Float64}', 'type: std_msgs/msg/Float64, timeout: 1, stale: violate}')
+    found = report(tmp_path, text, [
+        ('/level', 0, 0.5), ('/flow', 0, 0.0), ('/flow', 1, 0.0), ('/level', 5 * SECOND, 0.5),
+        ('/flow', 5 * SECOND, 0.0)])
+    low = [item for item in found.data['occurrences'] if len(item['l']) == 2]
+    assert low and not any('f' in item['l'][0][2] for item in low), low
+    assert all('f' in item['l'][1][2] for item in low)
+
+
 def test_an_end_that_is_open_and_a_begin_without_values_are_shown(tmp_path: Path) -> None:
     text = answer('timed', '20 seconds').replace('requirements:', """
   gone: {topic: gone, type: std_msgs/msg/Float64}
@@ -199,6 +221,8 @@ requirements: [{id: LOW, ptltl: "level < flow"}]
         rng = Random(seed)
         messages = sorted((rng.randrange(1000), rng.randrange(2), rng.choice(
             [rng.random(), -1e9, 1e9, math.nan, math.inf])) for _ in range(rng.randrange(300)))
+        if seed % 2:  # as stamps may come
+            rng.shuffle(messages)
         windows = [Window(k % 2, begin, begin + rng.choice([0, 1, 100, 999]), rng.choice(
             [1, 7, 1000])) for k, begin in enumerate(rng.choices(range(1000), k=6))]
         thinning = Thinning(monitor, windows)
@@ -211,7 +235,8 @@ requirements: [{id: LOW, ptltl: "level < flow"}]
                          array('Q', map(len, data)), b''.join(data))
         for k, window in enumerate(windows):
             check_window(thinning, k, window, [
-                (time, value) for time, topic, value in messages if topic == window.input])
+                (time, value) for time, topic, value in sorted(messages, key=itemgetter(0))
+                if topic == window.input])
 
 
 def test_inputs_of_all_kinds_are_drawn(tmp_path: Path) -> None:
