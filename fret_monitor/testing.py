@@ -221,11 +221,15 @@ def watching(bundle: str | os.PathLike[str], *arguments: str, blackbox: Path | N
 
     Raises
     ------
+    ValueError
+        if the arguments have another bundle.
     AssertionError
         at the end of the block, if a requirement was violated until then, or never evaluated, or
         if messages were not received; or if the monitor does not start, ignores a parameter, or
         does not run.
     """
+    if any(text.startswith('spec:=') for text in arguments):  # rcl drops a list after a text
+        raise ValueError("the first argument has all bundles, such as '[a.yaml, b.yaml]'")
     box = () if blackbox is None else ('-p', f'blackbox:={blackbox}')
     watched = Watched(bundle, (*box, *arguments), seconds, allow_losses=allow_losses)
     try:

@@ -202,6 +202,12 @@ def test_lost_messages_fail_the_test_unless_they_are_allowed(
     assert slept == [2.6, 2.6]  # until the last messages are evaluated
 
 
+def test_bundles_in_the_arguments_are_refused() -> None:
+    with (pytest.raises(ValueError, match='the first argument has all bundles'),
+          watching('a.yaml', '-p', 'spec:=[a.yaml, b.yaml]')):
+        pytest.fail('it begins')
+
+
 def test_two_monitors_of_a_test_have_two_names(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(subprocess, 'Popen', lambda *_, **__: None)
     made = [Watched('tank.yaml', (), 1.0) for _ in range(2)]
