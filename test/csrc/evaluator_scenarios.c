@@ -1452,6 +1452,7 @@ static void indices_out_of_range_are_ignored(void)
     CHECK(!fm_evaluator_is_stale(evaluator, wrong[k]));
     CHECK(!fm_evaluator_ready(evaluator, wrong[k]));
     CHECK(fm_evaluator_steps(evaluator, wrong[k]) == 0);
+    CHECK(fm_evaluator_start(evaluator, wrong[k]) == 0);
     CHECK(!fm_evaluator_has_value(evaluator, wrong[k]));
     CHECK(fm_evaluator_requirement_counts(evaluator, wrong[k]).verdict);
     CHECK(fm_evaluator_input_counts(evaluator, wrong[k]).received == 0);
