@@ -222,6 +222,7 @@ class _Reading:
             place=item.text.span,
             bounds=tuple(sorted(term.bounds)),
             sentence=tree if isinstance(tree, Sentence) else None,
+            id_place=item.id.span,
         )
 
     def _formula(self, item: Requirement) -> Expression | Equations | Sentence | None:

@@ -17,14 +17,18 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
+from math import isfinite
 import re
+from struct import pack
 
 from fret_monitor import __version__
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.comments import safe
 from fret_monitor.model.diagnostics import counted, Diagnostic, refuse, Source, Span
-from fret_monitor.model.manifest import ManifestRequirement
-from fret_monitor.model.policies import Policy
+from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement, SECONDS
+from fret_monitor.model.paths import path_text
+from fret_monitor.model.policies import InputSource, Policy
+from fret_monitor.model.values import ValueType
 from fret_monitor.native.cache import csrc_directory
 
 _PLACEHOLDER = re.compile(r'@([A-Z][A-Z_]*)@')
@@ -116,7 +120,53 @@ def common_values(generated: GeneratedMonitor, options: Options) -> dict[str, st
         'STATE_BYTES': counted(manifest.state_bytes, 'byte'),
         'STEP': _step(generated),
         'REQUIREMENTS': '\n'.join(_requirements(manifest.requirements)),
+        'INPUT_TABLE': '\n'.join(_inputs(manifest)),
     }
+
+
+def meaning(item: ManifestInput) -> str:
+    """Return what an input is in the bundle's terms, on one line; '' if it only has a type."""
+    parts = [_field(item)]
+    if item.values:
+        parts.append('values ' + ', '.join(
+            f'{word} = {place if item.is_string else value}'
+            + (f' ("{value}")' if item.is_string else '')
+            for place, (word, value) in enumerate(item.values)))
+    if item.initial is not None:
+        parts.append(f'initial {number_text(item)}')
+    elif item.is_string:
+        parts.append(f'0 ({item.values[0][0]}) also before any value came')
+    return '; '.join(filter(None, parts))
+
+
+def _field(item: ManifestInput) -> str:
+    """Return what an input is taken from, such as `min(ranges) of TYPE on /scan`."""
+    path = path_text(item.path)
+    of = f' of {item.message_type}' if item.message_type else ''
+    on = f'{of} on {item.topic}' if item.topic else of
+    match item.source:
+        case InputSource.RECEIVED:
+            return f'received(){on}, true at the step of such a message alone'
+        case InputSource.AGE:
+            return f'age({path}){on}, in seconds'
+        case InputSource.FIELD:
+            field = f'{item.reduction}({path})' if item.reduction not in ('', SECONDS) else path
+            seconds = ', in seconds' if item.reduction == SECONDS else ''
+            return f'{field}{on}{seconds}'.strip()
+
+
+def number_text(item: ManifestInput) -> str:
+    """Return the initial value of an input as C has it."""
+    assert item.initial is not None
+    if item.value_type is ValueType.BOOL:
+        return str(bool(item.initial)).lower()
+    if not item.value_type.is_float:
+        return str(int(item.initial))
+    if item.value_type is not ValueType.FLOAT32 or not isfinite(item.initial):
+        return repr(float(item.initial)).removesuffix('.0')
+    stored = pack('f', item.initial)
+    texts = (f'{item.initial:.{digits}g}' for digits in range(6, 10))
+    return next(text for text in texts if pack('f', float(text)) == stored)
 
 
 def markdown(text: str) -> str:
@@ -135,6 +185,14 @@ def _step(generated: GeneratedMonitor) -> str:
             return f'A step is a period of {manifest.period:g} s: call it that often.'
         case Policy.EVERY_MESSAGE | Policy.RELEVANT_MESSAGE | Policy.ALL_INPUTS:
             return 'Bounds in formulas count steps.'
+
+
+def _inputs(manifest: Manifest) -> Iterator[str]:
+    yield '| input | type | is |'
+    yield '|---|---|---|'
+    for item in manifest.inputs:
+        kind = 'string' if item.is_string else item.value_type.value
+        yield f'| {markdown(item.name)} | {kind} | {markdown(meaning(item))} |'
 
 
 def _requirements(items: tuple[ManifestRequirement, ...]) -> Iterator[str]:

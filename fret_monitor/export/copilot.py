@@ -21,18 +21,20 @@ monitors, so that it is one file to compile, as Copilot's, and defines no other 
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from math import isfinite, isnan
 
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.comments import comment, safe
 from fret_monitor.codegen.names import is_of_module, Names
 from fret_monitor.export.content import (
-    common_values, Content, csrc_files, export_name, hand_written, HandlerArguments, Options,
+    common_values, Content, csrc_files, export_name, hand_written, HandlerArguments, meaning,
+    number_text, Options,
 )
 from fret_monitor.export.external_names import check_name, constant_names, input_names
 from fret_monitor.model.diagnostics import Problems
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement
 from fret_monitor.model.names import HANDLER_PREFIX
-from fret_monitor.model.policies import Policy, Report, Stale
+from fret_monitor.model.policies import Policy, Report, Stale, Stamp
 from fret_monitor.model.values import ValueType
 
 _MONITORS = 'monitors'
@@ -51,8 +53,10 @@ def copilot(generated: GeneratedMonitor, options: Options) -> Content:
     problems = Problems()
     check_name(_file_name(generated), problems)
     _check_timeouts(generated, problems)
+    _check_stamps(generated, problems)
     _check_handlers(generated, options, problems)
     inputs = input_names(generated, _defined(generated.manifest, options), problems)
+    _check_initial_values(generated, inputs, problems)
     constants = constant_names(generated, options.prefix, inputs, problems)
     problems.raise_errors()
     writer = _Writer(generated, options, inputs, constants)
@@ -91,6 +95,31 @@ def _check_timeouts(generated: GeneratedMonitor, problems: Problems) -> None:
                              signal.place, 'Copilot has variables, which are never silent')
 
 
+def _check_stamps(generated: GeneratedMonitor, problems: Problems) -> None:
+    specification = generated.specification
+    place = next((item.place for item in specification.signals if item.topic is not None), None)
+    call = _functions(generated.manifest, Options())[0]
+    if specification.stamp is Stamp.HEADER:
+        problems.warning('`stamp: header` has no effect in this export', place,
+                         'Copilot has variables, which have no headers',
+                         f'pass the stamp of the message to {call}, in the order of the stamps')
+    if specification.reorder:
+        problems.warning('`reorder` has no effect in this export', place,
+                         'values count in the order of the calls',
+                         f'call {call} in the order of the stamps')
+
+
+def _check_initial_values(generated: GeneratedMonitor, inputs: Mapping[str, str],
+                          problems: Problems) -> None:
+    items = generated.manifest.inputs
+    for signal, item in zip(generated.specification.signals, items, strict=True):
+        if item.initial is not None:
+            problems.warning(
+                f"'{item.name}' has its `initial` value only if the program defines it so",
+                signal.place, 'a variable of C begins with 0',
+                f'in the program: {definition(item, inputs[item.name])}')
+
+
 def _functions(manifest: Manifest, options: Options) -> list[str]:
     """Return the names of the functions that a program calls."""
     names = ['step_at', 'deadline'] if manifest.policy is Policy.TIMED else ['step']
@@ -111,7 +140,7 @@ def _check_handlers(generated: GeneratedMonitor, options: Options, problems: Pro
         name = _handler(item, options)
         if name in taken:
             problems.error(f"'{item.id}' and '{taken[name]}' have one handler, {name}",
-                           written.place, 'in C, the first letter of an id is a capital',
+                           written.id_place, 'in C, the first letter of an id is a capital',
                            'give one of them another id')
         taken[name] = item.id
 
@@ -185,8 +214,9 @@ class _Writer:
         yield f'#include "{self.file}_types.h"'
         yield from ('', '#ifdef __cplusplus', 'extern "C" {', '#endif', '')
         yield '// The inputs, which the program defines.'
-        yield from (f'extern {item.value_type.c_name} {self.inputs[item.name]};'
-                    for item in self._manifest.inputs)
+        for item in self._manifest.inputs:
+            yield from comment(': '.join(filter(None, (item.name, meaning(item)))))
+            yield f'extern {item.value_type.c_name} {self.inputs[item.name]};'
         yield from ('', '// The handlers of violations, which the program defines.')
         for requirement in self._manifest.requirements:
             yield from comment(f'{requirement.id}: {requirement.title or requirement.text}')
@@ -308,19 +338,40 @@ class _Writer:
     def values(self) -> dict[str, str]:
         """Return the placeholders of the README."""
         names = _functions(self._manifest, self.options)
-        define = [f'{item.value_type.c_name} {self.inputs[item.name]};'
-                  for item in self._manifest.inputs]
+        define = [definition(item, self.inputs[item.name]) for item in self._manifest.inputs]
         define += [f'void {self._signature(item)} {{}}' for item in self._manifest.requirements]
         call = f'`void {names[0]}(void)`: take a step.'
         if self._is_timed:
             call = (f'`void {names[0]}(int64_t now)` when an input has changed, with the time in '
                     f'nanoseconds, and at the time that `int64_t {names[1]}(void)` returns '
-                    '(`INT64_MAX`: never). What was due before `now` is evaluated first, so that '
-                    'a late call loses nothing.')
+                    '(`INT64_MAX`: never). What was due before `now` is evaluated first, in the '
+                    'order of time, so that a late call loses nothing.')
         named = any(item.values for item in self._manifest.inputs)
-        return {'DEFINE': '\n'.join(define), 'CALL': call,
+        order = ('A call copies all inputs first, then evaluates all requirements, and then calls '
+                 'the handlers of those that are violated, in the order of the bundle.')
+        if self._is_timed:
+            order = ('A call calls the handlers for each time that was due before `now`, from the '
+                     'first on, with the inputs of the last call. Then it copies the inputs and '
+                     'evaluates all requirements. Handlers of one time are called in the order of '
+                     'the bundle.')
+        return {'ORDER': order, 'DEFINE': '\n'.join(define), 'CALL': call,
                 'VALUES': f'`{self.file}_types.h` has constants for the values that have '
                           'names.\n\n' if named else ''}
+
+
+def definition(item: ManifestInput, name: str) -> str:
+    """Return the definition of an input's variable, with its initial value."""
+    kind = item.value_type
+    if item.initial is None:
+        return f'{kind.c_name} {name};'
+    if not kind.is_float:
+        value = _number(int(item.initial)) if kind is not ValueType.BOOL else number_text(item)
+    elif isfinite(item.initial):
+        value = number_text(item)
+        value += 'f' if kind is ValueType.FLOAT32 and not value.lstrip('-').isdigit() else ''
+    else:
+        value = 'NAN' if isnan(item.initial) else 'INFINITY' if item.initial > 0 else '-INFINITY'
+    return f'{kind.c_name} {name} = {value};'
 
 
 def _number(number: int) -> str:

@@ -64,14 +64,57 @@ _FUNCTIONS = frozenset("""
     isxdigit tolower toupper
     longjmp raise setjmp setlocale signal localeconv
 """.split())
+# What glibc's math.h, string.h, strings.h, stdio.h, stdlib.h and unistd.h declare besides, for
+# compilers that are not asked for strict C99 (gnu17), or in C++.
+_EXTENSIONS = frozenset("""
+    a64l access acct alarm aligned_alloc alloca arc4random arc4random_buf arc4random_uniform
+    at_quick_exit basename bcmp bcopy brk bzero canonicalize canonicalize_file_name chdir chown
+    chroot clearenv clearerr_unlocked close closefrom confstr crypt ctermid daemon dprintf
+    drand48 drand48_r drem dup dup2 ecvt ecvt_r endusershell environ erand48 erand48_r execl
+    execle execlp execv execve execvp exp10 explicit_bzero faccessat fadd fchdir fchown fchownat
+    fcvt fcvt_r fdatasync fdiv fdopen feof_unlocked ferror_unlocked fexecve fflush_unlocked ffma
+    ffs ffsl ffsll fgetc_unlocked fileno fileno_unlocked finite flockfile fmaximum fmaximum_mag
+    fmaximum_mag_num fmaximum_num fmaxmag fmemopen fminimum fminimum_mag fminimum_mag_num
+    fminimum_num fminmag fmul fork fpathconf fputc_unlocked fread_unlocked fromfp fromfpx fseeko
+    fsqrt fsub fsync ftello ftruncate ftrylockfile funlockfile fwrite_unlocked gamma gcvt
+    getc_unlocked getchar_unlocked getcwd getdelim getdomainname getdtablesize getegid
+    getentropy geteuid getgid getgroups gethostid gethostname getline getloadavg getlogin
+    getlogin_r getopt getpagesize getpass getpayload getpgid getpgrp getpid getppid getpt getsid
+    getsubopt getuid getusershell getw getwd grantpt index initstate initstate_r isatty
+    iscanonical iseqsig isgreaterequal islessequal islessgreater issignaling iszero j0 j1 jn
+    jrand48 jrand48_r l64a lchown lcong48 lcong48_r lgamma_r lgammaf_r lgammal_r link linkat
+    llogb lockf lrand48 lrand48_r lseek memccpy memfrob memmem mempcpy memrchr mkdtemp mkostemp
+    mkostemp64 mkostemps mkostemps64 mkstemp mkstemp64 mkstemps mkstemps64 mktemp mrand48
+    mrand48_r nextdown nextup nice nrand48 nrand48_r on_exit open_memstream optarg opterr optind
+    optopt pathconf pause pclose pipe popen posix_memalign posix_openpt pread profil pselect
+    ptsname ptsname_r putc_unlocked putchar_unlocked putenv putw pwrite qecvt qecvt_r qfcvt
+    qfcvt_r qgcvt qsort_r quick_exit rand_r random random_r rawmemchr read readlink readlinkat
+    reallocarray realpath renameat revoke rindex rmdir roundeven rpmatch sbrk scalb
+    secure_getenv seed48 seed48_r select setbuffer setdomainname setegid setenv seteuid setgid
+    sethostid sethostname setlinebuf setlogin setpayload setpayloadsig setpgid setpgrp setregid
+    setreuid setsid setstate setstate_r setuid setusershell sigabbrev_np sigdescr_np signgam
+    significand sincos sleep srand48 srand48_r srandom srandom_r stpcpy stpncpy strcasecmp
+    strcasecmp_l strcasestr strchrnul strcoll_l strdup strerror_l strerror_r strerrordesc_np
+    strerrorname_np strfromd strfromf strfroml strfry strncasecmp strncasecmp_l strndup strnlen
+    strsep strsignal strtod_l strtof_l strtok_r strtol_l strtold_l strtoll_l strtoq strtoul_l
+    strtoull_l strtouq strverscmp strxfrm_l swab symlink symlinkat sync syscall sysconf
+    tcgetpgrp tcsetpgrp tempnam tmpnam_r totalorder totalordermag truncate ttyname ttyname_r
+    ttyslot u_char u_int u_long u_short ualarm ufromfp ufromfpx uint ulong unlink unlinkat
+    unlockpt unsetenv ushort usleep valloc vdprintf vfork vhangup write y0 y1 yn
+""".split())
 _FLOATS = frozenset(f'{name}{kind}' for name in _FUNCTIONS for kind in 'fl')
+# `acosf32x` is the function of _Float32x, `f32addf64` adds two numbers of _Float64.
+_OTHER_FLOATS = re.compile(r'([a-z0-9_]+?)f(32|64|128)x?(_r)?')
+_ARITHMETIC = re.compile(r'(d|f(32|64)x?)(add|sub|mul|div|fma|sqrt)(l|f(32|64|128)x?)'
+                         r'|str(to|from)f(32|64|128)x?(_l)?')
 _MACROS = re.compile(
-    r'NULL|NAN|INFINITY|HUGE_VAL[FL]?|EOF|errno|assert|offsetof|linux|unix|DECIMAL_DIG'
+    r'NULL|NAN|INFINITY|HUGE_VAL[FL]?|EOF|FILE|BUFSIZ|RAND_MAX|std(in|out|err)|errno'
+    r'|assert|offsetof|linux|unix|DECIMAL_DIG'
     r'|math_errhandling|MATH_.*|FP_.*|(FLT|DBL|LDBL)_.*'
     r'|(U?INT|SIZE|PTRDIFF|WCHAR|WINT).*_(MAX|MIN|C)|FRET_MONITOR_.*')
 _TYPES = re.compile(
     r'(u?int(_least|_fast)?(8|16|32|64)|u?intmax|u?intptr|size|ptrdiff|wchar|max_align|float'
-    r'|double)_t')
+    r'|double|l?l?div|fpos)_t|va_list')
 _HEADERS = frozenset("""
     assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal
     stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string tgmath threads
@@ -103,13 +146,21 @@ def fault(word: str, name: str) -> str:
     return ''
 
 
+def is_extension(word: str) -> bool:
+    """Return whether glibc declares a word besides what C99 has."""
+    of_other_float = _OTHER_FLOATS.fullmatch(word)
+    return (word in _EXTENSIONS or word[-1:] in ('f', 'l') and word[:-1] in _EXTENSIONS
+            or of_other_float is not None and of_other_float[1] in _FUNCTIONS | _EXTENSIONS
+            or _ARITHMETIC.fullmatch(word) is not None)
+
+
 def input_names(generated: GeneratedMonitor, defined: Mapping[str, str],
                 problems: Problems) -> dict[str, str]:
     """
     Return the variable of each input.
 
     `defined` are the other external names, each with what it is. Names that cannot be used are
-    reported with their places; a keyword of C++ alone is a warning.
+    reported with their places; a keyword of C++ alone, or an extension of glibc, is a warning.
     """
     name = export_name(generated)
     taken = dict(defined)
@@ -124,6 +175,11 @@ def input_names(generated: GeneratedMonitor, defined: Mapping[str, str],
         elif word in _CPP:
             problems.warning(f"'{word}' is a keyword of C++", signal.place,
                              'with this input the export can only be compiled as C')
+        elif is_extension(word):
+            problems.warning(
+                f"'{word}' is declared by glibc's headers, except in strict C99", signal.place,
+                'compilers that are not given -std=c99, and those of C++, may refuse the variable',
+                f'rename it, there and in formulas: {_other(word)}')
         taken.setdefault(word, f"the variable of '{signal.name}'")
         names[signal.name] = word
     return names

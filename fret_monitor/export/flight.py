@@ -30,7 +30,7 @@ from fret_monitor.codegen.c import string_literal
 from fret_monitor.codegen.comments import safe
 from fret_monitor.codegen.names import Names
 from fret_monitor.export.content import (
-    csrc_files, export_name, hand_written, HandlerArguments, Options,
+    csrc_files, export_name, hand_written, HandlerArguments, meaning, Options,
 )
 from fret_monitor.logic.specification import Signal
 from fret_monitor.model.diagnostics import counted, Problems
@@ -267,10 +267,7 @@ def _value(kind: ValueType, value: bool | int | float) -> str:
 
 def origin(item: ManifestInput) -> str:
     """Return what an input is, as text for a comment."""
-    if not item.values:
-        return item.name
-    shown = ', '.join(f'{word} = {value}' for word, value in item.values)
-    return f'{item.name}: {shown}'
+    return ': '.join(filter(None, (item.name, meaning(item))))
 
 
 def literal(text: str) -> str:

@@ -77,7 +77,7 @@ class Property:
     through other equations; an equation may contain its own `Feedback` node. `place` is the place
     of the formula's text. `bounds` are, in ascending order, the largest few of the numbers of
     steps in that text and in the definitions it uses; the formula of a FRETish sentence contains
-    further bounds. `sentence` is the parsed text if it is FRETish.
+    further bounds. `sentence` is the parsed text if it is FRETish. `id_place` is that of the id.
     """
 
     id: str
@@ -91,6 +91,7 @@ class Property:
     place: Span | None = None
     bounds: tuple[int, ...] = ()
     sentence: Sentence | None = field(default=None, repr=False, compare=False)
+    id_place: Span | None = field(default=None, repr=False, compare=False)
 
     @property
     def roots(self) -> tuple[Formula, ...]:

@@ -27,6 +27,7 @@ from differential.test_clean_c import has_sanitizers, SANITIZERS
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
 from fret_monitor.export.content import Content, HandlerArguments, Options
 from fret_monitor.export.copilot import copilot
+from fret_monitor.export.external_names import fault, is_extension
 from fret_monitor.export.folder import assemble, renamed
 from fret_monitor.logic.evaluate import verdicts
 from fret_monitor.logic.timed import evaluate_timed, TimedTrace
@@ -241,6 +242,7 @@ def content(folder: Path, inputs: str, name: str = 'pump') -> Content:
     ('  q: {type: bool}\n  main: {type: bool}\n', 'it is where a program begins'),
     ('  q: {type: bool}\n  malloc: {type: bool}\n', 'it is a function of the C library'),
     ('  q: {type: bool}\n  cosf: {type: bool}\n', 'it is a function of the C library'),
+    ('  q: {type: bool}\n  stderr: {type: bool}\n', 'it is defined by a header of C'),
     ('  q: {type: bool}\n  INT8_MAX: {type: bool}\n', 'it is defined by a header of C'),
     ('  q: {type: bool}\n  step: {type: bool}\n', 'it is the function that takes a step'),
     ('  q: {type: bool}\n  handlerpropR_1: {type: bool}\n', 'it is the handler of R-1'),
@@ -262,12 +264,30 @@ def test_names_that_cannot_be_shared_with_a_program_are_refused(
     assert expected in str(refused.value)
 
 
+def test_names_of_the_headers_of_c_are_not_given_away_unnoticed() -> None:
+    compiler = gcc()
+    if compiler is None:
+        pytest.skip('needs gcc')
+    assert all(map(is_extension, ('gamma', 'index', 'y0', 'jn', 'y1f', 'cosf32x', 'lgamma_r')))
+    assert not any(map(is_extension, ('speed', 'half32', 'battery', 'indexl_')))
+    headers = ('math', 'string', 'strings', 'stdio', 'stdlib', 'unistd')
+    for flags in (('-x', 'c', '-std=gnu17'), ('-x', 'c++', '-std=c++11')):
+        included = headers if flags[1] == 'c' else headers[:2]
+        text = subprocess.run(
+            [*compiler, *flags, '-E', '-P', '-'], check=True, capture_output=True, text=True,
+            input=''.join(f'#include <{header}.h>\n' for header in included)).stdout
+        found = {*re.findall(r'^extern [^();{}\n]*?\b([a-z]\w*) *\(', text, re.MULTILINE),
+                 *re.findall(r'^extern [^();{}\n]*?\b([a-z]\w*);', text, re.MULTILINE)}
+        assert {'gamma', 'index'} < found
+        assert {word for word in found if not (fault(word, 'zz') or is_extension(word))} == set()
+
+
 def test_two_ids_with_one_handler_are_refused(tmp_path: Path) -> None:
     text = ('format: 1\ninputs: {q: {type: bool}}\nrequirements:\n'
             '  - {id: speed-1, ptltl: "q"}\n  - {id: Speed-1, ptltl: "!q"}\n')
     with pytest.raises(CompileError) as refused:
         copilot(generated(tmp_path, text, 'pump'), Options())
-    assert "bundle.yaml:5:27: error: 'Speed-1' and 'speed-1' have one handler" in str(
+    assert "bundle.yaml:5:10: error: 'Speed-1' and 'speed-1' have one handler" in str(
         refused.value)
     alone = copilot(generated(tmp_path, text.replace('Speed-1', 'other'), 'pump'), Options())
     assert 'void handlerpropSpeed_1(void);' in alone.generated['pump.h']  # as Ogma writes it
@@ -276,6 +296,80 @@ def test_two_ids_with_one_handler_are_refused(tmp_path: Path) -> None:
 def test_a_name_of_a_header_of_c_is_refused(tmp_path: Path) -> None:
     with pytest.raises(CompileError, match=re.escape("'string.h' is a header of the C library")):
         content(tmp_path, '  q: {type: bool}\n', 'string')
+
+
+def test_an_input_says_what_it_is_and_what_it_begins_with(tmp_path: Path) -> None:
+    monitor = generated(tmp_path, """\
+format: 1
+topics:
+  /scan:
+    type: sensor_msgs/msg/LaserScan
+    fields: {q: {field: received(), initial: false}, near: min(ranges), old: age(header.stamp)}
+  /state: {type: std_msgs/msg/String, fields: {word: {field: data, values: {off: halt, on: go}}}}
+inputs:
+  battery: {type: float32, initial: 100}
+  volt: {type: float32, initial: 0.1}
+  low: {type: int64, initial: -9223372036854775808}
+  gamma: {type: bool}
+requirements:
+  - {id: R-1, ptltl: "q & near > old & word = off & battery > volt & low > 0 & gamma"}
+""", 'pump')
+    found = copilot(monitor, Options())
+    header = found.generated['pump.h']
+    assert """\
+// q: received() of sensor_msgs/msg/LaserScan on /scan, true at the step of such a message
+// alone; initial false
+extern bool q;
+// near: min(ranges) of sensor_msgs/msg/LaserScan on /scan
+extern float near;
+// old: age(header.stamp) of sensor_msgs/msg/LaserScan on /scan, in seconds
+extern double old;
+// word: data of std_msgs/msg/String on /state; values off = 0 ("halt"), on = 1 ("go"); 0
+// (off) also before any value came
+extern int32_t word;
+""" in header
+    assert '// battery: initial 100\nextern float battery;\n// volt: initial 0.1\n' in header
+    files = assemble('copilot', monitor, Options(), found)
+    readme = files['README.md']
+    assert 'float battery = 100;\nfloat volt = 0.1f;\nint64_t low = INT64_MIN;\n' in readme
+    assert '| near | float32 | min(ranges) of sensor\\_msgs/msg/LaserScan on /scan |' in readme
+    assert [(item.title, item.help) for item in found.warnings] == [
+        ("'gamma' is declared by glibc's headers, except in strict C99",
+         'rename it, there and in formulas: gamma_value'),
+        *((f"'{name}' has its `initial` value only if the program defines it so",
+           f'in the program: {line}') for name, line in (
+            ('battery', 'float battery = 100;'), ('volt', 'float volt = 0.1f;'),
+            ('low', 'int64_t low = INT64_MIN;'), ('q', 'bool q = false;')))]
+    program = '#include "pump.h"\n#include "hooks.h"\n'
+    define, hooks = re.findall('```c\n(.*?)```', readme, re.DOTALL)
+    assert 'void lock_inputs(void);' in hooks
+    for name, text in (*files.items(), ('main.c', program + define), ('hooks.h', hooks)):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    compiler = gcc()
+    if compiler is None:
+        pytest.skip('needs gcc')
+    compile_c([*compiler, '-std=c99', *WARNINGS, '-c', tmp_path / 'main.c', '-o',
+               tmp_path / 'main.o'])
+    compile_c([*compiler, '-std=c99', *WARNINGS, '-DFRET_MONITOR_HOOKS="hooks.h"',
+               f'-I{tmp_path}', '-c', tmp_path / 'pump.c', '-o', tmp_path / 'pump.o'])
+
+
+def test_stamps_of_messages_have_no_effect(tmp_path: Path) -> None:
+    monitor = generated(tmp_path, """\
+format: 1
+topics: {/odom: {type: nav_msgs/msg/Odometry, fields: {x: twist.twist.linear.x}}}
+evaluation: {policy: timed, stamp: header, reorder: 0.1}
+requirements: [{id: R-1, ptltl: "x < 1"}]
+""", 'pump')
+    found = copilot(monitor, Options())
+    assert [(item.title, item.help) for item in found.warnings] == [
+        ('`stamp: header` has no effect in this export',
+         'pass the stamp of the message to step_at, in the order of the stamps'),
+        ('`reorder` has no effect in this export',
+         'call step_at in the order of the stamps')]
+    readme = assemble('copilot', monitor, Options(), found)['README.md']
+    assert 'Handlers of one time are called in the order of the bundle.' in readme
 
 
 def test_what_has_no_effect_is_a_warning(tmp_path: Path) -> None:
