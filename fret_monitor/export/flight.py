@@ -141,7 +141,7 @@ def runner_files(generated: GeneratedMonitor, folder: str) -> dict[str, str]:
               if file != f'{name}_fields.c'}  # no serialized messages are read
     hand = hand_written('flight')
     files = {**csrc_files(*_CSRC), **module, 'fret_static.h': hand['fret_static.h'],
-             f'{name}_options.h': '\n'.join(_options(generated)) + '\n'}
+             f'{name}_options.h': '\n'.join(options_header(generated)) + '\n'}
     return {f'{folder}/{file}': text for file, text in files.items()}
 
 
@@ -194,7 +194,7 @@ def when_evaluated(manifest: Manifest, wakeup: str) -> str:
                     'evaluation.')
 
 
-def _options(generated: GeneratedMonitor) -> Iterator[str]:
+def options_header(generated: GeneratedMonitor) -> Iterator[str]:
     """Yield the lines of NAME_options.h: how the evaluator runs the monitors."""
     name, manifest = export_name(generated), generated.manifest
     topics = topics_of(manifest)

@@ -16,6 +16,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+import re
 import shutil
 import subprocess
 
@@ -24,7 +25,7 @@ from differential.test_clean_c import has_sanitizers, SANITIZERS
 from fret_monitor.build import build, generate_monitor, read
 from fret_monitor.export.c99 import c99
 from fret_monitor.export.content import Options
-from fret_monitor.export.folder import assemble, write_export
+from fret_monitor.export.folder import assemble, renamed, write_export
 from fret_monitor.traces.simulate import simulate
 import pytest
 
@@ -122,6 +123,45 @@ def test_the_test_program_gives_the_verdicts_of_simulate(export: Export, tmp_pat
         failed = subprocess.run([program, test / 'trace.csv', tmp_path / 'verdicts.csv'],
                                 check=False, capture_output=True)
         assert failed.returncode == 1
+
+
+def test_the_examples_of_the_readme_compile_and_run(export: Export, tmp_path: Path) -> None:
+    compiler = gcc()
+    assert compiler is not None
+    step, messages = re.findall('```c\n(.*?)```', (export.folder / 'README.md').read_text(),
+                                re.DOTALL)
+    (tmp_path / 'main.c').write_text(
+        f'{messages}void use(void);\nvoid use(void)\n{{\n{step}}}\n'
+        'int main(void)\n{\n  begin(0);\n  receive(5, (union fm_value){.i = 1});\n'
+        '  return fm_evaluator_topic_counts(evaluator, 0u).messages == 1u ? 0 : 1;\n}\n')
+    compile_c([*compiler, '-std=c99', '-Wall', '-Wextra', '-Wpedantic', '-Werror',
+               '-Wno-unused-but-set-variable', f'-I{export.folder}/src', tmp_path / 'main.c',
+               *export.objects, '-lm', '-o', tmp_path / 'main'])
+    assert subprocess.run([tmp_path / 'main'], check=False).returncode == 0
+
+
+def test_two_exports_with_prefixes_share_no_external_name(tmp_path: Path) -> None:
+    nm, compiler = shutil.which('nm'), gcc()
+    if nm is None or compiler is None:
+        pytest.skip('needs gcc and nm')
+    defined = []
+    for prefix, text in (('left', STEPS), ('right', TIMED)):
+        (tmp_path / 'bundle.yaml').write_text(text)
+        generated = generate_monitor(renamed(read(tmp_path / 'bundle.yaml'), prefix))
+        options = Options(prefix)
+        files = assemble('c99', generated, options, c99(generated, options))
+        write_export(tmp_path / prefix, files)
+        assert f'evaluator.h src/{prefix}_options.h src/fret_names.h' in files['CMakeLists.txt']
+        sources = sorted((tmp_path / prefix / 'src').glob('*.c'))
+        (tmp_path / 'all.c').write_text(''.join(f'#include "{source}"\n' for source in sources))
+        compile_c([*compiler, '-std=c99', *WARNINGS, f'-I{tmp_path}/{prefix}/src', '-c',
+                   tmp_path / 'all.c', '-o', tmp_path / 'all.o'])
+        listed = subprocess.run([nm, '-g', '--defined-only', tmp_path / 'all.o'], check=True,
+                                capture_output=True, text=True).stdout
+        defined.append({line.split()[-1] for line in listed.splitlines()})
+        assert f'{prefix}_fm_evaluator_init' in defined[-1]
+        assert all(name.startswith(f'{prefix}_') for name in defined[-1])
+    assert 'fret_names' not in c99(generated, Options()).generated['src/fret_monitor.h']
 
 
 @pytest.mark.parametrize('name', ['gcc', 'clang'])
