@@ -198,6 +198,10 @@ def test_two_exports_in_one_program_call_the_handlers_of_the_reference(two: Two)
                 *right_calls(two.right, later)]
     assert handlers_of_right(run(program, [*rows, *rows[:50], *later])[0]) == handlers_of_right(
         expected)
+    # The last times that there are.
+    last = [(2 ** 63 - 1 - gap, True, 0.0, 2, False, False) for gap in (10**9, 1, 0, 0)]
+    expected = right_calls(two.right, last[:-1])
+    assert handlers_of_right(run(program, last)[0]) == handlers_of_right(expected)
 
 
 def handlers_of_right(lines: Sequence[str]) -> list[str]:

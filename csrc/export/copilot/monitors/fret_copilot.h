@@ -93,7 +93,11 @@ void FM_STEP_AT(int64_t now)
   const bool is_first = !fm_has_begun || now < fm_clock ||
     (uint64_t)now - (uint64_t)fm_start >= (uint64_t)FM_LAST_TICK;
   // Of two calls at one time, the later takes effect a nanosecond later.
-  const int64_t time = !is_first && now <= fm_taken ? fm_taken + 1 : now;
+  const bool is_again = !is_first && now <= fm_taken;
+  if (is_again && fm_taken == INT64_MAX) {
+    return;  // no later time exists
+  }
+  const int64_t time = is_again ? fm_taken + 1 : now;
   if (is_first) {
     fm_restart(now);
   }
