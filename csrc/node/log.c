@@ -24,7 +24,7 @@
 #include <rcutils/logging.h>
 #include <time.h>
 
-// rcl's own handler is for one thread at a time.
+// rcl's own handler and the levels of rcutils are for one thread at a time.
 static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
 
 static void write_line(
@@ -34,6 +34,15 @@ static void write_line(
   pthread_mutex_lock(&mutex);
   rcl_logging_multiple_output_handler(location, severity, name, timestamp, format, arguments);
   pthread_mutex_unlock(&mutex);
+}
+
+FM_PRINTF(3, 4)
+static void write_text(int severity, const char * name, const char * format, ...)
+{
+  va_list arguments;
+  va_start(arguments, format);
+  write_line(NULL, severity, name, fm_system_now(), format, &arguments);
+  va_end(arguments);
 }
 
 bool fm_log_begin(struct fm_node * node)
@@ -49,6 +58,20 @@ void fm_log_end(void)
   }
 }
 
+void fm_log_set_level(const struct fm_node * node, int severity)
+{
+  const char * name = rcl_node_get_logger_name(&node->node);
+  pthread_mutex_lock(&mutex);
+  // rcutils caches the level when it is first read: here, and not in another thread.
+  if (rcutils_logging_set_logger_level(name, severity) != RCUTILS_RET_OK ||
+    rcutils_logging_get_logger_effective_level(name) < 0)
+  {
+    rcutils_reset_error();
+  }
+  pthread_mutex_unlock(&mutex);
+}
+
+// rcutils_log would look up the level a second time, outside the mutex.
 void fm_log(const struct fm_node * node, enum fm_level level, const char * format, ...)
 {
   static const int severities[] = {
@@ -56,13 +79,16 @@ void fm_log(const struct fm_node * node, enum fm_level level, const char * forma
   const char * name = rcl_node_get_logger_name(&node->node);
   struct fm_text text = {NULL, 0, 0};
   va_list arguments;
-  if (!rcutils_logging_logger_is_enabled_for(name, severities[level])) {
+  pthread_mutex_lock(&mutex);
+  const bool is_enabled = rcutils_logging_logger_is_enabled_for(name, severities[level]);
+  pthread_mutex_unlock(&mutex);
+  if (!is_enabled) {
     return;
   }
   va_start(arguments, format);
   fm_text_add_arguments(&text, format, arguments);
   va_end(arguments);
-  rcutils_log(NULL, severities[level], name, "%s", fm_text_get(&text));
+  write_text(severities[level], name, "%s", fm_text_get(&text));
   fm_text_free(&text);
 }
 

@@ -44,6 +44,9 @@ enum fm_level
 bool fm_log_begin(struct fm_node * node);
 void fm_log_end(void);
 
+/// Set the least severity that the node logs, one of rcutils. Call it from the main thread.
+void fm_log_set_level(const struct fm_node * node, int severity);
+
 /// Log one line, in the format of printf.
 void fm_log(const struct fm_node * node, enum fm_level level, const char * format, ...)
 FM_PRINTF(3, 4);

@@ -26,6 +26,8 @@
 #include "evaluator.h"
 #include "fret_fields.h"
 
+#define FM_DETAILS_TOPIC "copilot/violations"
+
 /// The function that returns the type support of a message type, for the table: it is declared
 /// here, so that the table includes no header of a message.
 #define FM_TYPE_SUPPORT(package, folder, name) \

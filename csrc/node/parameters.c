@@ -16,6 +16,7 @@
 
 #include "parameters.h"
 
+#include <errno.h>
 #include <inttypes.h>
 #include <rcl/arguments.h>
 #include <rcl/error_handling.h>
@@ -68,7 +69,8 @@ static void add_value(struct fm_text * text, const struct fm_parameter_value * v
   }
 }
 
-// The value of a constant as a parameter: a truth value, a whole number, or a number.
+// The value of a constant as a parameter: a truth value, a whole number, or a number; the text of
+// a whole number that does not fit. The text is not copied.
 static struct fm_parameter_value value_of_constant(const char * text)
 {
   char * end;
@@ -78,28 +80,41 @@ static struct fm_parameter_value value_of_constant(const char * text)
   if (strcmp(text, "false") == 0 || strcmp(text, "FALSE") == 0) {
     return truth(false);
   }
+  errno = 0;
   const long long number = strtoll(text, &end, 10);
   if (*end == '\0') {
-    return whole(number);
+    return errno == ERANGE ? word(text) : whole(number);
   }
   return (struct fm_parameter_value) {FM_PARAMETER_DOUBLE, false, 0, strtod(text, NULL), NULL};
 }
 
-static double as_number(const struct fm_parameter_value * value)
+// Whether a number is exactly a whole number, which can have more bits than a double.
+static bool is_exactly(double real, int64_t whole)
 {
-  return value->type == FM_PARAMETER_INTEGER ? (double)value->whole : value->real;
+  return real >= -0x1p63 && real < 0x1p63 && (int64_t)real == whole && (double)whole == real;
 }
 
 static bool are_equal(
   const struct fm_parameter_value * one, const struct fm_parameter_value * other)
 {
-  if (one->type == FM_PARAMETER_BOOL || other->type == FM_PARAMETER_BOOL) {
-    return one->type == other->type && one->is_true == other->is_true;
+  if (one->type == FM_PARAMETER_DOUBLE && other->type == FM_PARAMETER_INTEGER) {
+    return is_exactly(one->real, other->whole);
   }
-  const bool are_numbers =
-    (one->type == FM_PARAMETER_INTEGER || one->type == FM_PARAMETER_DOUBLE) &&
-    (other->type == FM_PARAMETER_INTEGER || other->type == FM_PARAMETER_DOUBLE);
-  return are_numbers && as_number(one) == as_number(other);
+  if (one->type == FM_PARAMETER_INTEGER && other->type == FM_PARAMETER_DOUBLE) {
+    return is_exactly(other->real, one->whole);
+  }
+  if (one->type != other->type) {
+    return false;
+  }
+  switch (one->type) {
+    case FM_PARAMETER_BOOL: return one->is_true == other->is_true;
+    case FM_PARAMETER_INTEGER: return one->whole == other->whole;
+    case FM_PARAMETER_DOUBLE: return one->real == other->real;
+    case FM_PARAMETER_STRING: return strcmp(one->text, other->text) == 0;
+    case FM_PARAMETER_UNSET:
+    case FM_PARAMETER_LIST: break;
+  }
+  return false;
 }
 
 // ---- what is given -----------------------------------------------------------------------------
@@ -411,7 +426,7 @@ static void read_overrides(struct fm_parameters * parameters, struct fm_text * p
     }
     free(topic);
   }
-  refuse_publishers(parameters, "copilot/violations", problems);
+  refuse_publishers(parameters, FM_DETAILS_TOPIC, problems);
   for (uint32_t k = 0; k < n; ++k) {
     refuse_publishers(parameters, table->requirements[k].handler, problems);
   }
@@ -468,11 +483,7 @@ static void set_level(const struct fm_parameters * parameters)
   for (int k = 0; k < (int)(sizeof(levels) / sizeof(levels[0])); ++k) {
     level = strcmp(text, levels[k]) == 0 ? RCUTILS_LOG_SEVERITY_DEBUG * (k + 1) : level;
   }
-  if (rcutils_logging_set_logger_level(
-      rcl_node_get_logger_name(&parameters->node->node), level) != RCUTILS_RET_OK)
-  {
-    rcutils_reset_error();
-  }
+  fm_log_set_level(parameters->node, level);
 }
 
 void fm_parameters_begin(
@@ -564,5 +575,7 @@ void fm_parameter_set(
   struct fm_parameter * parameter = fm_parameter_find(parameters, name);
   free(parameter->value.text);
   parameter->value = copy_value(value);
-  set_level(parameters);
+  if (strcmp(name, "log_level") == 0) {
+    set_level(parameters);
+  }
 }

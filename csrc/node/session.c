@@ -55,29 +55,43 @@ static void withdraw(struct fm_session * session, rcl_publisher_t * publisher)
   }
 }
 
-// Refuse remappings of two topics to one: each message would cause two steps.
+// The topics that are read, then those of the handlers, then that of the details.
+static const char * topic_of(const struct fm_node_table * table, uint32_t k)
+{
+  if (k < table->n_topics) {
+    return table->topics[k].name;
+  }
+  const uint32_t requirement = k - table->n_topics;
+  return requirement < table->monitor()->n_requirements ?
+         table->requirements[requirement].handler : FM_DETAILS_TOPIC;
+}
+
+// Refuse remappings of two topics to one: each message would cause two steps, or have two meanings
+// for those who receive it.
 static bool refuse_merged(const struct fm_session * session)
 {
   const struct fm_node_table * table = session->table;
-  char ** names = calloc(table->n_topics + 1u, sizeof(*names));
+  const uint32_t n = table->n_topics + table->monitor()->n_requirements + 1u;
+  char ** names = calloc(n, sizeof(*names));
   bool is_good = names != NULL;
-  for (uint32_t k = 0; is_good && k < table->n_topics; ++k) {
-    names[k] = fm_resolved_name(session->node, table->topics[k].name);
+  for (uint32_t k = 0; is_good && k < n; ++k) {
+    names[k] = fm_resolved_name(session->node, topic_of(table, k));
     if (names[k] == NULL) {
       fm_log_failure(session->node, "cannot subscribe or advertise");
       is_good = false;
     }
     for (uint32_t other = 0; is_good && other < k; ++other) {
-      if (strcmp(names[k], names[other]) == 0) {
-        fm_log(session->node, FM_ERROR,
-          "'%s' and '%s' are both remapped to %s; if they are one topic, give the inputs that they "
-          "feed one `topic:` in the bundle", table->topics[other].name, table->topics[k].name,
-          names[k]);
+      const char * one = topic_of(table, other);
+      if (strcmp(names[k], names[other]) == 0 && strcmp(topic_of(table, k), one) != 0) {
+        fm_log(session->node, FM_ERROR, "'%s' and '%s' are both remapped to %s; %s", one,
+          topic_of(table, k), names[k], k < table->n_topics ?
+          "if they are one topic, give the inputs that they feed one `topic:` in the bundle" :
+          "what the node announces needs a topic of its own");
         is_good = false;
       }
     }
   }
-  for (uint32_t k = 0; names != NULL && k < table->n_topics; ++k) {
+  for (uint32_t k = 0; names != NULL && k < n; ++k) {
     free(names[k]);
   }
   free(names);
@@ -102,7 +116,7 @@ static bool advertise_all(struct fm_session * session)
   }
   return advertise(
     session, &session->details, ROSIDL_GET_MSG_TYPE_SUPPORT(diagnostic_msgs, msg, DiagnosticArray),
-    "copilot/violations");
+    FM_DETAILS_TOPIC);
 }
 
 bool fm_session_configure(

@@ -379,15 +379,21 @@ class BundleSession:
                 DETAILS_TOPIC, *map(handler_topic, self.manifest.requirements))])
 
     def _refuse_merged_topics(self) -> None:
-        """Refuse remappings of two topics to one: each message would cause two steps."""
+        """
+        Refuse remappings of two topics to one.
+
+        Each message would cause two steps, or have two meanings for those who receive it.
+        """
+        read = [topic.name for topic in self.manifest.topics]
         names: dict[str, str] = {}
-        for topic in self.manifest.topics:
-            full = self._node.resolve_topic_name(topic.name)
-            other = names.setdefault(full, topic.name)
-            if other != topic.name:
-                raise Refusal(
-                    f"'{other}' and '{topic.name}' are both remapped to {full}; if they are one "
-                    f'topic, give the inputs that they feed one `topic:` in the bundle')
+        for name in (*read, *map(handler_topic, self.manifest.requirements), DETAILS_TOPIC):
+            full = self._node.resolve_topic_name(name)
+            other = names.setdefault(full, name)
+            if other != name:
+                advice = ('if they are one topic, give the inputs that they feed one `topic:` in '
+                          'the bundle' if name in read else
+                          'what the node announces needs a topic of its own')
+                raise Refusal(f"'{other}' and '{name}' are both remapped to {full}; {advice}")
 
 
 def refuse_inputs_off_ros(manifest: Manifest) -> None:

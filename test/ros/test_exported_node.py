@@ -58,7 +58,7 @@ inputs:
   state: {topic: state, type: std_msgs/msg/String, values: {IDLE: "idle", MOVING: "moving"}}
   level: {topic: level, type: std_msgs/msg/UInt8, initial: 7, values: {LOW: 1, HIGH: 200}}
   fixed: {topic: fixed, type: std_msgs/msg/Bool, qos: {reliability: reliable}}
-constants: {limit: 0.7}
+constants: {limit: 0.7, odd: 9007199254740993, most: 18446744073709551615}
 evaluation: {policy: relevant_message}
 requirements:
   - {id: GREETING, ptltl: "n != -1"}
@@ -317,9 +317,10 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
                 'constants.limit', 'qos_overrides./topic/x.subscription.reliability'} <= {*listed}
         values = call(partner, GetParameters, 'get_parameters', names=[
             'handler_depth', 'log_violations', 'constants.limit',
-            'qos_overrides./n.subscription.depth']).values
+            'qos_overrides./n.subscription.depth', 'constants.odd', 'constants.most']).values
         assert (values[0].integer_value, values[1].bool_value, values[2].double_value,
-                values[3].integer_value) == (10, True, 0.7, 7)
+                values[3].integer_value, values[4].integer_value, values[5].string_value) == (
+                    10, True, 0.7, 7, 9007199254740993, '18446744073709551615')
         described = call(partner, DescribeParameters, 'describe_parameters',
                          names=['handler_depth']).descriptors[0]
         assert described.description.startswith('violations that a slow listener')
@@ -369,6 +370,13 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
      "is 'high', and has to be one of reliable, best_effort, best_available"),
     (['-p', 'qos_overrides./copilot/handlerpropNEXT.publisher.depth:=1'],
      'violations are announced reliable and volatile'),
+    (['-p', 'constants.odd:=9007199254740992'], 'compiled into this node, as 9007199254740993'),
+    (['-p', 'constants.most:=9223372036854775807'],
+     'compiled into this node, as 18446744073709551615'),
+    (['-r', 'copilot/handlerpropNEXT:=n'],
+     "'n' and 'copilot/handlerpropNEXT' are both remapped to /n; what the node announces"),
+    (['-r', 'copilot/handlerpropNEXT:=v', '-r', 'copilot/handlerpropX_1:=v'],
+     "'copilot/handlerpropNEXT' and 'copilot/handlerpropX_1' are both remapped to /v"),
     (['-r', 'n:=/one', '-r', 'state:=/one'], "'n' and 'state' are both remapped to /one"),
     (['spec:=x'], 'unknown ROS arguments'),
 ])

@@ -194,6 +194,9 @@ requirements:
 def test_topics_remapped_to_one_name_are_refused(context: Context, tmp_path: Path) -> None:
     told = refusal(context, 'y:=x', spec=str(write(tmp_path)))
     assert told.startswith("error: 'x' and 'y' are both remapped to /x; ")
+    handler = 'copilot/handlerpropR1'
+    assert refusal(context, f'{handler}:=x', spec=str(write(tmp_path))).startswith(
+        f"error: 'x' and '{handler}' are both remapped to /x; what the node announces")
 
 
 def compiled(folder: Path, text: str = BUNDLE) -> str:
