@@ -22,6 +22,7 @@ identifiers, structs, tables of events, and the copying of the fields.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from zlib import crc32
 
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.comments import comment, safe
@@ -35,7 +36,10 @@ from fret_monitor.model.values import ValueType
 
 _MONITORS = f'fsw/src/{flight.MONITORS}'
 _LONGEST_NAME = 19  # characters: OS_MAX_API_NAME of OSAL, less the final 0
-_FIRST_TOPIC_ID = 0xC0
+# Below are those of cFE and the usual applications; a message identifier has 11 bits for a topic.
+_FIRST_TOPIC_ID, _END_OF_TOPIC_IDS = 0x100, 0x800
+_FIRST_PERF_ID, _END_OF_PERF_IDS = 32, 128  # cFE keeps those below
+_LARGEST_MESSAGE = 32768  # bytes: CFE_MISSION_SB_MAX_SB_MSG_SIZE, as cFE has it by default
 _OWN_TOPICS = ('CMD', 'SEND_HK', 'WAKEUP', 'HK_TLM')
 # Events of the application itself, from 1 on; more can be added at the end.
 _EVENTS = (
@@ -54,7 +58,8 @@ def cfs(generated: GeneratedMonitor, options: Options) -> Content:
     ------
     CompileError
         if an input is a string, messages count by the stamps of their headers, the bundle has no
-        inputs, or handlers shall have arguments.
+        inputs, handlers shall have arguments, or there are too many topics or requirements for
+        the topic ids or a message of housekeeping.
     """
     problems = Problems()
     flight.check(generated, options, 'messages of cFS', problems)
@@ -65,6 +70,7 @@ def cfs(generated: GeneratedMonitor, options: Options) -> Content:
             f"'{entry}' is longer than {_LONGEST_NAME} characters, the limit of cFS for names",
             help=f'give the export a name of at most {_LONGEST_NAME - len("_APP_Main")} '
                  'characters: --name NAME')
+    writer.check_sizes(problems)
     problems.raise_errors()
     app = f'{writer.name}_app'
     texts = {
@@ -103,6 +109,24 @@ class _Writer:
     def topics(self) -> tuple[flight.Topic, ...]:
         return flight.topics_of(self.generated.manifest)
 
+    def check_sizes(self, problems: Problems) -> None:
+        """Refuse what has no room in the topic ids or in a message."""
+        topics, requirements = len(self.topics), len(self.generated.manifest.requirements)
+        room = _END_OF_TOPIC_IDS - _FIRST_TOPIC_ID - len(_OWN_TOPICS)
+        if topics > room:
+            problems.error(f'the bundle has {topics} topics, and cFS has topic ids for {room}',
+                           help='split the bundle, and export each part with a name of its own')
+        size = 16 + 8 + 4 * topics + 16 * requirements  # config/default_NAME_app_msgstruct.h
+        if size > _LARGEST_MESSAGE:
+            problems.error(
+                f'housekeeping of {requirements} requirements and {topics} topics has {size} '
+                f'bytes, and a message of cFS has at most {_LARGEST_MESSAGE}',
+                help='split the bundle, and export each part with a name of its own')
+
+    def _derived(self, begin: int, end: int) -> int:
+        """Return a number of a range that is another for most other names."""
+        return begin + crc32(self.name.encode()) % (end - begin)
+
     def _header(self, file: str, what: str, *body: Iterator[str]) -> Iterator[str]:
         guard = f'{self.upper}_{file.upper()}_H_'
         yield f'// {self.name}_app_{file}.h: {what}'
@@ -119,10 +143,18 @@ class _Writer:
 
     def _topic_ids(self) -> Iterator[str]:
         names = [*_OWN_TOPICS, *(f'TOPIC_{topic.word.upper()}' for topic in self.topics)]
+        first = f'CFE_MISSION_{self.upper}_FIRST_TOPICID'
+        number = self._derived(_FIRST_TOPIC_ID, _END_OF_TOPIC_IDS - len(names) + 1)
+        yield f'// The first of {len(names)} in a row, which no other application may use. The'
+        yield '// default is derived from the name of the export: look whether it is free.'
+        yield from (f'#ifndef {first}', f'#define {first} {number:#x}', '#endif')
+        yield f'#if {first} + {len(names)} > {_END_OF_TOPIC_IDS:#x}'
+        yield f'#error "{first}: a message identifier has no room for the last topic id"'
+        yield from ('#endif', '')
         for number, word in enumerate(names):
             if number == len(_OWN_TOPICS):
                 yield from ('', '// Of the messages that have the inputs: those of their senders.')
-            yield f'#define CFE_MISSION_{self.upper}_{word}_TOPICID {_FIRST_TOPIC_ID + number:#x}'
+            yield f'#define CFE_MISSION_{self.upper}_{word}_TOPICID ({first} + {number})'
 
     def event_ids(self) -> Iterator[str]:
         """Yield the lines of the header with the event ids."""
@@ -283,6 +315,7 @@ class _Writer:
     def values(self) -> dict[str, str]:
         """Return the placeholders that only this target has."""
         return {'PIPE': f'{self.upper}_PIPE'[:_LONGEST_NAME],
+                'PERF_ID': str(self._derived(_FIRST_PERF_ID, _END_OF_PERF_IDS)),
                 'MESSAGES': '\n'.join(self._message_rows()),
                 'EVENTS': '\n'.join(self._event_rows()),
                 'WHEN': flight.when_evaluated(self.generated.manifest,

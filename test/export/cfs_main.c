@@ -14,9 +14,9 @@
 
 // A software bus for the applications of target `cfs`, on one clock that only messages move.
 //
-//   program NUMBER < script
+//   program NUMBER [EVENTS] < script
 //
-// runs an application. A line of the script is the time in nanoseconds, a message identifier in
+// runs an application, of which at most EVENTS are sent in a second. A line of the script is the time in nanoseconds, a message identifier in
 // hexadecimal, a function code, the time since the message was stamped (ns), and the bytes behind
 // the first header in hexadecimal, or -. An identifier of 0 ends it. Events and telemetry are
 // printed, each with the time.
@@ -33,6 +33,7 @@
 enum { MOST_BYTES = 4096, MOST_IDS = 64, SIZE_OF_HEADER = 6 };
 
 static int64_t now;
+static unsigned most_in_second = 1000000;  // events that are not dropped
 static bool is_over;
 static uint32 subscribed[MOST_IDS];
 static uint32 n_subscribed;
@@ -119,7 +120,14 @@ CFE_Status_t CFE_EVS_Register(const void * Filters, uint16 NumEventFilters, uint
 CFE_Status_t CFE_EVS_SendEvent(
   uint16 EventID, CFE_EVS_EventType_Enum_t EventType, const char * Spec, ...)
 {
+  static int64_t second;
+  static unsigned in_second;
   va_list arguments;
+  in_second = second == now / 1000000000 ? in_second + 1 : 1;
+  second = now / 1000000000;
+  if (in_second > most_in_second) {
+    return CFE_EVS_APP_SQUELCHED;
+  }
   va_start(arguments, Spec);
   printf("%lld event %u %u ", (long long)now, (unsigned)EventID, (unsigned)EventType);
   vprintf(Spec, arguments);
@@ -231,7 +239,10 @@ void CFE_SB_TimeStampMsg(CFE_MSG_Message_t * MsgPtr)
 
 int main(int n_arguments, char ** arguments)
 {
-  check(n_arguments == 2, "usage: program NUMBER < script");
+  check(n_arguments == 2 || n_arguments == 3, "usage: program NUMBER [EVENTS] < script");
+  if (n_arguments == 3) {
+    most_in_second = (unsigned)atoi(arguments[2]);
+  }
   applications[atoi(arguments[1])]();
   return 0;
 }

@@ -54,10 +54,10 @@ class Mission:
     program: Path
     cases: dict[str, Case]
 
-    def run(self, name: str, script: list[str]) -> list[list[str]]:
+    def run(self, name: str, script: list[str], *most_events: str) -> list[list[str]]:
         """Run an application, and return the words of each line that is printed."""
-        done = subprocess.run([self.program, str(list(self.cases).index(name))], check=True,
-                              input='\n'.join(script), capture_output=True, text=True)
+        done = subprocess.run([self.program, str(list(self.cases).index(name)), *most_events],
+                              check=True, input='\n'.join(script), capture_output=True, text=True)
         return [line.split(maxsplit=4) for line in done.stdout.splitlines()]
 
 
@@ -77,12 +77,13 @@ def mission(tmp_path_factory: pytest.TempPathFactory) -> Mission:
             (app / file).parent.mkdir(parents=True, exist_ok=True)
             (app / file).write_text(text)
         (app / 'inc').mkdir()
+        first = f'-DCFE_MISSION_{name.upper()}_APP_FIRST_TOPICID=0xC0'
         for path in (app / 'config').iterdir():  # as generate_config_includefile does
             shutil.copy(path, app / 'inc' / path.name.removeprefix('default_'))
         paths = [f'-I{app}/{part}' for part in ('inc', 'fsw/inc', 'fsw/src', 'fsw/src/monitors')]
         for source in (f'{name}_app.c', f'{name}_app_map.c', f'monitors/{name}_runner.c'):
             objects.append(app / f'{Path(source).stem}.o')
-            compile_c([*compiler, '-std=c99', '-ffp-contract=off', *WARNINGS,
+            compile_c([*compiler, '-std=c99', '-ffp-contract=off', *WARNINGS, first,
                        *CFS_WARNINGS, f'-I{STUBS}', *paths, '-c', app / 'fsw' / 'src' / source,
                        '-o', objects[-1]])
     (folder / 'apps.inc').write_text('\n'.join([
@@ -148,15 +149,25 @@ def check_housekeeping(case: Case, text: str) -> None:
     data = bytes.fromhex(text)
     resets = sum(item.topic == flight_bundles.RESET for item in case.messages)
     assert struct.unpack_from('@BBH', data) == (resets, 0, 0)
-    assert list(struct.unpack_from(f'@{topics}I', data, 4)) == [
+    assert list(struct.unpack_from(f'@{topics + 1}I', data, 4)) == [0] + [
         sum(item.topic == topic for item in case.messages) for topic in range(topics)]
-    counters = list(struct.iter_unpack('@IIIB3x', data[4 + 4 * topics:]))
+    counters = list(struct.iter_unpack('@IIIB3x', data[8 + 4 * topics:]))
     announced = [sum(index == number for _, index in case.expected)
                  for number in range(len(manifest.requirements))]
     assert [item[2] for item in counters] == announced
     if case.counts:
         assert counters == [(item.steps, item.violations, item.announced, not item.verdict)
                             for item in case.counts]
+
+
+def test_events_that_are_dropped_are_counted(mission: Mission) -> None:
+    case = mission.cases['steps']
+    end = case.messages[-1].time
+    lines = mission.run('steps', [*script(case), f'{end} {SEND_HK:x} 0 0 0000', f'{end} 0 0 0 -'],
+                        '1')
+    data = bytes.fromhex(next(words[2] for words in lines if words[1] == 'telemetry'))
+    lost = struct.unpack_from('@I', data, 4)[0]
+    assert 0 < lost == len(case.expected) - len(violations(lines))
 
 
 def test_a_deadline_is_reported_when_it_is_due_though_no_message_comes(mission: Mission) -> None:
@@ -230,6 +241,27 @@ def test_arguments_of_handlers_are_refused(mission: Mission) -> None:
     with pytest.raises(CompileError, match='this target calls no handlers'):
         cfs(mission.cases['timed'].generated,
             Options(handler_arguments=HandlerArguments.VALUES))
+
+
+def test_too_many_topics_and_requirements_are_refused(tmp_path: Path) -> None:
+    inputs = ''.join(f'  q{number}: {{type: bool, topic: t{number}}}\n' for number in range(1800))
+    requirements = ''.join(f'  - {{id: R-{number}, ptltl: q{number % 1800}}}\n'
+                           for number in range(2100))
+    with pytest.raises(CompileError) as refused:
+        content(tmp_path, f'inputs:\n{inputs}requirements:\n{requirements}')
+    assert 'the bundle has 1800 topics, and cFS has topic ids for 1788\n' in str(refused.value)
+    assert ('housekeeping of 2100 requirements and 1800 topics has 40824 bytes, and a message of '
+            'cFS has at most 32768\n') in str(refused.value)
+
+
+def test_names_have_numbers_of_their_own(tmp_path: Path) -> None:
+    text = 'inputs:\n  q: {type: bool}\nrequirements:\n  - {id: R-1, ptltl: q}\n'
+    pump, arm = (content(tmp_path, text, name) for name in ('pump', 'arm'))
+    assert pump.values['PERF_ID'] != arm.values['PERF_ID']
+    ids = [line.split()[-1] for name, item in (('pump', pump), ('arm', arm))
+           for line in item.generated[f'config/default_{name}_app_topicids.h'].splitlines()
+           if 'FIRST_TOPICID 0x' in line]
+    assert len({*ids}) == 2 and all(0x100 <= int(number, 16) < 0x7fc for number in ids)
 
 
 def test_a_long_name_is_a_warning(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ typedef struct
 {
   uint32 Steps;       // under the policy timed: evaluations
   uint32 Violations;  // steps whose verdict was false, and timeouts that violated
-  uint32 Announced;   // events
+  uint32 Announced;   // events, also those that were lost
   uint8 IsViolated;   // at the last step
   uint8 Spare[3];
 } @UPPER@_APP_Requirement_t;
@@ -43,6 +43,7 @@ typedef struct
   uint8 CommandCounter;
   uint8 CommandErrorCounter;
   uint16 MessageErrorCounter;  // messages of topics with another length than their struct
+  uint32 LostEvents;  // of violations, that the event service did not send
   uint32 Messages[@UPPER@_APP_N_TOPICS];  // by topic, see @NAME@_app_messages.h
   @UPPER@_APP_Requirement_t Requirements[@UPPER@_APP_N_REQUIREMENTS];  // in the bundle's order
 } @UPPER@_APP_HkTlm_Payload_t;

@@ -17,6 +17,6 @@
 #ifndef @UPPER@_APP_PERFIDS_H_
 #define @UPPER@_APP_PERFIDS_H_
 
-#define @UPPER@_APP_PERF_ID 91
+#define @UPPER@_APP_PERF_ID @PERF_ID@  // derived from the name
 
 #endif  // @UPPER@_APP_PERFIDS_H_

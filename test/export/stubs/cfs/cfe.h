@@ -22,6 +22,7 @@
 
 typedef int32 CFE_Status_t;
 #define CFE_SUCCESS ((CFE_Status_t)0)
+#define CFE_EVS_APP_SQUELCHED ((CFE_Status_t)0xc2000009)
 #define CFE_MSG_WRONG_MSG_TYPE ((CFE_Status_t)0xca000014)
 #define CFE_SB_TIME_OUT ((CFE_Status_t)0xca000001)
 

@@ -34,6 +34,7 @@ typedef struct
   uint8 CommandCounter;
   uint8 CommandErrorCounter;
   uint16 MessageErrorCounter;
+  uint32 LostEvents;
   @UPPER@_APP_HkTlm_t HkTlm;
   struct @NAME@_runner Runner;
 } @UPPER@_APP_Data_t;
@@ -85,9 +86,12 @@ static void Announce(void * Context, const struct fm_violation * Found)
 {
   const @UPPER@_APP_Violation_t * const Violation = &@UPPER@_APP_Violations[Found->requirement];
   (void)Context;
-  CFE_EVS_SendEvent(
+  const CFE_Status_t Status = CFE_EVS_SendEvent(
     Violation->EventId, Violation->EventType, "%s violated at %lu.%09lu s", Violation->Id,
     (unsigned long)(Found->stamp / NS_PER_S), (unsigned long)(Found->stamp % NS_PER_S));
+  if (Status != CFE_SUCCESS) {
+    ++Data.LostEvents;  // squelched: the application sent too many in a second
+  }
 }
 
 static void ReportSilence(void * Context, uint32_t Input, bool IsSilent)
@@ -111,6 +115,7 @@ static void FillHousekeeping(@UPPER@_APP_HkTlm_Payload_t * Payload)
   Payload->CommandCounter = Data.CommandCounter;
   Payload->CommandErrorCounter = Data.CommandErrorCounter;
   Payload->MessageErrorCounter = Data.MessageErrorCounter;
+  Payload->LostEvents = Data.LostEvents;
   for (uint32 i = 0; i < @UPPER@_APP_N_TOPICS; ++i) {
     Payload->Messages[i] = (uint32)@NAME@_runner_messages(&Data.Runner, i);
   }
