@@ -114,6 +114,8 @@ def _own_text(path: Path, folder: Path, content: Content) -> str:
     if name not in content.templates:
         refuse(f"'{path}' replaces no file of the export",
                help='these can be replaced: ' + ', '.join(sorted(content.templates)))
+    if path.exists() and not path.is_file():
+        refuse(f"'{path}' is no regular file")
     try:
         return path.read_text(encoding='utf-8')
     except UnicodeDecodeError:

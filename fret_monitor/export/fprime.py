@@ -103,15 +103,20 @@ class _Writer:
 
     def _arguments(self, topic: flight.Topic) -> list[tuple[int, str, str]]:
         """Return index, name and type of each input that is an argument of a topic's port."""
-        spelled = flight.members(self.generated)
-        return [(index, self._argument(spelled[index]),
+        spelled = self._argument_names()
+        return [(index, spelled[index],
                  _type(self._manifest.inputs[index].value_type))
                 for index in topic.inputs
                 if self._manifest.inputs[index].source is InputSource.FIELD]
 
-    def _argument(self, word: str) -> str:
-        is_taken = word in _OF_HANDLERS or word.startswith(f'{self.name}_runner_')
-        return f'{word}_' if is_taken else word
+    def _argument_names(self) -> list[str]:
+        """Return the name of each input in handlers; no two are equal."""
+        found = flight.members(self.generated)
+        for index, word in enumerate(found):
+            if word in _OF_HANDLERS or word.startswith(f'{self.name}_runner_'):
+                others = (f'{word}_{suffix}' for suffix in ('', *range(2, len(found) + 2)))
+                found[index] = next(other for other in others if other not in found)
+        return found
 
     def _requirements(self) -> list[str]:
         return flight.requirement_words(self._manifest)

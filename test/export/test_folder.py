@@ -151,6 +151,13 @@ def test_a_file_that_cannot_be_used_is_refused(
     assert expected in refusal(pump, tmp_path)
 
 
+def test_a_pipe_among_the_templates_is_refused_and_not_waited_for(
+    pump: GeneratedMonitor, tmp_path: Path,
+) -> None:
+    os.mkfifo(tmp_path / 'README.md')
+    assert "README.md' is no regular file" in refusal(pump, tmp_path)
+
+
 def test_a_folder_of_templates_must_exist(pump: GeneratedMonitor, tmp_path: Path) -> None:
     assert "there is no folder '" in refusal(pump, tmp_path / 'none')
 

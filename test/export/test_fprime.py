@@ -236,3 +236,17 @@ def test_what_fprime_cannot_do_is_refused(tmp_path: Path, text: str, expected: s
     with pytest.raises(CompileError) as refused:
         fprime(generate_monitor(read(tmp_path / 'bundle.yaml')), Options())
     assert expected in str(refused.value)
+
+
+def test_inputs_whose_names_differ_in_a_last_character_are_arguments_of_their_own(
+    tmp_path: Path,
+) -> None:
+    names = ('portNum', 'portNum_', 'm_runner_', 'm_runner', 'bundle_runner_x', 'bundle_runner_x_')
+    inputs = ''.join(f'  {name}: {{type: bool, topic: t}}\n' for name in names)
+    (tmp_path / 'bundle.yaml').write_text(
+        f'format: 1\ninputs:\n{inputs}requirements:\n'
+        f'  - {{id: R-1, ptltl: "{" & ".join(names)}"}}\n')
+    found = fprime(generate_monitor(read(tmp_path / 'bundle.yaml')), Options())
+    arguments = found.values['HANDLERS'].partition('portNum, ')[2].rstrip(');').split(', ')
+    assert arguments == ['bool portNum_2', 'bool portNum_', 'bool m_runner_', 'bool m_runner_2',
+                         'bool bundle_runner_x_2', 'bool bundle_runner_x__']
