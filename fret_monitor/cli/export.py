@@ -71,7 +71,7 @@ def run(options: Namespace) -> int:
     chosen = Options(options.prefix or '', HandlerArguments(options.handler_arguments))
     content = TARGETS[options.target].content(generated, chosen)
     print_diagnostics(content.warnings)
-    check_output(options.output)
+    check_output(options.output, content.templates)
     # Once without the certificate, so that a mistake in --templates is reported before the proof.
     assemble(options.target, generated, chosen, content, templates=options.templates)
     certificate = None if options.no_proof or _missing() else _certificate(generated)

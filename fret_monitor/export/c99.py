@@ -110,8 +110,8 @@ def _example(name: str, is_timed: bool) -> Iterator[str]:
     yield '// set the fields of inputs, then:'
     if is_timed:
         yield f'next = {name}_step_at(&state, &inputs, verdicts, tick);'
-        yield '// again when an input changes, with the tick of then, and before that at tick `next`'
-        yield '// with the old inputs, unless it is FM_NEVER. A tick is later than the last one.'
+        yield '// again when an input changes, with the tick of then, and before that at tick'
+        yield '// `next` with the old inputs, unless it is FM_NEVER. Ticks increase.'
     else:
         yield f'{name}_step(&state, &inputs, verdicts);'
     yield '// verdicts[i] is false if requirement i is violated'

@@ -14,7 +14,7 @@
 
 """The folder of an export: its files, the user's own in place of some, and a manifest."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 import hashlib
 import json
@@ -103,7 +103,8 @@ def _own_files(folder: Path, content: Content) -> dict[str, str]:
                help='--templates names a folder with files in place of those of the export')
     with refusing(folder):
         return {path.relative_to(folder).as_posix(): _own_text(path, folder, content)
-                for path in sorted(folder.rglob('*')) if not path.is_dir()}
+                for path in sorted(folder.rglob('*'))
+                if not path.is_dir() or path.relative_to(folder).as_posix() in content.templates}
 
 
 def _own_text(path: Path, folder: Path, content: Content) -> str:
@@ -124,9 +125,11 @@ def _own_text(path: Path, folder: Path, content: Content) -> str:
         refuse(f"cannot read '{path}': {error.strerror or error}")
 
 
-def check_output(directory: Path) -> None:
+def check_output(directory: Path, replaceable: Collection[str] = ()) -> None:
     """
     Refuse a folder that `write_export` would not write.
+
+    `replaceable` are the files that `--templates` can replace, for the advice.
 
     Raises
     ------
@@ -142,7 +145,10 @@ def check_output(directory: Path) -> None:
     with refusing(directory):
         for name in _changed(place, former or {}):
             refuse(f"'{directory / name}' was changed since `export` wrote it",
-                   help='move it to another folder, and name that with --templates')
+                   help='move it to another folder, and name that with --templates'
+                   if name in replaceable else
+                   'an export writes this file anew, so that changes are lost: remove it, or keep '
+                   'a copy in another folder')
 
 
 def write_export(directory: Path, files: Mapping[str, str]) -> None:

@@ -52,6 +52,29 @@ requirements:
   - {id: R-1, ptltl: "p -> O[0, 2.5 s] mode = LANDING"}
   - {id: R-2, ptltl: "H[1 s, 3 s] p -> mode >= IDLE"}
 """
+ROW = 'p,"x, y",n,d,word'
+WRONG = {
+    'steps': [
+        ('', 'line 1: the trace is empty'),
+        (f'{ROW.replace(",d", "")}\n', "'d': line 1: the heading has no such column"),
+        (f'{ROW},p\n', "'p': line 1: the heading has two such columns"),
+        (f'{ROW}\n1,1,1,1,moving\nabc,1,1,1,moving\n',
+         'line 3, column 1: a bool is 0, 1, false or true'),
+        (f'{ROW}\n1,1,99999999999999999999,1,moving\n',
+         'line 2, column 3: a number does not fit the type of its input'),
+        (f'{ROW}\n1,1,1,x,moving\n', 'line 2, column 4: a cell is no number'),
+    ],
+    'timed': [
+        ('p,mode\n', "'time': line 1: the heading has no such column"),
+        ('p,mode,time\n1,IDLE,1\n1,200,2\n',
+         'line 3, column 2: a number does not fit the type of its input'),
+        ('p,mode,time\n1,IDLE,1\n1,IDLE,0.5\n',
+         'line 3, column 3: a time is not after that of the row before'),
+        ('p,mode,time\n1,IDLE,x\n',
+         'line 2, column 3: a time is a number of seconds with at most nine digits behind the '
+         'point'),
+    ],
+}
 LIBRARY = {'memcmp', 'memcpy', 'memset', 'sqrt'}
 
 
@@ -123,6 +146,10 @@ def test_the_test_program_gives_the_verdicts_of_simulate(export: Export, tmp_pat
         failed = subprocess.run([program, test / 'trace.csv', tmp_path / 'verdicts.csv'],
                                 check=False, capture_output=True)
         assert failed.returncode == 1
+    for wrong, message in WRONG[export.name]:
+        refused = subprocess.run([program], input=wrong, check=False, capture_output=True,
+                                 text=True)
+        assert (refused.returncode, refused.stderr) == (1, f'{message}\n')
 
 
 def test_the_examples_of_the_readme_compile_and_run(export: Export, tmp_path: Path) -> None:

@@ -102,6 +102,10 @@ def test_an_earlier_export_is_replaced_and_other_files_are_not(
     with pytest.raises(CompileError, match=r"README\.md' was changed since `export` wrote it"):
         write_export(out, files_of(pump))
     assert (out / 'README.md').read_text() == 'mine'
+    with pytest.raises(CompileError, match='name that with --templates'):
+        check_output(out, ['README.md'])
+    with pytest.raises(CompileError, match='changes are lost: remove it, or keep a copy'):
+        check_output(out)
     for folder in (tmp_path, tmp_path / 'mine.c'):
         with pytest.raises(CompileError):
             check_output(folder)
@@ -155,6 +159,11 @@ def test_a_pipe_among_the_templates_is_refused_and_not_waited_for(
     pump: GeneratedMonitor, tmp_path: Path,
 ) -> None:
     os.mkfifo(tmp_path / 'README.md')
+    assert "README.md' is no regular file" in refusal(pump, tmp_path)
+
+
+def test_a_folder_cannot_replace_a_file(pump: GeneratedMonitor, tmp_path: Path) -> None:
+    (tmp_path / 'README.md').mkdir()
     assert "README.md' is no regular file" in refusal(pump, tmp_path)
 
 

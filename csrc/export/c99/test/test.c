@@ -18,9 +18,10 @@
 //   NAME_test trace.csv verdicts.csv          compares them with a file; 1 at the first difference
 //
 // A trace has a heading with a column for each input (others are ignored), and a row for each
-// step. Under the policy `timed` it also has a column `time`, in seconds. The input is trusted:
-// a row that is cut short ends the program, but not every wrong cell is noticed.
+// step. Under the policy `timed` it also has a column `time`, in seconds. A trace that cannot be
+// used ends the program with status 1, and with its line and column on standard error.
 
+#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -37,6 +38,7 @@ enum
 };
 
 static const int64_t NS_PER_S = INT64_C(1000000000);
+static const int64_t LATEST_S = INT64_C(400000000);
 
 static struct
 {
@@ -48,7 +50,8 @@ static struct
   char expected[ROW_BYTES];
   FILE * trace;
   FILE * verdicts;  // to compare with, or NULL
-  long n_rows;
+  long n_rows;  // without the heading
+  int column;   // that is looked at, from 1; 0: none
 } run;
 
 static TEST_INPUTS inputs;
@@ -57,7 +60,11 @@ static bool verdicts[TEST_VERDICTS];
 
 static void fail(const char * what)
 {
-  fprintf(stderr, "row %ld: %s\n", run.n_rows, what);
+  fprintf(stderr, "line %ld", run.n_rows + 1);
+  if (run.column != 0) {
+    fprintf(stderr, ", column %d", run.column);
+  }
+  fprintf(stderr, ": %s\n", what);
   exit(1);
 }
 
@@ -117,11 +124,32 @@ static int input_of(const char * heading)
   return TEST_IS_TIMED && strcmp(heading, "time") == 0 ? TIME : NO_INPUT;
 }
 
+static void need_column(int input, const char * name)
+{
+  int n = 0;
+  for (int column = 0; column < run.n_columns; ++column) {
+    n += run.inputs[column] == input;
+  }
+  if (n != 1) {
+    fprintf(stderr, "'%s': ", name);
+    fail(n == 0 ? "the heading has no such column" : "the heading has two such columns");
+  }
+}
+
 static void read_heading(void)
 {
   run.n_columns = read_cells();
+  if (run.n_columns == 0) {
+    fail("the trace is empty");
+  }
   for (int column = 0; column < run.n_columns; ++column) {
     run.inputs[column] = input_of(run.cells[column]);
+  }
+  for (uint32_t i = 0u; i < TEST_MONITOR()->n_inputs; ++i) {
+    need_column((int)i, TEST_MONITOR()->inputs[i].name);
+  }
+  if (TEST_IS_TIMED && input_of("time") == TIME) {
+    need_column(TIME, "time");
   }
 }
 
@@ -130,14 +158,21 @@ static int64_t nanoseconds(const char * text)
 {
   const bool is_negative = *text == '-';
   text += is_negative || *text == '+';
+  const bool has_digits = *text >= '0' && *text <= '9';
   int64_t seconds = 0, part = 0, unit = NS_PER_S;
   for (; *text >= '0' && *text <= '9'; ++text) {
+    if (seconds > LATEST_S) {
+      fail("a time is too late");
+    }
     seconds = seconds * 10 + (*text - '0');
   }
   text += *text == '.';
   for (; *text >= '0' && *text <= '9' && unit > 1; ++text) {
     unit /= 10;
     part += unit * (*text - '0');
+  }
+  if (*text != '\0' || !has_digits) {
+    fail("a time is a number of seconds with at most nine digits behind the point");
   }
   const int64_t sum = seconds * NS_PER_S + part;
   return is_negative ? -sum : sum;
@@ -160,6 +195,15 @@ static const char * named_value(uint32_t input, const char * cell)
     memcpy(to, &stored, sizeof(stored)); \
   } while (false)
 
+#define STORE_INTEGER(type, wide, parse) \
+  do { \
+    const wide number = parse(text, &end, 10); \
+    if ((wide)(type)number != number || errno == ERANGE) { \
+      fail("a number does not fit the type of its input"); \
+    } \
+    STORE(type, number); \
+  } while (false)
+
 static void store(uint32_t input, const char * cell)
 {
   const struct fm_input * const item = &TEST_MONITOR()->inputs[input];
@@ -167,19 +211,23 @@ static void store(uint32_t input, const char * cell)
   const char * const text = named_value(input, cell);
   char * end = NULL;
   if (item->type == FM_BOOL) {
-    const bool is_true = text[0] == '1' || text[0] == 't' || text[0] == 'T';
+    const bool is_true = strcmp(text, "1") == 0 || strcmp(text, "true") == 0;
+    if (!is_true && strcmp(text, "0") != 0 && strcmp(text, "false") != 0) {
+      fail("a bool is 0, 1, false or true");
+    }
     memcpy(to, &is_true, sizeof(is_true));
     return;
   }
+  errno = 0;
   switch (item->type) {
-    case FM_INT8: STORE(int8_t, strtoll(text, &end, 10)); break;
-    case FM_INT16: STORE(int16_t, strtoll(text, &end, 10)); break;
-    case FM_INT32: STORE(int32_t, strtoll(text, &end, 10)); break;
-    case FM_INT64: STORE(int64_t, strtoll(text, &end, 10)); break;
-    case FM_UINT8: STORE(uint8_t, strtoull(text, &end, 10)); break;
-    case FM_UINT16: STORE(uint16_t, strtoull(text, &end, 10)); break;
-    case FM_UINT32: STORE(uint32_t, strtoull(text, &end, 10)); break;
-    case FM_UINT64: STORE(uint64_t, strtoull(text, &end, 10)); break;
+    case FM_INT8: STORE_INTEGER(int8_t, long long, strtoll); break;
+    case FM_INT16: STORE_INTEGER(int16_t, long long, strtoll); break;
+    case FM_INT32: STORE_INTEGER(int32_t, long long, strtoll); break;
+    case FM_INT64: STORE_INTEGER(int64_t, long long, strtoll); break;
+    case FM_UINT8: STORE_INTEGER(uint8_t, unsigned long long, strtoull); break;
+    case FM_UINT16: STORE_INTEGER(uint16_t, unsigned long long, strtoull); break;
+    case FM_UINT32: STORE_INTEGER(uint32_t, unsigned long long, strtoull); break;
+    case FM_UINT64: STORE_INTEGER(uint64_t, unsigned long long, strtoull); break;
     case FM_FLOAT32: STORE(float, strtof(text, &end)); break;
     default: STORE(double, strtod(text, &end)); break;
   }
@@ -196,12 +244,18 @@ static bool read_row(int64_t * time)
     return false;
   }
   ++run.n_rows;
+  run.column = 0;
   if (n != run.n_columns) {
     fail("another number of cells than in the heading");
   }
   for (int column = 0; column < n; ++column) {
+    run.column = column + 1;
     if (run.inputs[column] == TIME) {
+      const int64_t before = *time;
       *time = nanoseconds(run.cells[column]);
+      if (run.n_rows > 1 && *time <= before) {
+        fail("a time is not after that of the row before");
+      }
     } else if (run.inputs[column] != NO_INPUT) {
       store((uint32_t)run.inputs[column], run.cells[column]);
     }
