@@ -16,12 +16,15 @@
 
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+import ctypes
 import os
 from pathlib import Path
 import shutil
 import tempfile
 
 from fret_monitor.model.diagnostics import refuse
+
+_AT_FDCWD, _RENAME_EXCHANGE = -100, 2  # of Linux
 
 
 def check_replaceable(directory: Path, former: Collection[Path] | None, maker: str) -> None:
@@ -97,6 +100,10 @@ def _put_in_place(folder: Path, directory: Path) -> None:
     if not directory.exists():
         folder.rename(directory)
         return
+    if _exchange(folder, directory):
+        shutil.rmtree(folder, ignore_errors=True)
+        return
+    # A process that is killed between the two leaves the former folder under its other name.
     former = folder.with_name(folder.name + '-former')
     directory.rename(former)
     try:
@@ -105,3 +112,14 @@ def _put_in_place(folder: Path, directory: Path) -> None:
         former.rename(directory)
         raise
     shutil.rmtree(former, ignore_errors=True)
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Exchange the names of two folders at once; return False where the system cannot."""
+    try:
+        rename = ctypes.CDLL(None).renameat2
+    except (AttributeError, OSError, TypeError):
+        return False
+    done: int = rename(_AT_FDCWD, os.fsencode(one), _AT_FDCWD, os.fsencode(other),
+                       _RENAME_EXCHANGE)
+    return done == 0
