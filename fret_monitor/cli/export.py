@@ -14,7 +14,7 @@
 
 """`export BUNDLE --to TARGET --output DIR`: sources that build without this package."""
 
-from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
 from importlib.util import find_spec
 import json
 from pathlib import Path
@@ -43,7 +43,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_constants(parser)
     parser.add_argument('--to', dest='target', choices=TARGETS, required=True,
                         help='what to write, see below')
-    parser.add_argument('--output', metavar='DIR', type=Path, required=True,
+    parser.add_argument('--output', metavar='DIR', type=_folder, required=True,
                         help='the folder to write; an earlier export there is replaced')
     names = parser.add_mutually_exclusive_group()
     names.add_argument('--name', metavar='NAME',
@@ -59,11 +59,22 @@ def add_arguments(parser: ArgumentParser) -> None:
                         help='a folder with files of your own in place of some of the export')
     parser.add_argument('--no-proof', action='store_true',
                         help='do not prove the generated C, and write no certificate')
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, refuse=parser.error)
+
+
+def _folder(text: str) -> Path:
+    if not text:
+        raise ArgumentTypeError('the name of a folder is missing')
+    return Path(text)
 
 
 def run(options: Namespace) -> int:
     """Export a bundle to a folder."""
+    if options.handler_arguments != HandlerArguments.NONE.value and options.target != 'copilot':
+        options.refuse(f'the target {options.target} calls no handlers: '
+                       'leave --handler-arguments out')
+    if options.templates is not None and not options.templates.is_dir():
+        options.refuse(f"argument --templates: there is no folder '{options.templates}'")
     reading = read(existing_bundle(options.bundle), constants=dict(options.constants))
     name = options.name or options.prefix
     generated = generate_monitor(renamed(reading, name) if name is not None else reading)

@@ -79,9 +79,10 @@ def test_what_is_not_proved_is_not_exported_unasked(
     (('--to', 'c99'), 2, 'the following arguments are required: --output'),
     (('--to', 'c99', '--output', 'out', '--name', 'a', '--prefix', 'b'), 2, 'not allowed with'),
     (('--to', 'c99', '--output', 'out', '--prefix', '2nd'), 1, "'2nd' cannot begin names in C"),
+    (('--to', 'c99', '--output', ''), 2, 'the name of a folder is missing'),
     (('--to', 'c99', '--output', '.', '--no-proof'), 1, 'holds other files'),
-    (('--to', 'c99', '--output', 'out', '--handler-arguments', 'values'), 1, 'calls no handlers'),
-    (('--to', 'c99', '--output', 'out', '--templates', 'none'), 1, "there is no folder 'none'"),
+    (('--to', 'c99', '--output', 'out', '--handler-arguments', 'values'), 2, 'calls no handlers'),
+    (('--to', 'c99', '--output', 'out', '--templates', 'none'), 2, "there is no folder 'none'"),
 ])
 def test_wrong_arguments_are_refused(
     here: Here, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], status: int,
