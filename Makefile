@@ -32,9 +32,9 @@ setup-test:
 demo: setup
 	@$(PYTHON) examples/demo.py
 
-# Four workers; three of them start with the tests with ROS 2, which wait more than they compute.
+# Five workers; three of them start with the tests with ROS 2, which wait more than they compute.
 test: setup-test
-	@$(PYTHON) -m pytest -n 4 $(TESTS)
+	@$(PYTHON) -m pytest -n 5 $(TESTS)
 
 # Ten times the random examples of those tests that leave their number to hypothesis.
 thorough: setup-test

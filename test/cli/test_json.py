@@ -123,7 +123,9 @@ def test_errors_are_in_the_document(here: Here, verb: str, more: tuple[str, ...]
 
 def test_bag_prints_lines_and_so_no_document(here: Here) -> None:
     done = here.run('bag', here.folder / 'none.yaml', here.folder, '--json')
-    assert (done.status, done.out) == (1, '')
+    line = json.loads(done.out)
+    assert (done.status, line['read'], 'requirements' in line) == (1, 0, True)
+    assert line['errors'] and 'none.yaml' in line['errors'][0]
     assert done.err.startswith('error: ')
 
 

@@ -368,7 +368,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
                     for bit in range(20)]
     (folder / 'many.yaml').write_text(
         f'format: 1\ninputs: {{n: {{type: int32}}}}\nrequirements: [{", ".join(requirements)}]\n')
-    for count in (100_000, 500_000):
+    for count in (50_000, 250_000):
         numbers = '\n'.join(map(str, range(count)))
         (folder / f'{count}.csv').write_text(f'n\n{numbers}\n')
     return folder
@@ -406,7 +406,7 @@ def test_many_rows_need_no_more_memory_than_few(files: Path) -> None:
 
 def test_a_reader_that_closes_the_pipe_is_no_error(files: Path) -> None:
     process = subprocess.Popen(
-        command('simulate', files / 'many.yaml', '--trace', files / '100000.csv'),
+        command('simulate', files / 'many.yaml', '--trace', files / '50000.csv'),
         env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None and process.stderr is not None
     assert process.stdout.readline().startswith('step,R-0,')
@@ -437,7 +437,7 @@ def test_a_named_pipe_whose_reader_closes_it_is_no_error(files: Path, here: Here
     pipe = here.folder / 'pipe'
     os.mkfifo(pipe)
     process = subprocess.Popen(
-        command('simulate', files / 'many.yaml', '--trace', files / '100000.csv', '--verdicts',
+        command('simulate', files / 'many.yaml', '--trace', files / '50000.csv', '--verdicts',
                 pipe),
         env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     with pipe.open() as reader:
