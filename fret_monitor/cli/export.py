@@ -24,7 +24,7 @@ from fret_monitor.build import generate_monitor, GeneratedMonitor, read
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import print_diagnostics, progress
 from fret_monitor.export.content import HandlerArguments, Options
-from fret_monitor.export.folder import assemble, check_output, renamed, write_export
+from fret_monitor.export.folder import assemble, check_output, is_name, renamed, write_export
 from fret_monitor.export.sizes import measured_sizes, Sizes
 from fret_monitor.export.targets import TARGETS
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
@@ -75,8 +75,11 @@ def run(options: Namespace) -> int:
                        'leave --handler-arguments out')
     if options.templates is not None and not options.templates.is_dir():
         options.refuse(f"argument --templates: there is no folder '{options.templates}'")
+    name = options.name if options.name is not None else options.prefix
+    if name is not None and not is_name(name):
+        options.refuse(f"'{name}' cannot begin names in C: "
+                       'use a letter, then at most 99 letters, digits and _')
     reading = read(existing_bundle(options.bundle), constants=dict(options.constants))
-    name = options.name or options.prefix
     generated = generate_monitor(renamed(reading, name) if name is not None else reading)
     print_diagnostics(generated.warnings)
     chosen = Options(options.prefix or '', HandlerArguments(options.handler_arguments))

@@ -35,6 +35,11 @@ CERTIFICATE_FILE = 'certificate.json'
 _NAME = re.compile('[A-Za-z][A-Za-z0-9_]{0,99}')
 
 
+def is_name(word: str) -> bool:
+    """Return whether a word can begin names in C."""
+    return _NAME.fullmatch(word) is not None
+
+
 def renamed(reading: Reading, name: str) -> Reading:
     """
     Give a bundle another name, which its files and symbols in C begin with.
@@ -44,7 +49,7 @@ def renamed(reading: Reading, name: str) -> Reading:
     CompileError
         if `name` cannot begin a name in C.
     """
-    if _NAME.fullmatch(name) is None:
+    if not is_name(name):
         refuse(f"'{name}' cannot begin names in C",
                help='use a letter, then at most 99 letters, digits and _')
     return replace(reading, specification=replace(reading.specification, name=name))

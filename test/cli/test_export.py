@@ -78,7 +78,7 @@ def test_what_is_not_proved_is_not_exported_unasked(
     (('--to', 'vxworks', '--output', 'out'), 2, "invalid choice: 'vxworks'"),
     (('--to', 'c99'), 2, 'the following arguments are required: --output'),
     (('--to', 'c99', '--output', 'out', '--name', 'a', '--prefix', 'b'), 2, 'not allowed with'),
-    (('--to', 'c99', '--output', 'out', '--prefix', '2nd'), 1, "'2nd' cannot begin names in C"),
+    (('--to', 'c99', '--output', 'out', '--prefix', '2nd'), 2, "'2nd' cannot begin names in C"),
     (('--to', 'c99', '--output', ''), 2, 'the name of a folder is missing'),
     (('--to', 'c99', '--output', '.', '--no-proof'), 1, 'holds other files'),
     (('--to', 'c99', '--output', 'out', '--handler-arguments', 'values'), 2, 'calls no handlers'),
