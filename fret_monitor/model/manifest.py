@@ -29,16 +29,19 @@ import re
 from typing import NoReturn, TypeVar
 
 from fret_monitor.model.paths import FieldPath, LookUp, Sector, Slice, Step
-from fret_monitor.model.policies import InputSource, Policy, Report, Severity, Stale, Stamp
+from fret_monitor.model.policies import (
+    ActionKind, InputSource, Otherwise, Policy, Report, Severity, Stale, Stamp,
+)
 from fret_monitor.model.values import ValueType
 
-FORMAT = 4
+FORMAT = 5
 
 SECONDS = 'seconds'  # of a builtin_interfaces/msg/Time or Duration
 ANGLES = ('yaw', 'pitch', 'roll')  # of a quaternion
 REDUCTIONS = ('len', 'min', 'max', 'sum', 'mean', 'any', 'all', 'norm', *ANGLES)
 
 _SYMBOL = re.compile('[A-Za-z_][A-Za-z0-9_]*')
+_HEX = re.compile('([0-9a-f]{2})*')
 _Choice = TypeVar('_Choice', bound=Enum)
 
 
@@ -102,7 +105,12 @@ class ManifestGroup:
 
 @dataclass(frozen=True)
 class ManifestRequirement:
-    """A requirement, with the texts that the run-time shows. `inputs` and `group` are indices."""
+    """
+    A requirement, with the texts that the run-time shows. `inputs` and `group` are indices.
+
+    `on_violation` and `on_end` are the actions that follow a violation and its end, as indices. A
+    lock, which follows both, is in `on_violation`.
+    """
 
     id: str
     handler: str
@@ -113,6 +121,69 @@ class ManifestRequirement:
     severity: Severity
     group: int
     inputs: tuple[int, ...]
+    on_violation: tuple[int, ...] = ()
+    on_end: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class ManifestAction:
+    """
+    An action. Times are in nanoseconds, 0 if the bundle gives none.
+
+    `target` is the topic of a lock or of `publish`, the service of `call`, or the node of
+    `transition`. `interface` is the type of that topic or service; '' for `transition`. `payload`
+    is the serialized message or request (CDR with its header of four bytes, little endian), and
+    `stamp_at` the offset of a stamp in it to be filled in when it is sent. `period`: between two
+    messages, 0: one message only. `duration`: of publishing at a rate. `timeout`: of each try of a
+    call or transition, of which there are `retries` after the first. `after`: how long the
+    violation lasts before the action starts. `cooldown`: the least time between two starts.
+    `state`: the state that a transition leads to, such as `inactive`.
+    """
+
+    name: str
+    kind: ActionKind
+    target: str
+    interface: str
+    payload: bytes = b''
+    stamp_at: int | None = None
+    period: int = 0
+    duration: int = 0
+    timeout: int = 0
+    retries: int = 0
+    after: int = 0
+    cooldown: int = 0
+    state: str = ''
+
+
+@dataclass(frozen=True)
+class ManifestGate:
+    """
+    A gate. Times are in nanoseconds, 0 if the bundle gives none.
+
+    `source` is the topic that it reads, and `target` the one that it publishes; of a service, the
+    one that it offers and the one that it calls. `interface` is the type of both. `topic` is the
+    index of `source` in `Manifest.topics`; None if no requirement of the gate reads it. `hold`:
+    how long the last good message is repeated. `substitute` is the serialized message, or the
+    response of a service, that is sent instead (CDR with its header of four bytes, little endian);
+    `period` is the time between two of these, 0: one for each message withheld. `stamp_at` is the
+    offset of a stamp that is filled in when a substitute or held message is sent.
+    `open_after`: of a latch, the time without a violation after which it opens.
+    """
+
+    name: str
+    source: str
+    target: str
+    interface: str
+    is_service: bool
+    topic: int | None
+    otherwise: Otherwise
+    hold: int = 0
+    substitute: bytes = b''
+    period: int = 0
+    stamp_at: int | None = None
+    is_open_when_stale: bool = False
+    latches: bool = False
+    open_after: int = 0
 
 
 @dataclass(frozen=True)
@@ -125,7 +196,9 @@ class Manifest:
     `source_hash` of the C text; `sources` are the file names of the generated C. `period` is in
     seconds. `readers` is the exported function that returns the extractors of the topics, '' if
     there are none. `stamp` and `reorder` (nanoseconds) belong to the policy timed. `constants` are
-    names with the values that were compiled in, as written.
+    names with the values that were compiled in, as written. `gate` is the gate that this monitor
+    judges for; None: it only reports. `kept` are the gates of the bundle with the ids that they
+    keep, which this monitor therefore leaves out.
     """
 
     name: str
@@ -145,6 +218,9 @@ class Manifest:
     stamp: Stamp = Stamp.RECEIVED
     reorder: int = 0
     constants: tuple[tuple[str, str], ...] = ()
+    actions: tuple[ManifestAction, ...] = ()
+    gate: ManifestGate | None = None
+    kept: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
     def to_json(self) -> str:
         """Return the JSON text; equal manifests give equal texts."""
@@ -176,6 +252,8 @@ class Manifest:
 def _plain(value: object) -> object:
     if isinstance(value, Enum):
         return value.value
+    if isinstance(value, bytes):
+        return value.hex()
     raise TypeError(f'{value!r} is not part of a manifest')
 
 
@@ -254,6 +332,13 @@ class _Value:
         number = self.natural()
         return number if number < 2 ** 62 else self.refuse('a whole number of nanoseconds')
 
+    def natural_or_none(self) -> int | None:
+        return None if self.found is None else self.natural()
+
+    def data(self) -> bytes:
+        text = self.text()
+        return bytes.fromhex(text) if _HEX.fullmatch(text) else self.refuse('bytes in hexadecimal')
+
     def text_or_whole(self) -> str | int:
         return self.text() if isinstance(self.found, str) else self.whole('a text or whole number')
 
@@ -319,6 +404,8 @@ class _Value:
 def _manifest(content: _Value) -> Manifest:
     inputs = tuple(_input(item) for item in content['inputs'].items())
     groups, requirements = content['groups'].items(), content['requirements'].items()
+    topics = content['topics'].items()
+    actions = tuple(_action(item) for item in content['actions'].items())
     policy = content['policy'].choice(Policy)
     return Manifest(
         name=content['name'].text(),
@@ -327,9 +414,10 @@ def _manifest(content: _Value) -> Manifest:
         policy=policy,
         period=content['period'].period(policy),
         inputs=inputs,
-        topics=tuple(_topic(item, len(inputs)) for item in content['topics'].items()),
+        topics=tuple(_topic(item, len(inputs)) for item in topics),
         groups=tuple(_group(item, len(inputs), len(requirements)) for item in groups),
-        requirements=tuple(_requirement(item, len(inputs), len(groups)) for item in requirements),
+        requirements=tuple(_requirement(item, len(inputs), len(groups), len(actions))
+                           for item in requirements),
         state_bytes=content['state_bytes'].natural(),
         bundle_hash=content['bundle_hash'].text(),
         source_hash=content['source_hash'].text(),
@@ -339,6 +427,10 @@ def _manifest(content: _Value) -> Manifest:
         reorder=content['reorder'].nanoseconds(),
         constants=tuple((name.text(), value.text())
                         for name, value in content['constants'].pairs()),
+        actions=actions,
+        gate=None if content['gate'].found is None else _gate(content['gate'], len(topics)),
+        kept=tuple((name.text(), tuple(item.text() for item in ids.items()))
+                   for name, ids in content['kept'].pairs()),
     )
 
 
@@ -379,7 +471,7 @@ def _group(item: _Value, inputs: int, requirements: int) -> ManifestGroup:
     )
 
 
-def _requirement(item: _Value, inputs: int, groups: int) -> ManifestRequirement:
+def _requirement(item: _Value, inputs: int, groups: int, actions: int) -> ManifestRequirement:
     return ManifestRequirement(
         id=item['id'].text(),
         handler=item['handler'].text(),
@@ -390,4 +482,43 @@ def _requirement(item: _Value, inputs: int, groups: int) -> ManifestRequirement:
         severity=item['severity'].choice(Severity),
         group=item['group'].index(groups),
         inputs=item['inputs'].indices(inputs),
+        on_violation=item['on_violation'].indices(actions),
+        on_end=item['on_end'].indices(actions),
+    )
+
+
+def _action(item: _Value) -> ManifestAction:
+    return ManifestAction(
+        name=item['name'].text(),
+        kind=item['kind'].choice(ActionKind),
+        target=item['target'].text(),
+        interface=item['interface'].text(),
+        payload=item['payload'].data(),
+        stamp_at=item['stamp_at'].natural_or_none(),
+        period=item['period'].nanoseconds(),
+        duration=item['duration'].nanoseconds(),
+        timeout=item['timeout'].nanoseconds(),
+        retries=item['retries'].natural(),
+        after=item['after'].nanoseconds(),
+        cooldown=item['cooldown'].nanoseconds(),
+        state=item['state'].text(),
+    )
+
+
+def _gate(item: _Value, topics: int) -> ManifestGate:
+    return ManifestGate(
+        name=item['name'].text(),
+        source=item['source'].text(),
+        target=item['target'].text(),
+        interface=item['interface'].text(),
+        is_service=item['is_service'].truth(),
+        topic=None if item['topic'].found is None else item['topic'].index(topics),
+        otherwise=item['otherwise'].choice(Otherwise),
+        hold=item['hold'].nanoseconds(),
+        substitute=item['substitute'].data(),
+        period=item['period'].nanoseconds(),
+        stamp_at=item['stamp_at'].natural_or_none(),
+        is_open_when_stale=item['is_open_when_stale'].truth(),
+        latches=item['latches'].truth(),
+        open_after=item['open_after'].nanoseconds(),
     )

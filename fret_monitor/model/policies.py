@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""When a step happens, which violations are announced, and how they are logged."""
+"""When a step happens, which violations are announced, and what follows them."""
 
 from enum import Enum
 
@@ -76,3 +76,25 @@ class Severity(Enum):
 
     ERROR = 'error'
     WARN = 'warn'
+
+
+class ActionKind(Enum):
+    """What an action of a bundle does; the value is its key in the bundle."""
+
+    LOCK = 'lock'
+    PUBLISH = 'publish'
+    CALL = 'call'
+    TRANSITION = 'transition'
+
+
+class Otherwise(Enum):
+    """
+    What a gate does in place of passing a message on; the value is its word in the bundle.
+
+    `HOLD`: sends the last good message again. `RESPOND`: answers a request, of a service.
+    """
+
+    DROP = 'drop'
+    HOLD = 'hold'
+    SUBSTITUTE = 'substitute'
+    RESPOND = 'respond'

@@ -20,10 +20,13 @@ from pathlib import Path
 from typing import Any
 
 from fret_monitor.model.manifest import (
-    Manifest, ManifestError, ManifestGroup, ManifestInput, ManifestRequirement, ManifestTopic,
+    Manifest, ManifestAction, ManifestError, ManifestGate, ManifestGroup, ManifestInput,
+    ManifestRequirement, ManifestTopic,
 )
 from fret_monitor.model.paths import LookUp, Sector, Slice
-from fret_monitor.model.policies import InputSource, Policy, Report, Severity, Stale, Stamp
+from fret_monitor.model.policies import (
+    ActionKind, InputSource, Otherwise, Policy, Report, Severity, Stale, Stamp,
+)
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import LibraryError
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
@@ -44,10 +47,18 @@ MANIFEST = Manifest(
             ManifestTopic('/m', 'm/msg/M', (1,), (('depth', 5), ('reliability', 'reliable')))),
     groups=(ManifestGroup((0, 1, 2), (0,), 8, 3),),
     requirements=(ManifestRequirement('R', 'handlerpropR', 'text', '', 'on', Report.ONSET,
-                                      Severity.WARN, 0, (0, 2)),),
+                                      Severity.WARN, 0, (0, 2), (1,), (0,)),),
     state_bytes=8, bundle_hash='b', source_hash='s', sources=('pump.h', 'pump.c'),
     readers='fm_pump_readers', stamp=Stamp.HEADER, reorder=50_000_000,
-    constants=(('v_max', '0.5'),))
+    constants=(('v_max', '0.5'),),
+    actions=(ManifestAction('call', ActionKind.CALL, '/stop', 'std_srvs/srv/Trigger', b'\0\1\0\0',
+                            timeout=10 ** 9, retries=3, after=1, cooldown=2),
+             ManifestAction('brake', ActionKind.PUBLISH, '/brake', 'm/msg/M', b'\0\1\0\0\xff', 4,
+                            period=10, duration=20)),
+    gate=ManifestGate('drive', '/raw', '/cmd', 'm/msg/M', False, 1, Otherwise.SUBSTITUTE,
+                      substitute=b'\0\1\0\0', period=50_000_000, stamp_at=4, latches=True,
+                      open_after=2 * 10 ** 9),
+    kept=(('other', ('R-2',)),))
 
 HUGE = 7 * 10 ** 400
 ANYTHING: list[Any] = [None, True, -1, 0.5, float('nan'), HUGE, 'x\ud800', [], {}, [[]], [None]]
@@ -81,8 +92,14 @@ ALLOWED: dict[str, list[Any]] = {
     'groups[0].state_bytes': [HUGE],
     'groups[0].operations': [HUGE],
     'state_bytes': [HUGE],
+    'gate': [None],
+    **{f'{item}.stamp_at': [None, HUGE] for item in ('gate', 'actions[0]', 'actions[1]')},
+    'gate.topic': [None],
+    **{f'gate.{key}': [True] for key in ('is_service', 'is_open_when_stale', 'latches')},
+    **{f'actions[{index}].retries': [HUGE] for index in (0, 1)},
 }
-EMPTY = ('path', 'values', 'qos', 'sources', 'topics', 'constants')  # lists that may be empty
+EMPTY = ('path', 'values', 'qos', 'sources', 'constants', 'on_violation', 'on_end',
+         'kept', 'kept[0][1]')  # lists that may be empty
 EMPTY_INDICES = ('topics[0].inputs', 'topics[1].inputs', 'groups[0].inputs',
                  'groups[0].requirements', 'requirements[0].inputs', 'requirements')
 OPTIONAL = ('.topic', 'inputs[0].message_type', 'inputs[1].message_type',
@@ -143,7 +160,8 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
             Manifest.from_json(text)
         if key == 'format' and value == HUGE:
             assert 'manifest has format 7000' in str(caught.value)
-        elif value != [] or key not in ('inputs', 'groups', 'requirements'):
+        elif value != [] or key not in (
+                'inputs', 'topics', 'groups', 'requirements', 'actions'):
             assert f'({key}' in str(caught.value)  # else an index is what is out of range
         assert len(str(caught.value)) < 300
         assert str(caught.value).isprintable()
@@ -152,7 +170,7 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
 @pytest.mark.parametrize(('key', 'value', 'expected'), [
     ('source_hash', None, '(source_hash must be a text, not None)'),
     ('format', True, '(format must be a whole number from 0, not True)'),
-    ('format', 1, 'manifest has format 1, this version reads 4: compile the bundle again'),
+    ('format', 1, 'manifest has format 1, this version reads 5: compile the bundle again'),
     ('period', 0, '(period must be a number of seconds above 0, not 0)'),
     ('period', float('inf'), '(period must be a number of seconds above 0, not inf)'),
     ('symbol', '../x', "(symbol must be a name in C, not '../x')"),
@@ -167,6 +185,10 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
     ('requirements[0].group', 1, '(requirements[0].group must be an index below 1'),
     ('requirements[0].inputs[1]', 4, '(requirements[0].inputs[1] must be an index below 4'),
     ('topics[1].qos[0]', ['depth'], '(topics[1].qos[0] must be a list of two'),
+    ('requirements[0].on_end[0]', 2, '(requirements[0].on_end[0] must be an index below 2'),
+    ('actions[0].payload', 'abc', "(actions[0].payload must be bytes in hexadecimal, not 'abc'"),
+    ('actions[0].kind', 'brake', '(actions[0].kind must be one of lock, publish, call, '),
+    ('gate.topic', 2, '(gate.topic must be an index below 2'),
 ])
 def test_the_error_says_what_is_wrong(key: str, value: object, expected: str) -> None:
     with pytest.raises(ManifestError) as caught:
