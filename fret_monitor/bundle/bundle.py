@@ -24,7 +24,7 @@ from fractions import Fraction
 
 from fret_monitor.model.diagnostics import Source, Span, Text
 from fret_monitor.model.names import handler_name
-from fret_monitor.model.policies import Policy, Report, Severity, Stale, Stamp
+from fret_monitor.model.policies import InputRole, Policy, Report, Severity, Stale, Stamp
 
 
 class Language(Enum):
@@ -76,6 +76,7 @@ class InputEntry:
     damaged: frozenset[str] = frozenset()
     places: tuple[tuple[str, Span], ...] = ()
     block: Text | None = None
+    role: InputRole | None = None
 
     @property
     def owner(self) -> Text:
@@ -97,7 +98,8 @@ class Requirement:
     """
     A requirement; `report` and `severity` include the defaults of the bundle.
 
-    `report` is None for the default of the policy.
+    `report` is None for the default of the policy. `is_assumption`: it constrains the environment
+    instead of the system, which only `analyze` distinguishes.
     """
 
     id: Text
@@ -107,6 +109,7 @@ class Requirement:
     rationale: str
     report: Report | None
     severity: Severity
+    is_assumption: bool = False
 
     @property
     def handler(self) -> str:

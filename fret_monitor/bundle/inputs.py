@@ -34,9 +34,9 @@ from fret_monitor.model.names import (
     exact, Fault, is_integer, looks_like_number, name_fault, number_fault, PLAIN_TYPES, shown,
     topic_fault, type_fault,
 )
-from fret_monitor.model.policies import Stale
+from fret_monitor.model.policies import InputRole, Stale
 
-FIELD_KEYS = ('field', 'initial', 'values')
+FIELD_KEYS = ('field', 'initial', 'values', 'role')
 _TOPIC_KEYS = ('qos', 'timeout', 'stale', 'startup', 'max_rate')
 INPUT_KEYS = ('topic', 'type', *FIELD_KEYS, *_TOPIC_KEYS)
 BLOCK_KEYS = ('type', *_TOPIC_KEYS, 'fields')
@@ -133,9 +133,10 @@ def _with_field(entry: InputEntry, shape: Shape, problems: Problems) -> InputEnt
     """Return an input with the keys of its own value."""
     found = Problems()
     entry = replace(entry, field=shape.text('field'), initial=shape.text('initial'),
-                    values=tuple(_values(shape.node('values'), found)))
-    damaged = entry.damaged | _refused(shape, field=entry.field, initial=entry.initial) \
-        | _refused_with(found, shape, 'values', problems)
+                    values=tuple(_values(shape.node('values'), found)),
+                    role=shape.choice('role', InputRole))
+    damaged = entry.damaged | _refused_with(found, shape, 'values', problems) \
+        | _refused(shape, field=entry.field, initial=entry.initial, role=entry.role)
     if entry.field and entry.type and entry.type.value in PLAIN_TYPES and entry.block is None:
         damaged |= {'field'}
         problems.error(f"'{entry.type.value}' has no fields", entry.field.span,

@@ -24,7 +24,7 @@ from fret_monitor.model.diagnostics import Problems, Source, Text
 from fret_monitor.model.names import handler_fault, shown
 from fret_monitor.model.policies import Report, Severity
 
-REQUIREMENT_KEYS = ('id', *FORMULA_KEYS, 'title', 'rationale', 'report', 'severity')
+REQUIREMENT_KEYS = ('id', *FORMULA_KEYS, 'title', 'rationale', 'report', 'severity', 'assume')
 _NO_TEXT = Text('', Source('', ''), [0])
 
 
@@ -102,6 +102,7 @@ def _requirement(mapping: YamlMapping, report: Report | None, severity: Severity
         rationale=shape.free_text('rationale'),
         report=shape.choice('report', Report) or report,
         severity=shape.choice('severity', Severity) or severity,
+        is_assumption=shape.truth('assume'),
     )
     return found if name else None
 

@@ -28,7 +28,7 @@ from fret_monitor.bundle.formulas import FORMULA_KEYS
 from fret_monitor.bundle.inputs import BLOCK_KEYS, FIELD_KEYS, INPUT_KEYS, QOS_KEYS
 from fret_monitor.bundle.reader import BUNDLE_KEYS, EVALUATION_KEYS, SIGNALS_KEYS
 from fret_monitor.bundle.requirements import REQUIREMENT_KEYS
-from fret_monitor.model.policies import Policy, Report, Severity, Stale, Stamp
+from fret_monitor.model.policies import InputRole, Policy, Report, Severity, Stale, Stamp
 
 Schema: TypeAlias = dict[str, Any]
 
@@ -100,6 +100,7 @@ _VALUES: dict[str, tuple[Schema, str]] = {
     'initial': (_TEXT, 'the value before the first message; default: none'),
     'values': ({'type': 'object', 'additionalProperties': {'type': _SCALAR}, 'minProperties': 1},
                'names for numbers or strings: {IDLE: 0, LANDING: 1}'),
+    'role': (_words(InputRole), 'for analyze: output where the system sets it; default: input'),
     'qos': (_QOS, "policies that override those of the topic's publishers"),
     'timeout': (_SECONDS, 'seconds without a message after which an input is silent'),
     'stale': (_words(Stale), 'with a timeout: warn logs a silence; violate also reports the '
@@ -120,6 +121,7 @@ _VALUES: dict[str, tuple[Schema, str]] = {
     'report': (_words(Report), 'which violations are announced'),
     'severity': (_words(Severity), 'the level at which violations are logged; default: error'),
     'id': (_TEXT, 'the name of the requirement'),
+    'assume': ({'type': 'boolean'}, 'for analyze: true where the environment has to fulfil it'),
     'rationale': (_FREE, 'why the requirement is there'),
     'fretish': (_TEXT, 'a sentence in FRETish'),
     'ptltl': (_TEXT, 'a formula of past-time MTL, as FRET writes it for SMV'),

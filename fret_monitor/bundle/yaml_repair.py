@@ -40,12 +40,13 @@ _NEXT_KEY = re.compile(r',[ \t]*[A-Za-z_]\w*[ \t]*:(?:[ \t]|$)')
 
 _LACKS_COMMA = re.compile(
     r"""(?:"[^"]*"|'[^']*'|[^\s,:{}"']+)(?P<gap>\s+)"""
-    r'(?P<key>topic|type|field|initial|values|qos|timeout|stale|startup|max_rate'
-    r'|fretish|ptltl|cocospec|title|report|severity):\s')
+    r'(?P<key>topic|type|field|initial|values|role|qos|timeout|stale|startup|max_rate'
+    r'|fretish|ptltl|cocospec|title|report|severity|assume):\s')
 _BRACE_KEY = re.compile(r'[{,]\s*[A-Za-z_]\w*[ \t]*:[ \t]+(?=\S)')
 # Their values have no space, so that a word after one is a key.
 _KEY_BEFORE = re.compile(
-    r'\b(?:topic|type|field|initial|timeout|stale|startup|max_rate|id|report|severity)'
+    r'\b(?:topic|type|field|initial|role|timeout|stale|startup|max_rate|id|report|severity'
+    r'|assume)'
     r'[ \t]*:[ \t]+$')
 
 _MARKS = {

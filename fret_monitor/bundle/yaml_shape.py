@@ -36,6 +36,7 @@ from fret_monitor.model.diagnostics import (
 from fret_monitor.model.names import exact, Fault, number_fault, shown
 
 _Choice = TypeVar('_Choice', bound=Enum)
+_TRUTHS = ('true', 'false')
 _WITH_UNIT = re.compile(r'([0-9.]+)\s*([A-Za-z]+)')
 
 
@@ -141,6 +142,13 @@ class Shape:
             return kind(text.value)
         report_choice(text, key, words, self._problems)
         return None
+
+    def truth(self, key: str) -> bool:
+        """Return whether a key is `true`; without the key, or if its value is refused, False."""
+        text = self.text(key)
+        if text is not None and text.value not in _TRUTHS:
+            report_choice(text, key, _TRUTHS, self._problems)
+        return text is not None and text.value == _TRUTHS[0]
 
     def number(self, key: str, quantity: Quantity, least: Fraction,
                most: Fraction) -> Fraction | None:

@@ -223,6 +223,7 @@ class _Reading:
             bounds=tuple(sorted(term.bounds)),
             sentence=tree if isinstance(tree, Sentence) else None,
             id_place=item.id.span,
+            is_assumption=item.is_assumption,
         )
 
     def _formula(self, item: Requirement) -> Expression | Equations | Sentence | None:

@@ -38,7 +38,7 @@ from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse, Text
 from fret_monitor.model.manifest import REDUCTIONS
 from fret_monitor.model.names import looks_like_number
-from fret_monitor.model.policies import InputSource, Stale
+from fret_monitor.model.policies import InputRole, InputSource, Stale
 from fret_monitor.model.values import ValueType
 
 FindMessage = Callable[[str], MessageLayout]
@@ -134,6 +134,7 @@ def _signal(entry: InputEntry, find_message: FindMessage,
         layout=layout,
         max_rate=entry.max_rate,
         source=source,
+        role=entry.role or InputRole.INPUT,
         place=entry.name.span,
     )
     return signal, vocabulary

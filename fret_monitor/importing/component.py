@@ -29,7 +29,8 @@ from fret_monitor.bundle.bundle import Language
 class VariableRole(Enum):
     """The role of a variable in its component."""
 
-    INPUT = 'input'  # inputs and outputs, because a monitor reads both
+    INPUT = 'input'
+    OUTPUT = 'output'
     INTERNAL = 'internal variable'
     MODE = 'mode'
     FUNCTION = 'function'
@@ -66,13 +67,18 @@ class ComponentVariable:
 
 @dataclass(frozen=True)
 class ComponentRequirement:
-    """A requirement; `modes` are the names in it that FRET identified as modes."""
+    """
+    A requirement; `modes` are the names in it that FRET identified as modes.
+
+    `is_assumption`: it constrains the environment.
+    """
 
     id: str
     wordings: tuple[Wording, ...]
     title: str = ''
     rationale: str = ''
     modes: tuple[str, ...] = ()
+    is_assumption: bool = False
 
 
 @dataclass(frozen=True)

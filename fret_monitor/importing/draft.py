@@ -62,6 +62,7 @@ class DraftInput:
     topic: str | None
     field: str | None
     signal: Signal
+    is_output: bool = False
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,7 @@ class DraftRequirement:
     text: str
     title: str
     rationale: str
+    is_assumption: bool = False
 
 
 @dataclass(frozen=True)
@@ -322,15 +324,17 @@ class _Drafter:
         link = self._connection(item.name)
         kind = (plain_type(item.type) or plain_type(link.type)
                 or self._types.type_of(item.name) or ValueType.FLOAT64)
+        is_output = item.role is VariableRole.OUTPUT
         if link.topic is None:
-            return DraftInput(item.name, kind.value, None, None, _signal(item.name, kind))
+            return DraftInput(item.name, kind.value, None, None, _signal(item.name, kind),
+                              is_output)
         message = link.message_type or message_for(kind)
         entry = _entry(item.name, message, link.field)
         problems = Problems()
         signal, _ = input_declaration(entry, find_message, problems)
         self._list_message_error(item.name, link, problems.errors)
         return DraftInput(item.name, message, link.topic, link.field,
-                          signal or _signal(item.name, kind))
+                          signal or _signal(item.name, kind), is_output)
 
     def _list_message_error(self, name: str, link: Connection,
                             errors: Sequence[Diagnostic]) -> None:
@@ -488,7 +492,7 @@ class _Drafter:
         title = requirement.title or (
             '' if reading.language is Language.FRETISH else sentence)
         return DraftRequirement(requirement.id, reading.language, reading.wording.text, title,
-                                requirement.rationale)
+                                requirement.rationale, requirement.is_assumption)
 
     def _times(self, usable: Sequence[Sequence[_Usable]],
                inputs: Mapping[str, DraftInput]) -> Times | None:

@@ -84,6 +84,8 @@ def _input(item: DraftInput) -> Iterator[str]:
     yield f'    type: {scalar(item.type)}'
     if item.field is not None:
         yield f'    field: {scalar(item.field)}'
+    if item.is_output:
+        yield '    role: output'
 
 
 def _definition(item: DraftDefinition) -> Iterator[str]:
@@ -100,6 +102,8 @@ def _requirement(item: DraftRequirement) -> Iterator[str]:
     if item.title:
         yield from _entry('    title: ', item.title)
     yield from _entry(f'    {item.language.value}: ', item.text, is_text=True)
+    if item.is_assumption:
+        yield '    assume: true'
     if item.rationale:
         yield from _entry('    rationale: ', item.rationale)
 

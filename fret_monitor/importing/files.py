@@ -28,7 +28,9 @@ from pathlib import Path
 
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.bundle.source_file import read_source
-from fret_monitor.importing.component import Component, ComponentRequirement, ComponentVariable
+from fret_monitor.importing.component import (
+    Component, ComponentRequirement, ComponentVariable, VariableRole,
+)
 from fret_monitor.importing.fret import (
     is_project, is_specification, read_project, read_specification,
 )
@@ -192,7 +194,8 @@ def _one(first: ComponentRequirement, second: ComponentRequirement) -> Component
     more = tuple(item for item in second.wordings if (item.languages, item.text) not in known)
     return replace(first, wordings=first.wordings + more, title=first.title or second.title,
                    rationale=first.rationale or second.rationale,
-                   modes=tuple(dict.fromkeys(first.modes + second.modes)))
+                   modes=tuple(dict.fromkeys(first.modes + second.modes)),
+                   is_assumption=first.is_assumption or second.is_assumption)
 
 
 def _with_ids(requirements: Iterable[ComponentRequirement],
@@ -230,9 +233,16 @@ def _variables(variables: Iterable[ComponentVariable]) -> Iterator[ComponentVari
         if known is not item:
             found[fret_name(item.name)] = replace(
                 known, type=known.type or item.type,
-                role=item.role if item.assignments and not known.assignments else known.role,
+                role=_role(known, item),
                 assignments=known.assignments or item.assignments)
     yield from found.values()
+
+
+def _role(known: ComponentVariable, item: ComponentVariable) -> VariableRole:
+    """Return the role of a variable that two entries describe."""
+    if item.assignments and not known.assignments:
+        return item.role
+    return item.role if known.role is VariableRole.INPUT else known.role
 
 
 # Choosing a component.

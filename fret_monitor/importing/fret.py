@@ -33,12 +33,13 @@ from fret_monitor.model.diagnostics import Problems, refuse, Source, Span
 
 _TAG = re.compile(r'</?(?:b|i|em|strong|br)\s*/?>', re.IGNORECASE)
 _ROLES = {
-    'internal': VariableRole.INTERNAL, 'mode': VariableRole.MODE,
+    'internal': VariableRole.INTERNAL, 'output': VariableRole.OUTPUT, 'mode': VariableRole.MODE,
     'function': VariableRole.FUNCTION,
 }
 _EITHER = (Language.PTLTL, Language.COCOSPEC)
 _INTERNAL = ('Internal_variables', 'internal_variables')
-_OTHER = ('Other_variables', 'external_variables', 'Input_variables', 'Output_variables')
+_OTHER = ('Other_variables', 'external_variables', 'Input_variables')
+_OUTPUT = ('Output_variables',)
 _REQUIREMENTS = ('Requirements', 'properties', 'requirements')
 _FUNCTIONS = ('Functions', 'functions')
 _IDS = ('name', 'id', 'reqid')
@@ -135,7 +136,13 @@ def _requirement(item: dict[str, object], source: Source, file: str) -> Componen
     notes = [text(item, 'rationale'), text(item, 'comments')]
     rationale = '\n'.join(dict.fromkeys(note for note in notes if note))
     modes = names(mapping(semantics.get('variables')).get('modes'))
-    return ComponentRequirement(name, tuple(wordings), '', rationale, tuple(modes))
+    return ComponentRequirement(name, tuple(wordings), '', rationale, tuple(modes),
+                                _is_assumption(name))
+
+
+def _is_assumption(name: str) -> bool:
+    """Whether FRET takes a requirement as an assumption: by its id."""
+    return 'assumption' in name.lower()
 
 
 def _wordings(label: str, sentence: str, ptltl: str, cocospec: str) -> Iterator[Wording]:
@@ -165,7 +172,7 @@ def _is_specified(content: dict[str, object]) -> bool:
     requirements = _all(content, _REQUIREMENTS)
     if requirements:
         return any(text(item, *_IDS) for item in requirements)
-    return any(isinstance(content.get(key), list) for key in (*_INTERNAL, *_OTHER))
+    return any(isinstance(content.get(key), list) for key in (*_INTERNAL, *_OTHER, *_OUTPUT))
 
 
 def read_specification(value: object, file: str, stem: str,
@@ -181,8 +188,9 @@ def _component(name: str, content: dict[str, object], file: str,
                          for number, item in enumerate(_all(content, _REQUIREMENTS), 1))
     variables = [_internal(item, file) for item in _all(content, _INTERNAL)]
     variables += [
-        ComponentVariable(text(item, 'name', 'id'), VariableRole.INPUT, text(item, 'type'))
-        for item in _all(content, _OTHER)]
+        ComponentVariable(text(item, 'name', 'id'), role, text(item, 'type'))
+        for role, keys in ((VariableRole.INPUT, _OTHER), (VariableRole.OUTPUT, _OUTPUT))
+        for item in _all(content, keys)]
     variables += [ComponentVariable(text(item, 'name', 'id'), VariableRole.FUNCTION)
                   for item in _all(content, _FUNCTIONS)]
     return Component(component_name(name, requirements), '',
@@ -234,4 +242,4 @@ def _specified(item: dict[str, object], file: str, number: int,
         problems.warning(f'{label}: its probability is left out', None, '',
                          'a monitor sees a single run, which has no probability')
     return ComponentRequirement(name, tuple(wordings), text(item, 'text', 'description'),
-                                text(item, 'rationale'))
+                                text(item, 'rationale'), is_assumption=_is_assumption(name))

@@ -150,9 +150,9 @@ class _ContractReader:
                    'write it as FRET does: contract NAME (inputs) returns (outputs); let ... tel')
         name = self._name("the contract's name")
         contract = _Contract(name, f'{self._file}, {name}')
-        contract.variables += self._declarations()
+        contract.variables += self._declarations(VariableRole.INPUT)
         self._expect('returns')
-        contract.variables += self._declarations()
+        contract.variables += self._declarations(VariableRole.OUTPUT)
         while self._peek().text == ';':
             self._take()
         self._expect('let')
@@ -161,7 +161,7 @@ class _ContractReader:
         self._take()
         return contract
 
-    def _declarations(self) -> Iterator[ComponentVariable]:
+    def _declarations(self, role: VariableRole) -> Iterator[ComponentVariable]:
         """Parse `(a, b: real; c: bool;)`."""
         self._expect('(')
         while self._peek().text != ')':
@@ -169,7 +169,7 @@ class _ContractReader:
             while self._expect(',', ':').text == ',':
                 found.append(self._name('a variable'))
             kind = self._name('a type')
-            yield from (ComponentVariable(name, VariableRole.INPUT, kind) for name in found)
+            yield from (ComponentVariable(name, role, kind) for name in found)
             if self._peek().text != ')':
                 self._expect(';')
         self._take()
@@ -180,7 +180,7 @@ class _ContractReader:
             case 'var' | 'const':
                 self._local(contract)
             case 'guarantee' | 'assume':
-                self._property(contract, self._comment)
+                self._property(contract, self._comment, token.text == 'assume')
             case 'weakly':
                 self._item(contract)
             case 'mode':
@@ -206,7 +206,7 @@ class _ContractReader:
         wording = Wording((Language.COCOSPEC,), self._expression(), f'{self._file}, {name}')
         contract.variables.append(ComponentVariable(name, VariableRole.INTERNAL, kind, (wording,)))
 
-    def _property(self, contract: _Contract, comment: str) -> None:
+    def _property(self, contract: _Contract, comment: str, is_assumption: bool) -> None:
         """Parse `"FSM-001" expression;`, and FRET's sentence in the comment before it."""
         name = self._id(f'{contract.name}_{len(contract.requirements) + 1}')
         label = f'{self._file}, {name}'
@@ -215,7 +215,8 @@ class _ContractReader:
         if sentence and sentence[1].strip():
             written = ' '.join(sentence[1].split())
             wordings.insert(0, Wording((Language.FRETISH,), written, f'{label}, sentence'))
-        contract.requirements.append(ComponentRequirement(name, tuple(wordings)))
+        contract.requirements.append(ComponentRequirement(
+            name, tuple(wordings), is_assumption=is_assumption))
 
     def _id(self, default: str) -> str:
         return self._take().text[1:-1] if self._peek().kind == 'STRING' else default

@@ -28,7 +28,9 @@ from fret_monitor.logic.formula import Feedback, Formula, postorder, Variable
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import Span
 from fret_monitor.model.paths import FieldPath
-from fret_monitor.model.policies import InputSource, Policy, Report, Severity, Stale, Stamp
+from fret_monitor.model.policies import (
+    InputRole, InputSource, Policy, Report, Severity, Stale, Stamp,
+)
 from fret_monitor.model.values import ValueType
 
 
@@ -42,7 +44,7 @@ class Signal:
     `message_type` are None for an input without ROS. `timeout` and `startup` are in seconds;
     `reduction` is as in `ManifestInput`. `max_rate` is the greatest number of messages a second.
     `layout` is that of the message; None if the specification was not made from a bundle, and
-    messages cannot be decoded. `place` is that of the name in the bundle.
+    messages cannot be decoded. `place` is that of the name in the bundle. `role` says who sets it.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Signal:
     layout: MessageLayout | None = field(default=None, repr=False)
     max_rate: Fraction | None = None
     source: InputSource = InputSource.FIELD
+    role: InputRole = field(default=InputRole.INPUT, repr=False)
     place: Span | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -78,6 +81,7 @@ class Property:
     of the formula's text. `bounds` are, in ascending order, the largest few of the numbers of
     steps in that text and in the definitions it uses; the formula of a FRETish sentence contains
     further bounds. `sentence` is the parsed text if it is FRETish. `id_place` is that of the id.
+    `is_assumption`: it constrains the environment instead of the system.
     """
 
     id: str
@@ -92,6 +96,7 @@ class Property:
     bounds: tuple[int, ...] = ()
     sentence: Sentence | None = field(default=None, repr=False, compare=False)
     id_place: Span | None = field(default=None, repr=False, compare=False)
+    is_assumption: bool = field(default=False, repr=False)
 
     @property
     def roots(self) -> tuple[Formula, ...]:

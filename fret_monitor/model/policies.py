@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""When a step happens, which violations are announced, and what follows them."""
+"""When a step happens, who sets an input, which violations are announced, what follows them."""
 
 from enum import Enum
 
@@ -62,6 +62,17 @@ class InputSource(Enum):
     FIELD = 'field'
     RECEIVED = 'received'
     AGE = 'age'
+
+
+class InputRole(Enum):
+    """
+    Who sets an input, for `analyze`.
+
+    `INPUT`: the environment. `OUTPUT`: the system, which has to meet the requirements.
+    """
+
+    INPUT = 'input'
+    OUTPUT = 'output'
 
 
 class Stale(Enum):

@@ -23,7 +23,7 @@ from fret_monitor.bundle.bundle import Bundle, Language
 from fret_monitor.bundle.reader import parse_bundle, survey_bundle
 from fret_monitor.bundle.source_file import MAX_BYTES
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Problems, Source
-from fret_monitor.model.policies import Policy, Report, Severity, Stale, Stamp
+from fret_monitor.model.policies import InputRole, Policy, Report, Severity, Stale, Stamp
 import golden
 from hypothesis import example, given, settings, strategies
 import pytest
@@ -450,3 +450,19 @@ def test_a_thousand_requirements_are_read_in_a_second() -> None:
     bundle = _parse(f'format: 1\ninputs:\n{inputs}requirements:\n{requirements}')
     assert len(bundle.requirements) == 1000
     assert time.process_time() - began < 3  # 0.2 s where nothing else runs
+
+
+def test_outputs_and_assumptions_are_marked() -> None:
+    bundle = _parse("""format: 1
+inputs:
+  a: {type: bool}
+  b: {type: bool, role: output}
+requirements:
+  - {id: A, ptltl: H a, assume: true}
+  - {id: B, ptltl: H b, assume: false}
+  - {id: C, ptltl: H b}
+""")
+    assert [item.role for item in bundle.inputs] == [None, InputRole.OUTPUT]
+    assert [item.is_assumption for item in bundle.requirements] == [True, False, False]
+    with pytest.raises(CompileError, match="'yes'"):
+        _parse('format: 1\nrequirements:\n  - {id: A, ptltl: "TRUE", assume: yes}\n')

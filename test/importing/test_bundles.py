@@ -23,7 +23,7 @@ from fret_monitor.importing import bundles, import_bundles, Imported, write_bund
 from fret_monitor.importing.draft import Draft, Times
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import CompileError, refuse
-from fret_monitor.model.policies import Policy
+from fret_monitor.model.policies import InputRole, Policy
 from fret_monitor.model.values import ValueType
 from importing.examples import (
     DATABASE, DOCUMENT, imported, LUSTRE, PROJECT, refused, requirement, SPECIFICATION, variable,
@@ -667,3 +667,18 @@ def test_types_are_inferred_from_a_definition_of_its_own_past(tmp_path: Path) ->
     assert {item.name: item.type for item in found.draft.inputs} == {'tripped': 'bool'}
     assert [item.name for item in found.draft.definitions] == ['latched']
     meaning(found)
+
+
+def test_outputs_and_assumptions_of_fret_are_kept(tmp_path: Path) -> None:
+    items = [requirement('A-assumption', 'rover shall always satisfy speed < 4'),
+             requirement('B', 'rover shall always satisfy speed < 2 => open')]
+    variables = [variable('speed', 'Input', 'double'), variable('open', 'Output', 'boolean')]
+    contract = ('(*@contract roverSpec (speed: real;) returns (open: bool;); let '
+                'assume "A" speed < 4.0; guarantee "B" speed < 2.0 => open; tel *)')
+    for files in ({'a_json': {'requirements': items, 'variables': variables}},
+                  {'a_lus': contract}):
+        meant = meaning(imported(tmp_path, **files))
+        assert [item.is_assumption for item in meant.properties] == [True, False]
+        assert {item.name: item.role for item in meant.signals} == {
+            'speed': InputRole.INPUT, 'open': InputRole.OUTPUT}
+        (tmp_path / 'bundle.yaml').unlink(missing_ok=True)
