@@ -96,7 +96,7 @@ def run(options: Namespace) -> int:
           f'{counted(len(generated.manifest.requirements), "requirement")}, '
           f'{counted(generated.manifest.state_bytes, "byte")} of state')
     print(_proof_line(options, is_proved=certificate is not None))
-    print('\n'.join(map(_size_line, measured_sizes(files, content.objects, content.include))))
+    print('\n'.join(map(_size_line, measured_sizes(files, content.parts))))
     return 0
 
 
@@ -140,5 +140,7 @@ def _proof_line(options: Namespace, *, is_proved: bool) -> str:
 def _size_line(sizes: Sizes) -> str:
     if sizes.problem:
         return f'size unknown for {sizes.compiler}: {sizes.problem}'
-    return (f'{counted(sizes.code, "byte")} of code and constants, '
-            f'{counted(sizes.data, "byte")} of variables ({sizes.compiler})')
+    held = [f'{what} {counted(size, "byte")}' for what, size in sizes.held.items()]
+    return (f'{sizes.part}: {counted(sizes.code, "byte")} of code and constants, '
+            f'{counted(sizes.data, "byte")} of variables'
+            + (f'; in your program: {", ".join(held)}' if held else '') + f' ({sizes.compiler})')

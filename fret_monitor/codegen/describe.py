@@ -15,12 +15,11 @@
 """The manifest of a monitor program."""
 
 from fret_monitor.codegen.extractors import topics_of
+from fret_monitor.codegen.inputs import described_input
 from fret_monitor.codegen.module import CModule
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Property, Signal
-from fret_monitor.model.manifest import (
-    Manifest, ManifestGroup, ManifestInput, ManifestRequirement, ManifestTopic,
-)
+from fret_monitor.model.manifest import Manifest, ManifestGroup, ManifestRequirement, ManifestTopic
 from fret_monitor.model.policies import Policy
 from fret_monitor.program.layout import GroupLayout, state_bytes
 from fret_monitor.program.monitor_program import MonitorProgram
@@ -42,7 +41,7 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         component=program.component,
         policy=program.policy,
         period=program.period,
-        inputs=tuple(_input(signal) for signal in program.signals),
+        inputs=tuple(described_input(signal) for signal in program.signals),
         topics=_topics(program.signals),
         groups=tuple(ManifestGroup(layout.group.signals, layout.group.properties, layout.size,
                                    layout.operations) for layout in layouts),
@@ -60,14 +59,6 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         reorder=program.reorder,
         constants=constants,
     )
-
-
-def _input(signal: Signal) -> ManifestInput:
-    return ManifestInput(signal.name, signal.type, signal.topic, signal.message_type,
-                         signal.path, signal.values, signal.initial,
-                         timeout=signal.timeout, stale=signal.stale,
-                         startup=signal.startup,
-                         reduction=signal.reduction, source=signal.source)
 
 
 def _topics(signals: tuple[Signal, ...]) -> tuple[ManifestTopic, ...]:

@@ -26,6 +26,7 @@ import hashlib
 from fret_monitor.codegen import c
 from fret_monitor.codegen.comments import comment, safe
 from fret_monitor.codegen.extractors import generate_extractors
+from fret_monitor.codegen.inputs import described_input, meaning, origin
 from fret_monitor.codegen.names import field, Names
 from fret_monitor.codegen.step import PartWriter
 from fret_monitor.model.policies import Policy
@@ -111,6 +112,9 @@ class _ModuleWriter:
         yield self._names.inputs_struct
         yield '{'
         for signal in self._program.signals:
+            item = described_input(signal)
+            if meaning(item):
+                yield from comment(origin(item), '  ')
             yield f'  {signal.type.c_name} {self._names.signals[signal.name]};'
         if not self._program.signals:
             yield '  bool none;  // C has no empty struct'

@@ -19,23 +19,22 @@ The test has a trace and its verdicts by the reference evaluator, so that a buil
 machine can be tested there.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 import re
 
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.c import string_literal
+from fret_monitor.export import flight
 from fret_monitor.export.content import (
-    common_values, Content, csrc_files, export_name, hand_written, HandlerArguments, Options,
+    common_values, Content, csrc_files, EVALUATOR, export_name, fill, hand_written,
+    HandlerArguments, Options, Part, structs,
 )
 from fret_monitor.export.examples import example
-from fret_monitor.export.flight import options_header
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.compiler import COMPILE_FLAGS
 
 _RUNTIME = ('fret_monitor.h', 'fret_cells.h')
-_EVALUATOR = tuple(f'{name}.{kind}' for name in (
-    'evaluator', 'instance', 'tables', 'steps', 'deadlines') for kind in ('h', 'c'))
 _EXTRACTORS = ('fret_cdr.h', 'fret_fields.h')
 _FIELDS_ROW = ('| `src/{}_fields.c`, `src/fret_fields.h` | reads the inputs from serialized '
                'messages (CDR) |\n')
@@ -58,21 +57,24 @@ def c99(generated: GeneratedMonitor, options: Options) -> Content:
         refuse('the target c99 calls no handlers', help='leave --handler-arguments out: a '
                'verdict is an element of an array, and the inputs are a struct')
     name, files = export_name(generated), generated.module.files
-    library = {**csrc_files(*_RUNTIME, *_EVALUATOR, *(_EXTRACTORS if generated.module.readers
-                                                      else ())), **files}
+    library = {**csrc_files(*_RUNTIME, *EVALUATOR,
+                            *(_EXTRACTORS if generated.module.readers else ())), **files}
+    values = {**common_values(generated, options), **flight.runner_values(generated)}
     if generated.manifest.inputs:
-        library[f'{name}_options.h'] = '\n'.join([*options_header(generated), ''])
+        library[f'{name}_options.h'] = '\n'.join([*flight.options_header(generated), ''])
+        library[f'{name}_size.h'] = fill('NAME_size.h', hand_written('flight')['NAME_size.h'],
+                                         values)
     if options.prefix:
         library = _with_prefix(library, options.prefix)
+    more_headers = ('instance.h', 'tables.h', f'{name}_options.h', f'{name}_size.h', _NAMES_HEADER)
     trace, verdicts = example(generated)
     values = {
-        **common_values(generated, options),
+        **values,
         'LIBRARY_SOURCES': '\n  '.join(f'src/{file}' for file in library if file.endswith('.c')),
         'EXACT_FLAGS': '\n    '.join(flag for flag in COMPILE_FLAGS if flag.startswith(
             ('-ffp-contract', '-fno-builtin'))),
         'EXAMPLE': '\n'.join(_example(name, generated.manifest.policy is Policy.TIMED)),
-        'MORE_HEADERS': ''.join(f' src/{file}' for file in library
-                                if file in (f'{name}_options.h', _NAMES_HEADER)),
+        'MORE_HEADERS': ''.join(f' src/{file}' for file in library if file in more_headers),
         'FIELDS_ROW': _FIELDS_ROW.format(name) if generated.module.readers else '',
     }
     return Content(
@@ -82,7 +84,24 @@ def c99(generated: GeneratedMonitor, options: Options) -> Content:
                 [*_tables(generated, verdicts.partition('\n')[0]), '']),
             'test/trace.csv': trace, 'test/verdicts.csv': verdicts},
         templates=hand_written('c99'), values=values,
-        objects=tuple(f'src/{file}' for file in files if file.endswith('.c')), include='src')
+        parts=tuple(_parts(generated)))
+
+
+def _parts(generated: GeneratedMonitor) -> Iterator[Part]:
+    name = export_name(generated)
+
+    def sources(files: Iterable[str]) -> tuple[str, ...]:
+        return tuple(f'src/{file}' for file in files if file.endswith('.c'))
+
+    monitors = sources(file for file in generated.module.files if file != f'{name}_fields.c')
+    yield Part('monitors alone', monitors, 'src', f'{name}_monitor.h',
+               structs(f'{name}_state', f'{name}_inputs'))
+    if generated.manifest.inputs:
+        size = f'{name.upper()}_EVALUATOR_BYTES'
+        yield Part('monitors with evaluator', monitors + sources(EVALUATOR), 'src',
+                   f'{name}_size.h', {size: size})
+    if generated.module.readers:
+        yield Part('readers of messages', sources([f'{name}_fields.c']), 'src')
 
 
 def _with_prefix(library: Mapping[str, str], prefix: str) -> dict[str, str]:

@@ -26,10 +26,9 @@ from zlib import crc32
 
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.comments import comment, safe
+from fret_monitor.codegen.inputs import origin
 from fret_monitor.export import flight
-from fret_monitor.export.content import (
-    common_values, Content, export_name, hand_written, markdown, Options,
-)
+from fret_monitor.export.content import Content, export_name, hand_written, markdown, Options
 from fret_monitor.model.diagnostics import Problems
 from fret_monitor.model.policies import InputSource, Severity
 from fret_monitor.model.values import ValueType
@@ -79,15 +78,9 @@ def cfs(generated: GeneratedMonitor, options: Options) -> Content:
         f'fsw/inc/{app}_eventids.h': writer.event_ids(),
         f'fsw/src/{app}_map.c': writer.map(),
     }
-    return Content(
-        generated={**{name: '\n'.join(lines) + '\n' for name, lines in texts.items()},
-                   **flight.runner_files(generated, _MONITORS)},
-        templates={**flight.named(generated, hand_written('cfs')),
-                   **flight.runner_templates(generated, _MONITORS)},
-        values={**common_values(generated, options), **flight.runner_values(generated),
-                **writer.values()},
-        objects=(f'{_MONITORS}/{writer.name}_runner.c',), include=_MONITORS,
-        warnings=problems.warnings)
+    return flight.content(generated, options, texts,
+                          flight.named(generated, hand_written('cfs')), writer.values(),
+                          _MONITORS, problems.warnings)
 
 
 @dataclass(frozen=True)
@@ -204,7 +197,7 @@ class _Writer:
             yield from ('  struct', '  {')
         for index in payload:
             item = manifest.inputs[index]
-            yield from comment(flight.origin(item), '    ')
+            yield from comment(origin(item), '    ')
             kind = _TYPES.get(item.value_type, item.value_type.value)
             yield f'    {kind} {spelled[index]};'
         if payload:
@@ -295,6 +288,7 @@ class _Writer:
 
     def _store(self, index: int) -> Iterator[str]:
         item = self.generated.manifest.inputs[index]
+        yield from comment(origin(item))
         store = f'{self.name}_runner_store(Runner, {index}u, Value);'
         match item.source:
             case InputSource.FIELD:

@@ -15,20 +15,17 @@
 """What a target makes of a bundle: files, and values for the placeholders in some of them."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
-from math import isfinite
 import re
-from struct import pack
 
 from fret_monitor import __version__
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.comments import safe
+from fret_monitor.codegen.inputs import meaning
 from fret_monitor.model.diagnostics import counted, Diagnostic, refuse, Source, Span
-from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement, SECONDS
-from fret_monitor.model.paths import path_text
-from fret_monitor.model.policies import InputSource, Policy
-from fret_monitor.model.values import ValueType
+from fret_monitor.model.manifest import Manifest, ManifestRequirement
+from fret_monitor.model.policies import Policy
 from fret_monitor.native.cache import csrc_directory
 
 _PLACEHOLDER = re.compile(r'@([A-Z][A-Z_]*)@')
@@ -55,20 +52,35 @@ class Options:
 
 
 @dataclass(frozen=True)
+class Part:
+    """
+    C of an export of which the size is of interest.
+
+    `name` says what is counted. Each of `sources` can be compiled alone, in the folder, with the
+    search path `include`. `held` is the memory that the program provides: C expressions of bytes,
+    by what is shown of them; the header `header` declares what they name.
+    """
+
+    name: str
+    sources: tuple[str, ...]
+    include: str = '.'
+    header: str = ''
+    held: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Content:
     """
     The files of an export by relative path.
 
     `generated` are final texts that a user cannot replace. In `templates`, which a user can
-    replace, each `@NAME@` stands for a value in `values`. `objects` are the C files whose compiled
-    size is of interest; each can be compiled alone, in the folder, with the search path `include`.
+    replace, each `@NAME@` stands for a value in `values`. `parts` are measured.
     """
 
     generated: Mapping[str, str]
     templates: Mapping[str, str]
     values: Mapping[str, str]
-    objects: tuple[str, ...]
-    include: str = '.'
+    parts: tuple[Part, ...]
     warnings: tuple[Diagnostic, ...] = ()
 
 
@@ -98,9 +110,19 @@ def hand_written(target: str) -> dict[str, str]:
             for path in sorted(folder.rglob('*')) if path.is_file()}
 
 
+EVALUATOR = tuple(f'{name}.{kind}' for name in (
+    'evaluator', 'instance', 'tables', 'steps', 'deadlines') for kind in ('h', 'c'))
+"""The files of `csrc` that run monitors from messages, without ROS."""
+
+
 def csrc_files(*names: str) -> dict[str, str]:
     """Return files of `csrc` by their names."""
     return {name: (csrc_directory() / name).read_text(encoding='utf-8') for name in names}
+
+
+def structs(*names: str) -> dict[str, str]:
+    """Return the memory of structs, as in `Part.held`."""
+    return {f'struct {name}': f'sizeof(struct {name})' for name in names}
 
 
 def export_name(generated: GeneratedMonitor) -> str:
@@ -122,51 +144,6 @@ def common_values(generated: GeneratedMonitor, options: Options) -> dict[str, st
         'REQUIREMENTS': '\n'.join(_requirements(manifest.requirements)),
         'INPUT_TABLE': '\n'.join(_inputs(manifest)),
     }
-
-
-def meaning(item: ManifestInput) -> str:
-    """Return what an input is in the bundle's terms, on one line; '' if it only has a type."""
-    parts = [_field(item)]
-    if item.values:
-        parts.append('values ' + ', '.join(
-            f'{word} = {place if item.is_string else value}'
-            + (f' ("{value}")' if item.is_string else '')
-            for place, (word, value) in enumerate(item.values)))
-    if item.initial is not None:
-        parts.append(f'initial {number_text(item)}')
-    elif item.is_string:
-        parts.append(f'0 ({item.values[0][0]}) also before any value came')
-    return '; '.join(filter(None, parts))
-
-
-def _field(item: ManifestInput) -> str:
-    """Return what an input is taken from, such as `min(ranges) of TYPE on /scan`."""
-    path = path_text(item.path)
-    of = f' of {item.message_type}' if item.message_type else ''
-    on = f'{of} on {item.topic}' if item.topic else of
-    match item.source:
-        case InputSource.RECEIVED:
-            return f'received(){on}, true at the step of such a message alone'
-        case InputSource.AGE:
-            return f'age({path}){on}, in seconds'
-        case InputSource.FIELD:
-            field = f'{item.reduction}({path})' if item.reduction not in ('', SECONDS) else path
-            seconds = ', in seconds' if item.reduction == SECONDS else ''
-            return f'{field}{on}{seconds}'.strip()
-
-
-def number_text(item: ManifestInput) -> str:
-    """Return the initial value of an input as C has it."""
-    assert item.initial is not None
-    if item.value_type is ValueType.BOOL:
-        return str(bool(item.initial)).lower()
-    if not item.value_type.is_float:
-        return str(int(item.initial))
-    if item.value_type is not ValueType.FLOAT32 or not isfinite(item.initial):
-        return repr(float(item.initial)).removesuffix('.0')
-    stored = pack('f', item.initial)
-    texts = (f'{item.initial:.{digits}g}' for digits in range(6, 10))
-    return next(text for text in texts if pack('f', float(text)) == stored)
 
 
 def markdown(text: str) -> str:

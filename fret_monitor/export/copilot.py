@@ -25,10 +25,11 @@ from math import isfinite, isnan
 
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.comments import comment, safe
+from fret_monitor.codegen.inputs import number_text, origin
 from fret_monitor.codegen.names import is_of_module, Names
 from fret_monitor.export.content import (
-    common_values, Content, csrc_files, export_name, hand_written, HandlerArguments, meaning,
-    number_text, Options,
+    common_values, Content, csrc_files, export_name, hand_written, HandlerArguments, Options,
+    Part,
 )
 from fret_monitor.export.external_names import check_name, constant_names, input_names
 from fret_monitor.model.diagnostics import Problems
@@ -74,7 +75,7 @@ def copilot(generated: GeneratedMonitor, options: Options) -> Content:
                    **{f'{_MONITORS}/{name}': text for name, text in monitors.items()}},
         templates={'README.md': hand['README.md']},
         values={**common_values(generated, options), **writer.values(), 'NAME': file},
-        objects=(f'{file}.c',), warnings=problems.warnings)
+        parts=(Part(f'{file}.c with all its state', (f'{file}.c',)),), warnings=problems.warnings)
 
 
 def _file_name(generated: GeneratedMonitor) -> str:
@@ -215,7 +216,7 @@ class _Writer:
         yield from ('', '#ifdef __cplusplus', 'extern "C" {', '#endif', '')
         yield '// The inputs, which the program defines.'
         for item in self._manifest.inputs:
-            yield from comment(': '.join(filter(None, (item.name, meaning(item)))))
+            yield from comment(origin(item))
             yield f'extern {item.value_type.c_name} {self.inputs[item.name]};'
         yield from ('', '// The handlers of violations, which the program defines.')
         for requirement in self._manifest.requirements:

@@ -30,11 +30,12 @@ from fret_monitor.codegen.c import string_literal
 from fret_monitor.codegen.comments import safe
 from fret_monitor.codegen.names import Names
 from fret_monitor.export.content import (
-    csrc_files, export_name, hand_written, HandlerArguments, meaning, Options,
+    common_values, Content, csrc_files, EVALUATOR, export_name, hand_written, HandlerArguments,
+    Options, Part, structs,
 )
 from fret_monitor.logic.specification import Signal
-from fret_monitor.model.diagnostics import counted, Problems
-from fret_monitor.model.manifest import Manifest, ManifestInput
+from fret_monitor.model.diagnostics import counted, Diagnostic, Problems
+from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import InputSource, Policy, Stale, Stamp
 from fret_monitor.model.values import ValueType
 
@@ -42,8 +43,6 @@ MONITORS = 'monitors'
 
 _WITHOUT_TOPIC = 'inputs'
 
-_CSRC = ('fret_monitor.h', 'fret_cells.h', *(f'{name}.{kind}' for name in (
-    'evaluator', 'instance', 'tables', 'steps', 'deadlines') for kind in ('h', 'c')))
 _NS_PER_S = 1e9
 _MOST_REQUIREMENTS = 10_000
 _LONGEST_LABEL = 60
@@ -134,18 +133,39 @@ def ages(generated: GeneratedMonitor) -> list[Signal]:
     return [item for item in generated.specification.signals if item.source is InputSource.AGE]
 
 
-def runner_files(generated: GeneratedMonitor, folder: str) -> dict[str, str]:
+def content(generated: GeneratedMonitor, options: Options, texts: Mapping[str, Iterable[str]],
+            templates: Mapping[str, str], values: Mapping[str, str], monitors: str,
+            warnings: tuple[Diagnostic, ...] = ()) -> Content:
+    """
+    Return the files of a target: its own, and the runner in the folder `monitors`.
+
+    `texts` are the lines of generated files; `templates` and `values` are as in a `Content`.
+    """
+    name = export_name(generated)
+    return Content(
+        generated={**{file: '\n'.join(lines) + '\n' for file, lines in texts.items()},
+                   **_runner_files(generated, monitors)},
+        templates={**templates, **_runner_templates(generated, monitors)},
+        values={**common_values(generated, options), **runner_values(generated), **values},
+        parts=(Part('monitors with evaluator, without the application',
+                    (f'{monitors}/{name}_runner.c',), monitors, f'{name}_runner.h',
+                    structs(f'{name}_runner')),),
+        warnings=warnings)
+
+
+def _runner_files(generated: GeneratedMonitor, folder: str) -> dict[str, str]:
     """Return the generated files of the runner in a folder: all but its templates."""
     name = export_name(generated)
     module = {file: text for file, text in generated.module.files.items()
               if file != f'{name}_fields.c'}  # no serialized messages are read
     hand = hand_written('flight')
-    files = {**csrc_files(*_CSRC), **module, 'fret_static.h': hand['fret_static.h'],
+    files = {**csrc_files('fret_monitor.h', 'fret_cells.h', *EVALUATOR), **module,
+             'fret_static.h': hand['fret_static.h'],
              f'{name}_options.h': '\n'.join(options_header(generated)) + '\n'}
     return {f'{folder}/{file}': text for file, text in files.items()}
 
 
-def runner_templates(generated: GeneratedMonitor, folder: str) -> dict[str, str]:
+def _runner_templates(generated: GeneratedMonitor, folder: str) -> dict[str, str]:
     """Return the files of the runner in a folder that have placeholders."""
     return {f'{folder}/{file}': text
             for file, text in named(generated, hand_written('flight')).items()
@@ -263,11 +283,6 @@ def _value(kind: ValueType, value: bool | int | float) -> str:
         return f'.u = UINT64_C({int(value)})'
     number = int(value)
     return f'.i = INT64_C({number})' if number > -2 ** 63 else '.i = INT64_MIN'
-
-
-def origin(item: ManifestInput) -> str:
-    """Return what an input is, as text for a comment."""
-    return ': '.join(filter(None, (item.name, meaning(item))))
 
 
 def literal(text: str) -> str:

@@ -24,10 +24,9 @@ from dataclasses import dataclass
 
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.comments import safe
+from fret_monitor.codegen.inputs import origin
 from fret_monitor.export import flight
-from fret_monitor.export.content import (
-    common_values, Content, export_name, hand_written, markdown, Options,
-)
+from fret_monitor.export.content import Content, export_name, hand_written, markdown, Options
 from fret_monitor.model.diagnostics import Problems
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import InputSource, Severity
@@ -67,13 +66,7 @@ def fprime(generated: GeneratedMonitor, options: Options) -> Content:
              f'{writer.component}Ports.cpp': writer.ports()}
     hand = {path.replace('COMPONENT', writer.component): text
             for path, text in hand_written('fprime').items()}
-    return Content(
-        generated={**{name: '\n'.join(lines) + '\n' for name, lines in texts.items()},
-                   **flight.runner_files(generated, flight.MONITORS)},
-        templates={**hand, **flight.runner_templates(generated, flight.MONITORS)},
-        values={**common_values(generated, options), **flight.runner_values(generated),
-                **writer.values()},
-        objects=(f'{flight.MONITORS}/{writer.name}_runner.c',), include=flight.MONITORS)
+    return flight.content(generated, options, texts, hand, writer.values(), flight.MONITORS)
 
 
 @dataclass(frozen=True)
@@ -158,7 +151,7 @@ class _Writer:
         yield f'  @ {safe(topic.name)}'
         yield f'  port {self._port_type(topic)}('
         for index, name, kind in self._arguments(topic):
-            yield f'    ${name}: {kind} @< {safe(flight.origin(self._manifest.inputs[index]))}'
+            yield f'    ${name}: {kind} @< {safe(origin(self._manifest.inputs[index]))}'
         yield '  )'
 
     def _events(self) -> Iterator[str]:

@@ -24,7 +24,7 @@ import re
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.export.content import (
     common_values, Content, csrc_files, export_name, hand_written, HandlerArguments, markdown,
-    Options,
+    Options, Part,
 )
 from fret_monitor.export.ros2_table import node_table, packages_of
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, refuse
@@ -72,8 +72,8 @@ def ros2(generated: GeneratedMonitor, options: Options) -> Content:
     }
     return Content(
         generated=sources, templates=hand_written('ros2'), values=values,
-        objects=tuple(f'src/{name}' for name in generated.module.files if name.endswith('.c')),
-        include='src')
+        parts=(Part('monitors with readers of messages, without the node', tuple(
+            f'src/{name}' for name in generated.module.files if name.endswith('.c')), 'src'),))
 
 
 def package_name(name: str) -> str:

@@ -22,6 +22,8 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.c import string_literal
+from fret_monitor.codegen.comments import comment
+from fret_monitor.codegen.inputs import origin
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement, ManifestTopic
 from fret_monitor.model.names import HANDLER_TOPIC
 from fret_monitor.model.paths import path_text
@@ -76,7 +78,8 @@ def _inputs(manifest: Manifest) -> Iterator[str]:
                 f'{{{_text(name)}, {_number(item, place if item.is_string else value)}}}'
                 for place, (name, value) in enumerate(item.values)))
     yield from _array('struct fm_node_input', 'inputs', (
-        _input(index, item) for index, item in enumerate(manifest.inputs)))
+        '\n  '.join([*comment(origin(item)), _input(index, item)])
+        for index, item in enumerate(manifest.inputs)))
     yield from _array('uint8_t', 'sources', (_SOURCES[item.source] for item in manifest.inputs))
     yield from _array('int64_t', 'timeouts', (
         _nanoseconds(item.timeout if item.topic is not None else None)

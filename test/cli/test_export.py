@@ -33,8 +33,11 @@ def test_it_writes_a_folder_and_prints_proof_and_sizes(here: Here) -> None:
     assert re.fullmatch(rf'{re.escape(str(out))}: c99, \d+ files, 3 requirements, \d+ bytes of '
                         'state', first)
     assert proof == 'proved: the generated C computes its program (certificate.json)'
-    assert re.fullmatch(r'[\d,]+ bytes of code and constants, 0 bytes of variables \(.* -Os\)',
-                        sizes[0])
+    code = r'[\d,]+ bytes of code and constants, 0 bytes of variables'
+    assert re.fullmatch(rf'monitors alone: {code}; in your program: struct pump_state \d+ bytes?, '
+                        r'struct pump_inputs \d+ bytes? \(.* -Os\)', sizes[0])
+    assert re.fullmatch(rf'monitors with evaluator: {code}; in your program: PUMP_EVALUATOR_BYTES '
+                        r'[\d,]+ bytes \(.* -Os\)', sizes[1])
     certificate = json.loads((out / 'certificate.json').read_text())
     assert certificate['proved'] and 'seconds' not in str(certificate)
     before = {path: path.read_bytes() for path in out.rglob('*') if path.is_file()}

@@ -160,6 +160,9 @@ def test_the_examples_of_the_readme_compile_and_run(export: Export, tmp_path: Pa
     (tmp_path / 'main.c').write_text(
         f'{messages}void use(void);\nvoid use(void)\n{{\n{step}}}\n'
         'int main(void)\n{\n  begin(0);\n  receive(5, (union fm_value){.i = 1});\n'
+        f'  const struct fm_evaluator_options options = {export.name}_options();\n'
+        f'  if (fm_evaluator_bytes(&options) > {export.name.upper()}_EVALUATOR_BYTES) {{\n'
+        '    return 2;\n  }\n'
         '  return fm_evaluator_topic_counts(evaluator, 0u).messages == 1u ? 0 : 1;\n}\n')
     compile_c([*compiler, '-std=c99', '-Wall', '-Wextra', '-Wpedantic', '-Werror',
                '-Wno-unused-but-set-variable', f'-I{export.folder}/src', tmp_path / 'main.c',
@@ -178,7 +181,8 @@ def test_two_exports_with_prefixes_share_no_external_name(tmp_path: Path) -> Non
         options = Options(prefix)
         files = assemble('c99', generated, options, c99(generated, options))
         write_export(tmp_path / prefix, files)
-        assert f'evaluator.h src/{prefix}_options.h src/fret_names.h' in files['CMakeLists.txt']
+        assert (f'evaluator.h src/instance.h src/tables.h src/{prefix}_options.h '
+                f'src/{prefix}_size.h src/fret_names.h') in files['CMakeLists.txt']
         sources = sorted((tmp_path / prefix / 'src').glob('*.c'))
         (tmp_path / 'all.c').write_text(''.join(f'#include "{source}"\n' for source in sources))
         compile_c([*compiler, '-std=c99', *WARNINGS, f'-I{tmp_path}/{prefix}/src', '-c',
@@ -218,7 +222,8 @@ def test_cmake_builds_tests_and_installs_a_package(export: Export, tmp_path: Pat
         'find_package(steps REQUIRED)\nadd_executable(robot robot.c)\n'
         'target_link_libraries(robot PRIVATE steps::steps)\n')
     (tmp_path / 'robot.c').write_text(
-        '#include "steps_monitor.h"\n#include "evaluator.h"\nint main(void)\n{\n'
-        '  static struct steps_state state;\n  steps_reset(&state);\n  return 0;\n}\n')
+        '#include "steps_monitor.h"\n#include "steps_size.h"\nint main(void)\n{\n'
+        '  static struct steps_state state;\n  static char block[STEPS_EVALUATOR_BYTES];\n'
+        '  steps_reset(&state);\n  return block[0];\n}\n')
     run('-S', tmp_path, '-B', tmp_path / 'robot', f'-DCMAKE_PREFIX_PATH={tmp_path / "prefix"}')
     run('--build', tmp_path / 'robot')

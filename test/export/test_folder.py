@@ -144,7 +144,7 @@ def test_a_file_of_the_users_own_takes_the_place_of_one(
     ('manifest.json', '', 'would replace a file that is generated'),
     ('README.md', 'The\n  @TITLE@\n',
      "README.md:2:3: error: there is no placeholder '@TITLE@'\n 2 |   @TITLE@\n   |   ^^^^^^^\n"
-     '    = help: there are @BUNDLE@, @EX'),
+     '    = help: there are @BUNDLE@, @BUNDLE_IN_C@, '),
     ('README.md', '\xff', 'is not UTF-8'),
 ])
 def test_a_file_that_cannot_be_used_is_refused(

@@ -94,7 +94,7 @@ def exported_node(generated: GeneratedMonitor, flags: tuple[str, ...] = ()) -> P
     key = hashlib.sha256(repr((sorted(files.items()), flags)).encode()).hexdigest()[:20]
     if key not in _BUILT:
         folder = Path(_folder().name) / key
-        folder.mkdir()
+        folder.mkdir(exist_ok=True)  # it is left behind by C that does not compile
         for name, text in files.items():
             (folder / name).write_text(text, encoding='utf-8')
         objects = _compiled(sorted(folder.glob('*.c')), folder, flags)

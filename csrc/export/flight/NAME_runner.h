@@ -22,39 +22,11 @@
 #ifndef @UPPER@_RUNNER_H_
 #define @UPPER@_RUNNER_H_
 
-#include "evaluator.h"
-#include "@NAME@_monitor.h"
+#include "@NAME@_size.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
-
-#include "tables.h"
-
-#define @UPPER@_N_INPUTS @INPUTS@u
-#define @UPPER@_N_TOPICS @TOPICS@u
-#define @UPPER@_N_REQUIREMENTS @REQUIREMENT_COUNT@u
-#define @UPPER@_N_GROUPS @GROUPS@u
-#define @UPPER@_N_READINGS @READINGS@u  // inputs of groups, summed over the groups
-#define @UPPER@_N_CONSTANT_GROUPS @CONSTANT_GROUPS@u  // groups without inputs
-
-/// What fm_evaluator_bytes returns for these monitors, or more.
-#define @UPPER@_PART(count, size) ((((size_t)(count)) * (size) + 15u) / 16u * 16u)
-#define @UPPER@_EVALUATOR_BYTES ( \
-    @UPPER@_PART(1u, sizeof(struct fm_evaluator)) + \
-    @UPPER@_PART(@UPPER@_N_INPUTS, sizeof(struct fm_input_cell)) + \
-    @UPPER@_PART(@UPPER@_N_REQUIREMENTS, sizeof(struct fm_requirement_cell)) + \
-    @UPPER@_PART(@UPPER@_N_TOPICS, sizeof(struct fm_topic_cell)) + \
-    @UPPER@_PART(@UPPER@_N_GROUPS, sizeof(uint64_t)) + \
-    2u * @UPPER@_PART(@UPPER@_N_READINGS, sizeof(uint32_t)) + \
-    @UPPER@_PART(@UPPER@_N_CONSTANT_GROUPS * @UPPER@_N_TOPICS, sizeof(uint32_t)) + \
-    @UPPER@_PART(1u, sizeof(struct fm_instance_time)) + \
-    @UPPER@_PART(@UPPER@_N_INPUTS, sizeof(struct fm_instance_input)) + \
-    @UPPER@_PART(@UPPER@_N_GROUPS, sizeof(struct fm_instance_group)) + \
-    @UPPER@_PART(@NAME@_verdicts, sizeof(bool)) + \
-    @UPPER@_PART(@UPPER@_N_REQUIREMENTS, sizeof(bool)) + \
-    @UPPER@_PART(1u, sizeof(struct @NAME@_inputs)) + \
-    @UPPER@_PART(1u, sizeof(struct @NAME@_state)))
 
 /// Called for each violation, in order, from within the functions below. It must not call them.
 typedef void (* @NAME@_announce)(void * context, const struct fm_violation * violation);
