@@ -20,12 +20,16 @@ from fret_monitor.runtime.engine import (
 from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, NEVER, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
 )
+from fret_monitor.runtime.gate import Gate, GateCounts, Judgement
 from fret_monitor.runtime.message_ring import KeptCounts, KeptMessage, MessageRing, Occurrences
 
 __all__ = [
     'Engine',
     'Evaluator',
+    'Gate',
+    'GateCounts',
     'InputCounts',
+    'Judgement',
     'KeptCounts',
     'KeptMessage',
     'MOST_DETAILS_PER_S',

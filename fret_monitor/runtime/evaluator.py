@@ -34,7 +34,7 @@ from fret_monitor.native.monitor import CData
 NEVER = 2**63 - 1
 """The deadline where nothing will be due."""
 
-_ALIGNMENT = 16
+ALIGNMENT = 16  # bytes, of blocks that C lays out
 _TABLE_ROWS = 4096  # rows of verdicts that are taken at once
 
 _REPORTS = {Report.EVERY_STEP: 'FM_EVERY_STEP', Report.ONSET: 'FM_ONSET',
@@ -173,9 +173,9 @@ class Evaluator:
         size = self._library.fm_evaluator_bytes(self._options.pointer)
         if size == 0:
             raise LibraryError('the monitor was compiled for another evaluator')
-        self._block = ffi.new('char[]', size + _ALIGNMENT)
+        self._block = ffi.new('char[]', size + ALIGNMENT)
         address = int(ffi.cast('uintptr_t', self._block))
-        memory = self._block + -address % _ALIGNMENT
+        memory = self._block + -address % ALIGNMENT
         self.pointer: CData = self._library.fm_evaluator_init(memory, self._options.pointer)
         if self.pointer == ffi.NULL:
             raise LibraryError('the evaluator refuses what the manifest says of inputs and topics')
@@ -285,7 +285,7 @@ class Evaluator:
         return int(self._library.fm_evaluator_deadline(self.pointer))
 
     def _found(self, count: int) -> list[Violation]:
-        return [Violation(item.requirement, item.step, item.stamp)
+        return [Violation(item.requirement, item.step, item.stamp, bool(item.is_recovery))
                 for item in self._violations[0:count]]
 
     def rows(

@@ -37,7 +37,7 @@ SCENARIOS = [(program, name) for program in ('evaluator_scenarios', 'timed_scena
 WARNINGS = ('-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Wswitch-enum',
             '-Werror')
 SANITIZERS = ('-g', '-fsanitize=address,undefined', '-fno-sanitize-recover=all')
-SOURCES = ('evaluator', 'deadlines', 'steps', 'tables', 'instance')
+SOURCES = ('evaluator', 'deadlines', 'gate', 'steps', 'tables', 'instance')
 PROGRAMS = ('evaluator_scenarios', 'timed_scenarios', 'evaluator_model')
 EDGES = 'evaluator_edges'  # includes tables.h
 
@@ -138,7 +138,7 @@ def test_it_compiles_with_clang_without_warnings(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('header', [
-    'fret_monitor.h', 'evaluator.h', 'instance.h', 'tables.h', 'steps.h', 'deadlines.h'])
+    'fret_monitor.h', 'evaluator.h', 'gate.h', 'instance.h', 'tables.h', 'steps.h', 'deadlines.h'])
 @pytest.mark.parametrize('language', ['c', 'c++'])
 def test_a_header_compiles_alone_in_c_and_cpp(header: str, language: str) -> None:
     command = gcc() if language == 'c' else (shutil.which('g++') or 'g++',)

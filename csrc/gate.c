@@ -1,0 +1,405 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// gate.c: see gate.h for the contract.
+
+#include "gate.h"
+
+#include <string.h>
+
+#include "deadlines.h"
+#include "tables.h"
+
+struct fm_gate
+{
+  struct fm_gate_options options;
+  char * saved;                 // an instance
+  bool * is_from;               // an input: one of `from`
+  bool * was_withheld;          // a requirement: violated by a message that was withheld, since
+                                // one passed
+  struct fm_gate_counts counts;
+  int64_t due;                  // of a replacement
+  int64_t passed_at;
+  int64_t latched_at;
+  bool has_passed;
+  bool held_before;             // all requirements, after the last step
+};
+
+// ---- making ------------------------------------------------------------------------------------
+
+struct gate_layout
+{
+  uint64_t saved;
+  uint64_t is_from;
+  uint64_t was_withheld;
+  struct fm_block block;
+};
+
+static struct gate_layout lay_out_gate(const struct fm_monitor * monitor)
+{
+  struct gate_layout layout = {0};
+  layout.block.fits = true;
+  (void)fm_block_append(&layout.block, 1, sizeof(struct fm_gate));
+  layout.saved = fm_block_append(&layout.block, fm_instance_bytes(monitor), 1);
+  layout.is_from = fm_block_append(&layout.block, monitor->n_inputs, sizeof(bool));
+  layout.was_withheld = fm_block_append(&layout.block, monitor->n_requirements, sizeof(bool));
+  return layout;
+}
+
+uint64_t fm_gate_bytes(const struct fm_gate_options * options)
+{
+  const struct gate_layout layout = lay_out_gate(options->monitor);
+  return layout.block.fits ? layout.block.bytes : 0;
+}
+
+static bool gate_options_are_sound(const struct fm_gate_options * options)
+{
+  const enum fm_policy policy = options->evaluator->policy;
+  return options->from <= options->n_topics && options->otherwise <= FM_SUBSTITUTE &&
+         options->hold >= 0 && options->period >= 0 && options->open_after >= 0 &&
+         policy != FM_ALL_INPUTS && policy != FM_PERIODIC;
+}
+
+static uint32_t n_fields(const struct fm_gate * gate)
+{
+  const uint32_t from = gate->options.from;
+  return from < gate->options.n_topics ? gate->options.topics[from].n_inputs : 0;
+}
+
+static uint32_t input_of(const struct fm_gate * gate, uint32_t field)
+{
+  return gate->options.topics[gate->options.from].inputs[field];
+}
+
+static bool sends_at_a_rate(const struct fm_gate * gate)
+{
+  return gate->options.otherwise == FM_SUBSTITUTE && gate->options.period > 0;
+}
+
+struct fm_gate * fm_gate_init(void * memory, const struct fm_gate_options * options)
+{
+  if (!gate_options_are_sound(options)) {
+    return NULL;
+  }
+  const struct gate_layout layout = lay_out_gate(options->monitor);
+  struct fm_gate * gate = memory;
+  char * block = memory;
+  memset(memory, 0, (size_t)layout.block.bytes);
+  gate->options = *options;
+  gate->saved = block + layout.saved;
+  gate->is_from = (bool *)(void *)(block + layout.is_from);
+  gate->was_withheld = (bool *)(void *)(block + layout.was_withheld);
+  for (uint32_t k = 0; k < n_fields(gate); ++k) {
+    gate->is_from[input_of(gate, k)] = true;
+  }
+  gate->due = sends_at_a_rate(gate) ? INT64_MIN : FM_NEVER;
+  gate->held_before = true;
+  return gate;
+}
+
+// ---- state -------------------------------------------------------------------------------------
+
+static bool is_known(const struct fm_gate * gate)
+{
+  const struct fm_instance * instance = &gate->options.evaluator->instance;
+  for (uint32_t i = 0; i < gate->options.monitor->n_inputs; ++i) {
+    const struct fm_instance_input * input = &instance->inputs[i];
+    if (!gate->is_from[i] &&
+      (!input->has_value || (input->is_silent && !gate->options.passes_silent)))
+    {
+      return false;
+    }
+  }
+  return true;
+}
+
+// Verdicts are true before the first step, when nothing is known.
+static bool have_stepped(const struct fm_gate * gate)
+{
+  for (uint32_t g = 0; g < gate->options.monitor->n_groups; ++g) {
+    if (gate->options.evaluator->instance.groups[g].steps == 0) {
+      return false;
+    }
+  }
+  return true;
+}
+
+static bool all_hold(const struct fm_gate * gate)
+{
+  const struct fm_evaluator * evaluator = gate->options.evaluator;
+  for (uint32_t r = 0; r < gate->options.monitor->n_requirements; ++r) {
+    if (!evaluator->instance.verdicts[evaluator->requirements[r].occurrence]) {
+      return false;
+    }
+  }
+  return true;
+}
+
+static bool is_latched(const struct fm_gate * gate, int64_t steady)
+{
+  const int64_t open_after = gate->options.open_after;
+  return gate->counts.is_latched &&
+         (open_after == 0 || fm_since(gate->latched_at, steady) < open_after);
+}
+
+static void latch(struct fm_gate * gate, int64_t steady)
+{
+  gate->counts.is_latched = gate->options.latches;
+  gate->latched_at = steady;
+}
+
+// ---- steps -------------------------------------------------------------------------------------
+
+static bool are_read(const struct fm_gate * gate, const struct fm_field * fields)
+{
+  bool are_all_read = true;
+  for (uint32_t k = 0; k < n_fields(gate); ++k) {
+    if (fields[k].outcome != FM_FIELD_READ) {
+      fm_evaluator_unusable(gate->options.evaluator, input_of(gate, k));
+      are_all_read = false;
+    }
+  }
+  return are_all_read;
+}
+
+static uint32_t step(
+  struct fm_gate * gate, const struct fm_field * fields, int64_t now, int64_t stamp,
+  struct fm_violation * out)
+{
+  for (uint32_t k = 0; k < n_fields(gate); ++k) {
+    if (fields[k].outcome == FM_FIELD_READ) {
+      fm_evaluator_store(gate->options.evaluator, input_of(gate, k), fields[k].value, now);
+    }
+  }
+  return fm_evaluator_message(gate->options.evaluator, gate->options.from, stamp, out);
+}
+
+static void restore(struct fm_gate * gate)
+{
+  fm_evaluator_restore(gate->options.evaluator, gate->saved);
+  (void)fm_evaluator_deadline(gate->options.evaluator);  // otherwise each message would wake
+                                                         // the thread that waits for it
+}
+
+// What a message that is withheld has ended is not over.
+static uint32_t keep_violations(
+  struct fm_gate * gate, struct fm_violation * found, uint32_t n)
+{
+  uint32_t n_kept = 0;
+  for (uint32_t k = 0; k < n; ++k) {
+    if (!found[k].is_recovery) {
+      gate->was_withheld[found[k].requirement] = true;
+      found[n_kept] = found[k];
+      n_kept += 1;
+    }
+  }
+  return n_kept;
+}
+
+static void forget_recovered(
+  struct fm_gate * gate, const struct fm_violation * found, uint32_t n)
+{
+  for (uint32_t k = 0; k < n; ++k) {
+    if (found[k].is_recovery) {
+      gate->was_withheld[found[k].requirement] = false;
+    }
+  }
+}
+
+// The recoveries from messages that were withheld: the instance does not know of these violations.
+static uint32_t add_recoveries(
+  struct fm_gate * gate, int64_t stamp, struct fm_violation * found, uint32_t n)
+{
+  const struct fm_evaluator * evaluator = gate->options.evaluator;
+  forget_recovered(gate, found, n);
+  for (uint32_t r = 0; r < gate->options.monitor->n_requirements; ++r) {
+    if (gate->was_withheld[r] && evaluator->reports_recoveries) {
+      const uint32_t group = gate->options.monitor->requirements[r].group;
+      const struct fm_instance_group * cell = &evaluator->instance.groups[group];
+      const uint64_t number = evaluator->policy == FM_TIMED ?
+        (uint64_t)fm_since(cell->start, stamp) : cell->steps - 1;
+      found[n] = (struct fm_violation) {number, stamp, r, true};
+      n += 1;
+    }
+    gate->was_withheld[r] = false;
+  }
+  return n;
+}
+
+static enum fm_judgement judge_step(const struct fm_gate * gate, int64_t steady)
+{
+  if (!is_known(gate) || !have_stepped(gate)) {
+    return FM_CLOSED;
+  }
+  if (!all_hold(gate)) {
+    return FM_VIOLATES;
+  }
+  return is_latched(gate, steady) ? FM_LATCHED : FM_PASSED;
+}
+
+// ---- replacements ------------------------------------------------------------------------------
+
+static void withhold(struct fm_gate * gate, int64_t steady)
+{
+  switch ((enum fm_otherwise)gate->options.otherwise) {
+    case FM_DROP:
+      break;
+    case FM_HOLD:
+      if (gate->has_passed && fm_since(gate->passed_at, steady) <= gate->options.hold) {
+        gate->due = steady;
+      }
+      break;
+    case FM_SUBSTITUTE:
+      if (gate->due == FM_NEVER) {
+        gate->due = steady;
+      }
+      break;
+  }
+}
+
+// When the next one is due after one was sent; of instants that were missed, none is made up for.
+static int64_t next_due(const struct fm_gate * gate, int64_t steady)
+{
+  if (!sends_at_a_rate(gate)) {
+    return FM_NEVER;
+  }
+  const int64_t next = fm_later(gate->due, gate->options.period);
+  return next > steady ? next : fm_later(steady, gate->options.period);
+}
+
+int64_t fm_gate_due(const struct fm_gate * gate) {return gate->due;}
+
+bool fm_gate_replace(
+  struct fm_gate * gate, const struct fm_field * fields, int64_t now, int64_t stamp,
+  int64_t steady, struct fm_violation * out, uint32_t * n_out)
+{
+  const bool may_refuse = gate->options.otherwise == FM_HOLD;
+  if (may_refuse) {
+    fm_evaluator_save(gate->options.evaluator, gate->saved);
+  }
+  *n_out = step(gate, fields, now, stamp, out);
+  gate->due = next_due(gate, steady);
+  const bool holds = all_hold(gate);
+  if (may_refuse && (!holds || !is_known(gate) || !have_stepped(gate))) {
+    restore(gate);
+    *n_out = 0;
+    return false;
+  }
+  forget_recovered(gate, out, *n_out);
+  gate->counts.replaced += 1;
+  gate->counts.violating += holds ? 0u : 1u;
+  gate->held_before = holds;
+  return true;
+}
+
+// ---- messages ----------------------------------------------------------------------------------
+
+static void count(struct fm_gate_counts * counts, enum fm_judgement judgement)
+{
+  switch (judgement) {
+    case FM_PASSED:
+      counts->passed += 1;
+      break;
+    case FM_VIOLATES:
+      counts->violates += 1;
+      break;
+    case FM_CLOSED:
+      counts->closed += 1;
+      break;
+    case FM_LATCHED:
+      counts->latched += 1;
+      break;
+    case FM_UNREADABLE:
+      counts->unreadable += 1;
+      break;
+  }
+}
+
+static enum fm_judgement try_step(
+  struct fm_gate * gate, const struct fm_field * fields, int64_t now, int64_t stamp,
+  int64_t steady, struct fm_violation * out, uint32_t * n_out)
+{
+  fm_evaluator_save(gate->options.evaluator, gate->saved);
+  uint32_t n = step(gate, fields, now, stamp, out);
+  const enum fm_judgement judgement = judge_step(gate, steady);
+  if (judgement == FM_PASSED) {
+    n = add_recoveries(gate, stamp, out, n);
+    gate->counts.is_latched = false;
+    gate->has_passed = true;
+    gate->passed_at = steady;
+    gate->held_before = true;
+    gate->due = FM_NEVER;
+  } else {
+    n = keep_violations(gate, out, n);
+    restore(gate);
+  }
+  *n_out = n;
+  return judgement;
+}
+
+uint32_t fm_gate_judge(
+  struct fm_gate * gate, const struct fm_field * fields, int64_t now, int64_t stamp,
+  int64_t steady, struct fm_violation * out, uint32_t * n_out)
+{
+  enum fm_judgement judgement = FM_UNREADABLE;
+  *n_out = 0;
+  if (fields == NULL) {
+    fm_evaluator_undecodable(gate->options.evaluator, gate->options.from);
+  } else if (are_read(gate, fields)) {
+    judgement = try_step(gate, fields, now, stamp, steady, out, n_out);
+  }
+  count(&gate->counts, judgement);
+  if (judgement == FM_VIOLATES) {
+    latch(gate, steady);
+  }
+  if (judgement != FM_PASSED) {
+    withhold(gate, steady);
+  }
+  return judgement;
+}
+
+bool fm_gate_note(
+  struct fm_gate * gate, const struct fm_violation * found, uint32_t n, int64_t steady)
+{
+  const bool holds = all_hold(gate);
+  const bool begins = !holds && gate->held_before;
+  forget_recovered(gate, found, n);
+  gate->held_before = holds;
+  if (!holds) {
+    latch(gate, steady);
+  }
+  if (gate->options.otherwise != FM_SUBSTITUTE || gate->due != FM_NEVER) {
+    return false;
+  }
+  if (begins || (sends_at_a_rate(gate) && (!holds || !is_known(gate)))) {
+    gate->due = steady;
+  }
+  return gate->due != FM_NEVER;
+}
+
+void fm_gate_reset(struct fm_gate * gate)
+{
+  gate->counts.is_latched = false;
+  gate->held_before = true;
+  memset(gate->was_withheld, 0, gate->options.monitor->n_requirements);
+}
+
+struct fm_gate_counts fm_gate_counts(const struct fm_gate * gate, int64_t steady)
+{
+  struct fm_gate_counts counts = gate->counts;
+  counts.is_known = is_known(gate);
+  counts.is_latched = is_latched(gate, steady);
+  counts.holds = all_hold(gate);
+  return counts;
+}

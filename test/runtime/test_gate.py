@@ -1,0 +1,411 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A gate: which messages pass, what replaces the others, and that those never happened."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from random import Random
+from typing import Any
+
+from fret_monitor.build import build_specification
+from fret_monitor.logic.evaluate import evaluate_all
+from fret_monitor.logic.formula import Variable
+from fret_monitor.logic.specification import Signal, Specification
+from fret_monitor.model.manifest import Manifest, ManifestGate
+from fret_monitor.model.policies import Otherwise, Policy, Stale
+from fret_monitor.model.values import ValueType
+from fret_monitor.native import evaluator_library, LibraryError, load
+from fret_monitor.runtime import Evaluator, Gate, Judgement, NEVER, Violation
+from native import toys
+import pytest
+from runtime.test_evaluator import toy_library
+from strategies import INPUTS, random_property, random_trace, specification_of
+
+LAMP, COOL = 0, 1  # requirements: of the other topic; of `from`
+PASSED, VIOLATES, CLOSED = Judgement.PASSED, Judgement.VIOLATES, Judgement.CLOSED
+LATCHED, UNREADABLE = Judgement.LATCHED, Judgement.UNREADABLE
+SECOND = 10**9
+
+
+def rules(otherwise: Otherwise = Otherwise.DROP, topic: int | None = 1,
+          **more: Any) -> ManifestGate:
+    return ManifestGate('gate', '/level_raw', '/level', 'std_msgs/msg/Int16', False, topic,
+                        otherwise, **more)
+
+
+class Relay:
+    """A gate of the toy, whose topic is that of `level`; `flag` is the other one."""
+
+    def __init__(self, otherwise: Otherwise = Otherwise.DROP, *, manifest: Manifest | None = None,
+                 flag: bool | None = True, **more: Any) -> None:
+        """Begin at 0, with a flag unless that is None."""
+        monitor = load(toy_library(), manifest or toys.manifest())
+        self.evaluator = Evaluator(monitor, library=evaluator_library(), reports_recoveries=True)
+        self.gate = Gate(self.evaluator, rules(otherwise, **more))
+        self.found: list[Violation] = []
+        self.advance(0)
+        if flag is not None:
+            self.flag(flag, 0)
+
+    def flag(self, value: bool, now: int) -> bool:
+        """Give a message of the other topic; return whether a replacement is due earlier."""
+        self.evaluator.store(0, value, now)
+        return self.note(self.evaluator.message(0, now), now)
+
+    def advance(self, now: int) -> bool:
+        return self.note(self.evaluator.advance(now), now)
+
+    def note(self, found: list[Violation], now: int) -> bool:
+        self.found += found
+        return self.gate.note(found, now)
+
+    def level(self, value: int | None, now: int) -> Judgement:
+        judgement, found = self.gate.judge([value], now)
+        self.found += found
+        return judgement
+
+    def replace(self, value: int, now: int) -> bool:
+        is_sent, found = self.gate.replace([value], now)
+        self.found += found
+        return is_sent
+
+    def ended(self) -> list[tuple[int, bool]]:
+        """Take what was announced: requirements, and whether it is the end of a violation."""
+        found, self.found = self.found, []
+        return [(item.requirement, item.is_recovery) for item in found]
+
+
+def silent_flag(stale: Stale) -> Manifest:
+    """Let `flag` be silent a second after its last message."""
+    made = toys.manifest()
+    flag = replace(made.inputs[0], timeout=1.0, stale=stale)
+    return replace(made, inputs=(flag, *made.inputs[1:]))
+
+
+def test_a_message_passes_if_every_requirement_holds_after_it() -> None:
+    relay = Relay()
+    assert relay.level(3, 1) is PASSED
+    before = relay.evaluator.save()
+    assert relay.level(10, 2) is VIOLATES
+    assert relay.evaluator.save() == before
+    assert relay.evaluator.value(1) == 3
+    assert relay.level(9, 3) is PASSED
+    counts = relay.gate.counts(3)
+    assert (counts.passed, counts.violates, counts.withheld) == (2, 1, 1)
+    assert counts.is_known and counts.holds and not counts.is_latched
+    assert relay.gate.due == NEVER
+
+
+def test_each_withheld_message_is_announced_and_the_next_that_passes_ends_it() -> None:
+    relay = Relay()
+    assert [relay.level(value, now) for now, value in enumerate([3, 10, 11, 4, 5], 1)] == [
+        PASSED, VIOLATES, VIOLATES, PASSED, PASSED]
+    assert relay.ended() == [(COOL, False), (COOL, False), (COOL, True)]
+    assert relay.evaluator.requirement_counts(COOL).announced == 2
+
+
+def test_a_message_that_is_withheld_ends_no_violation() -> None:
+    relay = Relay(Otherwise.SUBSTITUTE)
+    relay.level(3, 1)
+    assert relay.replace(20, 2)  # a substitute that violates stays
+    relay.flag(False, 3)
+    assert relay.level(3, 4) is VIOLATES  # LAMP
+    assert relay.ended() == [(COOL, False), (LAMP, False), (LAMP, False)]
+    relay.flag(True, 5)
+    assert relay.level(3, 6) is PASSED
+    assert relay.ended() == [(LAMP, True), (COOL, True)]
+    assert relay.gate.counts(6).violating == 1
+
+
+def test_it_is_closed_until_each_other_input_has_a_value() -> None:
+    relay = Relay(flag=None)
+    assert relay.level(3, 1) is CLOSED
+    assert relay.evaluator.value(1) is None
+    assert not relay.gate.counts(1).is_known
+    relay.flag(True, 2)
+    assert relay.level(3, 3) is PASSED
+
+
+@pytest.mark.parametrize('is_open', [False, True])
+def test_a_silent_input_closes_it_unless_the_rules_say_otherwise(is_open: bool) -> None:
+    relay = Relay(manifest=silent_flag(Stale.WARN), is_open_when_stale=is_open)
+    assert relay.level(3, 1) is PASSED
+    relay.advance(2 * SECOND)
+    assert relay.level(3, 2 * SECOND) is (PASSED if is_open else CLOSED)
+    relay.flag(True, 3 * SECOND)
+    assert relay.level(3, 3 * SECOND) is PASSED
+
+
+def test_an_input_with_only_an_initial_value_was_not_judged_yet() -> None:
+    # Under relevant_message a message of `from` does not step what reads only the flag.
+    manifest = replace(toys.with_initial(True, None), policy=Policy.RELEVANT_MESSAGE)
+    relay = Relay(manifest=manifest, flag=None)
+    assert relay.level(3, 1) is CLOSED
+    relay.flag(True, 2)
+    assert relay.level(3, 3) is PASSED
+
+
+def test_what_cannot_be_read_is_withheld_without_a_step() -> None:
+    relay = Relay()
+    relay.level(3, 1)
+    steps = relay.evaluator.steps(1)
+    assert relay.level(None, 2) is UNREADABLE
+    assert relay.gate.judge(None, 3)[0] is UNREADABLE
+    assert relay.evaluator.steps(1) == steps
+    assert relay.evaluator.input_counts(1).unusable == 1
+    assert relay.evaluator.topic_counts(1).undecodable == 1
+    assert relay.gate.counts(3).unreadable == 2
+
+
+def test_substitutes_come_at_once_and_at_their_period_until_a_message_passes() -> None:
+    relay = Relay(Otherwise.SUBSTITUTE, period=10)
+    assert relay.gate.due == -2**63  # closed from the start
+    relay.replace(0, 1)
+    assert relay.gate.due == 11
+    assert relay.level(3, 5) is PASSED
+    assert relay.gate.due == NEVER
+    assert relay.level(30, 20) is VIOLATES
+    assert relay.level(30, 23) is VIOLATES
+    assert relay.gate.due == 20
+    assert relay.replace(0, 24)
+    assert relay.gate.due == 30
+    assert relay.replace(0, 55)  # late: what was missed is not made up for
+    assert relay.gate.due == 65
+    assert relay.evaluator.value(1) == 0
+    assert relay.level(4, 60) is PASSED
+    assert relay.gate.due == NEVER
+    assert relay.gate.counts(60).replaced == 3
+
+
+def test_without_a_period_there_is_a_substitute_for_each_withheld_message() -> None:
+    relay = Relay(Otherwise.SUBSTITUTE)
+    assert relay.gate.due == NEVER
+    for now in (10, 20):
+        assert relay.level(30, now) is VIOLATES
+        assert relay.gate.due == now
+        assert relay.replace(0, now)
+        assert relay.gate.due == NEVER
+
+
+@pytest.mark.parametrize('period', [0, 7])
+def test_a_step_of_another_topic_that_violates_makes_a_substitute_due(period: int) -> None:
+    relay = Relay(Otherwise.SUBSTITUTE, period=period)
+    relay.level(3, 1)
+    assert relay.flag(False, 5)
+    assert relay.gate.due == 5
+    assert relay.replace(0, 5)
+    assert not relay.flag(False, 6)  # no news
+    assert relay.gate.due == (12 if period else NEVER)
+
+
+@pytest.mark.parametrize('stale', [Stale.WARN, Stale.VIOLATE])
+def test_a_silence_makes_a_substitute_due(stale: Stale) -> None:
+    relay = Relay(Otherwise.SUBSTITUTE, period=7, manifest=silent_flag(stale))
+    relay.level(3, 1)
+    assert relay.gate.due == NEVER
+    assert relay.advance(SECOND)
+    assert relay.gate.due == SECOND
+
+
+def test_the_last_message_that_passed_is_held_for_its_time() -> None:
+    relay = Relay(Otherwise.HOLD, hold=10)
+    assert relay.level(30, 1) is VIOLATES
+    assert relay.gate.due == NEVER  # none has passed yet
+    assert relay.level(3, 2) is PASSED
+    for now in (11, 12):
+        assert relay.level(30, now) is VIOLATES
+        assert relay.gate.due == now
+        assert relay.replace(3, now)
+    assert relay.level(30, 13) is VIOLATES
+    assert relay.gate.due == NEVER
+    assert relay.gate.counts(13).replaced == 2
+
+
+def test_a_held_message_that_would_violate_is_not_sent() -> None:
+    relay = Relay(Otherwise.HOLD, hold=10)
+    relay.level(3, 1)
+    relay.flag(False, 2)
+    assert relay.level(3, 3) is VIOLATES
+    before = relay.evaluator.save()
+    assert not relay.replace(3, 3)
+    assert relay.evaluator.save() == before
+    assert relay.gate.due == NEVER
+
+
+def test_a_latch_opens_with_a_reset() -> None:
+    relay = Relay(latches=True)
+    relay.level(3, 1)
+    relay.level(30, 2)
+    assert relay.level(3, 3) is LATCHED
+    assert relay.gate.counts(3).is_latched
+    relay.gate.reset()
+    assert relay.level(3, 4) is PASSED
+
+
+def test_a_latch_opens_after_its_time_without_a_violation() -> None:
+    relay = Relay(latches=True, open_after=10)
+    relay.level(30, 2)
+    assert relay.level(30, 8) is VIOLATES
+    assert relay.level(3, 17) is LATCHED
+    relay.flag(False, 18)  # a violation by another topic
+    relay.flag(True, 19)
+    assert relay.level(3, 27) is LATCHED
+    assert relay.level(3, 28) is PASSED
+    assert not relay.gate.counts(28).is_latched
+
+
+def test_a_gate_of_a_topic_that_feeds_no_input_is_an_interlock() -> None:
+    manifest = replace(toys.with_initial(True, 3), topics=toys.manifest().topics[:1])
+    relay = Relay(manifest=manifest, topic=None)
+    assert relay.gate.judge([], 1)[0] is PASSED
+    relay.flag(False, 2)
+    assert relay.gate.judge([], 3)[0] is VIOLATES
+    relay.flag(True, 4)
+    assert relay.gate.judge([], 5)[0] is PASSED
+
+
+def test_rules_that_do_not_fit_are_refused() -> None:
+    for policy in (Policy.ALL_INPUTS, Policy.PERIODIC):
+        evaluator = Evaluator(load(toy_library(), toys.manifest()), policy=policy, period=1.0)
+        with pytest.raises(LibraryError, match='refuses the rules'):
+            Gate(evaluator, rules())
+    with pytest.raises(LibraryError):
+        Gate(Evaluator(load(toy_library(), toys.manifest())), rules(topic=3))
+
+
+# ---- random formulas -----------------------------------------------------------------------
+
+
+@dataclass
+class Outcome:
+    """The rows that happened, which of them passed the gate, and how many messages did not."""
+
+    rows: list[dict[str, Any]]
+    has_passed: list[bool]
+    withheld: int
+
+
+def on_two_topics(signal: Signal) -> Signal:
+    """Let p and q be fields of the gate's topic, and the others of another one."""
+    return replace(signal, topic='from' if signal.name in 'pq' else 'other', path=('data',))
+
+
+def random_specification(rng: Random) -> Specification:
+    inputs = [item for item in INPUTS if item.type is ValueType.BOOL]
+    properties = [random_property(rng, f'R-{number}', inputs, size=14, reach=9)
+                  for number in range(rng.choice((1, 1, 2)))]
+    made = specification_of(properties, inputs)
+    return replace(made, signals=tuple(map(on_two_topics, made.signals)))
+
+
+def run(evaluator: Evaluator, gate: Gate | None, topics: Sequence[int],
+        trace: dict[str, list[Any]]) -> Outcome:
+    """Give a row to each topic in turn; without a gate, all of them happen."""
+    manifest = evaluator.monitor.manifest
+    done = Outcome([], [], 0)
+    row: dict[str, Any] = {}
+    for step, topic in enumerate(topics):
+        names = [manifest.inputs[index].name for index in manifest.topics[topic].inputs]
+        values = [trace[name][step] for name in names]
+        if gate is not None and topic == gate.rules.topic:
+            judgement, _ = gate.judge(values, step)
+            if judgement is not PASSED:
+                done.withheld += 1
+                continue
+            done.has_passed.append(True)
+        else:
+            for index, value in zip(manifest.topics[topic].inputs, values):
+                evaluator.store(index, value, step)
+            found = evaluator.message(topic, step)
+            if gate is not None:
+                gate.note(found, step)
+            done.has_passed.append(False)
+        row = row | dict(zip(names, values))
+        done.rows.append(row)
+    return done
+
+
+def test_what_passes_satisfies_the_requirements_and_what_does_not_never_happened() -> None:
+    rng = Random(3)
+    n_passed = n_withheld = n_kept_whole = 0
+    for _ in range(12):
+        spec = random_specification(rng)
+        monitor = build_specification(spec).monitor
+        manifest = monitor.manifest
+        sources = [topic.name for topic in manifest.topics]
+        gated = sources.index('from')
+        for _ in range(6):
+            topics = [rng.randrange(2) for _ in range(60)]
+            trace = random_trace(rng, [Variable(item.name, item.type) for item in spec.signals],
+                                 len(topics))
+            evaluator, alone = Evaluator(monitor), Evaluator(monitor)
+            done = run(evaluator, Gate(evaluator, rules(topic=gated)), topics, trace)
+            whole = run(alone, None, topics, trace)
+            assert_good(spec, done)
+            n_passed += sum(done.has_passed)
+            n_withheld += done.withheld
+            if is_good_throughout(spec, whole):
+                # Where the input satisfies them already, all of it passes once values are known.
+                first = next((place for place, row in enumerate(whole.rows)
+                              if len(row) == len(spec.signals)), len(whole.rows))
+                assert done.withheld <= first
+                n_kept_whole += 1
+            assert_never_happened(evaluator, done, gated)
+    assert n_passed > 300 and n_withheld > 300 and n_kept_whole > 5
+
+
+def ready_from(spec: Specification, index: int, rows: Sequence[dict[str, Any]]) -> int:
+    """Return the first row with a value of each input of a requirement."""
+    read = spec.properties[index].inputs
+    return next((place for place, row in enumerate(rows)
+                 if all(name in row for name in read)), len(rows))
+
+
+def verdicts_of(spec: Specification, index: int, rows: Sequence[dict[str, Any]]) -> list[bool]:
+    """Return the verdicts of the reference evaluator, true before the first one."""
+    item = spec.properties[index]
+    start = ready_from(spec, index, rows)
+    ready = rows[start:]
+    columns = {name: [row[name] for row in ready] for name in item.inputs} or {
+        'none': [False] * len(ready)}
+    return [True] * start + [value is True for value in
+                             evaluate_all([item.formula], columns, item.feedback)[0]]
+
+
+def assert_good(spec: Specification, done: Outcome) -> None:
+    for index in range(len(spec.properties)):
+        verdicts = verdicts_of(spec, index, done.rows)
+        assert all(verdict for verdict, passed in zip(verdicts, done.has_passed, strict=True)
+                   if passed)
+
+
+def is_good_throughout(spec: Specification, done: Outcome) -> bool:
+    return all(all(verdicts_of(spec, index, done.rows)) for index in range(len(spec.properties)))
+
+
+def assert_never_happened(evaluator: Evaluator, done: Outcome, gated: int) -> None:
+    """Compare with an evaluator that got only what passed."""
+    manifest = evaluator.monitor.manifest
+    other = Evaluator(evaluator.monitor)
+    for row, passed in zip(done.rows, done.has_passed):
+        topic = gated if passed else 1 - gated
+        for index in manifest.topics[topic].inputs:
+            other.store(index, row[manifest.inputs[index].name], 0)
+        other.message(topic, 0)
+    assert evaluator.verdicts == other.verdicts
+    for index in range(len(manifest.inputs)):
+        assert repr(evaluator.value(index)) == repr(other.value(index))
+    for group in range(len(manifest.groups)):
+        assert evaluator.steps(group) == other.steps(group)
