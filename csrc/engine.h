@@ -40,6 +40,7 @@
 #include "blackbox.h"
 #include "evaluator.h"
 #include "fret_fields.h"
+#include "gate.h"
 #include "handover.h"
 #include "outbox.h"
 
@@ -48,7 +49,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 7u
+#define FM_ENGINE_ABI 8u
 
 struct fm_engine;
 
@@ -123,8 +124,35 @@ FM_EXPORT uint32_t fm_engine_message(
 /// The black box must outlive the engine. O(1).
 FM_EXPORT void fm_engine_keep_messages(struct fm_engine * engine, struct fm_blackbox * box);
 
-/// As fm_evaluator_reset, after what is due, and before what the reset makes due. O(inputs + state
-/// bytes + what is due).
+/// Let a gate of the evaluator judge the messages of its topic: these are given to fm_engine_judge,
+/// and not to fm_engine_message. Whatever else is evaluated, the engine notes with the gate. Call
+/// it before messages are delivered; the gate outlives the engine, and no other code calls it. O(1).
+FM_EXPORT void fm_engine_guard(
+  struct fm_engine * engine, struct fm_gate * gate, const struct fm_gate_options * options);
+
+/// Judge a message of the gate's topic, after what is due before it; as fm_gate_judge. The
+/// violations are queued. `*due` is when a replacement is due, by CLOCK_MONOTONIC; FM_NEVER: none
+/// is. A closed engine returns FM_CLOSED and counts nothing. Costs as fm_engine_message and
+/// fm_gate_judge.
+FM_EXPORT uint32_t fm_engine_judge(
+  struct fm_engine * engine, const uint8_t * message, size_t size,
+  const struct fm_origin * origin, int64_t * due);
+
+/// A replacement is due: fill in the time at `stamp_at` of its message (an offset in bytes; -1:
+/// nowhere), and take its step; as fm_gate_replace. Returns whether to send it. `*due` is when the
+/// next one is due. Costs as fm_engine_judge.
+FM_EXPORT bool fm_engine_replace(
+  struct fm_engine * engine, uint8_t * message, size_t size, int64_t stamp_at, int64_t * due);
+
+/// When a replacement is due, as of fm_engine_judge.
+FM_EXPORT int64_t fm_engine_replacement_due(struct fm_engine * engine);
+
+/// As fm_gate_counts, after what is due; zeros without a gate. O(inputs + requirements + what is
+/// due).
+FM_EXPORT struct fm_gate_counts fm_engine_gate_counts(struct fm_engine * engine);
+
+/// As fm_evaluator_reset, after what is due, and before what the reset makes due; and as
+/// fm_gate_reset. O(inputs + state bytes + what is due).
 FM_EXPORT void fm_engine_reset(struct fm_engine * engine);
 
 /// While the time is told: move it to `now`, and take what is due by then, each stamped with its

@@ -197,6 +197,11 @@ bool fm_engine_read_for_message_locked(struct fm_engine * engine, int64_t receiv
     *now = engine->round;
     return engine->has_round;
   }
+  return fm_engine_read_now_locked(engine, received, now);
+}
+
+bool fm_engine_read_now_locked(struct fm_engine * engine, int64_t received, int64_t * now)
+{
   if (!read_source_locked(engine, received, now)) {
     return false;
   }
@@ -322,6 +327,7 @@ int64_t fm_engine_deadline(struct fm_engine * engine)
 // ---- waiting -----------------------------------------------------------------------------------
 
 int64_t fm_engine_steady_time(void) {return read_clock(CLOCK_MONOTONIC);}
+int64_t fm_engine_system_time(void) {return read_clock(CLOCK_REALTIME);}
 
 void fm_engine_wait_locked(
   struct fm_engine * engine, pthread_cond_t * condition, int64_t until)

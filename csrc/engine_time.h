@@ -59,6 +59,10 @@ struct fm_engine
   int (* now)(void * clock, int64_t * nanoseconds);
   void * clock;
   enum fm_source_of_time source;
+  struct fm_gate * gate;          // NULL: none
+  uint32_t gated;                 // its topic; n_topics: one that feeds no input
+  void (* on_due)(void * argument);  // NULL: nobody waits for replacements
+  void * on_due_argument;
   int64_t system_ahead;  // of the steady clock, ns
   int64_t wakes_at;      // a thread in fm_engine_take waits until then; INT64_MIN: none does
   int64_t round;         // the time of the round
@@ -75,6 +79,9 @@ struct fm_engine
 /// there is none. With stamps of headers, it is the time until which messages take effect.
 bool fm_engine_read_for_message_locked(
   struct fm_engine * engine, int64_t received, int64_t * now);
+
+/// The same at any time, also within a round.
+bool fm_engine_read_now_locked(struct fm_engine * engine, int64_t received, int64_t * now);
 
 /// When a message was received, by the source's time; `now` if that cannot be told.
 int64_t fm_engine_instant_locked(struct fm_engine * engine, int64_t received, int64_t now);
@@ -112,7 +119,11 @@ void fm_engine_wait_locked(
   struct fm_engine * engine, pthread_cond_t * condition, int64_t until);
 int64_t fm_engine_steady_time(void);
 
-/// Queue the violations of engine->found, whose stamps are `later` than found. In engine.c.
+/// System time.
+int64_t fm_engine_system_time(void);
+
+/// Queue the violations of engine->found, whose stamps are `later` than found, and note the step
+/// with the gate. In engine.c.
 void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t later);
 
 /// The fields of a message that was received at a ROS time, with the inputs that are no fields;

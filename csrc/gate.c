@@ -34,6 +34,7 @@ struct fm_gate
   int64_t latched_at;
   bool has_passed;
   bool held_before;             // all requirements, after the last step
+  bool has_tried;               // a step that does not stay
 };
 
 // ---- making ------------------------------------------------------------------------------------
@@ -323,6 +324,8 @@ static void count(struct fm_gate_counts * counts, enum fm_judgement judgement)
     case FM_UNREADABLE:
       counts->unreadable += 1;
       break;
+    case FM_DUPLICATE:
+      break;
   }
 }
 
@@ -342,7 +345,7 @@ static enum fm_judgement try_step(
     gate->due = FM_NEVER;
   } else {
     n = keep_violations(gate, out, n);
-    restore(gate);
+    gate->has_tried = true;
   }
   *n_out = n;
   return judgement;
@@ -367,6 +370,14 @@ uint32_t fm_gate_judge(
     withhold(gate, steady);
   }
   return judgement;
+}
+
+void fm_gate_finish(struct fm_gate * gate)
+{
+  if (gate->has_tried) {
+    gate->has_tried = false;
+    restore(gate);
+  }
 }
 
 bool fm_gate_note(

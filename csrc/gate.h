@@ -80,7 +80,8 @@ enum fm_judgement
   FM_VIOLATES = 1,   // a requirement would not hold
   FM_CLOSED = 2,     // the gate is not known
   FM_LATCHED = 3,    // a violation before closed the gate
-  FM_UNREADABLE = 4  // it cannot be decoded, or a field cannot be used
+  FM_UNREADABLE = 4, // it cannot be decoded, or a field cannot be used
+  FM_DUPLICATE = 5   // it was judged before, from another subscription; only of fm_engine_judge
 };
 
 /// The state of a gate, and its counters, which count on through fm_gate_reset.
@@ -121,10 +122,13 @@ FM_EXPORT struct fm_gate * fm_gate_init(void * memory, const struct fm_gate_opti
 /// message that is withheld is a violation of each requirement that it would have violated, as
 /// its report says, each time. When the next message passes, that is a recovery of those that
 /// were violated so and by no step that stayed, if the evaluator reports recoveries.
-/// Returns enum fm_judgement. O(instance bytes + operations of the groups that step).
+/// Returns enum fm_judgement. Until fm_gate_finish, which must be the next call, the evaluator has
+/// the values of the message, for the details of its violations. O(instance bytes + operations of
+/// the groups that step).
 FM_EXPORT uint32_t fm_gate_judge(
   struct fm_gate * gate, const struct fm_field * fields, int64_t now, int64_t stamp,
   int64_t steady, struct fm_violation * out, uint32_t * n_out);
+FM_EXPORT void fm_gate_finish(struct fm_gate * gate);
 
 /// Something else was evaluated: a message of another topic, or what was due. If some requirement
 /// does not hold then, or the gate is not known, a substitute may be due. Call it each time;

@@ -35,13 +35,18 @@ _OTHERWISE = {Otherwise.DROP: 'FM_DROP', Otherwise.HOLD: 'FM_HOLD',
 
 
 class Judgement(Enum):
-    """The result of judging a message; values of `enum fm_judgement`."""
+    """
+    The result of judging a message; values of `enum fm_judgement`.
+
+    A duplicate was judged before, from another subscription; only an engine finds these.
+    """
 
     PASSED = 0
     VIOLATES = 1
     CLOSED = 2
     LATCHED = 3
     UNREADABLE = 4
+    DUPLICATE = 5
 
 
 @dataclass(frozen=True)
@@ -140,6 +145,7 @@ class Gate:
         judgement = self._library.fm_gate_judge(
             self.pointer, ffi.NULL if values is None else self._set(values), now, now,
             now if steady is None else steady, self._found, self._count)
+        self._library.fm_gate_finish(self.pointer)
         return Judgement(judgement), self._violations()
 
     def replace(self, values: Sequence[bool | int | float | None], now: int,

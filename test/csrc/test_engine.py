@@ -87,7 +87,7 @@ def sanitized(folder: Path, name: str, sanitizer: str, *flags: object) -> Path:
 
 
 @pytest.mark.parametrize('sanitizer', ['thread', 'address,undefined'])
-@pytest.mark.parametrize('name', ['engine_threads', 'receivers'])
+@pytest.mark.parametrize('name', ['engine_threads', 'receivers', 'relay'])
 def test_threads(tmp_path: Path, name: str, sanitizer: str) -> None:
     program = sanitized(tmp_path, name, sanitizer)
     for _ in range(2):
