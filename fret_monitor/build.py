@@ -30,6 +30,7 @@ from fret_monitor.bundle.reader import survey_bundle, USUAL_REORDER_S
 from fret_monitor.codegen.describe import describe
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.elaboration.elaborate import specify
+from fret_monitor.elaboration.restrict import restrict
 from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.lint.constant_verdicts import constant_verdicts
 from fret_monitor.lint.instants import doubtful_instants, reports_once
@@ -37,11 +38,12 @@ from fret_monitor.lint.sentences import doubtful_sentences
 from fret_monitor.lint.topics import doubtful_topics
 from fret_monitor.lint.unread import unread_topics
 from fret_monitor.logic.specification import Specification
-from fret_monitor.messages.installed import fingerprint
+from fret_monitor.messages.installed import find_message as find_installed, fingerprint
 from fret_monitor.model.diagnostics import (
     by_place, CompileError, Diagnostic, Level, Problems, Text,
 )
 from fret_monitor.model.manifest import FORMAT, Manifest
+from fret_monitor.model.parts import Part
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.native.cache import build_library, runtime_headers
 from fret_monitor.native.folder import check_writable, write_folder
@@ -93,12 +95,13 @@ class GeneratedMonitor:
 
 def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
          constants: Mapping[str, Text] | None = None, stamp: Stamp | None = None,
-         find_message: FindMessage | None = None) -> Reading:
+         find_message: FindMessage | None = None, part: Part | None = None) -> Reading:
     """
     Read a bundle and elaborate it.
 
     `policy`, `period` (seconds), `constants` (see `override_constants`) and `stamp` override those
     of the bundle. `find_message` returns the layout of a message type; None: of what is installed.
+    `part` are the requirements to take of it, None: all. The hash is that of the whole bundle.
 
     Raises
     ------
@@ -117,13 +120,15 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
                          *unread_topics(bundle, specification),
                          *doubtful_topics(bundle, specification),
                          *reports_once(specification), *doubtful_instants(specification)))
-    messages = _messages(specification)
+    find_message = find_message or find_installed
+    messages = _messages(specification, find_message)
+    taken = specification if part is None else restrict(specification, part)
     values = tuple((item.name.value, item.value.value) for item in bundle.constants)
     overrides = {name: text.value for name, text in constants.items()}
-    return Reading(specification, warnings,
+    return Reading(taken, warnings,
                    _bundle_hash(bundle, specification, messages, overrides),
                    tuple((Path(source.name), text_hash(source.text)) for source in bundle.sources),
-                   messages, values)
+                   messages if part is None else _messages(taken, find_message), values)
 
 
 def _specify(
@@ -146,8 +151,20 @@ def constant_names(path: Path) -> tuple[str, ...]:
     return tuple(item.name.value for item in bundle.constants) if bundle else ()
 
 
-def _messages(specification: Specification) -> tuple[tuple[str, str], ...]:
+def gate_names(path: Path) -> tuple[str, ...]:
+    """Return the names of the gates of a bundle, as far as it can be read."""
+    bundle = survey_bundle(path, Problems())
+    return tuple(item.name.value for item in bundle.gates) if bundle else ()
+
+
+def _messages(specification: Specification,
+              find_message: FindMessage) -> tuple[tuple[str, str], ...]:
+    """Return the fingerprint of each message that is read or written."""
     layouts = {item.layout.name: item.layout for item in specification.signals if item.layout}
+    gates = (*specification.gates, *([specification.gate] if specification.gate else []))
+    types = [*(item.payload_type for item in specification.actions),
+             *(gate.settings.payload_type for gate in gates)]
+    layouts |= {name: find_message(name) for name in types if name and name not in layouts}
     return tuple((name, fingerprint(layout)) for name, layout in layouts.items())
 
 
@@ -187,7 +204,8 @@ def _bundle_hash(bundle: Bundle, specification: Specification,
                  messages: tuple[tuple[str, str], ...], constants: Mapping[str, str]) -> str:
     """Hash the files' texts, the message definitions and the overrides."""
     parts = [str(FORMAT), bundle.name, *(source.text for source in bundle.sources)]
-    parts += [repr(signal) for signal in specification.signals]
+    parts += [repr(item) for item in (*specification.signals, *specification.actions,
+                                      *specification.gates)]
     parts += [f'{name} {fingerprint}' for name, fingerprint in messages]
     parts += [specification.policy.value, str(specification.period)]
     parts += [f'{name}={value}' for name, value in sorted(constants.items())]
@@ -208,7 +226,8 @@ def generate_monitor(reading: Reading, *,
     layouts = tuple(lay_out(group) for group in program.groups)
     check_bounds(program, layouts, max_state_bytes)
     module = generate(program, layouts)
-    manifest = describe(program, layouts, module, reading.bundle_hash, reading.constants)
+    manifest = describe(program, layouts, module, reading.specification, reading.bundle_hash,
+                        reading.constants)
     warnings = by_place((*reading.warnings,
                          *constant_verdicts(reading.specification, program)))
     return GeneratedMonitor(reading.specification, program, layouts, module, manifest, warnings,

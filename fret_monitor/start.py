@@ -33,6 +33,7 @@ from typing import Any, TYPE_CHECKING
 from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Level, Source, Span, Text
 from fret_monitor.model.manifest import Manifest, ManifestError
+from fret_monitor.model.parts import Part
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.cache import (
     cache_directory, csrc_directory, forget, is_kept, is_ours, note_use,
@@ -49,9 +50,12 @@ _MOST_NOTES = 1000  # beyond this the least recently used are removed
 
 
 def start(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
-          constants: Mapping[str, Text] | None = None) -> CompiledMonitor:
+          constants: Mapping[str, Text] | None = None,
+          part: Part | None = None) -> CompiledMonitor:
     """
-    Return a compiled bundle; `policy`, `period` (seconds) and `constants` override the bundle's.
+    Return a compiled bundle, or a part of one.
+
+    `policy`, `period` (seconds) and `constants` override the bundle's.
 
     Raises
     ------
@@ -60,23 +64,24 @@ def start(path: Path, *, policy: Policy | None = None, period: Fraction | None =
     NativeError
         if there is no C compiler, it fails, or the cache is not safe to use.
     """
-    overrides = _Overrides(policy, period, constants or {})
+    overrides = _Overrides(policy, period, constants or {}, part)
     note = _note(path, overrides)
     found = _recall(note, path) if note else None
     return found or _build(path, overrides, note)
 
 
 def manifest_of(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
-                constants: Mapping[str, Text] | None = None) -> Manifest:
+                constants: Mapping[str, Text] | None = None,
+                part: Part | None = None) -> Manifest:
     """
-    Return the manifest of a bundle, as `start` would; needs no compiler.
+    Return the manifest of a bundle or a part of one, as `start` would; needs no compiler.
 
     Raises
     ------
     CompileError
         with all problems of the bundle.
     """
-    overrides = _Overrides(policy, period, constants or {})
+    overrides = _Overrides(policy, period, constants or {}, part)
     try:
         note = _note(path, overrides)
         found = _recall(note, path) if note else None
@@ -93,14 +98,16 @@ class _Overrides:
     policy: Policy | None
     period: Fraction | None
     constants: Mapping[str, Text]
+    part: Part | None
 
     def read(self, path: Path) -> 'Reading':
         from fret_monitor.build import read
-        return read(path, policy=self.policy, period=self.period, constants=self.constants)
+        return read(path, policy=self.policy, period=self.period, constants=self.constants,
+                    part=self.part)
 
     def texts(self) -> Iterator[str]:
         """Yield all that distinguishes these overrides from others."""
-        yield from (repr(self.policy), repr(self.period))
+        yield from (repr(self.policy), repr(self.period), repr(self.part))
         for name, text in sorted(self.constants.items()):
             yield from (name, text.source.name, text.value)
 
@@ -180,8 +187,10 @@ def _unchanged(path: Path, files: Any) -> list[Source] | None:
 
 
 def _messages(manifest: Manifest) -> dict[str, str]:
-    """Return the fingerprint of each message type that a bundle reads."""
+    """Return the fingerprint of each message type that a bundle reads or writes."""
     types = {item.message_type for item in manifest.inputs if item.message_type is not None}
+    types |= {item.payload_type for item in manifest.actions if item.payload_type}
+    types |= {manifest.gate.payload_type} if manifest.gate else set()
     return {name: fingerprint(find_message(name)) for name in types}
 
 

@@ -22,9 +22,12 @@ from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 
+from fret_monitor.bundle.yaml_tree import YamlMapping
 from fret_monitor.model.diagnostics import Source, Span, Text
 from fret_monitor.model.names import handler_name
-from fret_monitor.model.policies import InputRole, Policy, Report, Severity, Stale, Stamp
+from fret_monitor.model.policies import (
+    ActionKind, InputRole, Otherwise, Policy, Report, Severity, Stale, Stamp,
+)
 
 
 class Language(Enum):
@@ -99,7 +102,8 @@ class Requirement:
     A requirement; `report` and `severity` include the defaults of the bundle.
 
     `report` is None for the default of the policy. `is_assumption`: it constrains the environment
-    instead of the system, which only `analyze` distinguishes.
+    instead of the system, which only `analyze` distinguishes. `on_violation` and `on_end` are
+    names of actions.
     """
 
     id: Text
@@ -110,11 +114,64 @@ class Requirement:
     report: Report | None
     severity: Severity
     is_assumption: bool = False
+    on_violation: tuple[Text, ...] = ()
+    on_end: tuple[Text, ...] = ()
 
     @property
     def handler(self) -> str:
         """The name of its handler, see `handler_name`."""
         return handler_name(self.id.value)
+
+
+@dataclass(frozen=True, eq=False)
+class ActionEntry:
+    """
+    An action; None where its kind has no such key, or the value was refused. Times in seconds.
+
+    `target` is the topic of a lock or of `publish`, the service of `call`, or the node of
+    `transition`. `content` is the message or request as written, and `content_place` where it is
+    missing. `duration` is written `for`, and `state` is written `to`.
+    """
+
+    name: Text
+    kind: ActionKind
+    target: Text | None
+    type: Text | None = None
+    content: YamlMapping | None = None
+    content_place: Span | None = None
+    rate: Fraction | None = None
+    duration: Fraction | None = None
+    timeout: Fraction | None = None
+    retries: int = 0
+    state: str = ''
+    after: Fraction | None = None
+    cooldown: Fraction | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class GateEntry:
+    """
+    A gate; None where the value is missing, or was refused. Times in seconds.
+
+    `source` is the topic under `from`, or the `service`; `target` is under `to`. `content` is the
+    substitute or the response as written. `stale` and `otherwise_place` are places for messages.
+    """
+
+    name: Text
+    is_service: bool
+    source: Text | None
+    target: Text | None
+    type: Text | None
+    keep: tuple[Text, ...]
+    otherwise: Otherwise | None
+    otherwise_place: Span
+    content: YamlMapping | None = None
+    hold: Fraction | None = None
+    rate: Fraction | None = None
+    is_open_when_stale: bool = False
+    stale_place: Span | None = None
+    latches: bool = False
+    open_after: Fraction | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +183,8 @@ class Bundle:
     `unit` (seconds that a plain count stands for), `stamp` and `reorder` (nanoseconds) apply to
     the policy timed.
     `unreadable` are declared names that cannot be used (see `survey_bundle`); `inputs` contains
-    such inputs, too, with the parts that could be read.
+    such inputs, too, with the parts that could be read. `acting_names` are the names of all
+    actions and gates, also of those that were refused.
     """
 
     name: str
@@ -144,3 +202,7 @@ class Bundle:
     unit: Fraction | None = None
     stamp: Stamp = Stamp.RECEIVED
     reorder: int = 0
+    actions: tuple[ActionEntry, ...] = ()
+    gates: tuple[GateEntry, ...] = ()
+    acting_names: frozenset[str] = frozenset()
+    policy_place: Span | None = None

@@ -26,10 +26,14 @@ from fractions import Fraction
 import os
 from pathlib import Path
 
-from fret_monitor.bundle.bundle import Bundle, ConstantEntry, Definition, InputEntry
+from fret_monitor.bundle.actions import read_actions
+from fret_monitor.bundle.bundle import (
+    ActionEntry, Bundle, ConstantEntry, Definition, GateEntry, InputEntry,
+)
 from fret_monitor.bundle.constants import read_constant
 from fret_monitor.bundle.declared_name import declared_name, DeclaredName
 from fret_monitor.bundle.formulas import read_definition
+from fret_monitor.bundle.gates import read_gates
 from fret_monitor.bundle.inputs import (
     BLOCK_KEYS, check_topics, INPUT_KEYS, read_block, read_field, read_input,
 )
@@ -54,7 +58,8 @@ _LONGEST_PERIOD_S = Fraction(10 ** 9)
 SIGNALS_KEYS = ('format', 'title', 'description', 'constants', 'inputs', 'topics')
 BUNDLE_KEYS = (
     'format', 'component', 'title', 'description', 'signals', 'constants', 'inputs', 'topics',
-    'definitions', 'evaluation', 'report', 'severity', 'requirements')
+    'definitions', 'evaluation', 'report', 'severity', 'actions', 'on_violation', 'on_end',
+    'gates', 'requirements')
 _LONGEST_REORDER_S = Fraction(3600)
 USUAL_REORDER_S = Fraction(1, 10)
 _TIMED_KEYS = ('unit', 'stamp', 'reorder')
@@ -136,7 +141,7 @@ class _BundleReader:
         inputs = (*read.inputs, *(item for part in shared for item in part.inputs))
         check_topics(inputs, self._problems)
         return replace(
-            read,
+            self._acting(shape, read),
             sources=(source, *(part.sources[0] for part in shared)),
             constants=(*read.constants, *(item for part in shared for item in part.constants)),
             inputs=inputs,
@@ -188,6 +193,20 @@ class _BundleReader:
             requirements=(),
         ))
 
+    def _acting(self, shape: Shape, bundle: Bundle) -> Bundle:
+        """Return the bundle with its actions and gates."""
+        actions: list[ActionEntry] = []
+        gates: list[GateEntry] = []
+        names: set[str] = set()
+        for name, action in read_actions(shape, self._problems):
+            names.add(name.value)
+            actions += [action] if action else []
+        for name, gate in read_gates(shape, self._problems):
+            names.add(name.value)
+            gates += [gate] if gate else []
+        return replace(bundle, actions=tuple(actions), gates=tuple(gates),
+                       acting_names=frozenset(names))
+
     def _evaluation(self, shape: Shape, bundle: Bundle) -> Bundle:
         """Return the bundle with what stands under `evaluation`."""
         node = shape.node('evaluation')
@@ -205,6 +224,8 @@ class _BundleReader:
         is_known = part.lacks('policy') or choice is not None
         self._has_policy &= is_known
         place = shape.key('evaluation')
+        written = part.text('policy') if choice else None
+        bundle = replace(bundle, policy_place=written.span if written else None)
         bundle = replace(bundle, policy=policy, period=self._period(
             part, place.span if place else part.span, policy, is_known))
         return self._timed(part, bundle, is_known)

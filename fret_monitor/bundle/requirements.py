@@ -15,7 +15,9 @@
 """Reads the list of requirements: each with an id, one formula, and the bundle's defaults."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
+from fret_monitor.bundle.actions import read_names
 from fret_monitor.bundle.bundle import Language, Requirement
 from fret_monitor.bundle.formulas import FORMULA_KEYS, FORMULA_SLIPS, read_one_formula
 from fret_monitor.bundle.yaml_shape import kind_of, mapping_of, report_fault, Shape
@@ -24,18 +26,31 @@ from fret_monitor.model.diagnostics import Problems, Source, Text
 from fret_monitor.model.names import handler_fault, shown
 from fret_monitor.model.policies import Report, Severity
 
-REQUIREMENT_KEYS = ('id', *FORMULA_KEYS, 'title', 'rationale', 'report', 'severity', 'assume')
+REQUIREMENT_KEYS = ('id', *FORMULA_KEYS, 'title', 'rationale', 'report', 'severity', 'assume',
+                    'on_violation', 'on_end')
 _NO_TEXT = Text('', Source('', ''), [0])
+
+
+@dataclass(frozen=True)
+class _Defaults:
+    """What the bundle says for all requirements."""
+
+    report: Report | None
+    severity: Severity
+    on_violation: tuple[Text, ...]
+    on_end: tuple[Text, ...]
 
 
 def read_requirements(shape: Shape, problems: Problems) -> Iterator[Requirement]:
     node = shape.node('requirements')
-    report = shape.choice('report', Report)
-    severity = shape.choice('severity', Severity) or Severity.ERROR
+    defaults = _Defaults(
+        shape.choice('report', Report), shape.choice('severity', Severity) or Severity.ERROR,
+        read_names(shape, 'on_violation', problems) or (),
+        read_names(shape, 'on_end', problems) or ())
     ids: dict[str, Requirement] = {}
     handlers: dict[str, Requirement] = {}
     for item in _requirement_nodes(shape, node, problems):
-        found = _requirement(item, report, severity, problems)
+        found = _requirement(item, defaults, problems)
         if found is not None:
             _check_id(found, ids, handlers, problems)
             if found.text is not _NO_TEXT:
@@ -82,10 +97,10 @@ def _requirement_node(node: Node, problems: Problems) -> YamlMapping | None:
                       '- id: R1\n  ptltl: "H (speed <= 2.0)"')
 
 
-def _requirement(mapping: YamlMapping, report: Report | None, severity: Severity,
+def _requirement(mapping: YamlMapping, defaults: _Defaults,
                  problems: Problems) -> Requirement | None:
     """
-    Read a requirement; `report` and `severity` are the defaults of the bundle.
+    Read a requirement.
 
     Returns None without an id, and `_NO_TEXT` for a formula that cannot be used.
     """
@@ -94,14 +109,18 @@ def _requirement(mapping: YamlMapping, report: Report | None, severity: Severity
     what = f'the requirement {shown(name.value)}' if name else 'this requirement'
     place = name.span if name else shape.span
     language, text = read_one_formula(shape, what, place, problems)
+    on_violation = read_names(shape, 'on_violation', problems)
+    on_end = read_names(shape, 'on_end', problems)
     found = Requirement(
         id=name or _NO_TEXT,
         language=language,
         text=text or _NO_TEXT,
         title=shape.free_text('title'),
         rationale=shape.free_text('rationale'),
-        report=shape.choice('report', Report) or report,
-        severity=shape.choice('severity', Severity) or severity,
+        report=shape.choice('report', Report) or defaults.report,
+        severity=shape.choice('severity', Severity) or defaults.severity,
+        on_violation=defaults.on_violation if on_violation is None else on_violation,
+        on_end=defaults.on_end if on_end is None else on_end,
         is_assumption=shape.truth('assume'),
     )
     return found if name else None

@@ -24,13 +24,18 @@ from collections.abc import Iterable
 from enum import Enum
 from typing import Any, TypeAlias
 
+from fret_monitor.bundle.actions import KIND_KEYS, STATES
 from fret_monitor.bundle.formulas import FORMULA_KEYS
+from fret_monitor.bundle.gates import GATE_KEYS, OTHERWISE_KEYS, WhenStale
 from fret_monitor.bundle.inputs import BLOCK_KEYS, FIELD_KEYS, INPUT_KEYS, QOS_KEYS
 from fret_monitor.bundle.reader import BUNDLE_KEYS, EVALUATION_KEYS, SIGNALS_KEYS
 from fret_monitor.bundle.requirements import REQUIREMENT_KEYS
-from fret_monitor.model.policies import InputRole, Policy, Report, Severity, Stale, Stamp
+from fret_monitor.model.policies import (
+    ActionKind, InputRole, Policy, Report, Severity, Stale, Stamp,
+)
 
 Schema: TypeAlias = dict[str, Any]
+Values: TypeAlias = dict[str, tuple[Schema, str]]
 
 _SCALAR = ['string', 'number', 'boolean']  # an id `010` is a text for the reader
 
@@ -50,15 +55,20 @@ def bundle_schema() -> Schema:
     }
 
 
-def _mapping(keys: Iterable[str], required: Iterable[str] = ()) -> Schema:
-    """Return the schema of a mapping with these keys and no others."""
-    return {'type': 'object', 'properties': {key: _key(key) for key in keys},
+def _mapping(keys: Iterable[str], required: Iterable[str] = (),
+             own: Values | None = None) -> Schema:
+    """
+    Return the schema of a mapping with these keys and no others.
+
+    `own` are the values of keys that mean something else here than in other mappings.
+    """
+    values = {**_VALUES, **(own or {})}
+    return {'type': 'object', 'properties': {key: _key(*values[key]) for key in keys},
             'required': list(required), 'additionalProperties': False}
 
 
-def _key(key: str) -> Schema:
+def _key(shape: Schema, description: str) -> Schema:
     """Return the schema of the value of a key."""
-    shape, description = _VALUES[key]
     return {**shape, 'description': description}
 
 
@@ -84,8 +94,11 @@ _QOS: Schema = {'type': ['object', 'null'], 'additionalProperties': False, 'prop
     for key, words in QOS_KEYS.items()}}
 _ONE_FORMULA: Schema = {'oneOf': [{'required': [key]} for key in FORMULA_KEYS]}
 
-# The shape of each key's value, and its description. A key means the same wherever it stands.
-_VALUES: dict[str, tuple[Schema, str]] = {
+_NAMES: Schema = {'anyOf': [_TEXT, {'type': ['array', 'null'], 'items': _TEXT}]}
+_CONTENT: Schema = {'type': ['object', 'null']}
+
+# The shape of each key's value, and its description.
+_VALUES: Values = {
     'format': ({'enum': [1, '1']}, 'the version of the format: 1'),
     'title': (_FREE, 'a title'),
     'description': (_FREE, 'a description'),
@@ -126,6 +139,63 @@ _VALUES: dict[str, tuple[Schema, str]] = {
     'fretish': (_TEXT, 'a sentence in FRETish'),
     'ptltl': (_TEXT, 'a formula of past-time MTL, as FRET writes it for SMV'),
     'cocospec': (_TEXT, 'a formula in CoCoSpec (Lustre)'),
+}
+_ACTION_VALUES: Values = {
+    'topic': (_TEXT, 'the topic that is published'),
+    'rate': (_number(exclusiveMinimum=0), 'messages a second (Hz)'),
+    'for': (_SECONDS, 'seconds of publishing at the rate; default: until the violation is over'),
+    'message': (_CONTENT, 'the fields of the message; the others have their default values'),
+    'service': (_TEXT, 'the service that is called'),
+    'request': (_CONTENT, 'the fields of the request; the others have their default values'),
+    'timeout': (_SECONDS, 'seconds that each try may take; default: 1'),
+    'retries': ({'type': ['integer', 'string'], 'minimum': 0},
+                'tries after the first one; default: 3'),
+    'node': (_TEXT, 'the lifecycle node'),
+    'to': ({'enum': list(STATES)}, 'the state that the node is brought to'),
+    'after': (_number(minimum=0), 'seconds that the violation lasts before the action'),
+    'cooldown': (_number(minimum=0), 'the least seconds between two starts of the action'),
+}
+_KIND_VALUES: Values = {
+    ActionKind.LOCK.value: (_mapping(
+        KIND_KEYS[ActionKind.LOCK], ['topic'], _ACTION_VALUES),
+        'publishes std_msgs/msg/Bool all the time: true while a requirement is violated'),
+    ActionKind.PUBLISH.value: (_mapping(
+        KIND_KEYS[ActionKind.PUBLISH], ['topic', 'type'], _ACTION_VALUES), 'publishes a message'),
+    ActionKind.CALL.value: (_mapping(
+        KIND_KEYS[ActionKind.CALL], ['service', 'type'], _ACTION_VALUES), 'calls a service'),
+    ActionKind.TRANSITION.value: (_mapping(
+        KIND_KEYS[ActionKind.TRANSITION], ['node', 'to'], _ACTION_VALUES),
+        'brings a lifecycle node to a state'),
+}
+_ACTION: Schema = {
+    **_mapping((*_KIND_VALUES, 'after', 'cooldown'), own=_ACTION_VALUES | _KIND_VALUES),
+    'oneOf': [{'required': [kind]} for kind in _KIND_VALUES]}
+_OTHERWISE_VALUES: Values = {
+    'substitute': (_CONTENT, 'the fields of the message that is sent instead'),
+    'hold': (_SECONDS, 'seconds for which the last good message is sent again'),
+    'respond': (_CONTENT, 'the fields of the response to a request that is withheld'),
+    'rate': (_number(exclusiveMinimum=0), 'with a substitute: messages a second (Hz), until a '
+                                          'message passes'),
+}
+_GATE_VALUES: Values = {
+    'from': (_TEXT, 'the topic that is judged'),
+    'service': (_TEXT, 'the service that the gate offers'),
+    'to': (_TEXT, 'the topic that the gate publishes, or the service that it calls'),
+    'type': (_TEXT, 'the type of both'),
+    'keep': (_NAMES, 'the ids of the requirements that each message must satisfy'),
+    'otherwise': ({'anyOf': [{'const': 'drop'}, _mapping(OTHERWISE_KEYS, own=_OTHERWISE_VALUES)]},
+                  'what is sent instead of a message that is withheld; default: drop'),
+    'stale': (_words(WhenStale), 'whether the gate is closed while an input is silent; '
+                                 'default: closed'),
+    'latch': ({'type': 'boolean'}, 'stay closed after a violation until ~/reset'),
+    'open_after': (_SECONDS, 'with a latch: seconds without a violation after which it opens'),
+}
+_VALUES |= {
+    'actions': (_named(_ACTION), 'what may follow a violation, by name'),
+    'on_violation': (_NAMES, 'the actions that follow a violation'),
+    'on_end': (_NAMES, 'the actions that follow the end of a violation'),
+    'gates': (_named(_mapping(GATE_KEYS, ['to', 'type', 'keep'], _GATE_VALUES)),
+              'topics and services that pass on only what satisfies their requirements, by name'),
 }
 _VALUES |= {
     'evaluation': ({**_mapping(EVALUATION_KEYS), 'type': ['object', 'null']},

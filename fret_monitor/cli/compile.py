@@ -23,6 +23,7 @@ from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted
+from fret_monitor.model.parts import Part
 from fret_monitor.native.stack import worst_stack
 from fret_monitor.program.cost import step_cost
 
@@ -32,6 +33,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     add_constants(parser)
     parser.add_argument('--output', metavar='DIR', type=Path, required=True)
+    parser.add_argument('--gate', metavar='NAME',
+                        help='compile the requirements that this gate keeps, for the node `gate`; '
+                             'default: those that no gate keeps, for the node `monitor`')
     parser.add_argument('--worst-case', action='store_true',
                         help='print the most instructions and stack that a step takes')
     parser.set_defaults(run=run)
@@ -40,7 +44,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Compile a bundle to a folder."""
     generated = generate_monitor(
-        read(existing_bundle(options.bundle), constants=dict(options.constants)))
+        read(existing_bundle(options.bundle), constants=dict(options.constants),
+             part=Part(options.gate)))
     print_diagnostics(generated.warnings)
     write(generated, options.output)
     manifest = generated.manifest

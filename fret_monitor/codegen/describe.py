@@ -14,12 +14,16 @@
 
 """The manifest of a monitor program."""
 
+from dataclasses import replace
+
 from fret_monitor.codegen.extractors import topics_of
 from fret_monitor.codegen.inputs import described_input
 from fret_monitor.codegen.module import CModule
 from fret_monitor.logic.printing import to_smv
-from fret_monitor.logic.specification import Property, Signal
-from fret_monitor.model.manifest import Manifest, ManifestGroup, ManifestRequirement, ManifestTopic
+from fret_monitor.logic.specification import Gate, Property, Signal, Specification
+from fret_monitor.model.manifest import (
+    Manifest, ManifestGate, ManifestGroup, ManifestRequirement, ManifestTopic,
+)
 from fret_monitor.model.policies import Policy
 from fret_monitor.program.layout import GroupLayout, state_bytes
 from fret_monitor.program.monitor_program import MonitorProgram
@@ -28,8 +32,17 @@ _LONGEST_FORMULA = 10_000
 
 
 def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: CModule,
-             bundle_hash: str, constants: tuple[tuple[str, str], ...] = ()) -> Manifest:
-    """Return the manifest of a program and its generated C; see `Manifest` for `constants`."""
+             specification: Specification, bundle_hash: str,
+             constants: tuple[tuple[str, str], ...] = ()) -> Manifest:
+    """
+    Return the manifest of a program and its generated C.
+
+    The program was lowered from the specification; see `Manifest` for the `constants`.
+    """
+    used = {name for item in program.properties for name in (*item.on_violation, *item.on_end)}
+    actions = tuple(item for item in specification.actions if item.name in used)
+    action_of = {item.name: index for index, item in enumerate(actions)}
+    topics = _topics(program.signals)
     group_of = {number: index for index, group in enumerate(program.groups)
                 for number in group.properties}
     values = {signal.name: signal.values for signal in program.signals if signal.values}
@@ -42,11 +55,11 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         policy=program.policy,
         period=program.period,
         inputs=tuple(described_input(signal) for signal in program.signals),
-        topics=_topics(program.signals),
+        topics=topics,
         groups=tuple(ManifestGroup(layout.group.signals, layout.group.properties, layout.size,
                                    layout.operations) for layout in layouts),
         requirements=tuple(
-            _requirement(item, group_of[number], signal_of,
+            _requirement(item, group_of[number], signal_of, action_of,
                          to_smv(item.formula, _LONGEST_FORMULA, values,
                                 is_timed=program.policy is Policy.TIMED))
             for number, item in enumerate(program.properties)),
@@ -58,7 +71,16 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         stamp=program.stamp,
         reorder=program.reorder,
         constants=constants,
+        actions=actions,
+        gate=_gate(specification.gate, topics) if specification.gate else None,
+        kept=specification.kept,
     )
+
+
+def _gate(gate: Gate, topics: tuple[ManifestTopic, ...]) -> ManifestGate:
+    names = [topic.name for topic in topics]
+    source = gate.settings.source
+    return replace(gate.settings, topic=names.index(source) if source in names else None)
 
 
 def _topics(signals: tuple[Signal, ...]) -> tuple[ManifestTopic, ...]:
@@ -67,7 +89,7 @@ def _topics(signals: tuple[Signal, ...]) -> tuple[ManifestTopic, ...]:
 
 
 def _requirement(item: Property, group: int, signal_of: dict[str, int],
-                 formula: str) -> ManifestRequirement:
+                 action_of: dict[str, int], formula: str) -> ManifestRequirement:
     return ManifestRequirement(
         id=item.id,
         handler=item.handler,
@@ -78,4 +100,6 @@ def _requirement(item: Property, group: int, signal_of: dict[str, int],
         severity=item.severity,
         group=group,
         inputs=tuple(sorted(signal_of[name] for name in item.inputs)),
+        on_violation=tuple(action_of[name] for name in item.on_violation),
+        on_end=tuple(action_of[name] for name in item.on_end),
     )

@@ -32,6 +32,7 @@ from dataclasses import replace
 from typing import TypeAlias
 
 from fret_monitor.bundle.bundle import Bundle, Definition, InputEntry, Language, Requirement
+from fret_monitor.elaboration.acting import check_stale, resolve_acting
 from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.elaborator import Elaborator, FindVocabulary, references
 from fret_monitor.elaboration.equations import equations_term
@@ -76,11 +77,17 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None,
     signals = reading.read_inputs(bundle, find_message or find_installed)
     reading.read_definitions(bundle.definitions)
     properties = [reading.read_requirement(item) for item in bundle.requirements]
+    known = tuple(signal for signal in signals if signal)
+    actions, gates = resolve_acting(bundle, known, find_message or find_installed,
+                                    reading.problems)
+    reading.problems.raise_errors()
+    check_stale(gates, {item.id: item.inputs for item in properties if item}, known, bundle,
+                reading.problems)
     reading.problems.raise_errors()
     specification = Specification(
         name=bundle.name,
         component=bundle.component.value if bundle.component else '',
-        signals=tuple(signal for signal in signals if signal),
+        signals=known,
         properties=tuple(item for item in properties if item),
         policy=bundle.policy,
         period=bundle.period,
@@ -88,6 +95,8 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None,
         unit=bundle.unit,
         stamp=bundle.stamp,
         reorder=bundle.reorder,
+        actions=actions,
+        gates=gates,
     )
     return specification, reading.problems.warnings
 
@@ -224,6 +233,8 @@ class _Reading:
             sentence=tree if isinstance(tree, Sentence) else None,
             id_place=item.id.span,
             is_assumption=item.is_assumption,
+            on_violation=tuple(name.value for name in item.on_violation),
+            on_end=tuple(name.value for name in item.on_end),
         )
 
     def _formula(self, item: Requirement) -> Expression | Equations | Sentence | None:

@@ -146,7 +146,7 @@ def _is_type_damaged(entry: InputEntry, find_message: FindMessage) -> bool:
         return 'type' in entry.damaged
     if 'field' not in entry.damaged or '/' not in entry.type.value:
         return False
-    _layout(entry.type.value, entry.type, find_message)
+    find_layout(entry.type.value, entry.type, find_message)
     return True
 
 
@@ -169,7 +169,7 @@ def _type(entry: InputEntry, find_message: FindMessage) -> tuple[
     name = entry.type.value
     if '/' not in name:
         return _scalar(name, entry.type, _PLAIN), None, None
-    layout = _layout(name, entry.type, find_message)
+    layout = find_layout(name, entry.type, find_message)
     if entry.field is not None:
         _refuse_mathematics(entry.name.value, entry.field)
     field = resolve_field(layout, entry.field, entry.type)
@@ -193,7 +193,8 @@ def _refuse_mathematics(name: str, path: Text) -> None:
            f'{field_line([read], path)}\nand in the formula, or in a definition: {use}')
 
 
-def _layout(name: str, text: Text, find_message: FindMessage) -> MessageLayout:
+def find_layout(name: str, text: Text, find_message: FindMessage) -> MessageLayout:
+    """Return the layout of a message; the errors have the place of the text."""
     try:
         return find_message(name)
     except CompileError as error:

@@ -27,6 +27,7 @@ from fret_monitor.language.sentence import Sentence
 from fret_monitor.logic.formula import Feedback, Formula, postorder, Variable
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import Span
+from fret_monitor.model.manifest import ManifestAction, ManifestGate
 from fret_monitor.model.paths import FieldPath
 from fret_monitor.model.policies import (
     InputRole, InputSource, Policy, Report, Severity, Stale, Stamp,
@@ -81,7 +82,8 @@ class Property:
     of the formula's text. `bounds` are, in ascending order, the largest few of the numbers of
     steps in that text and in the definitions it uses; the formula of a FRETish sentence contains
     further bounds. `sentence` is the parsed text if it is FRETish. `id_place` is that of the id.
-    `is_assumption`: it constrains the environment instead of the system.
+    `is_assumption`: it constrains the environment instead of the system. `on_violation` and
+    `on_end` are names of actions.
     """
 
     id: str
@@ -97,6 +99,8 @@ class Property:
     sentence: Sentence | None = field(default=None, repr=False, compare=False)
     id_place: Span | None = field(default=None, repr=False, compare=False)
     is_assumption: bool = field(default=False, repr=False)
+    on_violation: tuple[str, ...] = ()
+    on_end: tuple[str, ...] = ()
 
     @property
     def roots(self) -> tuple[Formula, ...]:
@@ -110,6 +114,26 @@ class Property:
 
 
 @dataclass(frozen=True)
+class Gate:
+    """
+    A gate, with the ids of the requirements that it keeps.
+
+    `settings.topic` is None: the manifest has the index. `place` is that of its name, and
+    `otherwise_place` that of what it sends instead.
+    """
+
+    settings: ManifestGate
+    keep: tuple[str, ...]
+    place: Span | None = field(default=None, repr=False, compare=False)
+    otherwise_place: Span | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def name(self) -> str:
+        """Its name in the bundle."""
+        return self.settings.name
+
+
+@dataclass(frozen=True)
 class Specification:
     """
     An elaborated bundle; `signals` and `properties` are in the bundle's order.
@@ -117,7 +141,9 @@ class Specification:
     `definitions` are the formulas of the bundle's definitions, for printing. Under the policy
     timed all windows are in ticks of a nanosecond; `unit` is how many seconds a plain count stands
     for (None: plain counts are refused), and `reorder` how many nanoseconds a message waits for
-    messages with earlier stamps.
+    messages with earlier stamps. Of the whole bundle, `gates` are all gates; a part of one (see
+    `restrict`) has none. `gate` is that of a part that a gate keeps; `kept` are the ids that gates
+    keep, of the part that they leave.
     """
 
     name: str
@@ -130,3 +156,7 @@ class Specification:
     unit: Fraction | None = None
     stamp: Stamp = Stamp.RECEIVED
     reorder: int = 0
+    actions: tuple[ManifestAction, ...] = ()
+    gates: tuple[Gate, ...] = ()
+    gate: Gate | None = None
+    kept: tuple[tuple[str, tuple[str, ...]], ...] = ()

@@ -154,6 +154,17 @@ class ManifestAction:
     cooldown: int = 0
     state: str = ''
 
+    @property
+    def payload_type(self) -> str:
+        """The type of the message in `payload`; '' if there is none."""
+        match self.kind:
+            case ActionKind.PUBLISH:
+                return self.interface
+            case ActionKind.CALL:
+                return f'{self.interface}_Request'
+            case _:
+                return ''
+
 
 @dataclass(frozen=True)
 class ManifestGate:
@@ -184,6 +195,11 @@ class ManifestGate:
     is_open_when_stale: bool = False
     latches: bool = False
     open_after: int = 0
+
+    @property
+    def payload_type(self) -> str:
+        """The type of the message in `substitute`."""
+        return f'{self.interface}_Response' if self.is_service else self.interface
 
 
 @dataclass(frozen=True)

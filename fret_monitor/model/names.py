@@ -42,6 +42,7 @@ _DERIVED = {
     'srv': ('a service', ('_Event',)),
     'action': ('an action', ('_FeedbackMessage', '_SendGoal_Event', '_GetResult_Event')),
 }
+_ACTING_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]{0,59}')
 _TOPIC_TOKEN = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
 _SUBSTITUTION = re.compile(r'\{(?:node|ns|namespace)\}')
 _WRONG_INDEX = re.compile(r'\[\s*-\s*[0-9]+\s*\]')
@@ -185,6 +186,25 @@ def type_fault(name: str) -> Fault | None:
     right = f'{parts[0]}/msg/{parts[-1]}'
     return None if name == right else Fault(f'{shown(name)} is not in the form of a ROS 2 type',
                                             f'type: {right}')
+
+
+def service_type_fault(name: str) -> Fault | None:
+    """Check the type of a service: `pkg/srv/Name`."""
+    parts = re.split(r'/|::|\.', name)
+    reason = f'{shown(name)} is not the name of a service type'
+    if not (_PACKAGE.fullmatch(parts[0]) and len(parts) > 1 and _MESSAGE.fullmatch(parts[-1])):
+        return Fault(
+            reason, 'a service type is written pkg/srv/Name, such as std_srvs/srv/Trigger')
+    right = f'{parts[0]}/srv/{parts[-1]}'
+    return None if name == right else Fault(reason, f'type: {right}')
+
+
+def acting_name_fault(name: str) -> Fault | None:
+    """Check the name of an action or a gate, which command lines and folders contain."""
+    if _ACTING_NAME.fullmatch(name):
+        return None
+    return Fault(f'{shown(name)} cannot be the name of an action or a gate',
+                 f"use letters, digits and '_', such as {_identifier(name)}")
 
 
 def _derived_fault(name: str, parts: list[str]) -> Fault | None:

@@ -30,7 +30,8 @@ from fret_monitor.model.bundle_files import refuse_missing
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, Text
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.model.names import exact, fret_name
-from fret_monitor.model.policies import Policy
+from fret_monitor.model.parts import Part, UNGATED
+from fret_monitor.model.policies import ActionKind, Policy
 from fret_monitor.native import load, load_evaluator, Monitor, NativeError
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
 from fret_monitor.ros.parameters import Origin, Refusal, Settings
@@ -63,9 +64,55 @@ def open_monitors(settings: Settings) -> list[Opened]:
     Refusal
         with all problems of the bundles, the folders, the compiler, or their combination.
     """
-    opened = _all(lambda origin: _open(settings, origin), settings)
-    _refuse_combinations(settings, [item.monitor.manifest for item in opened])
+    opened = _all(lambda origin: _open(settings, origin, UNGATED), settings)
+    manifests = [item.monitor.manifest for item in opened]
+    _refuse_combinations(settings, manifests)
+    _refuse_shared_locks(manifests)
     return opened
+
+
+def open_gates(settings: Settings, names: Sequence[str] = ()) -> list[Opened]:
+    """
+    Compile and load the gates of the bundles, or load the folders of compiled gates.
+
+    `names`: of the bundles' gates, only these; () for all. Each manifest has its gate.
+
+    Raises
+    ------
+    Refusal
+        as `open_monitors`, or if there is no such gate, or no gate at all.
+    """
+    found = _all(lambda origin: _open_gates(settings, origin, names), settings)
+    opened = [item for several in found for item in several]
+    manifests = [item.monitor.manifest for item in opened]
+    missing = set(names) - {item.gate.name for item in manifests if item.gate}
+    if missing or not opened:
+        known = [name for origin in settings.origins for name in _gate_names(origin)]
+        raise Refusal(*(f"no bundle has the gate '{name}': {did_you_mean(name, known)}"
+                        for name in sorted(missing)),
+                      *(['no gates: write them in the bundle, under gates'] if not opened
+                        and not missing else []))
+    _refuse_combinations(settings, manifests)
+    _refuse_shared_locks(manifests)
+    return opened
+
+
+def _open_gates(settings: Settings, origin: Origin, names: Sequence[str]) -> list[Opened]:
+    return [_open(settings, origin, Part(name)) for name in _gate_names(origin)
+            if not names or name in names]
+
+
+def _gate_names(origin: Origin) -> tuple[str, ...]:
+    """Return the names of the gates of a bundle, or of the one that a folder is compiled for."""
+    if origin.library is not None:
+        gate = open_folder(origin.library).manifest.gate
+        if gate is None:
+            raise Refusal(f"'{origin.library}' is compiled for the monitor: ros2 run fret_monitor "
+                          f'monitor --ros-args -p library:={origin.library}')
+        return (gate.name,)
+    assert origin.spec is not None
+    from fret_monitor.build import gate_names
+    return gate_names(origin.spec)
 
 
 def open_manifests(settings: Settings) -> list[Manifest]:
@@ -150,11 +197,25 @@ def _place(origin: Origin, requirement: ManifestRequirement) -> str:
     return str(origin)
 
 
-def _open(settings: Settings, origin: Origin) -> Opened:
+def _refuse_shared_locks(manifests: Sequence[Manifest]) -> None:
+    """Refuse two publishers of one lock: one would say false while the other says true."""
+    first: dict[str, str] = {}
+    problems = []
+    for manifest in manifests:
+        for item in manifest.actions:
+            other = first.setdefault(item.target, manifest.name)
+            if item.kind is ActionKind.LOCK and other != manifest.name:
+                problems.append(f"'{other}' and '{manifest.name}' have both a lock on "
+                                f'{item.target}: give one of them another topic')
+    if problems:
+        raise Refusal(*problems)
+
+
+def _open(settings: Settings, origin: Origin, part: Part) -> Opened:
     if origin.library is not None:
-        return _open_library(settings, origin, origin.library)
+        return _open_library(settings, origin, origin.library, part)
     assert origin.spec is not None
-    return _compile(settings, origin.spec)
+    return _compile(settings, origin.spec, part)
 
 
 def _manifest(settings: Settings, origin: Origin) -> Manifest:
@@ -205,20 +266,34 @@ def _as_refusal(overrides: str) -> Iterator[None]:
         raise Refusal(str(error)) from None
 
 
-def _compile(settings: Settings, spec: Path) -> Opened:
+def _compile(settings: Settings, spec: Path, part: Part) -> Opened:
     from fret_monitor.start import start
     began, clock = time(), monotonic()
     compiled = start(spec, policy=settings.policy, period=settings.period,
-                     constants=_constants(settings, spec))
+                     constants=_constants(settings, spec), part=part)
     is_new = compiled.library.stat().st_mtime >= began
     how = f'compiled in {monotonic() - clock:.1f} s' if is_new else 'found compiled'
     manifest = compiled.manifest
     return Opened(compiled.monitor, None, manifest.policy, manifest.period, f'{spec}, {how}',
-                  tuple(warning.render() for warning in compiled.warnings))
+                  (*(warning.render() for warning in compiled.warnings),
+                   *_kept_elsewhere(manifest, f'spec:={spec}')))
 
 
-def _open_library(settings: Settings, origin: Origin, directory: Path) -> Opened:
+def _kept_elsewhere(manifest: Manifest, origin: str) -> Iterator[str]:
+    """Yield a warning if gates judge requirements of the bundle."""
+    if manifest.kept:
+        gates = '; '.join(f"the gate '{name}' judges {', '.join(ids)}"
+                          for name, ids in manifest.kept)
+        yield (f'not monitored here: {gates}. '
+               f'Run it: ros2 run fret_monitor gate --ros-args -p {origin}')
+
+
+def _open_library(settings: Settings, origin: Origin, directory: Path, part: Part) -> Opened:
     folder = open_folder(directory)
+    if part == UNGATED and folder.manifest.gate is not None:
+        raise Refusal(
+            f"'{directory}' is compiled for the gate '{folder.manifest.gate.name}': "
+            f'ros2 run fret_monitor gate --ros-args -p library:={directory}')
     _refuse_other_bundle(origin.spec, directory, folder.manifest)
     _refuse_constants(settings, folder.manifest)
     policy = _policy_of(settings, folder.manifest)
@@ -226,7 +301,8 @@ def _open_library(settings: Settings, origin: Origin, directory: Path) -> Opened
     monitor = load(private.library, folder.manifest, origin=folder.library)
     load_evaluator(private.evaluator, origin=folder.evaluator)  # refuses another version
     return Opened(monitor, private.evaluator, policy, folder.manifest.period,
-                  f'compiled before, in {directory}', ())
+                  f'compiled before, in {directory}',
+                  tuple(_kept_elsewhere(folder.manifest, 'library:=FOLDER, of each gate')))
 
 
 def _refuse_other_bundle(spec: Path | None, directory: Path, manifest: Manifest) -> None:

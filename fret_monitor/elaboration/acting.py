@@ -1,0 +1,366 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The actions and gates of a bundle, resolved: names, topics, types, and messages as bytes.
+
+All mistakes are added to the problems, each at its place.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+from fret_monitor.bundle.bundle import ActionEntry, Bundle, GateEntry, Requirement
+from fret_monitor.elaboration.graph import components, cycle, is_cyclic
+from fret_monitor.elaboration.message_values import is_given, message_bytes
+from fret_monitor.elaboration.signals import find_layout, FindMessage
+from fret_monitor.logic.specification import Gate, Signal
+from fret_monitor.messages.installed import check_complete, listed
+from fret_monitor.messages.layout import MessageLayout
+from fret_monitor.messages.serialize import has_stamp, STAMP_AT
+from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, Text
+from fret_monitor.model.manifest import ManifestAction, ManifestGate
+from fret_monitor.model.names import shown
+from fret_monitor.model.policies import ActionKind, Otherwise, Policy, Stale, Stamp
+
+LOCK_TYPE = 'std_msgs/msg/Bool'
+_GATED_POLICIES = (Policy.EVERY_MESSAGE, Policy.RELEVANT_MESSAGE, Policy.TIMED)
+
+
+def resolve_acting(bundle: Bundle, signals: Iterable[Signal], find_message: FindMessage,
+                   problems: Problems) -> tuple[tuple[ManifestAction, ...], tuple[Gate, ...]]:
+    """Return the actions and the gates of a bundle; those with a mistake are left out."""
+    if not bundle.actions and not bundle.gates and not _uses(bundle):
+        return (), ()
+    reader = _Acting(bundle, tuple(signals), find_message, problems)
+    actions = [reader.action(entry) for entry in bundle.actions]
+    gates = [reader.gate(entry) for entry in bundle.gates]
+    reader.check()
+    return tuple(filter(None, actions)), tuple(filter(None, gates))
+
+
+def _uses(bundle: Bundle) -> dict[str, Text]:
+    """Return the names of the actions that requirements use, each with its first place."""
+    found: dict[str, Text] = {}
+    for item in bundle.requirements:
+        for name in (*item.on_violation, *item.on_end):
+            found.setdefault(name.value, name)
+    return found
+
+
+def absolute(name: str) -> str:
+    """Return the name of a topic or service in the root namespace."""
+    return name if name.startswith(('/', '~')) else f'/{name}'
+
+
+def _nanoseconds(seconds: Fraction | None) -> int:
+    return round((seconds or 0) * 10 ** 9)
+
+
+def _period(rate: Fraction | None) -> int:
+    return round(10 ** 9 / rate) if rate else 0
+
+
+@dataclass(frozen=True)
+class _Acting:
+    bundle: Bundle
+    signals: tuple[Signal, ...]
+    find_message: FindMessage
+    problems: Problems
+
+    # -- actions ----------------------------------------------------------------------------------
+
+    def action(self, entry: ActionEntry) -> ManifestAction | None:
+        """Return an action, None if it has a mistake."""
+        payload, stamp_at = b'', None
+        interface = LOCK_TYPE if entry.kind is ActionKind.LOCK else ''
+        if entry.kind in (ActionKind.PUBLISH, ActionKind.CALL):
+            layout = self._layout(entry.type, '_Request' if entry.kind is ActionKind.CALL else '')
+            if layout is None or entry.type is None:
+                return None
+            interface = entry.type.value
+            payload = message_bytes(layout, entry.content, self.problems)
+            if entry.kind is ActionKind.PUBLISH and has_stamp(layout) and \
+                    not is_given(entry.content, layout.fields[0].name, 'stamp'):
+                stamp_at = STAMP_AT
+        if entry.target is None:
+            return None
+        return ManifestAction(
+            name=entry.name.value, kind=entry.kind, target=entry.target.value,
+            interface=interface, payload=payload, stamp_at=stamp_at, period=_period(entry.rate),
+            duration=_nanoseconds(entry.duration), timeout=_nanoseconds(entry.timeout),
+            retries=entry.retries, after=_nanoseconds(entry.after),
+            cooldown=_nanoseconds(entry.cooldown), state=entry.state)
+
+    def _layout(self, type_: Text | None, part: str) -> MessageLayout | None:
+        """Return the layout of a message, or of a service's part; None with a problem."""
+        if type_ is None:
+            return None
+        try:
+            layout = find_layout(type_.value + part, type_, self.find_message)
+            check_complete(layout, type_.span)
+        except CompileError as error:
+            self.problems.extend(error.diagnostics)
+            return None
+        return layout
+
+    # -- gates ------------------------------------------------------------------------------------
+
+    def gate(self, entry: GateEntry) -> Gate | None:
+        """Return a gate, None if it has a mistake."""
+        layout = self._layout(entry.type, '_Response' if entry.is_service else '')
+        content = message_bytes(layout, entry.content, self.problems) \
+            if layout and entry.content else b''
+        self._check_sides(entry)
+        self._check_readers(entry)
+        if None in (entry.source, entry.target, entry.otherwise) or layout is None:
+            return None
+        assert entry.source and entry.target and entry.type and entry.otherwise
+        is_stamped = not entry.is_service and has_stamp(layout) and not is_given(
+            entry.content, layout.fields[0].name, 'stamp') and entry.otherwise is not \
+            Otherwise.DROP
+        return Gate(ManifestGate(
+            name=entry.name.value, source=entry.source.value, target=entry.target.value,
+            interface=entry.type.value, is_service=entry.is_service, topic=None,
+            otherwise=entry.otherwise, hold=_nanoseconds(entry.hold), substitute=content,
+            period=_period(entry.rate), stamp_at=STAMP_AT if is_stamped else None,
+            is_open_when_stale=entry.is_open_when_stale, latches=entry.latches,
+            open_after=_nanoseconds(entry.open_after)),
+            keep=tuple(name.value for name in entry.keep), place=entry.name.span,
+            otherwise_place=entry.otherwise_place)
+
+    def _check_sides(self, entry: GateEntry) -> None:
+        """Check the topic that a gate reads, against itself and the inputs on it."""
+        source, target = entry.source, entry.target
+        if source is None:
+            return
+        if target and absolute(source.value) == absolute(target.value):
+            self.problems.error(
+                f'the gate {shown(entry.name.value)} leads from {shown(source.value)} to itself',
+                target.span, 'what it lets through would come back to it',
+                f'to: {target.value}_checked   # the name that the subscriber reads')
+        for item in self.bundle.inputs:
+            if item.topic is not None and item.topic.value != source.value and \
+                    absolute(item.topic.value) == absolute(source.value):
+                self.problems.error(
+                    f'{shown(source.value)} is written in two ways', source.span,
+                    f"the input '{item.name}' has {shown(item.topic.value)}",
+                    f'{"service" if entry.is_service else "from"}: {item.topic.value}')
+                return
+
+    def _check_readers(self, entry: GateEntry) -> None:
+        """Check the requirements that a gate keeps, and when their steps are."""
+        ids = [item.id.value for item in self.bundle.requirements]
+        for name in entry.keep:
+            if name.value not in ids:
+                self.problems.error(
+                    f'no requirement has the id {shown(name.value)}', name.span, 'unknown id',
+                    did_you_mean(name.value, ids) or listed(ids))
+        bundle = self.bundle
+        if bundle.policy not in _GATED_POLICIES:
+            self.problems.error(
+                f'a gate cannot judge each message under the policy {bundle.policy.value}',
+                bundle.policy_place or entry.name.span,
+                f'the gate {shown(entry.name.value)} needs a step for each message',
+                'policy: ' + (Policy.TIMED if bundle.policy is Policy.PERIODIC
+                              else Policy.RELEVANT_MESSAGE).value)
+        elif bundle.stamp is Stamp.HEADER:
+            self.problems.error(
+                f'the gate {shown(entry.name.value)} cannot wait for earlier stamps',
+                entry.name.span, 'with stamp: header a message waits for others',
+                'stamp: received')
+
+    # -- all together -----------------------------------------------------------------------------
+
+    def check(self) -> None:
+        """Check what concerns several actions, gates and requirements."""
+        self._check_uses()
+        self._check_kept()
+        self._check_targets()
+        self._check_circles()
+        self._check_types()
+        self._check_locks()
+
+    def _check_uses(self) -> None:
+        bundle = self.bundle
+        names = [entry.name.value for entry in bundle.actions]
+        uses = _uses(bundle)
+        known = bundle.acting_names - {entry.name.value for entry in bundle.gates}
+        for name, place in uses.items():
+            if name not in known:
+                self.problems.error(
+                    f'no action has the name {shown(name)}', place.span, 'unknown action',
+                    did_you_mean(name, names) or (
+                        listed(names) if names else
+                        f'actions:\n  {name}: {{lock: {{topic: e_stop}}}}'))
+        ended = {name.value: name for item in bundle.requirements for name in item.on_end}
+        for entry in bundle.actions:
+            if entry.name.value not in uses:
+                self.problems.warning(
+                    f'no requirement uses the action {shown(entry.name.value)}', entry.name.span,
+                    'it never starts', f'on_violation: [{entry.name.value}]')
+            place_of_end = ended.get(entry.name.value)
+            if place_of_end is not None:
+                self._check_at_end(entry, place_of_end)
+
+    def _check_at_end(self, entry: ActionEntry, place: Text) -> None:
+        if entry.kind is ActionKind.LOCK:
+            self.problems.error(
+                f'{shown(entry.name.value)} is a lock, which opens by itself', place.span,
+                'a lock follows a violation and its end',
+                f'on_violation: [{entry.name.value}]')
+        elif entry.rate is not None and entry.duration is None:
+            self.problems.error(
+                f'{shown(entry.name.value)} would never end', place.span,
+                "at a rate without 'for' it is published until the violation is over",
+                'for: 2   # seconds, in the action')
+
+    def _check_kept(self) -> None:
+        """Refuse a requirement that two gates keep."""
+        first: dict[str, GateEntry] = {}
+        for entry in self.bundle.gates:
+            for name in entry.keep:
+                other = first.setdefault(name.value, entry)
+                if other is not entry:
+                    self.problems.error(
+                        f'two gates keep {shown(name.value)}', name.span,
+                        f'{shown(other.name.value)} keeps it already',
+                        'a requirement has one verdict: write it twice, with two ids')
+
+    def _check_targets(self) -> None:
+        """Refuse two publishers of what a gate lets through, and two servers of a service."""
+        servers: dict[str, GateEntry] = {}
+        for entry in self.bundle.gates:
+            if entry.is_service and entry.source:
+                other_gate = servers.setdefault(absolute(entry.source.value), entry)
+                if other_gate is not entry:
+                    self.problems.error(
+                        f'two gates offer {shown(entry.source.value)}', entry.source.span,
+                        f'{shown(other_gate.name.value)} does already',
+                        'one gate keeps all requirements of a service')
+        first: dict[tuple[bool, str], Text] = {}
+        for entry in self.bundle.gates:
+            if entry.target is None:
+                continue
+            other = first.setdefault((entry.is_service, absolute(entry.target.value)),
+                                     entry.name)
+            if other is not entry.name and not entry.is_service:
+                self.problems.error(
+                    f'two gates lead to {shown(entry.target.value)}', entry.target.span,
+                    f'{shown(other.value)} does already',
+                    'one gate keeps all requirements of a topic')
+        for action in self.bundle.actions:
+            if action.target is None or action.kind not in (ActionKind.LOCK, ActionKind.PUBLISH):
+                continue
+            gate = first.get((False, absolute(action.target.value)))
+            if gate is not None:
+                self.problems.error(
+                    f'{shown(action.target.value)} belongs to the gate {shown(gate.value)}',
+                    action.target.span, 'what is published here would not pass the gate',
+                    "publish on the gate's 'from', or write it as the gate's substitute")
+
+    def _check_circles(self) -> None:
+        sides = [(absolute(entry.source.value), absolute(entry.target.value), entry)
+                 for entry in self.bundle.gates
+                 if entry.source and entry.target and not entry.is_service]
+        graph: dict[str, list[str]] = {}
+        for source, target, _ in sides:
+            if source != target:
+                graph.setdefault(source, []).append(target)
+                graph.setdefault(target, [])
+        for component in components(graph):
+            if is_cyclic(component, graph):
+                way = cycle(component, graph)
+                entry = next(item for source, target, item in sides
+                             if (source, target) == (way[-2], way[-1]))
+                assert entry.target
+                self.problems.error('these gates are a circle', entry.target.span,
+                                    ' -> '.join(way), 'messages would go round for ever')
+
+    def _check_types(self) -> None:
+        """Refuse two types of one topic."""
+        types: dict[str, tuple[str, str]] = {}
+        for owner, topic, kind, place in self._typed_topics():
+            known, first = types.setdefault(absolute(topic.value), (kind, owner))
+            if known != kind:
+                self.problems.error(
+                    f'{shown(topic.value)} has two types', place.span,
+                    f'{first} has {known}, {owner} has {kind}',
+                    'choose another topic' if place is topic else f'type: {known}')
+
+    def _typed_topics(self) -> Iterator[tuple[str, Text, str, Text]]:
+        """Yield what uses a topic, the topic, its type, and the place for the error."""
+        for item in self.bundle.inputs:
+            if item.topic and item.type:
+                yield f"the input '{item.name}'", item.topic, item.type.value, item.topic
+        for gate in self.bundle.gates:
+            for topic in (gate.source, gate.target):
+                if gate.type and not gate.is_service and topic:
+                    yield f"the gate '{gate.name}'", topic, gate.type.value, gate.type
+        for action in self.bundle.actions:
+            owner = f"the action '{action.name}'"
+            if action.target and action.kind is ActionKind.LOCK:
+                yield owner, action.target, LOCK_TYPE, action.target
+            elif action.target and action.kind is ActionKind.PUBLISH and action.type:
+                yield owner, action.target, action.type.value, action.type
+
+    def _check_locks(self) -> None:
+        """Refuse two publishers of one lock, which would contradict each other."""
+        first: dict[str, ActionEntry] = {}
+        gate_of = {name.value: entry for entry in self.bundle.gates for name in entry.keep}
+        for lock in self.bundle.actions:
+            if lock.kind is not ActionKind.LOCK or lock.target is None:
+                continue
+            other = first.setdefault(absolute(lock.target.value), lock)
+            if other is not lock:
+                self.problems.error(
+                    f'two locks on {shown(lock.target.value)}', lock.target.span,
+                    'one would say false while the other says true',
+                    f'use the lock {shown(other.name.value)} for the requirements of both')
+            self._check_judges(lock, gate_of)
+
+    def _check_judges(self, lock: ActionEntry, gate_of: dict[str, GateEntry]) -> None:
+        users = [item for item in self.bundle.requirements
+                 if any(name.value == lock.name.value for name in item.on_violation)]
+        other = next((item for item in users
+                      if gate_of.get(item.id.value) is not gate_of.get(users[0].id.value)), None)
+        if other is not None:
+            self.problems.error(
+                f'the lock {shown(lock.name.value)} has two publishers', lock.name.span,
+                f'{_judge(users[0], gate_of)}, {_judge(other, gate_of)}',
+                'give the requirements of each gate a lock on a topic of its own')
+
+
+def _judge(item: Requirement, gate_of: dict[str, GateEntry]) -> str:
+    gate = gate_of.get(item.id.value)
+    return f'{item.id} is judged by ' + (
+        f'the gate {shown(gate.name.value)}' if gate else 'the monitor')
+
+
+def check_stale(gates: Iterable[Gate], inputs_of: dict[str, tuple[str, ...]],
+                signals: Iterable[Signal], bundle: Bundle, problems: Problems) -> None:
+    """Refuse `stale: open` for inputs that violate while they are stale."""
+    known = {signal.name: signal for signal in signals}
+    places = {entry.name.value: entry.stale_place for entry in bundle.gates}
+    for gate in gates:
+        if not gate.settings.is_open_when_stale:
+            continue
+        for name in dict.fromkeys(item for id_ in gate.keep for item in inputs_of.get(id_, ())):
+            if known[name].stale is Stale.VIOLATE and known[name].topic != gate.settings.source:
+                problems.error(
+                    f'the gate {shown(gate.name)} cannot be open while '
+                    f'{shown(name)} is stale', places[gate.name] or gate.place,
+                    f'{shown(name)} has stale: violate, which violates what reads it',
+                    'stale: closed')

@@ -1,0 +1,130 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Serializes a message: from the values of its fields to CDR (XCDR version 1, little endian).
+
+It needs no ROS, only the layout of the message. `csrc/fret_cdr.h` describes the encoding.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+import re
+import struct
+
+from fret_monitor.messages.installed import nested_layout
+from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
+
+type Value = bool | int | float | str | Sequence[Value] | Mapping[str, Value]
+
+HEADER_TYPE = 'std_msgs/msg/Header'
+STAMP_AT = 4
+"""The offset of the stamp in a message that begins with a header: sec and nanosec."""
+
+_ENCAPSULATION = b'\x00\x01\x00\x00'
+_FORMATS = {
+    'bool': 'B', 'byte': 'B', 'char': 'B', 'int8': 'b', 'uint8': 'B', 'int16': 'h',
+    'uint16': 'H', 'int32': 'i', 'uint32': 'I', 'int64': 'q', 'uint64': 'Q', 'float32': 'f',
+    'float64': 'd',
+}
+_ELEMENT = re.compile(
+    r'\s*("(?:\\.|[^"\\])*"' r"|'(?:\\.|[^'\\])*'|[^,]*?)\s*(?:,|$)")
+
+
+def serialize(layout: MessageLayout, values: Mapping[str, Value]) -> bytes:
+    """
+    Return a serialized message; a field without a value has the default of its definition.
+
+    The values fit the fields: whole numbers are within the range of their type, fixed arrays have
+    their length. The messages within it are installed.
+    """
+    writer = _Writer()
+    writer.message(layout, values)
+    return _ENCAPSULATION + bytes(writer.data)
+
+
+def has_stamp(layout: MessageLayout) -> bool:
+    """Whether a message begins with a header, so that its stamp is at `STAMP_AT`."""
+    return bool(layout.fields) and str(layout.fields[0].type) == HEADER_TYPE
+
+
+class _Writer:
+    """Appends values, each aligned to its size."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+
+    def message(self, layout: MessageLayout, values: Mapping[str, Value]) -> None:
+        if not layout.fields:
+            self._number('uint8', 0)  # rosidl gives an empty struct this member
+        for field in layout.fields:
+            self._field(layout, field, values.get(field.name, default_of(field)))
+
+    def _field(self, layout: MessageLayout, field: MessageField, value: Value | None) -> None:
+        kind = field.type
+        if kind.array is ArrayKind.NONE:
+            self._element(layout, kind, value)
+            return
+        elements: Sequence[Value | None] = value if isinstance(value, Sequence) else ()
+        if kind.array is ArrayKind.FIXED:
+            elements = elements or [None] * (kind.size or 0)
+        else:
+            self._number('uint32', len(elements))
+        for item in elements:
+            self._element(layout, kind, item)
+
+    def _element(self, layout: MessageLayout, kind: FieldType, value: Value | None) -> None:
+        if kind.is_message:
+            self.message(nested_layout(layout, kind), value if isinstance(value, Mapping) else {})
+        elif kind.base == 'string':
+            text = str(value or '').encode() + b'\0'
+            self._number('uint32', len(text))
+            self.data += text
+        elif kind.base == 'wstring':
+            units = str(value or '').encode('utf-16-le')
+            self._number('uint32', len(units) // 2)
+            for unit, in struct.iter_unpack('<H', units):
+                self._number('uint32', unit)
+        else:
+            self._number(kind.base, value if isinstance(value, int | float) else 0)
+
+    def _number(self, base: str, value: int | float) -> None:
+        code = f'<{_FORMATS[base]}'
+        self.data += bytes(-len(self.data) % struct.calcsize(code))
+        self.data += struct.pack(code, value)
+
+
+def default_of(field: MessageField) -> Value | None:
+    """Return the default value in a definition; None if it has none."""
+    text = field.default
+    if text is None or field.type.is_message:
+        return None
+    if field.type.array is ArrayKind.NONE:
+        return _literal(field.type.base, text)
+    return [_literal(field.type.base, item) for item in _elements(text.strip('[]'))]
+
+
+def _elements(text: str) -> Iterator[str]:
+    end = 0
+    while end < len(text) and (match := _ELEMENT.match(text, end)):
+        yield match[1]
+        end = match.end()
+
+
+def _literal(base: str, text: str) -> Value:
+    if base in ('string', 'wstring'):
+        quote = text[0] if len(text) > 1 and text[0] == text[-1] and text[0] in '"\'' else ''
+        return text[1:-1].replace(f'\\{quote}', quote) if quote else text
+    if base == 'bool':
+        return text.lower() in ('true', '1')
+    return float(text) if base.startswith('float') else int(text, 0)
