@@ -147,11 +147,10 @@ def message_type_fault(name: str) -> Fault | None:
     """Check the type of a message that is sent: `pkg/msg/Name`."""
     if name in PLAIN_TYPES:
         return Fault(f'{shown(name)} is not a message type', 'type: std_msgs/msg/Float32')
-    fault = type_fault(name)
-    if fault is None and '/msg/' not in name:
-        return Fault(f'{shown(name)} is not sent on a topic by a bundle',
+    if '/srv/' in name or '/action/' in name:
+        return Fault(f'{shown(name)} is not a message type',
                      'a message type is written pkg/msg/Name, such as std_msgs/msg/Float32')
-    return fault
+    return type_fault(name)
 
 
 def name_of_resource(key: str) -> Callable[[str], Fault | None]:

@@ -101,8 +101,10 @@ def _is_service(name: YamlScalar, shape: Shape, problems: Problems) -> bool:
 
 
 def _keep(name: YamlScalar, shape: Shape, problems: Problems) -> tuple[Text, ...]:
-    keep = read_names(shape, 'keep', problems)
-    if keep is None and shape.lacks('keep') or keep == () and not problems.errors:
+    found = Problems()
+    keep = read_names(shape, 'keep', found)
+    problems.extend(found.errors)
+    if keep is None and shape.lacks('keep') or keep == () and not found.errors:
         key = shape.key('keep')
         problems.error(f'the gate {shown(name.value)} keeps nothing', key.span if key else
                        name.span, 'a gate without requirements lets everything through',

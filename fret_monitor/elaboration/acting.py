@@ -124,7 +124,7 @@ class _Acting:
         content = message_bytes(layout, entry.content, self.problems) \
             if layout and entry.content else b''
         self._check_sides(entry)
-        self._check_readers(entry)
+        self._check_keep(entry)
         if None in (entry.source, entry.target, entry.otherwise) or layout is None:
             return None
         assert entry.source and entry.target and entry.type and entry.otherwise
@@ -160,18 +160,34 @@ class _Acting:
                     f'{"service" if entry.is_service else "from"}: {item.topic.value}')
                 return
 
-    def _check_readers(self, entry: GateEntry) -> None:
-        """Check the requirements that a gate keeps, and when their steps are."""
+    def _check_keep(self, entry: GateEntry) -> None:
+        """Check the ids that a gate keeps."""
         ids = [item.id.value for item in self.bundle.requirements]
         for name in entry.keep:
             if name.value not in ids:
                 self.problems.error(
                     f'no requirement has the id {shown(name.value)}', name.span, 'unknown id',
                     did_you_mean(name.value, ids) or listed(ids))
+
+    # -- all together -----------------------------------------------------------------------------
+
+    def check(self) -> None:
+        """Check what concerns several actions, gates and requirements."""
+        if self.bundle.gates:
+            self._check_policy(self.bundle.gates[0])
+        self._check_uses()
+        self._check_kept()
+        self._check_targets()
+        self._check_circles()
+        self._check_types()
+        self._check_locks()
+
+    def _check_policy(self, entry: GateEntry) -> None:
+        """Refuse policies under which a message is not judged when it comes."""
         bundle = self.bundle
         if bundle.policy not in _GATED_POLICIES:
             self.problems.error(
-                f'a gate cannot judge each message under the policy {bundle.policy.value}',
+                f'gates cannot judge each message under the policy {bundle.policy.value}',
                 bundle.policy_place or entry.name.span,
                 f'the gate {shown(entry.name.value)} needs a step for each message',
                 'policy: ' + (Policy.TIMED if bundle.policy is Policy.PERIODIC
@@ -181,17 +197,6 @@ class _Acting:
                 f'the gate {shown(entry.name.value)} cannot wait for earlier stamps',
                 entry.name.span, 'with stamp: header a message waits for others',
                 'stamp: received')
-
-    # -- all together -----------------------------------------------------------------------------
-
-    def check(self) -> None:
-        """Check what concerns several actions, gates and requirements."""
-        self._check_uses()
-        self._check_kept()
-        self._check_targets()
-        self._check_circles()
-        self._check_types()
-        self._check_locks()
 
     def _check_uses(self) -> None:
         bundle = self.bundle

@@ -26,7 +26,7 @@ from fret_monitor.bundle.yaml_tree import Node, Unread, YamlList, YamlMapping, Y
 from fret_monitor.messages.installed import listed, nested_layout
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
 from fret_monitor.messages.serialize import serialize, Value
-from fret_monitor.model.diagnostics import did_you_mean, Problems, Span
+from fret_monitor.model.diagnostics import counted, did_you_mean, Problems, Span
 from fret_monitor.model.floats import to_float32
 from fret_monitor.model.names import exact, is_integer, number_fault, shown
 from fret_monitor.model.values import ValueType
@@ -94,7 +94,7 @@ class _MessageReader:
                 kind.array is ArrayKind.BOUNDED and count > size:
             exactly = '' if kind.array is ArrayKind.FIXED else 'at most '
             self.problems.error(
-                f"the field '{field.name}' has {exactly}{size} elements", node.span,
+                f"the field '{field.name}' has {exactly}{counted(size, 'element')}", node.span,
                 f'these are {count}', f'{field.name} is {kind} in {layout.name}')
         items = [self._element(layout, field, item) for item in node.items]
         return [item for item in items if item is not None]

@@ -19,6 +19,8 @@ import re
 from typing import Any
 
 from fret_monitor.bundle import schema
+from fret_monitor.bundle.actions import ACTION_KEYS, KIND_KEYS
+from fret_monitor.bundle.gates import GATE_KEYS, OTHERWISE_KEYS
 from fret_monitor.bundle.inputs import BLOCK_KEYS, FIELD_KEYS, INPUT_KEYS, QOS_KEYS
 from fret_monitor.bundle.reader import BUNDLE_KEYS, EVALUATION_KEYS, SIGNALS_KEYS
 from fret_monitor.bundle.requirements import REQUIREMENT_KEYS
@@ -43,8 +45,23 @@ definitions:
   fast: x > v_max
   slow: {fretish: x < 0.1}
 evaluation: {policy: timed, unit: 1, stamp: header, reorder: 0.05}
+actions:
+  stop: {lock: {topic: e_stop, rate: 10}}
+  tell: {call: {service: /s, type: std_srvs/srv/Trigger, request: {}, timeout: 1, retries: 3},
+         after: 0, cooldown: 5}
+  brake: {publish: {topic: b, type: std_msgs/msg/Bool, message: {data: true}, rate: 9, for: 2}}
+  park: {transition: {node: /arm, to: inactive}}
+on_violation: [stop, tell]
+on_end: park
+gates:
+  drive: {from: a, to: b, type: std_msgs/msg/Bool, keep: [010], latch: true, open_after: 2,
+          otherwise: {substitute: {data: false}, rate: 20}}
+  enable: {service: /e, to: /f, type: std_srvs/srv/SetBool, keep: [020], stale: open,
+           otherwise: {respond: {success: false}}}
+  plain: {from: c, to: d, type: std_msgs/msg/Bool, keep: [030], otherwise: drop}
 requirements:
-  - {id: 010, ptltl: "H fast", report: onset, severity: warn, title: , rationale: why}
+  - {id: 010, ptltl: "H fast", on_violation: [brake], on_end: ,
+     report: onset, severity: warn, title: , rationale: why}
 """
 
 
@@ -98,6 +115,14 @@ def test_all_keys_are_valid_where_they_belong() -> None:
     ('report: onset', 'report: always'),
     ('slow: {fretish: x < 0.1}', 'slow: {frettish: x < 0.1}'),
     ('v_max: 0.5', 'v_max: [0.5]'),
+    ('{lock: {topic: e_stop, rate: 10}}', '{lok: {topic: e_stop, rate: 10}}'),
+    ('{topic: e_stop, rate: 10}', '{rate: 10}'),
+    ('after: 0,', 'after: soon,'),
+    ('to: inactive', 'to: idle'),
+    ('stale: open,', 'stale: opened,'),
+    ('otherwise: drop', 'otherwise: dropp'),
+    ('keep: [020], ', ''),
+    ('latch: true', 'latch: maybe'),
 ])
 def test_wrong_bundles_are_not_valid(old: str, new: str) -> None:
     assert GOOD.count(old) == 1
@@ -105,7 +130,7 @@ def test_wrong_bundles_are_not_valid(old: str, new: str) -> None:
 
 
 @pytest.mark.parametrize('name', [
-    'a_list', 'a_text', 'unknown_keys', 'no_format', 'no_requirements', 'requirements_by_name',
+    'a_list', 'a_text', 'acting', 'unknown_keys', 'no_format', 'no_requirements', 'requirements_by_name',
     'startup', 'topics', 'misplaced_policy', 'inner_shapes'])
 def test_what_the_reader_refuses_for_its_shape_is_not_valid(name: str) -> None:
     text = (golden.FOLDER / 'bundle' / f'{name}.yaml').read_text(encoding='utf-8')
@@ -124,6 +149,11 @@ def test_each_key_of_the_reader_is_there_with_a_description() -> None:
     tables = (BUNDLE_KEYS, SIGNALS_KEYS, INPUT_KEYS, BLOCK_KEYS, FIELD_KEYS, REQUIREMENT_KEYS,
               EVALUATION_KEYS)
     expected = {key for table in tables for key in table}
-    assert keys_of(SCHEMA) == expected | set(QOS_KEYS)
+    acting = {key for table in (ACTION_KEYS, GATE_KEYS, OTHERWISE_KEYS, *KIND_KEYS.values())
+              for key in table}
+    assert keys_of(SCHEMA) == expected | acting | set(QOS_KEYS)
     assert expected == set(schema._VALUES)
-    assert all(len(description) > 5 for _, description in schema._VALUES.values())
+    described = (schema._VALUES, schema._ACTION_VALUES, schema._KIND_VALUES, schema._GATE_VALUES,
+                 schema._OTHERWISE_VALUES)
+    assert all(len(description) > 5
+               for values in described for _, description in values.values())

@@ -46,6 +46,10 @@ DEFINITIONS = {
     'geometry_msgs/msg/Pose': 'Point position\nQuaternion orientation',
     'geometry_msgs/msg/Point': 'float64 x\nfloat64 y\nfloat64 z',
     'geometry_msgs/msg/Quaternion': 'float64 x\nfloat64 y\nfloat64 z\nfloat64 w',
+    'demo_msgs/msg/Order':
+        'bool[2] flags\nint8[<=1] small\nuint8[] bytes\nfloat32[] reals\nstring<=4 name\n'
+        'string[] names\ngeometry_msgs/Point[] points\nint16 number\nDuty duty',
+    'demo_msgs/msg/Duty': '',
     'demo_msgs/msg/Scan': 'byte[4] bits\nfloat32[] ranges\nstring name',
     'demo_msgs/msg/Laser': 'Header header\nfloat32 least\nfloat32[] ranges\nfloat32[] strengths',
     'demo_msgs/msg/Path': 'Header header\ngeometry_msgs/Pose[] poses',
