@@ -218,15 +218,19 @@ static int begin_parameters(struct fm_monitor_node * monitor)
   return 0;
 }
 
-static bool begin_services(struct fm_monitor_node * monitor)
+static bool begin_lifecycle(struct fm_monitor_node * monitor)
 {
   const struct fm_transitions transitions = {
     try_to_configure, try_to_activate, deactivate, release, monitor};
   monitor->has_lifecycle =
     fm_lifecycle_begin(&monitor->lifecycle, &monitor->node, &transitions);
+  return monitor->has_lifecycle;
+}
+
+static bool begin_services(struct fm_monitor_node * monitor)
+{
   monitor->wait_set = rcl_get_zero_initialized_wait_set();
-  return monitor->has_lifecycle &&
-         fm_parameter_services_begin(
+  return fm_parameter_services_begin(
     &monitor->parameter_services, &monitor->node, &monitor->parameters, parameter_changed,
     monitor) &&
          fm_service_open(
@@ -266,7 +270,8 @@ int fm_monitor_node_begin(
   monitor->looks = LOOKS;
   monitor->next_look = fm_steady_now() + FM_SECOND;
   monitor->is_starting = true;
-  status = begin_services(monitor) && start(monitor) ? 0 : 1;
+  // Subscriptions first: until they exist, messages are missed.
+  status = begin_lifecycle(monitor) && start(monitor) && begin_services(monitor) ? 0 : 1;
   monitor->is_starting = false;
   return status;
 }
