@@ -20,7 +20,7 @@ a mission can replace by those of the sender. Logic is in `csrc/export/cfs`; gen
 identifiers, structs, tables of events, and the copying of the fields.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from zlib import crc32
 
@@ -228,10 +228,13 @@ class _Writer:
         yield ''
         yield from self._tables()
         yield f'CFE_SB_MsgId_Atom_t {self.upper}_GetTopicMsgId(uint32 Topic)'
-        yield from self._switch(self._mid, '0')
+        yield from self._switch('Topic', enumerate(map(self._mid, self.topics)), '0')
         yield f'size_t {self.upper}_GetTopicSize(uint32 Topic)'
-        yield from self._switch(lambda topic: f'sizeof({self._struct(topic)})', '0')
-        yield from self._find_topic()
+        sizes = (f'sizeof({self._struct(topic)})' for topic in self.topics)
+        yield from self._switch('Topic', enumerate(sizes), '0')
+        yield f'uint32 {self.upper}_FindTopic(CFE_SB_MsgId_Atom_t MsgId)'
+        yield from self._switch('MsgId', ((self._mid(topic), number) for number, topic
+                                          in enumerate(self.topics)), f'{self.upper}_N_TOPICS')
         yield from self._store_inputs()
 
     def _tables(self) -> Iterator[str]:
@@ -247,21 +250,13 @@ class _Writer:
         yield from (f'  {flight.literal(item.name)},' for item in manifest.inputs)
         yield from ('};', '')
 
-    def _switch(self, value: Callable[[flight.Topic], str], default: str) -> Iterator[str]:
+    def _switch(self, on: str, cases: Iterable[tuple[object, object]],
+                default: str) -> Iterator[str]:
+        """Yield the body of a function that returns a value for each case of an argument."""
         yield '{'
-        yield '  switch (Topic) {'
-        for number, topic in enumerate(self.topics):
-            yield f'    case {number}: return {value(topic)};'
+        yield f'  switch ({on}) {{'
+        yield from (f'    case {case}: return {value};' for case, value in cases)
         yield f'    default: return {default};'
-        yield from ('  }', '}', '')
-
-    def _find_topic(self) -> Iterator[str]:
-        yield f'uint32 {self.upper}_FindTopic(CFE_SB_MsgId_Atom_t MsgId)'
-        yield '{'
-        yield '  switch (MsgId) {'
-        for number, topic in enumerate(self.topics):
-            yield f'    case {self._mid(topic)}: return {number};'
-        yield f'    default: return {self.upper}_N_TOPICS;'
         yield from ('  }', '}', '')
 
     def _store_inputs(self) -> Iterator[str]:

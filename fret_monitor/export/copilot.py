@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from math import isfinite, isnan
 
 from fret_monitor.build import GeneratedMonitor
+from fret_monitor.codegen.c import literal
 from fret_monitor.codegen.comments import comment, safe
 from fret_monitor.codegen.inputs import number_text, origin
 from fret_monitor.codegen.names import is_of_module, Names
@@ -377,8 +378,6 @@ def definition(item: ManifestInput, name: str) -> str:
 
 def _number(number: int) -> str:
     """Return an integer constant that fits any type of C that holds the number."""
-    if -2 ** 31 < number < 2 ** 31:
-        return f'({number})' if number < 0 else str(number)
-    if number > ValueType.INT64.limits[1]:
-        return f'UINT64_C({number})'
-    return f'INT64_C({number})' if number > -2 ** 63 else 'INT64_MIN'
+    kind = ValueType.UINT64 if number > ValueType.INT64.limits[1] else ValueType.INT64
+    text = literal(number, kind).text
+    return f'({text})' if text.startswith('-') else text

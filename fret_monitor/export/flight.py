@@ -26,7 +26,7 @@ import re
 import textwrap
 
 from fret_monitor.build import GeneratedMonitor
-from fret_monitor.codegen.c import string_literal
+from fret_monitor.codegen import c
 from fret_monitor.codegen.comments import safe
 from fret_monitor.codegen.names import Names
 from fret_monitor.export.content import (
@@ -42,6 +42,10 @@ from fret_monitor.model.values import ValueType
 MONITORS = 'monitors'
 
 _WITHOUT_TOPIC = 'inputs'
+
+SOURCES = {InputSource.FIELD: 'FM_FIELD', InputSource.RECEIVED: 'FM_RECEPTION',
+           InputSource.AGE: 'FM_AGE'}
+"""The names in C of what an input is taken from."""
 
 _NS_PER_S = 1e9
 _MOST_REQUIREMENTS = 10_000
@@ -228,14 +232,12 @@ def options_header(generated: GeneratedMonitor) -> Iterator[str]:
         f'{{{name}_topic_{number}, {len(topic.inputs)}u}}' for number, topic in enumerate(topics)))
     yield _array(f'const uint8_t {name}_reports',
                  (f'FM_{item.report.name}' for item in manifest.requirements))
-    sources = {InputSource.FIELD: 'FM_FIELD', InputSource.RECEIVED: 'FM_RECEPTION',
-               InputSource.AGE: 'FM_AGE'}
-    yield _array(f'const uint8_t {name}_sources', (sources[item.source]
+    yield _array(f'const uint8_t {name}_sources', (SOURCES[item.source]
                                                    for item in manifest.inputs))
     yield _array(f'const int64_t {name}_timeouts',
-                 (_nanoseconds(item.timeout) for item in manifest.inputs))
+                 (nanoseconds(item.timeout) for item in manifest.inputs))
     yield _array(f'const int64_t {name}_startups',
-                 (_nanoseconds(item.startup) for item in manifest.inputs))
+                 (nanoseconds(item.startup) for item in manifest.inputs))
     yield _array(f'const bool {name}_violates',
                  (str(item.stale is Stale.VIOLATE).lower() for item in manifest.inputs))
     yield ''
@@ -255,7 +257,7 @@ def options_header(generated: GeneratedMonitor) -> Iterator[str]:
     for index, item in enumerate(manifest.inputs):
         if item.initial is not None:
             yield (f'  fm_evaluator_initial(evaluator, {index}u, '
-                   f'(union fm_value){{{_value(item.value_type, item.initial)}}});')
+                   f'(union fm_value){union_value(item.value_type, item.initial)});')
     yield '}'
 
 
@@ -264,7 +266,8 @@ def _array(declaration: str, items: Iterable[str]) -> str:
                          subsequent_indent='  ', break_long_words=False, break_on_hyphens=False)
 
 
-def _nanoseconds(seconds: float | None) -> str:
+def nanoseconds(seconds: float | None) -> str:
+    """Return a duration as a constant of C; 0 stands for none."""
     return f'INT64_C({max(1, round(seconds * _NS_PER_S)) if seconds else 0})'
 
 
@@ -275,16 +278,17 @@ def union_member(kind: ValueType) -> str:
     return 'i' if kind is ValueType.BOOL or kind.is_signed else 'u'
 
 
-def _value(kind: ValueType, value: bool | int | float) -> str:
-    member = union_member(kind)
-    if member == 'f':
-        return f'.f = {float(value)!r}'
-    if member == 'u':
-        return f'.u = UINT64_C({int(value)})'
-    number = int(value)
-    return f'.i = INT64_C({number})' if number > -2 ** 63 else '.i = INT64_MIN'
+def union_value(kind: ValueType, value: bool | int | float) -> str:
+    """Return a value as an initializer of `union fm_value`."""
+    match union_member(kind):
+        case 'f':
+            return f'{{.f = {c.literal(float(value), ValueType.FLOAT64).text}}}'
+        case 'u':
+            return f'{{.u = {c.literal(int(value), ValueType.UINT64).text}}}'
+        case _:
+            return f'{{.i = {c.literal(int(value), ValueType.INT64).text}}}'
 
 
 def literal(text: str) -> str:
     """Return a C string of a label."""
-    return string_literal(label(text).encode())
+    return c.string_literal(label(text).encode())

@@ -24,15 +24,12 @@ from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.c import string_literal
 from fret_monitor.codegen.comments import comment
 from fret_monitor.codegen.inputs import origin
+from fret_monitor.export.flight import nanoseconds, SOURCES, union_value
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement, ManifestTopic
 from fret_monitor.model.names import HANDLER_TOPIC
 from fret_monitor.model.paths import path_text
-from fret_monitor.model.policies import InputSource, Policy, Report, Severity, Stale, Stamp
+from fret_monitor.model.policies import Policy, Report, Severity, Stale, Stamp
 
-_REPORTS = {Report.EVERY_STEP: 'FM_EVERY_STEP', Report.ONSET: 'FM_ONSET',
-            Report.OCCURRENCE: 'FM_OCCURRENCE'}
-_SOURCES = {InputSource.FIELD: 'FM_FIELD', InputSource.RECEIVED: 'FM_RECEPTION',
-            InputSource.AGE: 'FM_AGE'}
 _CHOICES = {
     'best_effort': 'FM_WEAKER', 'volatile': 'FM_WEAKER', 'keep_last': 'FM_WEAKER',
     'reliable': 'FM_STRONGER', 'transient_local': 'FM_STRONGER', 'keep_all': 'FM_STRONGER'}
@@ -75,19 +72,25 @@ def _inputs(manifest: Manifest) -> Iterator[str]:
     for index, item in enumerate(manifest.inputs):
         if item.values:
             yield from _array('struct fm_value_name', f'values_{index}', (
-                f'{{{_text(name)}, {_number(item, place if item.is_string else value)}}}'
-                for place, (name, value) in enumerate(item.values)))
+                f'{{{_text(name)}, {union_value(item.value_type, number)}}}'
+                for name, number in _numbers(item)))
     yield from _array('struct fm_node_input', 'inputs', (
         '\n  '.join([*comment(origin(item)), _input(index, item)])
         for index, item in enumerate(manifest.inputs)))
-    yield from _array('uint8_t', 'sources', (_SOURCES[item.source] for item in manifest.inputs))
+    yield from _array('uint8_t', 'sources', (SOURCES[item.source] for item in manifest.inputs))
     yield from _array('int64_t', 'timeouts', (
-        _nanoseconds(item.timeout if item.topic is not None else None)
+        nanoseconds(item.timeout if item.topic is not None else None)
         for item in manifest.inputs))
     yield from _array('bool', 'violates', (
         'true' if item.stale is Stale.VIOLATE else 'false' for item in manifest.inputs))
     yield from _array('int64_t', 'startups', (
-        _nanoseconds(item.startup) for item in manifest.inputs))
+        nanoseconds(item.startup) for item in manifest.inputs))
+
+
+def _numbers(item: ManifestInput) -> Iterator[tuple[str, int]]:
+    """Yield the named values of an input as numbers; that of a string is its index."""
+    for place, (name, value) in enumerate(item.values):
+        yield name, place if item.is_string else int(value)
 
 
 def _input(index: int, item: ManifestInput) -> str:
@@ -97,26 +100,8 @@ def _input(index: int, item: ManifestInput) -> str:
         f'{{{_text(item.name)}', _text(key), _text(path_text(item.path)),
         f'values_{index}' if item.values else 'NULL', f'{len(item.values)}u',
         _truth(is_timed_out), _truth(item.initial is not None),
-        _number(item, item.initial or 0), f'{item.timeout or 0.0!r}',
+        union_value(item.value_type, item.initial or 0), f'{item.timeout or 0.0!r}',
         f'{item.startup or item.timeout or 0.0!r}}}'))
-
-
-def _number(item: ManifestInput, value: object) -> str:
-    """Return a value as an initializer of `union fm_value`."""
-    assert isinstance(value, int | float)
-    if item.value_type.is_float:
-        return f'{{.f = {_float(float(value))}}}'
-    if item.value_type.value.startswith('uint'):
-        return f'{{.u = UINT64_C({int(value)})}}'
-    return f'{{.i = {_integer(int(value))}}}'
-
-
-def _float(value: float) -> str:
-    return repr(value).replace('inf', 'INFINITY').replace('nan', 'NAN')
-
-
-def _integer(value: int) -> str:
-    return 'INT64_MIN' if value == -2**63 else f'INT64_C({value})'
 
 
 def _topics(manifest: Manifest) -> Iterator[str]:
@@ -143,7 +128,7 @@ def _requirements(manifest: Manifest) -> Iterator[str]:
     yield from _array('struct fm_node_requirement', 'requirements', (
         _requirement(index, item) for index, item in enumerate(manifest.requirements)))
     yield from _array('uint8_t', 'reports', (
-        _REPORTS[item.report] for item in manifest.requirements))
+        f'FM_{item.report.name}' for item in manifest.requirements))
 
 
 def _requirement(index: int, item: ManifestRequirement) -> str:
@@ -176,9 +161,9 @@ def _table(manifest: Manifest, node_name: str) -> Iterator[str]:
         'n_constants': f'{len(manifest.constants)}u',
         'policy': f'FM_{manifest.policy.name}',
         **{name: name for name in ('reports', 'sources', 'timeouts', 'violates', 'startups')},
-        'period': _nanoseconds(period),
+        'period': nanoseconds(period),
         'uses_header_stamps': _truth(is_timed and manifest.stamp is Stamp.HEADER),
-        'reorder': _integer(manifest.reorder),
+        'reorder': f'INT64_C({manifest.reorder})',
     }
     yield 'const struct fm_node_table fm_node_table = {'
     yield from (f'  .{name} = {value},' for name, value in fields.items())
@@ -214,7 +199,3 @@ def _text(text: str) -> str:
 
 def _truth(value: bool) -> str:
     return 'true' if value else 'false'
-
-
-def _nanoseconds(seconds: float | None) -> str:
-    return _integer(max(1, round(seconds * 1e9)) if seconds else 0)
