@@ -16,10 +16,11 @@
 
 import os
 import re
+import shlex
 import shutil
-import sys
 
 from cli.command import Here, PUMP
+from differential.compiled import clang
 from fret_monitor.native.folder import open_folder
 from fret_monitor.native.monitor import load
 import pytest
@@ -59,7 +60,7 @@ def test_a_compiler_without_stack_usage_is_reported(
     here: Here, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pytest.importorskip('ziglang')
-    monkeypatch.setenv('CC', f'{sys.executable} -m ziglang cc')
+    monkeypatch.setenv('CC', shlex.join(clang() or ()))
     bundle = here.file('pump.yaml', PUMP)
     done = here.run('compile', bundle, '--output', here.folder / 'out', '--worst-case')
     assert (done.status, done.err) == (0, '')

@@ -20,19 +20,20 @@ A value of a message is a `Tree`, with an attribute for each field, like the obj
 or from a message object of rclpy. Neither uses the generated C.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 import math
 from operator import attrgetter
+from pathlib import Path
 import struct
 from types import SimpleNamespace
 from typing import Any
 
 from fret_monitor.logic.specification import Signal
 from fret_monitor.messages.field_path import resolve_field
-from fret_monitor.messages.installed import nested_layout
+from fret_monitor.messages.installed import find_message
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
 from fret_monitor.model.diagnostics import Source, Text
 from fret_monitor.model.manifest import ANGLES
@@ -50,6 +51,8 @@ PARTS = ('[1:3]', '[-2:]', '[:-1]', '[2:]', '[-30 deg : 90 deg]', '[150 deg : -1
 _TIMES = ('builtin_interfaces/msg/Time', 'builtin_interfaces/msg/Duration')
 _DEEPEST = 6
 _LONGEST = 5
+# By identity, since hashing an input with its layout takes longer than reading its value.
+_bases: dict[int, tuple[Signal, str]] = {}
 
 
 # -- values ---------------------------------------------------------------------------------------
@@ -60,18 +63,28 @@ def trees(layout: MessageLayout) -> st.SearchStrategy[Tree]:
     return st.builds(Tree, **{item.name: _values(layout, item.type) for item in layout.fields})
 
 
+def _nested(layout: MessageLayout, kind: FieldType) -> MessageLayout:
+    return _found(kind.base, layout.search_path)
+
+
+@cache
+def _found(name: str, prefixes: Sequence[Path]) -> MessageLayout:
+    # `find_message` looks each time whether the file has changed.
+    return find_message(name, prefixes or None)
+
+
 def weight(layout: MessageLayout) -> int:
     """Return about how many values a message has."""
     total = 0
     for item in layout.fields:
-        one = weight(nested_layout(layout, item.type)) if item.type.is_message else 1
+        one = weight(_nested(layout, item.type)) if item.type.is_message else 1
         is_fixed = item.type.array is ArrayKind.FIXED
         total += one * ((item.type.size or 0) if is_fixed else 1)
     return total
 
 
 def _values(layout: MessageLayout, kind: FieldType) -> st.SearchStrategy[Any]:
-    element = trees(nested_layout(layout, kind)) if kind.is_message else _scalars(kind)
+    element = trees(_nested(layout, kind)) if kind.is_message else _scalars(kind)
     match kind.array:
         case ArrayKind.NONE:
             return element
@@ -129,7 +142,7 @@ def _write_message(out: bytearray, layout: MessageLayout, tree: Any, order: str)
 def _write_element(out: bytearray, layout: MessageLayout, kind: FieldType, value: Any,
                    order: str) -> None:
     if kind.is_message:
-        _write_message(out, nested_layout(layout, kind), value, order)
+        _write_message(out, _nested(layout, kind), value, order)
     elif kind.base == 'string':
         data = value.encode()
         _write_number(out, 'I', len(data) + 1, order)
@@ -173,7 +186,7 @@ def message_object(layout: MessageLayout, tree: Any) -> Any:
     for item in layout.fields:
         value = getattr(tree, item.name)
         if item.type.is_message:
-            inside = nested_layout(layout, item.type)
+            inside = _nested(layout, item.type)
             value = message_object(inside, value) if item.type.array is ArrayKind.NONE \
                 else [message_object(inside, element) for element in value]
         elif item.type.base == 'byte':
@@ -188,7 +201,7 @@ def message_object(layout: MessageLayout, tree: Any) -> Any:
 
 def taken(message: Any, signal: Signal) -> FieldReading:
     """Return what an input must read from a tree or a message object."""
-    value, base = message, _base(signal)
+    value = message
     for step in signal.path:
         index: int | None = None
         match step:
@@ -217,6 +230,7 @@ def taken(message: Any, signal: Signal) -> FieldReading:
         if index >= len(value):
             return FieldReading(Outcome.OUTSIDE, None, len(value))
         value = value[index]
+    base = _base(signal)
     if signal.reduction:
         return _reduced(signal.reduction, value, base)
     if base in ('string', 'wstring'):
@@ -252,13 +266,16 @@ def in_sector(least: float, increment: float, count: int, sector: Sector) -> lis
     return found
 
 
-@cache
 def _base(signal: Signal) -> str:
     """Return the type of the field that an input reads, or of its elements."""
-    assert signal.layout is not None
-    path = path_text(signal.path)
-    call = f'{signal.reduction}({path})' if signal.reduction not in ('', 'seconds') else path
-    return resolve_field(signal.layout, text(call), text(signal.layout.name)).types[-1].base
+    known = _bases.get(id(signal))
+    if known is None:
+        assert signal.layout is not None
+        path = path_text(signal.path)
+        call = f'{signal.reduction}({path})' if signal.reduction not in ('', 'seconds') else path
+        found = resolve_field(signal.layout, text(call), text(signal.layout.name))
+        known = _bases[id(signal)] = signal, found.types[-1].base
+    return known[1]
 
 
 def text(value: str) -> Text:
@@ -383,7 +400,7 @@ def written_paths(layout: MessageLayout, prefix: str = '', depth: int = 0) -> It
                 yield one
                 yield f'len({one})'
                 if kind.is_message:
-                    yield from written_paths(nested_layout(layout, kind), f'{one}.', depth + 1)
+                    yield from written_paths(_nested(layout, kind), f'{one}.', depth + 1)
         last = 9 if kind.size is None else kind.size - 1
         for one in [path] if kind.array is ArrayKind.NONE else \
                 [f'{path}[{index}]' for index in sorted({0, 1, 3, last}) if index <= last]:
@@ -392,12 +409,12 @@ def written_paths(layout: MessageLayout, prefix: str = '', depth: int = 0) -> It
                 yield f'len({one})'
             if kind.is_message:
                 yield from (f'{function}({one})' for function in ('norm', *ANGLES))
-                yield from written_paths(nested_layout(layout, kind), f'{one}.', depth + 1)
+                yield from written_paths(_nested(layout, kind), f'{one}.', depth + 1)
 
 
 def _looked_up(layout: MessageLayout, array: MessageField, prefix: str) -> Iterator[str]:
     """Yield elements of an array by all names there may be."""
-    inside = nested_layout(layout, array.type).fields if array.type.is_message else ()
+    inside = _nested(layout, array.type).fields if array.type.is_message else ()
     for item in (*layout.fields, *inside):
         if item.type.base == 'string':
             yield f'{prefix}{array.name}[{item.name} = idle]'

@@ -19,7 +19,8 @@ import random
 import struct
 import subprocess
 
-from csrc.test_evaluator import gcc, run, SANITIZERS, WARNINGS
+from csrc.test_evaluator import gcc, run, SANITIZERS
+from differential.compiled import WARNINGS
 from fret_monitor.model.floats import shortest_float32
 from fret_monitor.native import csrc_directory
 from fret_monitor.runtime.detail_text import short_seconds

@@ -23,7 +23,7 @@ import subprocess
 from typing import Any
 
 from differential.compiled import (
-    c_module, clang, compile_c, CSRC, gcc, HERE, WARNINGS, write_module,
+    c_module, clang, compile_c, CSRC, gcc, HERE, SANITIZERS, WARNINGS, write_module,
 )
 from fret_monitor.build import build_specification
 from fret_monitor.codegen.module import CModule
@@ -36,7 +36,6 @@ import pytest
 from strategies import INPUTS, property_of, random_inputs, random_property, specification_of
 
 P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)
-SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-g', '-O1')
 COMPILERS = {'gcc': gcc, 'clang': clang}
 
 

@@ -20,8 +20,8 @@ import re
 import shutil
 import subprocess
 
-from differential.compiled import clang, compile_c, gcc, WARNINGS
-from differential.test_clean_c import has_sanitizers, SANITIZERS
+from differential.compiled import clang, compile_c, gcc, SANITIZERS, WARNINGS
+from differential.test_clean_c import has_sanitizers
 from fret_monitor.build import build, generate_monitor, read
 from fret_monitor.export.c99 import c99
 from fret_monitor.export.content import Options

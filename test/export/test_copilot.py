@@ -22,8 +22,8 @@ import re
 import shutil
 import subprocess
 
-from differential.compiled import clang, compile_c, gcc, WARNINGS
-from differential.test_clean_c import has_sanitizers, SANITIZERS
+from differential.compiled import clang, compile_c, gcc, SANITIZERS, WARNINGS
+from differential.test_clean_c import has_sanitizers
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
 from fret_monitor.export.content import Content, HandlerArguments, Options
 from fret_monitor.export.copilot import copilot
