@@ -23,7 +23,7 @@ from typing import Any
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import print_diagnostics, progress
-from fret_monitor.export.content import HandlerArguments, Options
+from fret_monitor.export.content import HandlerArguments, Options, unacted
 from fret_monitor.export.folder import assemble, check_output, is_name, renamed, write_export
 from fret_monitor.export.sizes import measured_sizes, Sizes
 from fret_monitor.export.targets import TARGETS
@@ -84,7 +84,7 @@ def run(options: Namespace) -> int:
     print_diagnostics(generated.warnings)
     chosen = Options(options.prefix or '', HandlerArguments(options.handler_arguments))
     content = TARGETS[options.target].content(generated, chosen)
-    print_diagnostics(content.warnings)
+    print_diagnostics([*unacted(generated), *content.warnings])
     check_output(options.output, content.templates)
     # Once without the certificate, so that a mistake in --templates is reported before the proof.
     assemble(options.target, generated, chosen, content, templates=options.templates)

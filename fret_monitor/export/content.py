@@ -23,7 +23,7 @@ from fret_monitor import __version__
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.comments import safe
 from fret_monitor.codegen.inputs import meaning
-from fret_monitor.model.diagnostics import counted, Diagnostic, refuse, Source, Span
+from fret_monitor.model.diagnostics import counted, Diagnostic, Problems, refuse, Source, Span
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.cache import csrc_directory
@@ -144,6 +144,19 @@ def common_values(generated: GeneratedMonitor, options: Options) -> dict[str, st
         'REQUIREMENTS': '\n'.join(_requirements(manifest.requirements)),
         'INPUT_TABLE': '\n'.join(_inputs(manifest)),
     }
+
+
+def unacted(generated: GeneratedMonitor) -> tuple[Diagnostic, ...]:
+    """Return warnings of what a bundle does besides monitoring: no export does it."""
+    problems = Problems()
+    for item in generated.specification.properties:
+        if item.on_violation or item.on_end:
+            problems.warning(f"no action follows '{item.id}' in an export", item.id_place,
+                             'the program that it is built into has to act')
+    for gate in generated.specification.gates:
+        problems.warning(f"the gate '{gate.name}' is not part of an export", gate.place,
+                         'no message passes through it')
+    return problems.warnings
 
 
 def markdown(text: str) -> str:

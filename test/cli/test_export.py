@@ -96,3 +96,21 @@ def test_wrong_arguments_are_refused(
     assert (done.status, done.out) == (status, '')
     assert expected in done.err
     assert [path.name for path in Path().iterdir()] == ['pump.yaml']
+
+
+def test_actions_and_gates_are_not_part_of_an_export_and_it_says_so(here: Here) -> None:
+    bundle = here.file('acts.yaml', """\
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+actions:
+  stop: {lock: {topic: e_stop}}
+gates:
+  cmd: {from: cmd_in, to: cmd_out, type: std_msgs/msg/Float32, keep: [R]}
+requirements:
+  - {id: R, on_violation: stop, ptltl: "x < 1.0"}
+""")
+    done = here.run('export', bundle, '--to', 'c99', '--output', here.folder / 'out', '--no-proof')
+    assert done.status == 0
+    assert "acts.yaml:9:10: warning: no action follows 'R' in an export" in done.err
+    assert "acts.yaml:7:3: warning: the gate 'cmd' is not part of an export" in done.err
