@@ -128,6 +128,7 @@ setup(
     entry_points={
         'console_scripts': [
             f'fret-monitor = {NAME}.cli.main:main',
+            f'gate = {NAME}.ros.gate:main',
             f'logger = {NAME}.ros.logger:main',
             f'monitor = {NAME}.ros.monitor:main',
         ],

@@ -148,7 +148,7 @@ link_folders() {
   index=$venv/share/ament_index/resource_index/packages
   rm -rf "$share" "$venv/lib/fret_monitor"
   mkdir -p "$share" "$venv/lib/fret_monitor" "$index"
-  for node in monitor logger; do
+  for node in monitor gate logger; do
     ln -s "../../bin/$node" "$venv/lib/fret_monitor/$node"
   done
   for shared in package.xml config csrc docs examples launch; do

@@ -173,7 +173,8 @@ class ManifestGate:
 
     `source` is the topic that it reads, and `target` the one that it publishes; of a service, the
     one that it offers and the one that it calls. `interface` is the type of both. `topic` is the
-    index of `source` in `Manifest.topics`; None if no requirement of the gate reads it. `hold`:
+    index of `source` in `Manifest.topics` (of a service, of its events); None if no requirement of
+    the gate reads it. `hold`:
     how long the last good message is repeated. `substitute` is the serialized message, or the
     response of a service, that is sent instead (CDR with its header of four bytes, little endian);
     `period` is the time between two of these, 0: one for each message withheld. `stamp_at` is the

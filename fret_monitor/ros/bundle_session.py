@@ -24,14 +24,15 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import Any
 
-from fret_monitor.model.manifest import Manifest, ManifestInput
+from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestTopic
 from fret_monitor.model.policies import Policy
 from fret_monitor.ros.blackbox import BlackBox
 from fret_monitor.ros.compiled import Opened
 from fret_monitor.ros.detail_publisher import DetailPublisher
 from fret_monitor.ros.details import Details, DETAILS_TOPIC
-from fret_monitor.ros.feed import Feed, PublisherStatus
+from fret_monitor.ros.feed import Feed, PublisherStatus, Topic
 from fret_monitor.ros.fields import message_class, MessageTypeError, why_unusable
+from fret_monitor.ros.gate_session import gate_of, refuse_circle, RunningGate
 from fret_monitor.ros.handlers import handler_topic, Handlers
 from fret_monitor.ros.health import describe_missing, Health, PERIOD
 from fret_monitor.ros.hot_path import Announcer, EngineTopic, Middleware, why_not_listening
@@ -89,12 +90,15 @@ class BundleSession:
         self._running = ExitStack()
         self._feed: Feed | None = None
         self._announcer: Announcer | None = None
+        self._gate: RunningGate | None = None
         self._detail_publisher: DetailPublisher | None = None
         self._health: Health | None = None
         self._missing_timer: Timer | None = None
         self._logged: set[int | str] = set()  # keys of log lines that appear only once
         refuse_inputs_off_ros(self.manifest)
         self._classes = _message_classes(self.manifest)
+        if self.manifest.gate is not None:
+            refuse_circle(node, self.manifest.gate)
         self._blackbox = None if blackbox is None else BlackBox(node, self.manifest, blackbox)
         self._engine = self._new_engine()
         with ExitStack() as undo:
@@ -112,10 +116,18 @@ class BundleSession:
         """The manifest of the bundle."""
         return self.opened.monitor.manifest
 
+    @property
+    def _has_relay(self) -> bool:
+        gate = self.manifest.gate
+        return gate is not None and not gate.is_service
+
     def _new_engine(self) -> Engine:
-        engine = Engine(Evaluator(
+        evaluator = Evaluator(
             self.opened.monitor, policy=self.opened.policy, period=self.opened.period,
-            patience=PATIENCE_S, reports_recoveries=True, library=self.opened.evaluator))
+            patience=PATIENCE_S, reports_recoveries=True, library=self.opened.evaluator)
+        engine = Engine(evaluator)
+        if self.manifest.gate is not None:
+            engine.guard(gate_of(evaluator, self.manifest.gate))
         if self._blackbox is not None:
             self._blackbox.keep_messages(engine)
         return engine
@@ -154,7 +166,7 @@ class BundleSession:
             has_timeouts=any(item.timeout is not None for item in self.manifest.inputs),
             reorder=self.manifest.reorder)
         self._health = Health(self._node, self._engine, self._silence_log, period, self._name,
-                              self._look_up_log, self._blackbox)
+                              self._look_up_log, self._blackbox, self._gate)
         self._running.callback(self._health.close)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._keep(self._node.create_timer(PERIOD, self._report_health, clock=steady))
@@ -184,8 +196,9 @@ class BundleSession:
 
     def turns(self) -> tuple[int, ...]:
         """Return a counter of each thread; each grows within a second unless its thread hangs."""
-        return tuple(0 if thread is None else thread.turns
-                     for thread in (self._announcer, self._feed, self._detail_publisher))
+        threads = [self._announcer, self._feed, self._detail_publisher]
+        return tuple(0 if thread is None else thread.turns for thread in (
+            *threads, *([self._gate] if self._has_relay else [])))
 
     def reset(self) -> int:
         """Reset all step groups between two steps; return how many there are."""
@@ -246,20 +259,38 @@ class BundleSession:
         self._running.callback(announcer.join)
         details = DetailPublisher(engine, self._details, self._violation_log(engine))
         self._running.callback(details.end)
+        gate = self._open_gate(engine, middleware)
         self._running.callback(feed.close)
         for index, topic in enumerate(self.manifest.topics):
-            kind = self._classes[topic.message_type]
-            if middleware.reads_in_place:
-                kind = self._class_in_place(middleware, topic.name, kind)
-            feed.subscribe(topic.name, topic.message_type, kind,
-                           EngineTopic(engine, middleware, index), self._overrides.apply(
-                               self._node.resolve_topic_name(topic.name), dict(topic.qos)))
+            if gate is None or not gate.takes(index):
+                self._subscribe(feed, topic, EngineTopic(engine, middleware, index), middleware)
+            elif gate.topic is not None:
+                self._subscribe(feed, topic, gate.topic)
+        if gate is not None and gate.topic is not None and gate.reads_unmapped is not None:
+            self._subscribe(feed, gate.reads_unmapped, gate.topic)
         feed.start()
-        self._feed = feed
+        self._feed, self._gate = feed, gate
         engine.begin()  # after the subscriptions, so that no timeout runs while they are made
         # Logged after the start, since rclpy needs 0.1 s for its first log line.
         self._node.get_logger().info(f'messages are taken {self._way}', once=True)
         self._announcer, self._detail_publisher = announcer, details
+
+    def _open_gate(self, engine: Engine, middleware: Middleware) -> RunningGate | None:
+        settings = self.manifest.gate
+        if settings is None:
+            return None
+        gate = RunningGate(self._node, engine, settings, middleware, self._classes)
+        self._running.callback(gate.close)
+        return gate
+
+    def _subscribe(self, feed: Feed, mapped: ManifestTopic, topic: Topic,
+                   in_place: Middleware | None = None) -> None:
+        """Subscribe to a topic; read it in place if the middleware is given and does so."""
+        kind = self._classes[mapped.message_type]
+        if in_place is not None and in_place.reads_in_place:
+            kind = self._class_in_place(in_place, mapped.name, kind)
+        feed.subscribe(mapped.name, mapped.message_type, kind, topic, self._overrides.apply(
+            self._node.resolve_topic_name(mapped.name), dict(mapped.qos)))
 
     def _violation_log(self, engine: Engine) -> ViolationLog | None:
         if not self._logs_violations:
@@ -281,7 +312,13 @@ class BundleSession:
     # Reports.
 
     def _statuses(self) -> Sequence[PublisherStatus]:
-        return self._feed.statuses() if self._feed is not None else ()
+        if self._feed is None:
+            return ()
+        found = self._feed.statuses()
+        gate = self.manifest.gate
+        if gate is not None and gate.is_service and gate.topic is not None:
+            found.insert(gate.topic, PublisherStatus(1))  # requests come from this node
+        return found[:len(self.manifest.topics)]
 
     def _report_health(self) -> None:
         # Raised in the executor, so that the error reaches the program that spins the node.
@@ -292,6 +329,8 @@ class BundleSession:
             self._time_log.review()
             self._silence_log.review()
             self._look_up_log.review()
+            if self._gate is not None:
+                self._gate.review()
             self._health.publish(self._statuses())
         self._log_unpublished()
         for topic in range(len(self.manifest.topics)):
@@ -425,7 +464,8 @@ def _lines_wanted(item: ManifestInput) -> list[str]:
 def _message_classes(manifest: Manifest) -> dict[str, Any]:
     classes: dict[str, Any] = {}
     problems: list[str] = []
-    for message_type in sorted({topic.message_type for topic in manifest.topics}):
+    gated = {manifest.gate.interface} if manifest.gate is not None else set()
+    for message_type in sorted({topic.message_type for topic in manifest.topics} | gated):
         try:
             classes[message_type] = message_class(message_type)
         except MessageTypeError as error:

@@ -24,7 +24,7 @@ The subscriptions are used by the feed's thread only, and not by an executor.
 """
 
 from collections import deque
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from heapq import merge
@@ -94,6 +94,9 @@ class Topic(Protocol):
 
     def note_publishers(self, gids: Set[bytes]) -> None:
         """Note which publishers there are; called periodically."""
+
+    def follow(self, offers: Sequence[QoSProfile]) -> None:
+        """Note the quality of service that the publishers offer; called periodically."""
 
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
@@ -171,7 +174,7 @@ class Feed:
         self._guard = _rclpy.GuardCondition(node.context.handle)
         self._held: list[_Taken] = []
         self._is_behind = False  # more messages wait than were taken in the last round
-        self._waited: list[Any] = []  # the handles of all subscriptions
+        self._waited: list[Any] = []  # handles of the subscriptions from which this thread takes
         self._wait_set: Any = None
         self._kept = ErrorKeeper()
         self.turns = 0
@@ -182,8 +185,8 @@ class Feed:
         """
         Subscribe to a topic; after `start` this takes effect at the next review.
 
-        C listens for all topics of a feed, or for none. `fixed` is the part of the quality of
-        service that does not follow the publishers (`qos.wanted_profile`).
+        `fixed` is the part of the quality of service that does not follow the publishers
+        (`qos.wanted_profile`).
 
         Raises
         ------
@@ -266,7 +269,7 @@ class Feed:
             if monotonic() >= next_review:
                 self._review()
                 next_review = monotonic() + _REVIEW_PERIOD
-            if self._topics and not self._topics[0].topic.listens:
+            if any(not item.topic.listens for item in self._topics):
                 self._take_round()
             else:
                 self._closing.wait(_REVIEW_PERIOD)
@@ -305,7 +308,8 @@ class Feed:
         self._next_reviewed = begin + _REVIEWED_AT_ONCE
         if self._next_reviewed >= len(self._topics):
             self._next_reviewed = 0
-        self._waited = [item.handle for topic in self._topics for item in topic.subscriptions()]
+        self._waited = [item.handle for topic in self._topics if not topic.topic.listens
+                        for item in topic.subscriptions()]
         self._wait_set = _rclpy.WaitSet(
             len(self._waited), 1, 0, 0, 0, 0, self._node.context.handle)
 
@@ -329,7 +333,7 @@ class Feed:
         # Sorting is stable, so it keeps the order of a topic.
         batches = [sorted(self._held, key=_received)]
         self._held = []
-        for topic in self._topics:
+        for topic in [item for item in self._topics if not item.topic.listens]:
             for receiver in topic.receivers():
                 batches.append(self._take_all(topic, receiver, now))
         filled = [batch for batch in batches if batch]
@@ -436,6 +440,7 @@ class _Subscribed:
         unmatched = [item for item in same_type
                      if not qos.matches(self._current.qos_profile, item.qos_profile)]
         self.topic.note_publishers(gids)
+        self.topic.follow([item.qos_profile for item in same_type])
         self.status = PublisherStatus(
             len(same_type), tuple(sorted({_who(item) for item in unmatched})),
             tuple(sorted({item.topic_type for item in others})), self.topic.lost)

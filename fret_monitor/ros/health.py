@@ -16,8 +16,9 @@
 The state of the monitor on `/diagnostics`, once a second (docs/ros.md, Topics).
 
 There is a status for each requirement and each topic, one for the periods with the policy
-periodic, one for the time with the policy timed, one for a black box, and one for violations
-that could not be published. Each is named `NODE: ITEM`, as diagnostic aggregators expect.
+periodic, one for the time with the policy timed, one for a gate, one for a black box, and one for
+violations that could not be published. Each is named `NODE: ITEM`, as diagnostic aggregators
+expect.
 `describe_missing` makes the log line about requirements that are not evaluated yet.
 """
 
@@ -30,6 +31,7 @@ from fret_monitor.model.policies import Report, Stale, Stamp
 from fret_monitor.ros.blackbox import BlackBox, BlackBoxCounts
 from fret_monitor.ros.details import LEVELS
 from fret_monitor.ros.feed import PublisherStatus
+from fret_monitor.ros.gate_session import RunningGate
 from fret_monitor.ros.look_ups import LIMIT_S, LookUpLog
 from fret_monitor.ros.node_time import are_worth_reading
 from fret_monitor.ros.silences import SilenceLog, some
@@ -46,7 +48,7 @@ class Health:
     def __init__(self, node: Node, engine: Engine,
                  silences: SilenceLog | None = None, period: float | None = None,
                  bundle: str = '', look_ups: LookUpLog | None = None,
-                 blackbox: BlackBox | None = None) -> None:
+                 blackbox: BlackBox | None = None, gate: RunningGate | None = None) -> None:
         """
         Advertise the topic; the caller then calls `publish` once per `PERIOD`.
 
@@ -66,6 +68,7 @@ class Health:
         self._silences = silences
         self._look_ups = look_ups
         self._blackbox = blackbox
+        self._gate = gate
         self._blackbox_counts = BlackBoxCounts()
         self._period = period
         self._time_counts = engine.time_counts()
@@ -91,7 +94,7 @@ class Health:
                 *self._of_silence(index, silent),
                 *self._of_messages(index, unusable, lost[index]), *order[index]])
               for index, status in enumerate(statuses)),
-            *periods, *blackbox, *unpublished]
+            *self._of_gate(), *periods, *blackbox, *unpublished]
         self._publisher.publish(array)
 
     def close(self) -> None:
@@ -153,6 +156,11 @@ class Health:
         yield self._status(f'periods of {self._bundle or self._manifest.name}', level, message, {
             'period': f'{self._period:g}', 'taken': counts.periods, 'late': counts.late,
             'missed': counts.missed, 'restarts': counts.restarts})
+
+    def _of_gate(self) -> Iterator[DiagnosticStatus]:
+        gate = self._manifest.gate
+        if self._gate is not None and gate is not None:
+            yield self._status(f'gate {gate.name}', *self._gate.status())
 
     def _of_unpublished(self) -> Iterator[DiagnosticStatus]:
         """Yield a status if violations could not be published; none if all were published."""

@@ -32,10 +32,12 @@ from fret_monitor.ros import native_lifetimes
 from fret_monitor.ros.feed import Record
 from fret_monitor.ros.in_place import InPlaceTypes
 from fret_monitor.ros.loaded import find_symbol, loaded_library, Unavailable
+from fret_monitor.ros.rcl_publisher import RclPublisher
 from fret_monitor.ros.rcl_subscription import RclSubscription
 from fret_monitor.runtime.engine import Engine
 
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 from rclpy.utilities import get_rmw_implementation_identifier
 
 _GID_BYTES: int = ffi.integer_const('FM_GID_BYTES')
@@ -60,6 +62,7 @@ class Middleware:
         rmw = loaded_library(
             'librmw_implementation.so', f'lib{get_rmw_implementation_identifier()}.so')
         rcl, rcutils = loaded_library('librcl.so'), loaded_library('librcutils.so')
+        self._rmw = rmw
         self.functions: Any = ffi.new('struct fm_middleware *')
         self._in_place: InPlaceTypes | None = None
         wanted = [('take', rmw, 'rmw_take_serialized_message_with_info'),
@@ -75,6 +78,12 @@ class Middleware:
             rcl, 'rcl_subscription_get_rmw_handle', 'void * (*)(void *)')
         self._of_publisher = find_symbol(rcl, 'rcl_publisher_get_rmw_handle', 'void * (*)(void *)')
         self.clock_now = find_symbol(rcl, 'rcl_clock_get_now', 'int (*)(void *, int64_t *)')
+
+    def publish_serialized(self) -> Any:
+        """Return the function that publishes a serialized message; raises `Unavailable`."""
+        options: Any = ffi.new('struct fm_relay_options *')
+        return find_symbol(
+            self._rmw, 'rmw_publish_serialized_message', ffi.typeof(options.publish))
 
     def read_in_place(self, library: Any) -> None:
         """
@@ -111,7 +120,7 @@ class Middleware:
         """Return the rmw handle of a subscription; the caller holds its rclpy handle."""
         return _not_null(self._of_subscription(ffi.cast('void *', item.handle.pointer)))
 
-    def publisher(self, item: Publisher) -> Any:
+    def publisher(self, item: Publisher | RclPublisher) -> Any:
         """Return the rmw handle of a publisher; the caller holds its rclpy handle."""
         return _not_null(self._of_publisher(ffi.cast('void *', item.handle.pointer)))
 
@@ -237,6 +246,9 @@ class EngineTopic:
 
     def note_publishers(self, gids: Set[bytes]) -> None:
         """Do nothing: each message names its publisher."""
+
+    def follow(self, offers: Sequence[QoSProfile]) -> None:
+        """Do nothing: the messages go no further."""
 
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on; with `has_history` also history that was sent earlier."""

@@ -14,7 +14,7 @@
 
 """The monitor node: parameters and life cycle; a `BundleSession` runs each bundle."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 import traceback
 from typing import Any
@@ -24,7 +24,9 @@ from fret_monitor.ros.bundle_session import BundleSession
 from fret_monitor.ros.compiled import open_monitors, Opened
 from fret_monitor.ros.duplicate_nodes import DuplicateNodes
 from fret_monitor.ros.overrides import DeclaredOverrides, Overrides
-from fret_monitor.ros.parameters import MONITOR_PARAMETERS, Parameters, read_settings, Refusal
+from fret_monitor.ros.parameters import (
+    Described, MONITOR_PARAMETERS, Parameters, read_settings, Refusal, Settings,
+)
 from fret_monitor.ros.sign_of_life import SignOfLife
 from fret_monitor.ros.signals import uninterrupted
 
@@ -44,6 +46,8 @@ class MonitorNode(LifecycleNode):
     Any executor can spin it. The executor serves transitions, `~/reset`, parameters and timers;
     messages do not need one.
     """
+
+    PARAMETERS: Mapping[str, Described] = MONITOR_PARAMETERS
 
     def __init__(self, node_name: str = 'fret_monitor', **options: Any) -> None:
         """
@@ -67,7 +71,7 @@ class MonitorNode(LifecycleNode):
             undo.pop_all()
 
     def _begin(self) -> None:
-        self._declared = Parameters(self, MONITOR_PARAMETERS, self._why_fixed)
+        self._declared = Parameters(self, self.PARAMETERS, self._why_fixed)
         self._duplicate_nodes = DuplicateNodes(self)
         self.create_service(Trigger, '~/reset', self._reset)
         for service in self.services:
@@ -136,12 +140,12 @@ class MonitorNode(LifecycleNode):
 
     def _configure(self) -> None:
         settings = read_settings(self._declared.values())
-        opened = open_monitors(settings)
+        opened = self._open(settings)
         self._refuse_two_types(opened)
         self._declared.show_constants(item.monitor.manifest for item in opened)
         with ExitStack() as undo:
             undo.callback(self._release)
-            for item, name in zip(opened, _names(opened)):
+            for item, name in zip(opened, self._names(opened)):
                 self._sessions.append(BundleSession(
                     self, item, hot_path=settings.hot_path, name=name,
                     handler_depth=settings.handler_depth,
@@ -152,11 +156,19 @@ class MonitorNode(LifecycleNode):
             self.resolve_topic_name(topic.name)
             for session in self._sessions for topic in session.manifest.topics]))
 
+    def _open(self, settings: Settings) -> list[Opened]:
+        """Compile and load what the node runs; raises `Refusal`."""
+        return open_monitors(settings)
+
+    def _names(self, opened: Sequence[Opened]) -> list[str]:
+        """Return distinct names for the bundles; an empty name if there is only one bundle."""
+        return distinct_names([item.monitor.manifest.name for item in opened])
+
     def _refuse_two_types(self, opened: Sequence[Opened]) -> None:
         """Refuse two types for one topic: the middleware allows only one per process."""
         types: dict[str, tuple[str, str]] = {}
         problems = []
-        for item, bundle in zip(opened, _names(opened)):
+        for item, bundle in zip(opened, self._names(opened)):
             for topic in item.monitor.manifest.topics:
                 name = self.resolve_topic_name(topic.name)
                 kind, first = types.setdefault(name, (topic.message_type, bundle))
@@ -229,13 +241,13 @@ class MonitorNode(LifecycleNode):
         return response
 
 
-def _names(opened: Sequence[Opened]) -> list[str]:
-    """Return distinct names for the bundles; an empty name if there is only one bundle."""
-    if len(opened) == 1:
+def distinct_names(given: Sequence[str]) -> list[str]:
+    """Return distinct names, with numbers where they repeat; an empty name for a single one."""
+    if len(given) == 1:
         return ['']
     names: list[str] = []
-    for item in opened:
-        stem = name = item.monitor.manifest.name
+    for stem in given:
+        name = stem
         number = 1
         while name in names:
             number += 1

@@ -86,6 +86,11 @@ MONITOR_PARAMETERS = {
     'log_level': _LOG_LEVEL,
 }
 _CONSTANT = "a constant of a bundle, with a value in place of the bundle's; read by `configure`"
+GATE_PARAMETERS = {
+    'gates': Described('', 'the gates of the bundles to run, a name or a list; empty for all; '
+                           'read by `configure`'),
+    **{name: item for name, item in MONITOR_PARAMETERS.items() if name not in ('period', 'rate')},
+}
 LOGGER_PARAMETERS = {
     'spec': Described('', _SPEC, read_only=True),
     'library': Described('', _LIBRARY, read_only=True),
@@ -105,7 +110,7 @@ _HOT_PATHS = ('auto', 'on', 'off')
 _LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 # Parameters of rclpy and of both nodes: one parameter file may be given to both.
 _KNOWN = {'use_sim_time', 'start_type_description_service',
-          *MONITOR_PARAMETERS, *LOGGER_PARAMETERS}
+          *MONITOR_PARAMETERS, *GATE_PARAMETERS, *LOGGER_PARAMETERS}
 
 
 class Refusal(Exception):
@@ -146,7 +151,11 @@ class BlackBoxSettings:
 
 @dataclass(frozen=True)
 class Settings:
-    """The bundles to monitor, and what overrides them; `period` is in seconds, exact."""
+    """
+    The bundles to monitor, and what overrides them; `period` is in seconds, exact.
+
+    `gates`: the gates to run; () for all.
+    """
 
     origins: tuple[Origin, ...]
     policy: Policy | None = None
@@ -156,6 +165,7 @@ class Settings:
     log_violations: bool = True
     constants: Mapping[str, Text] = field(default_factory=dict)
     blackbox: BlackBoxSettings | None = None
+    gates: tuple[str, ...] = ()
 
 
 class Parameters:
@@ -293,7 +303,8 @@ def _settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
         _origins(given, problems), _policy(given, problems), _period(given, problems),
         _word(given, 'hot_path', _HOT_PATHS, problems) or 'auto',
         _depth(given, problems), _truth(given, 'log_violations', problems),
-        constant_texts(given, problems), _blackbox(given, problems))
+        constant_texts(given, problems), _blackbox(given, problems),
+        tuple(_texts(given, 'gates', problems)))
 
 
 def _origins(given: Mapping[str, Any], problems: list[str]) -> tuple[Origin, ...]:

@@ -25,7 +25,9 @@ from textwrap import fill
 import traceback
 
 from fret_monitor.model.output import drop_output
-from fret_monitor.ros.parameters import LOGGER_PARAMETERS, MONITOR_PARAMETERS, Refusal
+from fret_monitor.ros.parameters import (
+    GATE_PARAMETERS, LOGGER_PARAMETERS, MONITOR_PARAMETERS, Refusal,
+)
 from fret_monitor.ros.signals import StopRequest
 
 import rclpy
@@ -45,7 +47,8 @@ _USAGE = """\
 usage: {command} --ros-args -p spec:=BUNDLE.yaml
        {command} --ros-args -p library:=FOLDER   (what `compile` wrote)
 """
-_PARAMETERS = {'monitor': MONITOR_PARAMETERS, 'logger': LOGGER_PARAMETERS}
+_PARAMETERS = {'monitor': MONITOR_PARAMETERS, 'gate': GATE_PARAMETERS,
+               'logger': LOGGER_PARAMETERS}
 
 
 def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:

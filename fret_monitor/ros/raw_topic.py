@@ -20,12 +20,14 @@ are therefore counted only while there is one publisher.
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Set
+from collections.abc import Callable, Sequence, Set
 from time import time_ns
 from typing import Any
 
 from fret_monitor.ros.feed import Record
 from fret_monitor.ros.rcl_subscription import RclSubscription
+
+from rclpy.qos import QoSProfile
 
 _MOST_KEYS = 4096  # of the last messages in a handover
 _NONE = 2**64 - 1  # RMW_MESSAGE_INFO_SEQUENCE_NUMBER_UNSUPPORTED
@@ -59,6 +61,9 @@ class RawTopic:
     def note_publishers(self, gids: Set[bytes]) -> None:
         """Count the losses since the last call, if there is one publisher."""
         self._gaps.confirm(gids)
+
+    def follow(self, offers: Sequence[QoSProfile]) -> None:
+        """Do nothing: the messages go no further."""
 
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on, but no history; treat the next message as the first."""

@@ -33,6 +33,7 @@ from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
 )
+from fret_monitor.runtime.gate import Gate, gate_counts, GateCounts, Judgement
 from fret_monitor.runtime.message_ring import MessageRing
 
 MOST_DETAILS_PER_S = 100
@@ -130,6 +131,7 @@ class Engine:
         # Holds the library too: a reference to its function would not keep it open.
         self.pointer: Any = ffi.gc(pointer, partial(_destroy, self._library))
         self._ring: MessageRing | None = None  # outlives the engine
+        self._gate: Gate | None = None  # so does this
         self._origin: Any = ffi.new('struct fm_origin *')
         self._types = [item.value_type.c_name for item in self._monitor.manifest.inputs]
         self._values = [ffi.new(f'{name} *') for name in self._types]
@@ -155,6 +157,35 @@ class Engine:
         """Keep each message, and note when violations begin; call it before any is delivered."""
         self._ring = ring
         self._library.fm_engine_keep_messages(self.pointer, ring.pointer)
+
+    def guard(self, gate: Gate) -> None:
+        """Let a gate of the evaluator judge; call it before any message is delivered."""
+        self._gate = gate
+        self._library.fm_engine_guard(self.pointer, gate.pointer, gate.options)
+
+    def judge(self, message: bytes, received: int) -> Judgement:
+        """Judge a serialized message of the gate's topic, received at a time of the system."""
+        origin = ffi.new('struct fm_origin *', {'received': received})
+        return Judgement(self._library.fm_engine_judge(
+            self.pointer, ffi.from_buffer('uint8_t[]', message), len(message), origin,
+            ffi.new('int64_t *')))
+
+    def replace(self, message: bytes, stamp_at: int | None = None) -> bytes | None:
+        """Take the step of a replacement that is due; return what to send, None if nothing."""
+        sent = bytearray(message)
+        is_sent = self._library.fm_engine_replace(
+            self.pointer, ffi.from_buffer('uint8_t[]', sent), len(sent),
+            -1 if stamp_at is None else stamp_at, ffi.new('int64_t *'))
+        return bytes(sent) if is_sent else None
+
+    @property
+    def replacement_due(self) -> int:
+        """When a replacement is due by the steady clock; `NEVER` if none is."""
+        return int(self._library.fm_engine_replacement_due(self.pointer))
+
+    def gate_counts(self) -> GateCounts:
+        """Return the counters and the present state of the gate."""
+        return gate_counts(self._library.fm_engine_gate_counts(self.pointer))
 
     def message(self, topic: int, message: bytes, received: int, *, sent: int = 0,
                 sequence: int = 0, gid: Any = ffi.NULL, is_retired: bool = False) -> Receipt:

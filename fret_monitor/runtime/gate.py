@@ -96,7 +96,7 @@ class Gate:
         self.rules = rules
         self._library: Any = evaluator.library
         options = evaluator.options
-        self._options = ffi.new('struct fm_gate_options *', {
+        self.options = ffi.new('struct fm_gate_options *', {
             'evaluator': evaluator.pointer,
             'monitor': evaluator.monitor.pointer,
             'topics': options.topics,
@@ -109,10 +109,10 @@ class Gate:
             'latches': rules.latches,
             'open_after': rules.open_after,
         })
-        size = self._library.fm_gate_bytes(self._options)
+        size = self._library.fm_gate_bytes(self.options)
         self._block = ffi.new('char[]', size + ALIGNMENT)
         memory = self._block + -int(ffi.cast('uintptr_t', self._block)) % ALIGNMENT
-        self.pointer: Any = self._library.fm_gate_init(memory, self._options)
+        self.pointer: Any = self._library.fm_gate_init(memory, self.options)
         if self.pointer == ffi.NULL:
             raise LibraryError('the evaluator refuses the rules of the gate')
         manifest = evaluator.monitor.manifest

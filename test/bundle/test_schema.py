@@ -130,8 +130,8 @@ def test_wrong_bundles_are_not_valid(old: str, new: str) -> None:
 
 
 @pytest.mark.parametrize('name', [
-    'a_list', 'a_text', 'acting', 'unknown_keys', 'no_format', 'no_requirements', 'requirements_by_name',
-    'startup', 'topics', 'misplaced_policy', 'inner_shapes'])
+    'a_list', 'a_text', 'acting', 'unknown_keys', 'no_format', 'no_requirements',
+    'requirements_by_name', 'startup', 'topics', 'misplaced_policy', 'inner_shapes'])
 def test_what_the_reader_refuses_for_its_shape_is_not_valid(name: str) -> None:
     text = (golden.FOLDER / 'bundle' / f'{name}.yaml').read_text(encoding='utf-8')
     assert not is_valid(text)

@@ -43,7 +43,7 @@ from std_srvs.srv import Trigger
 
 PATIENCE = 30.0  # s; the machines that run the tests may be busy
 START = 'import sys; from fret_monitor.ros.{0} import main; sys.argv[0] = "{0}"; sys.exit(main())'
-READY = {'monitor': 'watching', 'logger': 'listening'}
+READY = {'monitor': 'watching', 'gate': 'watching', 'logger': 'listening'}
 
 RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -15,7 +15,6 @@
 """Several bundles in one node, and several nodes in one graph."""
 
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -190,10 +189,8 @@ def test_monitors_of_different_names_share_a_namespace_and_a_duplicate_is_report
 
 
 def test_bundles_of_one_name_have_different_names_in_diagnostics() -> None:
-    opened = [SimpleNamespace(monitor=SimpleNamespace(manifest=SimpleNamespace(name=name)))
-              for name in ('a b', 'a b', 'a c', 'a b', 'a b 2')]
-    given: Any = opened
-    assert monitor_node._names(given) == ['a b', 'a b 2', 'a c', 'a b 3', 'a b 2 2']
+    assert monitor_node.distinct_names(['a b', 'a b', 'a c', 'a b', 'a b 2']) == [
+        'a b', 'a b 2', 'a c', 'a b 3', 'a b 2 2']
 
 
 def test_one_topic_with_two_types_is_refused_with_both_bundles(

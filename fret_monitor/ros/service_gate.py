@@ -1,0 +1,109 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A gate on a service: offers the service, judges each request, and forwards those that pass.
+
+A request is judged as the message of the service's events that an input may read
+(`SERVICE/_service_event`, with the fields `request[0].FIELD`). The executor runs this, in Python.
+"""
+
+from time import time_ns
+from typing import Any
+
+from fret_monitor.model.manifest import ManifestGate
+from fret_monitor.ros.fields import message_class
+from fret_monitor.runtime import Engine, Judgement
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.task import Future
+from service_msgs.msg import ServiceEventInfo
+
+
+class ServiceGate:
+    """
+    Offers the source of a gate from its creation until `close`, and calls its target.
+
+    A request that is withheld, or for which there is no server, gets the gate's response.
+    """
+
+    def __init__(self, node: Node, engine: Engine, gate: ManifestGate) -> None:
+        """Offer the service; `engine` has the gate."""
+        self._node = node
+        self._engine = engine
+        self._kind: Any = message_class(gate.interface)
+        self._refusal: Any = deserialize_message(gate.substitute, self._kind.Response)
+        self._name = gate.name
+        self._pending: set[Future] = set()
+        # Others may call while a request waits for the server.
+        group = ReentrantCallbackGroup()
+        self._client: Any = node.create_client(self._kind, gate.target, callback_group=group)
+        self._service: Any = node.create_service(
+            self._kind, gate.source, self._serve, callback_group=group)
+        self.unanswered = 0
+        """Requests that passed, and that no server answered."""
+
+    @property
+    def target(self) -> str:
+        """The full name of the service that is called."""
+        return str(self._client.service_name)
+
+    async def _serve(self, request: Any, response: Any) -> Any:
+        if self._engine.judge(self._event(request), time_ns()) is not Judgement.PASSED:
+            return self._refusal
+        if not self._client.service_is_ready():
+            return self._unanswered()
+        future = self._client.call_async(request)
+        self._pending.add(future)
+        try:
+            answer = await future
+        finally:
+            self._pending.discard(future)
+        return self._unanswered() if answer is None else answer
+
+    def _event(self, request: Any) -> bytes:
+        info = ServiceEventInfo(event_type=ServiceEventInfo.REQUEST_RECEIVED)
+        info.stamp = self._node.get_clock().now().to_msg()
+        return bytes(serialize_message(self._kind.Event(info=info, request=[request])))
+
+    def _unanswered(self) -> Any:
+        self.unanswered += 1
+        self._node.get_logger().error(
+            f"gate '{self._name}': no server of {self.target} answers; the request is refused",
+            throttle_duration_sec=10.0)
+        return self._refusal
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """The other servers of the source, if there are any."""
+        count = self._node.count_services(self._service.service_name)
+        return ('another server',) if count > 1 else ()
+
+    def review(self) -> None:
+        """Refuse the requests that wait for a server that has gone."""
+        if self._pending and not self._client.service_is_ready():
+            self._refuse_pending()
+
+    def _refuse_pending(self) -> None:
+        for future in list(self._pending):
+            self._client.remove_pending_request(future)
+            future.cancel()
+
+    def close(self) -> None:
+        """Withdraw the service; requests that wait for the server are refused."""
+        self._refuse_pending()
+        self._node.destroy_service(self._service)
+        self._node.destroy_client(self._client)
