@@ -50,12 +50,20 @@ DASK = [
 ]
 
 # What `fret-monitor prove` needs.
+Z3 = 'z3-solver>=4.13'
+
 PROVE = [
     'pycparser>=2.21',
-    'z3-solver>=4.13',
+    Z3,
+]
+
+ANALYZE = [
+    'dd>=0.6,<0.7',
+    Z3,
 ]
 
 TEST = [
+    *ANALYZE,
     *BAG,
     *DASK,
     *PROVE,
@@ -122,7 +130,7 @@ setup(
     # the scripts that setuptools writes look at this list.
     install_requires=['cffi>=1.16', 'lark-parser>=0.12,<1', 'PyYAML>=6'],
     extras_require={
-        'bag': BAG, 'dask': DASK, 'prove': PROVE, 'ros': ROS_WHEELS,
+        'analyze': ANALYZE, 'bag': BAG, 'dask': DASK, 'prove': PROVE, 'ros': ROS_WHEELS,
         'ros-test': ROS_TEST_WHEELS, 'test': TEST,
     },
     entry_points={

@@ -47,6 +47,7 @@ _VERBS = {
     'bench': 'measure step time, state and compile time',
     'import': 'make a bundle from a FRET project or an Ogma set-up',
     'explain': 'describe what requirements mean, with examples',
+    'analyze': 'find requirements that conflict, are vacuous or redundant',
     'prove': 'prove that the generated C is right',
     'schema': 'print the JSON schema of a bundle, for editors',
 }

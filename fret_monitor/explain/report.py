@@ -33,30 +33,28 @@ from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.explain import sentence as fretish
 from fret_monitor.explain.goals import goals
 from fret_monitor.explain.in_time import confirmed, verdicts_in_time
-from fret_monitor.explain.timeline import drawn, Timeline, timeline
+from fret_monitor.explain.timeline import drawn, Timeline, timeline, value_lines
 from fret_monitor.explain.words import in_words
 from fret_monitor.language.fretish import parse_fretish
 from fret_monitor.language.sentence import Sentence
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Constant, Formula, postorder, Unary, Variable
 from fret_monitor.logic.printing import to_smv, Values
-from fret_monitor.logic.specification import Property, Signal, Specification
+from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.diagnostics import (
     counted, Diagnostic, did_you_mean, Problems, Source, Text,
 )
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.model.times import time_text
-from fret_monitor.model.values import ValueType
 from fret_monitor.traces.sampled import grid_of, sampled, sampled_formulas
 from fret_monitor.traces.search import Budget, Examples, find_examples, Recovery
 from fret_monitor.traces.subject import Subject, subjects
-from fret_monitor.traces.trace import length, rows_of, Trace, Value
+from fret_monitor.traces.trace import length, rows_of, Trace
 
 _WIDTH = 99
 _FORMULA = 2000
 _WORDS = 1200
 _MAX_BANDS = 12
-_MAX_RUNS = 12
 _LONGEST_SHOWN = 5_000
 
 
@@ -345,37 +343,8 @@ def _drawing(item: Property, subject: Subject, trace: Trace, title: str,
     truths = evaluate_all(shown, columns, subject.item.feedback) if shown else []
     return timeline(title, labels, [[bool(value) for value in column] for column in truths],
                     verdicts, context.period(subject.item.id),
-                    tuple(_values(subject, trace, context)))
-
-
-def _values(subject: Subject, trace: Trace, context: _Context) -> Iterator[str]:
-    """Yield the values of each non-Boolean input, each with what it applies from."""
-    for number, signal in enumerate(subject.signals):
-        if signal.type is ValueType.BOOL:
-            continue
-        changes: list[tuple[int, Value]] = []
-        step = 0
-        for run in trace:
-            value = run.row[number]
-            if not changes or repr(changes[-1][1]) != repr(value):
-                changes.append((step, value))
-            step += run.steps
-        places = [_place(start, subject.item.id, context) for start, _ in changes]
-        parts = [_value(signal, value) + (f' from {place}' if start else '')
-                 for (start, value), place in zip(changes[:_MAX_RUNS], places, strict=False)]
-        more = ', ...' if len(changes) > _MAX_RUNS else ''
-        yield f'{signal.name}: {", ".join(parts)}{more}'
-
-
-def _place(step: int, id: str, context: _Context) -> str:
-    return time_text(step * context.grids[id]) if context.is_timed else f'step {step}'
-
-
-def _value(signal: Signal, value: Value) -> str:
-    for index, (name, number) in enumerate(signal.values):
-        if value == (index if isinstance(number, str) else number):
-            return name
-    return f'{value:g}' if isinstance(value, float) else str(value)
+                    tuple(value_lines(subject.signals, trace,
+                                      context.grids.get(subject.item.id))))
 
 
 def as_dict(found: Explanation) -> dict[str, object]:

@@ -23,11 +23,17 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import groupby
 
+from fret_monitor.logic.specification import Signal
+from fret_monitor.model.times import time_text
+from fret_monitor.model.values import ValueType
+from fret_monitor.traces.trace import Trace, Value
+
 _KEPT = 3
 _SHORTEST_GAP = 4
 _MAX_COLUMNS = 200
 _EVERY = 5
 _LABEL = 40
+_MAX_RUNS = 12
 
 
 @dataclass(frozen=True)
@@ -140,3 +146,33 @@ def _ruled(marks: Sequence[tuple[int, str]]) -> str:
         if not text or len(text) < column:
             text = text.ljust(column) + mark
     return text
+
+
+def value_lines(signals: Sequence[Signal], trace: Trace, grid: int | None) -> Iterator[str]:
+    """
+    Yield the values of each non-Boolean input, each with what it applies from.
+
+    `grid` is the time of a step in nanoseconds; None if steps have no time.
+    """
+    for number, signal in enumerate(signals):
+        if signal.type is ValueType.BOOL:
+            continue
+        changes: list[tuple[int, Value]] = []
+        step = 0
+        for run in trace:
+            value = run.row[number]
+            if not changes or repr(changes[-1][1]) != repr(value):
+                changes.append((step, value))
+            step += run.steps
+        places = [time_text(start * grid) if grid else f'step {start}' for start, _ in changes]
+        parts = [_value(signal, value) + (f' from {place}' if start else '')
+                 for (start, value), place in zip(changes[:_MAX_RUNS], places, strict=False)]
+        more = ', ...' if len(changes) > _MAX_RUNS else ''
+        yield f'{signal.name}: {", ".join(parts)}{more}'
+
+
+def _value(signal: Signal, value: Value) -> str:
+    for index, (name, number) in enumerate(signal.values):
+        if value == (index if isinstance(number, str) else number):
+            return name
+    return f'{value:g}' if isinstance(value, float) else str(value)

@@ -93,6 +93,13 @@ def lower(specification: Specification) -> MonitorProgram:
     )
 
 
+def lower_together(specification: Specification) -> StepGroup:
+    """Return one group of all requirements, whatever inputs they read."""
+    index = {signal.name: i for i, signal in enumerate(specification.signals)}
+    return _lower_group(tuple(index.values()), list(range(len(specification.properties))),
+                        specification, index)
+
+
 def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Specification,
                  index: dict[str, int]) -> StepGroup:
     properties = [specification.properties[number] for number in numbers]

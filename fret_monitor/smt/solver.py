@@ -175,12 +175,12 @@ def _ask(goal: Term, given: Sequence[Term], translation: 'Translation | LinearTr
     if found == z3.unknown:
         return Result(Answer.UNKNOWN, {}, spent)
     model = solver.model()
-    values = {item: _value(model, shown, item.sort)
+    values = {item: value_in(model, shown, item.sort)
               for item, shown in translation.variables.items()}
     return Result(Answer.REFUTED, values, spent)
 
 
-def _value(model: Any, shown: Any, sort: Sort) -> Any:
+def value_in(model: Any, shown: Any, sort: Sort) -> Any:
     """Return the value of a variable in a model: bool, int, float or bytes."""
     kind, size = sort
     if kind == 'ring':

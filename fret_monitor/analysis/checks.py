@@ -1,0 +1,318 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The analysis of a bundle: all questions, each for the parts that it concerns.
+
+    Reading -> parts -> systems -> fixed points -> answers, each no with a run or with conflicts
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+import time
+
+from fret_monitor.analysis.answers import Analysis, Answer, Example, Question
+from fret_monitor.analysis.component import (
+    build_component, by_inputs, by_outputs, Component, output_names, Part,
+)
+from fret_monitor.analysis.conflicts import smallest_conflicts
+from fret_monitor.analysis.deadline import Deadline, OutOfTime
+from fret_monitor.analysis.games import Descent
+from fret_monitor.analysis.replay import Replay, row_of
+from fret_monitor.analysis.runs import (
+    continue_to_violation, NoRun, play_to_violation, run_to, Runner,
+)
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.specification import Specification
+from fret_monitor.model.progress import no_progress, Progress
+from fret_monitor.smt import numbers
+from fret_monitor.smt import terms as t
+from fret_monitor.smt.boolean import TooLarge
+from fret_monitor.smt.transition import NoTicks
+
+_MOST_CONFLICTS = 10
+_INTERRUPTED = 'interrupted'
+_OUT_OF_TIME = 'out of time'
+
+
+@dataclass(frozen=True)
+class _Context:
+    """What all parts share."""
+
+    specification: Specification
+    replay: Replay
+    denials: Mapping[str, Formula]
+    deadline: Deadline
+
+
+def analyze(specification: Specification, replay: Replay, asked: Sequence[Question], *,
+            denials: Mapping[str, Formula] | None = None, deadline: Deadline | None = None,
+            progress: Progress = no_progress) -> Analysis:
+    """
+    Answer questions about the requirements of a bundle.
+
+    Parameters
+    ----------
+    specification
+        the bundle.
+    asked
+        the questions.
+    replay
+        runs the bundle, to confirm every run.
+    denials
+        by id, formulas that are violated once the trigger of a FRETish sentence comes.
+    deadline
+        answers that it cuts off are unknown.
+    progress
+        called before each part with the share of them that is done.
+
+    Returns
+    -------
+    Analysis
+        an answer to each question for each part or requirement that it concerns.
+    """
+    begin = time.perf_counter()
+    context = _Context(specification, replay, denials or {}, deadline or Deadline(None))
+    answers: list[Answer] = []
+    work = list(_work(context, asked))
+    for number, (part, questions) in enumerate(work):
+        progress(number / len(work), ', '.join(part.ids[:3]))
+        context.deadline.begin_part(len(work) - number)
+        answers += _PartAnalysis(context, part, questions).answers()
+    return Analysis(tuple(answers), frozenset(asked), time.perf_counter() - begin,
+                    any(item.reason in (_INTERRUPTED, _OUT_OF_TIME) for item in answers))
+
+
+def _work(context: _Context, asked: Sequence[Question]) -> Iterator[tuple[Part, list[Question]]]:
+    of_runs = list(filter(lambda item: item is not Question.REALIZABILITY, asked))
+    if of_runs:
+        for part in by_inputs(context.specification):
+            yield part, of_runs
+    if Question.REALIZABILITY in asked:
+        for part in by_outputs(context.specification):
+            yield part, [Question.REALIZABILITY]
+
+
+class _PartAnalysis:
+    """Answers the questions about one part."""
+
+    def __init__(self, context: _Context, part: Part, questions: Sequence[Question]) -> None:
+        self._context, self._part, self._questions = context, part, questions
+        self._deadline = context.deadline
+        self._component: Component | None = None
+        self._descent: Descent | None = None
+
+    @property
+    def _outputs(self) -> tuple[str, ...]:
+        names = output_names(self._context.specification)
+        read = {name for item in self._part.properties if not item.is_assumption
+                for name in item.inputs}
+        return tuple(item.name for item in self._context.specification.signals
+                     if item.name in names & read)
+
+    def answers(self) -> Iterator[Answer]:
+        for question in self._questions:
+            if question in (Question.VACUITY, Question.REDUNDANCY):
+                for place in range(len(self._part.properties)):
+                    yield self._guarded(question, place)
+            else:
+                yield self._guarded(question)
+
+    def _guarded(self, question: Question, place: int | None = None) -> Answer:
+        """Answer a question; unknown with the reason if that is not possible."""
+        ids = self._part.ids if place is None else (self._part.ids[place],)
+        outputs = self._outputs if question is Question.REALIZABILITY else ()
+        blank = Answer(question, ids, None, outputs=outputs)
+        try:
+            return self._answer(blank, place)
+        except (TooLarge, NoTicks, NoRun) as error:
+            return replace(blank, reason=str(error))
+        except MemoryError:
+            return replace(blank, reason='the decision diagrams need too much memory')
+        except OutOfTime:
+            reason = _INTERRUPTED if self._deadline.is_interrupted else _OUT_OF_TIME
+            return replace(blank, reason=reason)
+
+    def _answer(self, blank: Answer, place: int | None) -> Answer:
+        self._deadline.check()
+        component = self._built()
+        match blank.question:
+            case Question.CONSISTENCY:
+                return self._consistency(blank, component)
+            case Question.RT_CONSISTENCY:
+                return self._rt_consistency(blank, component)
+            case Question.REALIZABILITY:
+                return self._realizability(blank, component)
+            case Question.VACUITY if place is not None:
+                return self._vacuity(blank, component, place)
+            case _:
+                assert place is not None
+                return self._redundancy(blank, component, place)
+
+    def _built(self) -> Component:
+        if self._component is None:
+            needs_triggers = Question.VACUITY in self._questions
+            self._component = build_component(
+                self._context.specification, self._part,
+                self._context.denials if needs_triggers else {}, self._deadline)
+        return self._component
+
+    def _consistent(self, component: Component) -> Descent:
+        if self._descent is None:
+            self._descent = component.games.consistent(component.required)
+        return self._descent
+
+    # -- questions --------------------------------------------------------------------------
+
+    def _consistency(self, blank: Answer, component: Component) -> Answer:
+        games, found = component.games, self._consistent(component)
+        if found.holds:
+            return self._yes(blank, component, found)
+        runner = Runner(games)
+        continue_to_violation(runner, games, component.required, found)
+        conflicts, are_all = self._conflicts(
+            component, lambda items: not games.consistent(items).holds)
+        return replace(self._no(blank, component, runner), conflicts=conflicts, are_all=are_all)
+
+    def _rt_consistency(self, blank: Answer, component: Component) -> Answer:
+        games, d = component.games, component.games.diagrams
+        found = self._consistent(component)
+        safe = games.safe(component.required)
+        if not found.holds:
+            return replace(blank, holds=False, method='no run satisfies all requirements')
+        inside = d.before(found.last)
+        fatal = found.last & safe & ~inside
+        layers = games.reach(safe & inside, fatal)
+        if not games.is_reached(layers):
+            return self._yes(blank, component, found)
+        runner = run_to(games, layers, safe & inside, fatal)
+        continue_to_violation(runner, games, component.required, found)
+        return self._no(blank, component, runner)
+
+    def _realizability(self, blank: Answer, component: Component) -> Answer:
+        games = component.games
+        if not component.required:
+            return replace(blank, holds=True, method='it has assumptions only')
+        if games.assumptions and not games.consistent(()).holds:
+            return replace(blank, reason='the assumptions contradict one another: '
+                           + ', '.join(self._part.ids[item] for item in games.assumptions))
+        found = games.realizable(component.required)
+        if found.holds:
+            return self._yes(blank, component, found)
+        runner = play_to_violation(games, component.required, found)
+        conflicts, are_all = self._conflicts(
+            component, lambda items: not games.realizable(items).holds)
+        return replace(self._no(blank, component, runner), conflicts=conflicts, are_all=are_all)
+
+    def _vacuity(self, blank: Answer, component: Component, place: int) -> Answer:
+        games, d = component.games, component.games.diagrams
+        found = self._consistent(component)
+        if not found.holds:
+            return replace(blank, reason='no run satisfies all requirements')
+        is_fulfilled = d.outputs[place]
+        anyhow = games.reach(d.possible, d.possible & ~is_fulfilled)
+        if not games.is_reached(anyhow):
+            return self._certain(blank, component, 'never violated, whatever the inputs')
+        trigger = component.triggers.get(place)
+        if trigger is None:
+            return replace(blank, holds=False, method='it can be violated')
+        steps = games.safe(component.required) & d.before(found.last)
+        layers = games.reach(steps, steps & ~d.outputs[trigger])
+        if not games.is_reached(layers):
+            return self._certain(
+                blank, component, 'its trigger never comes while all requirements hold')
+        return replace(blank, holds=False, method='its trigger can come')
+
+    def _redundancy(self, blank: Answer, component: Component, place: int) -> Answer:
+        games, d = component.games, component.games.diagrams
+        others = [item for item in component.required if item != place]
+        if place in games.assumptions:
+            return replace(blank, holds=False, method='an assumption')
+        if not self._consistent(component).holds and not games.consistent(others).holds:
+            return replace(blank, reason='the others exclude one another, and so imply anything')
+        safe = games.safe(others)
+        layers = games.reach(safe & d.outputs[place], safe & ~d.outputs[place])
+        if not games.is_reached(layers):
+            return self._certain(blank, component, 'implied by the others'
+                                 + self._equal(component, place, others))
+        return replace(blank, holds=False, method='it can be violated alone')
+
+    def _equal(self, component: Component, place: int, others: Sequence[int]) -> str:
+        """Name a requirement that always has the same verdict."""
+        games, d = component.games, component.games.diagrams
+        for other in others:
+            differs = d.possible & d.bdd.apply('xor', d.outputs[place], d.outputs[other])
+            if differs == d.bdd.false or not games.is_reached(games.reach(d.possible, differs)):
+                return f'; equal to {self._part.ids[other]}'
+        return ''
+
+    # -- answers ----------------------------------------------------------------------------
+
+    def _yes(self, blank: Answer, component: Component, found: Descent) -> Answer:
+        if component.doubts:
+            return replace(blank, reason='; '.join(component.doubts))
+        steps = len(found.layers)
+        return replace(blank, holds=True, method=f'fixed point over all states, round {steps}')
+
+    def _certain(self, blank: Answer, component: Component, method: str) -> Answer:
+        """Return that nothing was reached, which holds for fewer runs, too."""
+        return replace(blank, holds=True, method=method)
+
+    def _no(self, blank: Answer, component: Component, runner: Runner) -> Answer:
+        """Return a no whose run the compiled monitor confirms."""
+        example = self._replayed(component, runner)
+        if example is None:
+            return replace(blank, reason='; '.join(component.doubts) or
+                           'the compiled monitor does not confirm the run')
+        return replace(blank, holds=False, example=example,
+                       method='run replayed in the compiled monitor')
+
+    def _replayed(self, component: Component, runner: Runner) -> Example | None:
+        """
+        Return a run in the compiled monitor.
+
+        None unless all requirements hold before its last step, and one does not at it.
+        """
+        signals = self._context.specification.signals
+        inputs = [t.variable(item.name, numbers.sort_of(item.type)) for item in signals]
+        rows = tuple(row_of(values, signals, inputs) for values in runner.rows())
+        if not rows:
+            return None
+        pending = component.games.pending
+        judged = {item.id for place, item in enumerate(self._part.properties)
+                  if place not in pending}
+        *before, last = (
+            [item.id for item, value in zip(self._context.specification.properties, line)
+             if item.id in judged and not value]
+            for line in self._context.replay(rows, component.grid or 1))
+        if any(before):
+            return None
+        violated = tuple(last)
+        if not violated and not pending:
+            return None
+        return Example(rows, violated, component.grid)
+
+    def _conflicts(self, component: Component, conflicts: Callable[[frozenset[int]], bool]
+                   ) -> tuple[tuple[tuple[str, ...], ...], bool]:
+        """Return smallest sets of conflicting requirements, and whether there are no others."""
+        found: list[tuple[str, ...]] = []
+        ids = self._part.ids
+        try:
+            for items in islice(smallest_conflicts(component.required, conflicts),
+                                _MOST_CONFLICTS + 1):
+                found.append(tuple(ids[item] for item in sorted(items)))
+        except OutOfTime:
+            return tuple(found), False
+        return tuple(found[:_MOST_CONFLICTS]), len(found) <= _MOST_CONFLICTS

@@ -1,0 +1,207 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The parts of a bundle that are analysed by themselves, each with its system.
+
+Requirements that share no input, directly or through others, do not affect one another.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import gcd
+
+from fret_monitor.analysis.deadline import Deadline
+from fret_monitor.analysis.diagrams import Diagrams
+from fret_monitor.analysis.games import Games
+from fret_monitor.analysis.letters import blocks
+from fret_monitor.elaboration.fretish import is_not_yet
+from fret_monitor.logic.formula import (
+    ALWAYS, Binary, BinaryOperator, Feedback, Formula, Historically, postorder, Unary,
+    UnaryOperator, variables,
+)
+from fret_monitor.logic.propositions import triggers
+from fret_monitor.logic.specification import Property, Signal, Specification
+from fret_monitor.model.policies import InputRole, Policy
+from fret_monitor.program.lower import lower_together
+from fret_monitor.smt import numbers
+from fret_monitor.smt import terms as t
+from fret_monitor.smt.boolean import boolean_system
+from fret_monitor.smt.terms import Term
+from fret_monitor.traces.sampled import grid_of, sampled
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some requirements and the assumptions that concern them, in the bundle's order."""
+
+    properties: tuple[Property, ...]
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """The ids of all."""
+        return tuple(item.id for item in self.properties)
+
+    @property
+    def required(self) -> tuple[str, ...]:
+        """The ids of the requirements that are no assumptions."""
+        return tuple(item.id for item in self.properties if not item.is_assumption)
+
+
+def parts(properties: Sequence[Property], names: Callable[[Property], Iterable[str]]
+          ) -> list[Part]:
+    """Return the requirements in groups that share names, in the order of the first of each."""
+    parent: dict[str, str] = {}
+
+    def root(name: str) -> str:
+        while parent.setdefault(name, name) != name:
+            parent[name] = parent[parent[name]]
+            name = parent[name]
+        return name
+
+    own = {}
+    for number, item in enumerate(properties):
+        own[item.id] = f'{number} '  # no name of an input
+        for name in names(item):
+            parent[root(name)] = root(own[item.id])
+    groups: dict[str, list[Property]] = {}
+    for item in properties:
+        groups.setdefault(root(own[item.id]), []).append(item)
+    return [Part(tuple(found)) for found in groups.values()]
+
+
+def by_inputs(specification: Specification) -> list[Part]:
+    """Return the parts of a bundle that share no inputs."""
+    return parts(specification.properties, lambda item: item.inputs)
+
+
+def by_outputs(specification: Specification) -> list[Part]:
+    """
+    Return the components: requirements that share outputs, with the assumptions about them.
+
+    An assumption belongs to each component with which it shares an input, directly or through
+    other assumptions.
+    """
+    outputs = output_names(specification)
+    required = [item for item in specification.properties if not item.is_assumption]
+    assumed = parts([item for item in specification.properties if item.is_assumption],
+                    lambda item: item.inputs)
+    found = []
+    for part in parts(required, lambda item: set(item.inputs) & outputs):
+        used = {name for item in part.properties for name in item.inputs}
+        concerned = {item.id for group in assumed for item in group.properties
+                     if used & {name for each in group.properties for name in each.inputs}}
+        kept = {*part.ids, *concerned}
+        found.append(Part(tuple(item for item in specification.properties if item.id in kept)))
+    return found
+
+
+def output_names(specification: Specification) -> set[str]:
+    """Return the names of the inputs that the system sets."""
+    return {item.name for item in specification.signals if item.role is InputRole.OUTPUT}
+
+
+@dataclass(frozen=True)
+class Component:
+    """
+    The system of a part.
+
+    Outputs of the system are the verdicts, by place in the part, then those of the `triggers`: by
+    place, what is violated once the requirement's trigger has come. `inputs` are the terms of the
+    signals. `grid` is the time of a step in nanoseconds, None unless the policy is timed.
+    """
+
+    part: Part
+    signals: tuple[Signal, ...]
+    inputs: tuple[Term, ...]
+    games: Games
+    triggers: Mapping[int, int]
+    doubts: tuple[str, ...]
+    grid: int | None
+
+    @property
+    def required(self) -> list[int]:
+        """The places of the requirements that are no assumptions."""
+        return [place for place, item in enumerate(self.part.properties)
+                if not item.is_assumption]
+
+
+def build_component(specification: Specification, part: Part, denials: Mapping[str, Formula],
+                    deadline: Deadline, is_coarse: bool = False) -> Component:
+    """
+    Build the system of a part.
+
+    `denials` are formulas by id that are violated once the requirement's trigger comes. Under the
+    policy timed a step is a nanosecond; with `is_coarse` it is a point of a grid of time.
+
+    Raises
+    ------
+    TooLarge, NoTicks, OutOfTime
+        if there is none.
+    """
+    extra = list(_trigger_properties(part, denials))
+    wanted = [*part.properties, *(item for _, item in extra)]
+    grid = None
+    if specification.policy is Policy.TIMED:
+        grid = gcd(*map(grid_of, part.properties)) if is_coarse else 1
+        if is_coarse:
+            wanted = [sampled(item, grid) for item in wanted]
+    used = {name for item in wanted for name in item.inputs}
+    signals = tuple(item for item in specification.signals if item.name in used)
+    group = lower_together(replace(
+        specification, signals=signals, properties=tuple(wanted), policy=Policy.EVERY_MESSAGE,
+        period=None, definitions=()))
+    inputs = tuple(t.variable(item.name, numbers.sort_of(item.type)) for item in signals)
+    system = boolean_system(group, dict(enumerate(inputs)), range(len(wanted)))
+    chosen = [item for item, signal in zip(inputs, signals) if signal.role is InputRole.OUTPUT]
+    domains = {item: len(signal.values) for item, signal in zip(inputs, signals)
+               if signal.is_string}
+    found = blocks(system, chosen, domains, deadline)
+    diagrams = Diagrams(system, found, deadline)
+    doubts = dict.fromkeys(doubt for block in found for doubt in block.doubts)
+    if system.related:
+        doubts['a comparison relates inputs to their values at earlier steps'] = None
+    count = len(part.properties)
+    games = Games(
+        diagrams,
+        [place for place, item in enumerate(part.properties) if item.is_assumption],
+        [place for place, item in enumerate(part.properties)
+         if item.sentence is not None and is_not_yet(item.sentence)])
+    return Component(
+        part, signals, inputs, games,
+        {place: count + number for number, (place, _) in enumerate(extra)}, tuple(doubts), grid)
+
+
+def _without_trigger(item: Property) -> Formula | None:
+    """Return a formula that is violated where the implication of a requirement is triggered."""
+    match item.formula:
+        case Historically(window, Binary(BinaryOperator.IMPLIES, left, _)) if window == ALWAYS:
+            return Unary(UnaryOperator.NOT, left)
+    found = triggers(item.formula, 1) if item.sentence is None else []
+    return Unary(UnaryOperator.NOT, found[0]) if found else None
+
+
+def _trigger_properties(part: Part, denials: Mapping[str, Formula]
+                        ) -> Iterator[tuple[int, Property]]:
+    """Yield, by place, properties that are violated once a trigger has come."""
+    for place, item in enumerate(part.properties):
+        denial = denials.get(item.id)
+        if denial is None:
+            denial = _without_trigger(item)
+        if denial is None:
+            continue
+        known = {node for node, _ in item.feedback}
+        if set(variables(denial)) and all(
+                node in known for node in postorder([denial]) if isinstance(node, Feedback)):
+            yield place, replace(item, id=f'{item.id} trigger', formula=denial)

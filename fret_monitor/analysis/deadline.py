@@ -1,0 +1,50 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The end of an analysis: by its time limit, or by the user."""
+
+import time
+
+_SHARES = 3
+
+
+class OutOfTime(Exception):
+    """The time for an answer is over."""
+
+
+class Deadline:
+    """An instant at which an analysis ends."""
+
+    def __init__(self, seconds: float | None) -> None:
+        """Set the time limit; None: no limit."""
+        self._end = None if seconds is None else time.monotonic() + seconds
+        self._part_end = self._end
+        self.is_interrupted = False
+
+    def begin_part(self, left: int) -> None:
+        """
+        Begin one of `left` parts, which may take a few times its share of the time.
+
+        So a hard part leaves time for those after it.
+        """
+        if self._end is not None:
+            now = time.monotonic()
+            part = _SHARES / (left + _SHARES - 1)
+            self._part_end = now + (self._end - now) * part
+
+    def check(self) -> None:
+        """Raise OutOfTime after the end, or that of the part."""
+        if self.is_interrupted or \
+                self._part_end is not None and time.monotonic() > self._part_end:
+            raise OutOfTime

@@ -1,0 +1,333 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Answers about bundles, by hand and against an explicit search over all states."""
+
+from pathlib import Path
+from random import Random
+
+from analysis.search import reference, Search
+from fret_monitor.analysis.answers import Analysis, Answer, Question
+from fret_monitor.analysis.checks import analyze
+from fret_monitor.analysis.component import build_component, by_outputs, Part
+from fret_monitor.analysis.deadline import Deadline
+from fret_monitor.analysis.runs import Runner
+from fret_monitor.bundle.reader import parse_bundle
+from fret_monitor.elaboration.elaborate import specify
+from fret_monitor.logic.specification import Specification
+from fret_monitor.model.diagnostics import Source
+import pytest
+
+ROLES = 'a: {type: bool}\n  b: {type: bool}\n  x: {type: bool, role: output}\n' \
+    '  y: {type: bool, role: output}\n  v: {type: float64}\n  w: {type: float64, role: output}'
+
+
+def bundle(*formulas: str, inputs: str = ROLES) -> Specification:
+    """Return a bundle of formulas R0, R1 ...; one that begins with `assume` is an assumption."""
+    lines = [f'  - {{id: R{number}, ptltl: "{text.removeprefix("assume ")}", '
+             f'assume: {str(text.startswith("assume ")).lower()}}}'
+             if not text.startswith('c shall') and ' shall ' not in text else
+             f'  - {{id: R{number}, fretish: "{text}"}}' for number, text in enumerate(formulas)]
+    text = '\n'.join(['format: 1', 'inputs:', f'  {inputs}', 'requirements:', *lines])
+    return specify(parse_bundle(Source('b.yaml', text + '\n'), Path('.')))[0]
+
+
+def analyzed(specification: Specification, *asked: Question, seconds: float = 60.0) -> Analysis:
+    """Return the answers about a bundle, whose runs the reference semantics confirms."""
+    return analyze(specification, reference(specification), asked or list(Question),
+                   deadline=Deadline(seconds))
+
+
+def only(found: Analysis, question: Question) -> Answer:
+    """Return the one answer to a question."""
+    [item] = found.of(question)
+    return item
+
+
+# -- by hand ---------------------------------------------------------------------------------
+
+def test_requirements_that_exclude_one_another_are_inconsistent() -> None:
+    specification = bundle('H (a -> x)', 'H x', 'H (O[0,3] !x)', 'H y')
+    found = analyzed(specification, Question.CONSISTENCY)
+    assert found.together(Question.CONSISTENCY) is False
+    no = next(item for item in found.answers if item.holds is False)
+    assert no.conflicts == (('R1', 'R2'),) and no.are_all
+    assert no.example is not None and no.example.violated in (('R1',), ('R2',))
+    assert len(no.example.rows) == 1
+
+
+def test_a_bound_is_counted_until_it_runs_out() -> None:
+    specification = bundle('H (O[0,5] x | !O[5,5] TRUE)', 'H (FTP -> x)', 'H (Y O x -> !x)')
+    no = only(analyzed(specification, Question.CONSISTENCY), Question.CONSISTENCY)
+    assert no.holds is False and no.example is not None
+    assert len(no.example.rows) == 7
+
+
+def test_a_run_into_a_dead_end_is_not_real_time_consistent() -> None:
+    specification = bundle('H (a -> (Y x | FTP))', 'H (O[3,3] a -> x)', 'H (O[3,3] b -> !x)')
+    found = analyzed(specification, Question.CONSISTENCY, Question.RT_CONSISTENCY)
+    assert found.together(Question.CONSISTENCY) is True
+    no = only(found, Question.RT_CONSISTENCY)
+    assert no.holds is False and no.example is not None
+    assert set(no.example.violated) <= {'R1', 'R2'} and len(no.example.rows) == 4
+
+
+def test_requirements_without_a_dead_end_are_real_time_consistent() -> None:
+    found = analyzed(bundle('H (a -> x)', 'H (O[3,3] b -> !y)'), Question.RT_CONSISTENCY)
+    assert found.together(Question.RT_CONSISTENCY) is True
+
+
+def test_a_trigger_that_never_comes_and_a_verdict_that_never_falls_are_vacuous() -> None:
+    specification = bundle('H (a -> x)', 'H !a', 'H (b -> (a | !a))', 'H (b -> y)')
+    found = analyzed(specification, Question.VACUITY)
+    assert found.listed(Question.VACUITY) == ['R0', 'R2']
+    reasons = {item.requirements[0]: item.method for item in found.answers}
+    assert 'trigger never comes' in reasons['R0'] and 'never violated' in reasons['R2']
+
+
+def test_what_others_imply_is_redundant() -> None:
+    specification = bundle('H (a -> x)', 'H x', 'H (b -> y)', 'H (!y -> !b)', 'H (a | y)')
+    found = analyzed(specification, Question.REDUNDANCY)
+    assert found.listed(Question.REDUNDANCY) == ['R0', 'R2', 'R3']
+    methods = {item.requirements[0]: item.method for item in found.answers}
+    assert 'equal to R3' in methods['R2'] and 'equal' not in methods['R0']
+
+
+def test_outputs_that_depend_on_later_inputs_are_not_realizable() -> None:
+    found = analyzed(bundle('H (Y x <-> a | FTP & a)', 'H (b -> y)', 'H (a & b -> !y)'),
+                     Question.REALIZABILITY)
+    first, second = found.of(Question.REALIZABILITY)
+    assert (first.outputs, first.requirements, first.holds) == (('x',), ('R0',), False)
+    assert (second.outputs, second.holds) == (('y',), False)
+    assert second.conflicts == (('R1', 'R2'),)
+    assert second.example is not None and len(second.example.rows) == 1
+
+
+def test_an_assumption_can_make_requirements_realizable() -> None:
+    needs = ('H (b -> y)', 'H (a & b -> !y)')
+    assert analyzed(bundle(*needs), Question.REALIZABILITY).together(
+        Question.REALIZABILITY) is False
+    found = analyzed(bundle(*needs, 'assume H !(a & b)'), Question.REALIZABILITY)
+    assert found.together(Question.REALIZABILITY) is True
+    assert only(found, Question.REALIZABILITY).requirements == ('R0', 'R1', 'R2')
+
+
+def test_contradictory_assumptions_are_reported_instead_of_realizability() -> None:
+    found = analyzed(bundle('H x', 'H (a -> !x)', 'assume H a', 'assume H (O[0,2] !a)'),
+                     Question.REALIZABILITY)
+    answer = only(found, Question.REALIZABILITY)
+    assert answer.holds is None and answer.reason == \
+        'the assumptions contradict one another: R2, R3'
+
+
+def test_a_requirement_of_inputs_alone_is_not_realizable() -> None:
+    found = analyzed(bundle('H a', 'H x'), Question.REALIZABILITY)
+    assert [(item.outputs, item.holds) for item in found.answers] == [
+        ((), False), (('x',), True)]
+
+
+def test_eventually_must_stay_possible() -> None:
+    soon = 'the c shall eventually satisfy x'
+    found = analyzed(bundle(soon, 'H (a -> !x)'), Question.CONSISTENCY, Question.REALIZABILITY)
+    assert found.together(Question.CONSISTENCY) is found.together(Question.REALIZABILITY) is True
+    found = analyzed(bundle(soon, 'H (!x | O a)', 'H !a'), Question.CONSISTENCY)
+    answer = next(item for item in found.answers if item.holds is not True)
+    assert answer.holds is False and answer.conflicts == (('R0', 'R1', 'R2'),)
+
+
+# -- numbers ---------------------------------------------------------------------------------
+
+def test_comparisons_are_true_together_only_where_numbers_allow_it() -> None:
+    found = analyzed(bundle('H (w > 5.0)', 'H (w < 3.0 | x)', 'H !x'), Question.CONSISTENCY)
+    no = next(item for item in found.answers if item.holds is False)
+    assert no.conflicts == (('R0', 'R1', 'R2'),)
+    assert no.example is not None and len(no.example.violated) == 1
+
+
+def test_no_number_lies_between_neighbours() -> None:
+    found = analyzed(bundle('H (w > 1.0)', 'H (w < 1.0000000000000002)'), Question.CONSISTENCY)
+    assert found.together(Question.CONSISTENCY) is False
+
+
+def test_a_comparison_of_inputs_with_outputs_leaves_classes_of_choices() -> None:
+    needs = ('H (w >= v)', 'H (w <= 10.0)')
+    found = only(analyzed(bundle(*needs), Question.REALIZABILITY), Question.REALIZABILITY)
+    assert found.holds is False and found.example is not None
+    assert found.conflicts == (('R0', 'R1'),)
+    [row] = found.example.rows
+    assert row[4] > 10.0
+    found = only(analyzed(bundle(*needs, 'assume H (v <= 10.0)'), Question.REALIZABILITY),
+                 Question.REALIZABILITY)
+    assert found.holds is True
+
+
+def test_a_comparison_with_the_value_before_is_unknown_rather_than_wrong() -> None:
+    inputs = 'w: {type: float64, role: output}\n  v: {type: float64}'
+    text = [f'  - {{id: R{number}, cocospec: "{item}"}}' for number, item in enumerate((
+        'H(FTP or ((0.0 -> pre w) - w <= 1.0))', 'H(w <= v)'))]
+    specification = specify(parse_bundle(Source('b.yaml', '\n'.join([
+        'format: 1', 'inputs:', f'  {inputs}', 'requirements:', *text]) + '\n'), Path('.')))[0]
+    answer = only(analyzed(specification, Question.REALIZABILITY), Question.REALIZABILITY)
+    assert answer.holds is None
+    assert 'earlier steps' in answer.reason
+
+
+def test_the_value_before_alone_becomes_a_bit() -> None:
+    inputs = 'w: {type: float64, role: output}'
+    text = [f'  - {{id: R{number}, cocospec: "{item}"}}' for number, item in enumerate((
+        'H((0.0 -> pre w) < 5.0 => w > 7.0)', 'H((9.0 -> pre w) > 7.0 => w < 4.0)'))]
+    specification = specify(parse_bundle(Source('b.yaml', '\n'.join([
+        'format: 1', 'inputs:', f'  {inputs}', 'requirements:', *text]) + '\n'), Path('.')))[0]
+    answer = only(analyzed(specification, Question.CONSISTENCY), Question.CONSISTENCY)
+    assert answer.holds is False and answer.example is not None
+    assert len(answer.example.rows) == 1  # w > 7 and w < 4 are asked for at once
+
+
+def test_strings_have_the_values_that_the_bundle_names() -> None:
+    inputs = 'x: {type: std_msgs/msg/String, topic: t, values: {ON: "on", OFF: "off"}}'
+    found = analyzed(bundle('H (x != ON)', 'H (x != OFF)', inputs=inputs), Question.CONSISTENCY)
+    assert only(found, Question.CONSISTENCY).conflicts == (('R0', 'R1'),)
+
+
+# -- bounds ----------------------------------------------------------------------------------
+
+def test_long_bounds_stay_symbolic() -> None:
+    found = analyzed(bundle('H (a -> O[0,1000000] x)', 'H (b -> !x)',
+                            'H (!(y S[>=100000] b))'), seconds=5.0)
+    assert found.together(Question.CONSISTENCY) is True
+    assert [item.holds for item in found.of(Question.REALIZABILITY)] == [False, True]
+
+
+def test_time_that_runs_out_leaves_partial_answers() -> None:
+    found = analyzed(bundle('H (a -> x)', 'H y'), seconds=-1.0)
+    assert found.is_partial
+    assert {item.reason for item in found.answers} == {'out of time'}
+    assert {item.holds for item in found.answers} == {None}
+
+
+# -- against an explicit search --------------------------------------------------------------
+
+def formula(rng: Random, depth: int) -> str:
+    """Return a random formula over a, b, x, y."""
+    if depth == 0:
+        return rng.choice('abxy')
+    left = formula(rng, depth - 1)
+    right = formula(rng, rng.randrange(depth))
+    low = rng.randrange(3)
+    window = f'[{low},{low + rng.randrange(3)}]'
+    return rng.choice([
+        f'(!{left})', f'({left} & {right})', f'({left} -> {right})', f'({left} <-> {right})',
+        f'(Y {left})', f'(Z {left})', f'(O {left})', f'(H {left})', f'(O{window} {left})',
+        f'(H{window} {left})', f'({left} S {right})', f'({left} S{window} {right})', '(FTP)',
+        f'({left} S[>=2] {right})', f'({left} T {right})'])
+
+
+INPUTS = 'a: {type: bool}\n  b: {type: bool}\n  x: {type: bool, role: output}\n' \
+    '  y: {type: bool, role: output}'
+
+
+def random_bundle(seed: int) -> Specification:
+    """Return some random requirements, sometimes with an assumption, over all four inputs."""
+    rng = Random(seed)
+    texts = [f'H ((a | b | x | y | TRUE) & {formula(rng, 2)})' if rng.random() < 0.7
+             else f'(a | b | x | y | TRUE) & {formula(rng, 2)}' for _ in range(rng.randint(2, 3))]
+    if rng.random() < 0.3:
+        texts.append(f'assume H ({formula(rng, 1)} | a)')
+    return bundle(*texts, inputs=INPUTS)
+
+
+@pytest.mark.parametrize('seed', range(30))
+def test_answers_are_those_of_an_explicit_search(seed: int) -> None:
+    specification = random_bundle(seed)
+    search = Search(specification)
+    number = len(specification.properties)
+    required = [place for place in range(number) if place not in search.assumed]
+    part = Part(specification.properties)
+    component = build_component(specification, part, {}, Deadline(30.0))
+    games = component.games
+    good = search.consistent(required)
+    assert games.consistent(required).holds is (search.start in good)
+    assert games.realizable(required).holds is (search.start in search.realizable(required))
+    if search.start in good:
+        found = [item.holds for item in analyzed(specification, Question.RT_CONSISTENCY).answers]
+        assert (False not in found) is (search.reached(required) <= good)
+    for item in required:
+        others = [each for each in required if each != item]
+        safe = games.safe(others)
+        verdict = component.games.diagrams.outputs[item]
+        layers = games.reach(safe & verdict, safe & ~verdict)
+        assert games.is_reached(layers) is search.can_fail_alone(item, others)
+
+
+@pytest.mark.parametrize('seed', range(60, 72))
+def test_all_runs_are_confirmed_and_conflicts_are_smallest(seed: int) -> None:
+    specification = random_bundle(seed)
+    ids = [item.id for item in specification.properties]
+    for answer in analyzed(specification).answers:
+        assert answer.holds is not None or 'no run satisfies' in answer.reason \
+            or 'exclude' in answer.reason or 'contradict' in answer.reason
+        search = Search(specification) if answer.conflicts else None
+        for conflict in answer.conflicts:
+            assert search is not None
+            ask = search.realizable if answer.question is Question.REALIZABILITY \
+                else search.consistent
+            chosen = [ids.index(item) for item in conflict]
+            assert search.start not in ask(chosen)
+            assert all(search.start in ask([each for each in chosen if each != item])
+                       for item in chosen)
+
+
+def test_a_realizable_bundle_wins_against_random_inputs() -> None:
+    rng, wins = Random(5), 0
+    for seed in range(100, 160):
+        specification = random_bundle(seed)
+        for part in by_outputs(specification):
+            component = build_component(specification, part, {}, Deadline(30.0))
+            games, d = component.games, component.games.diagrams
+            found = games.realizable(component.required)
+            if not found.holds or games.assumptions:
+                continue
+            wins += 1
+            runner = Runner(games)
+            good = games.safe(component.required) & d.before(found.last)
+            for _ in range(15):
+                inputs = {name: rng.random() < 0.5 for name in d.environment}
+                runner.take(good & d.bdd.cube(inputs))
+            names = [signal.name for signal in component.signals]
+            rows = [tuple(bool(row.get(item, False)) for item in component.inputs)
+                    for row in runner.rows()]
+            columns = [[bool(row[names.index(item.name)]) if item.name in names else False
+                        for item in specification.signals] for row in rows]
+            places = [specification.properties.index(item) for item in part.properties]
+            verdicts = reference(specification)([tuple(row) for row in columns], 1)
+            assert all(line[place] for line in verdicts for place in places)
+    assert wins >= 3
+
+
+def test_what_is_redundant_holds_on_random_traces_where_the_others_do() -> None:
+    rng, tried = Random(6), 0
+    for seed in range(200, 225):
+        specification = random_bundle(seed)
+        found = analyzed(specification, Question.REDUNDANCY)
+        ids = [item.id for item in specification.properties]
+        for name in found.listed(Question.REDUNDANCY):
+            tried += 1
+            place = ids.index(name)
+            for _ in range(20):
+                rows = [tuple(rng.random() < 0.5 for _ in range(4)) for _ in range(8)]
+                for line in reference(specification)(rows, 1):
+                    if not all(value for number, value in enumerate(line) if number != place):
+                        break
+                    assert line[place]
+    assert tried >= 3
