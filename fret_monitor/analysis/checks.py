@@ -182,9 +182,8 @@ class _PartAnalysis:
             return self._yes(blank, component, found)
         runner = Runner(games)
         continue_to_violation(runner, games, component.required, found)
-        conflicts, are_all = self._conflicts(
-            component, lambda items: not games.consistent(items).holds)
-        return replace(self._no(blank, component, runner), conflicts=conflicts, are_all=are_all)
+        return self._with_conflicts(self._no(blank, component, runner), component,
+                                    lambda items: not games.consistent(items).holds)
 
     def _rt_consistency(self, blank: Answer, component: Component) -> Answer:
         games, d = component.games, component.games.diagrams
@@ -212,9 +211,8 @@ class _PartAnalysis:
         if found.holds:
             return self._yes(blank, component, found)
         runner = play_to_violation(games, component.required, found)
-        conflicts, are_all = self._conflicts(
-            component, lambda items: not games.realizable(items).holds)
-        return replace(self._no(blank, component, runner), conflicts=conflicts, are_all=are_all)
+        return self._with_conflicts(self._no(blank, component, runner), component,
+                                    lambda items: not games.realizable(items).holds)
 
     def _vacuity(self, blank: Answer, component: Component, place: int) -> Answer:
         games, d = component.games, component.games.diagrams
@@ -227,13 +225,13 @@ class _PartAnalysis:
             return self._certain(blank, component, 'never violated, whatever the inputs')
         trigger = component.triggers.get(place)
         if trigger is None:
-            return replace(blank, holds=False, method='it can be violated')
+            return self._possible(blank, component, 'it can be violated')
         steps = games.safe(component.required) & d.before(found.last)
         layers = games.reach(steps, steps & ~d.outputs[trigger])
         if not games.is_reached(layers):
             return self._certain(
                 blank, component, 'its trigger never comes while all requirements hold')
-        return replace(blank, holds=False, method='its trigger can come')
+        return self._possible(blank, component, 'its trigger can come')
 
     def _redundancy(self, blank: Answer, component: Component, place: int) -> Answer:
         games, d = component.games, component.games.diagrams
@@ -247,7 +245,7 @@ class _PartAnalysis:
         if not games.is_reached(layers):
             return self._certain(blank, component, 'implied by the others'
                                  + self._equal(component, place, others))
-        return replace(blank, holds=False, method='it can be violated alone')
+        return self._possible(blank, component, 'it can be violated alone')
 
     def _equal(self, component: Component, place: int, others: Sequence[int]) -> str:
         """Name a requirement that always has the same verdict."""
@@ -268,11 +266,19 @@ class _PartAnalysis:
 
     def _certain(self, blank: Answer, component: Component, method: str) -> Answer:
         """Return that nothing was reached, which holds for fewer runs, too."""
+        if component.gaps:
+            return replace(blank, reason='; '.join(component.gaps))
         return replace(blank, holds=True, method=method)
+
+    def _possible(self, blank: Answer, component: Component, method: str) -> Answer:
+        """Return that something was reached; it may be in fewer runs."""
+        if component.doubts:
+            return replace(blank, reason='; '.join(component.doubts))
+        return replace(blank, holds=False, method=method)
 
     def _no(self, blank: Answer, component: Component, runner: Runner) -> Answer:
         """Return a no whose run the compiled monitor confirms."""
-        example = self._replayed(component, runner)
+        example = None if component.gaps else self._replayed(component, runner)
         if example is None:
             return replace(blank, reason='; '.join(component.doubts) or
                            'the compiled monitor does not confirm the run')
@@ -304,9 +310,11 @@ class _PartAnalysis:
             return None
         return Example(rows, violated, component.grid)
 
-    def _conflicts(self, component: Component, conflicts: Callable[[frozenset[int]], bool]
-                   ) -> tuple[tuple[tuple[str, ...], ...], bool]:
-        """Return smallest sets of conflicting requirements, and whether there are no others."""
+    def _with_conflicts(self, answer: Answer, component: Component,
+                        conflicts: Callable[[frozenset[int]], bool]) -> Answer:
+        """Add smallest sets of conflicting requirements to a no."""
+        if answer.holds is not False:
+            return answer
         found: list[tuple[str, ...]] = []
         ids = self._part.ids
         try:
@@ -314,5 +322,6 @@ class _PartAnalysis:
                                 _MOST_CONFLICTS + 1):
                 found.append(tuple(ids[item] for item in sorted(items)))
         except OutOfTime:
-            return tuple(found), False
-        return tuple(found[:_MOST_CONFLICTS]), len(found) <= _MOST_CONFLICTS
+            return replace(answer, conflicts=tuple(found), are_all=False)
+        return replace(answer, conflicts=tuple(found[:_MOST_CONFLICTS]),
+                       are_all=len(found) <= _MOST_CONFLICTS)

@@ -119,7 +119,7 @@ class Component:
 
     Outputs of the system are the verdicts, by place in the part, then those of the `triggers`: by
     place, what is violated once the requirement's trigger has come. `inputs` are the terms of the
-    signals. `grid` is the time of a step in nanoseconds, None unless the policy is timed.
+    signals. `doubts` say why a yes may not be final, `gaps` why a no may not be. `grid` is the time of a step in nanoseconds, None unless the policy is timed.
     """
 
     part: Part
@@ -128,6 +128,7 @@ class Component:
     games: Games
     triggers: Mapping[int, int]
     doubts: tuple[str, ...]
+    gaps: tuple[str, ...]
     grid: int | None
 
     @property
@@ -169,7 +170,8 @@ def build_component(specification: Specification, part: Part, denials: Mapping[s
                if signal.is_string}
     found = blocks(system, chosen, domains, deadline)
     diagrams = Diagrams(system, found, deadline)
-    doubts = dict.fromkeys(doubt for block in found for doubt in block.doubts)
+    gaps = dict.fromkeys(gap for block in found for gap in block.gaps)
+    doubts = dict.fromkeys([*gaps, *(doubt for block in found for doubt in block.doubts)])
     if system.related:
         doubts['a comparison relates inputs to their values at earlier steps'] = None
     count = len(part.properties)
@@ -180,7 +182,8 @@ def build_component(specification: Specification, part: Part, denials: Mapping[s
          if item.sentence is not None and is_not_yet(item.sentence)])
     return Component(
         part, signals, inputs, games,
-        {place: count + number for number, (place, _) in enumerate(extra)}, tuple(doubts), grid)
+        {place: count + number for number, (place, _) in enumerate(extra)}, tuple(doubts),
+        tuple(gaps), grid)
 
 
 def _without_trigger(item: Property) -> Formula | None:

@@ -72,7 +72,8 @@ class Block:
     `terms` are those of the environment, then the others; `given` are terms over numbers of the
     step before, whose truth values bits of the state have. `classes` is None where each
     combination of truth values of the environment's terms leaves every letter that has it, which
-    is so if no term mixes both sides. `doubts` say why an answer may not be final.
+    is so if no term mixes both sides. `doubts` say why a yes may not be final, and `gaps` why a no
+    may not be: because the system could have further choices.
     """
 
     environment: tuple[Term, ...]
@@ -81,6 +82,7 @@ class Block:
     letters: tuple[Letter, ...]
     classes: tuple[EnvironmentClass, ...] | None
     doubts: tuple[str, ...]
+    gaps: tuple[str, ...] = ()
     is_free: bool = False
 
     @property
@@ -111,7 +113,7 @@ def blocks(system: BooleanSystem, outputs: Iterable[Term], domains: Mapping[Term
         environment = [item for item in own if not variables(item) & (chosen | before)]
         others = [item for item in own if item not in environment]
         if all(item in inputs for item in own):
-            found.append(Block(tuple(environment), tuple(others), (), (), None, (), True))
+            found.append(Block(tuple(environment), tuple(others), (), (), None, (), is_free=True))
             continue
         found.append(_Enumeration(environment, others, given, chosen, before, domains,
                                   deadline).block())
@@ -151,6 +153,7 @@ class _Enumeration:
         self._chosen, self._before, self._domains = chosen, before, domains
         self._deadline = deadline
         self._doubts: dict[str, None] = {}
+        self._gaps: dict[str, None] = {}
         self._is_real = True
 
     def block(self) -> Block:
@@ -168,7 +171,8 @@ class _Enumeration:
         letters = self._letters(shown, variables_shown, ranges)
         return Block(
             tuple(self._environment), tuple(self._others), tuple(self._given), tuple(letters),
-            self._classes(shown, variables_shown, ranges, letters), tuple(self._doubts))
+            self._classes(shown, variables_shown, ranges, letters), tuple(self._doubts),
+            tuple(self._gaps))
 
     def _ranges(self, shown: Mapping[Term, Any]) -> Iterator[Any]:
         for item, found in shown.items():
@@ -191,10 +195,10 @@ class _Enumeration:
             if answer == z3.unsat:
                 return found
             if answer == z3.unknown:
-                self._doubts['the solver does not decide which comparisons hold together'] = None
+                self._gaps['the solver does not decide which comparisons hold together'] = None
                 return found
             if len(found) == _MOST_LETTERS:
-                self._doubts[f'more than {_MOST_LETTERS} combinations of comparisons'] = None
+                self._gaps[f'more than {_MOST_LETTERS} combinations of comparisons'] = None
                 return found
             model = solver.model()
             letter = tuple(z3.is_true(model.eval(item, model_completion=True)) for item in truths)
@@ -225,7 +229,7 @@ class _Enumeration:
         self._is_real = True
         answer = solver.check()
         if answer == z3.unknown:
-            self._doubts['the solver does not decide which comparisons hold together'] = None
+            self._gaps['the solver does not decide which comparisons hold together'] = None
         if answer != z3.sat:
             return None
         return _witness(solver.model(), translation.variables, False)

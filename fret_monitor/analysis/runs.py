@@ -81,7 +81,9 @@ class Runner:
         truths = tuple(choice[name] for name in names)
         if block.is_free:
             return dict(zip(block.terms, truths))
-        letter = next(each for each in block.letters if each.truths[:len(names)] == truths)
+        letter = next((each for each in block.letters if each.truths[:len(names)] == truths), None)
+        if letter is None:
+            raise NoRun('its comparisons are not decided')
         if block.classes is None:
             return letter.witness
         number = sum(choice[name] << place for place, name in enumerate(item.classes))
