@@ -119,7 +119,8 @@ class Component:
 
     Outputs of the system are the verdicts, by place in the part, then those of the `triggers`: by
     place, what is violated once the requirement's trigger has come. `inputs` are the terms of the
-    signals. `doubts` say why a yes may not be final, `gaps` why a no may not be. `grid` is the time of a step in nanoseconds, None unless the policy is timed.
+    signals. `doubts` say why a yes may not be final, `gaps` why a no may not be. `grid` is the
+    time of a step in nanoseconds, None unless the policy is timed.
     """
 
     part: Part
