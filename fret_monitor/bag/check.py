@@ -272,6 +272,7 @@ class _Run:
         self._latest = -NEVER  # the time of the last message that was read
         self._names = [ROWS] if recording.is_trace else [
             resolved(topic.name, selection) for topic in self._manifest.topics]
+        self._recorded = {name: recording.recorded[name] for name in self._names}
         self._read = array('Q', bytes(8 * len(self._names)))
         self._findings = [Findings(item.id) for item in self._manifest.requirements]
 
@@ -304,11 +305,10 @@ class _Run:
             each.end(end)
         self._finish(end)
         self._complain()
-        recorded = {name: recording.recorded[name] for name in self._names}
         read = dict(zip(self._names, self._read))
         if not is_limited:
-            self._compare(recorded, read)
-        return Result(recording.path, manifest, recorded, read, tuple(self._findings),
+            self._compare(read)
+        return Result(recording.path, manifest, self._recorded, read, tuple(self._findings),
                       tuple(self._errors), begin, end, recording.start, tuple(self._warnings),
                       recording.is_trace)
 
@@ -327,8 +327,7 @@ class _Run:
 
     def _last(self, last: int) -> int:
         """Return the end of the time in which something was seen."""
-        if self._is_cut_off or sum(self._read) < sum(
-                self._recording.recorded[name] for name in self._names):
+        if self._is_cut_off or sum(self._read) < sum(self._recorded.values()):
             return max(self._latest, self._recording.start)  # silence after it is not its own
         waiting = self._engine.latest_waiting
         last = max(last, self._latest)
@@ -386,7 +385,7 @@ class _Run:
                     self._manifest.inputs[item].initial is None for item in topic.inputs):
                 self._miss(index, f'no message of {name} was recorded')
 
-        if not any(self._recording.recorded[name] for name in self._names) and not self._errors:
+        if not any(self._recorded.values()) and not self._errors:
             self._errors.append('no message was recorded of what the bundle reads')
 
     def _miss(self, index: int, text: str) -> None:
@@ -396,7 +395,7 @@ class _Run:
 
     def _play(self, wanted: Mapping[tuple[str, str], int], begin: int,
               last: int | None) -> None:
-        most = max(1, sum(self._recording.recorded[name] for name in self._names))
+        most = max(1, sum(self._recorded.values()))
         reorder = self._manifest.reorder
         if not self._is_part:  # stamps may be before the first reception
             self._judge_from(begin)
@@ -555,8 +554,8 @@ class _Run:
             found.update(item.requirement for item in later.advance(deadline))
         return found
 
-    def _compare(self, recorded: Mapping[str, int], read: Mapping[str, int]) -> None:
-        for name, count in recorded.items():
+    def _compare(self, read: Mapping[str, int]) -> None:
+        for name, count in self._recorded.items():
             if count != read[name]:
                 self._errors.append(
                     f'{name}: {counted(count, "message")} recorded, {read[name]:,} read')

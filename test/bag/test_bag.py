@@ -615,13 +615,16 @@ def test_a_file_that_metadata_does_not_list_is_an_error(tmp_path: Path) -> None:
     assert result.errors == ('metadata.yaml counts 407 messages, and 400 by topic',)
 
 
-def test_a_part_ends_with_the_recording(tmp_path: Path) -> None:
-    file = tmp_path / 'silent.yaml'
-    file.write_text("""format: 1
+SILENT = """format: 1
 evaluation: {policy: timed}
 inputs: {level: {topic: level, type: std_msgs/msg/Float64, timeout: 1, stale: violate}}
 requirements: [{id: R, ptltl: "level < 1"}]
-""", encoding='utf-8')
+"""
+
+
+def test_a_part_ends_with_the_recording(tmp_path: Path) -> None:
+    file = tmp_path / 'silent.yaml'
+    file.write_text(SILENT, encoding='utf-8')
     path = write(tmp_path / 'bag', [('/level', SECOND * k // 2, 0.0) for k in range(9)])
 
     def found(**moments: str) -> tuple[bool | None, int]:
@@ -641,11 +644,7 @@ requirements: [{id: R, ptltl: "level < 1"}]
 
 def test_time_ends_where_a_damaged_recording_does(tmp_path: Path) -> None:
     file = tmp_path / 'silent.yaml'
-    file.write_text("""format: 1
-evaluation: {policy: timed}
-inputs: {level: {topic: level, type: std_msgs/msg/Float64, timeout: 1, stale: violate}}
-requirements: [{id: R, ptltl: "level < 1"}]
-""", encoding='utf-8')
+    file.write_text(SILENT, encoding='utf-8')
     path = write(tmp_path / 'bag', [('/level', SECOND * k // 10, 0.0) for k in range(4000)])
     recording, = path.glob('*.mcap')
     data = bytearray(recording.read_bytes())
