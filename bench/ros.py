@@ -133,11 +133,19 @@ def exported(bundle: Path, folder: Path) -> Path:
     folder.mkdir(exist_ok=True)
     for name, text in ros2(generated, Options()).generated.items():
         (folder / Path(name).name).write_text(text, encoding='utf-8')
+    own = {*generated.module.files, 'node_table.c'}
+    objects = []
+    for source in (*sorted(folder.glob('*.c')), HERE / 'ros' / 'no_python.c'):
+        # What is the same for every bundle is compiled once.
+        made = (folder if source.name in own else folder.parent) / f'{source.stem}.o'
+        if not made.exists():
+            compiled(made, ['-std=c99', '-O2', '-ffp-contract=off', *searched(), '-c',
+                            str(source)])
+        objects.append(str(made))
     return compiled(folder / 'monitor', [
-        '-std=c99', '-O2', '-ffp-contract=off', *searched(),
-        *(str(path) for path in sorted(folder.glob('*.c'))), str(HERE / 'ros' / 'no_python.c'),
-        *linked([*NODE_LIBRARIES, rmw_library()],
-                sorted({*NODE_PACKAGES, *packages_of(generated.manifest)})), '-lm', '-pthread'])
+        *objects, *linked([*NODE_LIBRARIES, rmw_library()],
+                          sorted({*NODE_PACKAGES, *packages_of(generated.manifest)})),
+        '-lm', '-pthread'])
 
 
 # -- processes ------------------------------------------------------------------------------------

@@ -31,7 +31,8 @@ import tempfile
 from typing import Any
 
 from fret_monitor.codegen.module import CModule, generate
-from fret_monitor.logic.specification import Signal, Specification
+from fret_monitor.logic.evaluate import evaluate_all
+from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import cache as library_cache
 from fret_monitor.native import compiler as library_compiler
@@ -128,6 +129,17 @@ def load(specification: Specification, driver: str, *, compiler: Sequence[str] |
     entry = loaded[module.symbol]
     entry.restype = ctypes.c_void_p
     return loaded, entry()
+
+
+def reference(properties: Sequence[Property], trace: Trace) -> list[list[bool]]:
+    """Return the verdicts of the reference; it evaluates what requirements share once."""
+    found: dict[int, list[bool]] = {}
+    for feedback in dict.fromkeys(item.feedback for item in properties):
+        alike = [number for number, item in enumerate(properties) if item.feedback == feedback]
+        columns = evaluate_all([properties[number].formula for number in alike], trace, feedback)
+        for number, column in zip(alike, columns, strict=True):
+            found[number] = [value is True for value in column]
+    return [found[number] for number in range(len(properties))]
 
 
 def c_columns(signals: Sequence[Signal], trace: Mapping[str, Sequence[Any]],

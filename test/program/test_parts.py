@@ -22,10 +22,11 @@ can lie on either side of a cut.
 from array import array
 from random import Random
 
-from differential.compiled import c_module, Compiled, FLAGS, unoptimised, WARNINGS
+from differential.compiled import (
+    c_module, Compiled, FLAGS, reference, unoptimised, WARNINGS,
+)
 from fret_monitor.build import build_specification
 from fret_monitor.codegen import module
-from fret_monitor.logic.evaluate import verdicts
 from fret_monitor.logic.formula import (
     ALWAYS, Binary, BinaryOperator, Choice, Constant, Feedback, Formula, FTP, Historically, Once,
     Previous, Since, Triggered, Unary, UnaryOperator, Variable, WeakYesterday, Window, Yesterday,
@@ -72,8 +73,9 @@ def assert_equal(specification: Specification, trace: Trace) -> None:
     """Compare group by group, and all at once, with the reference."""
     flags = (*FLAGS, '-O0', *WARNINGS)
     found = Compiled(specification, flags=flags).run(trace)
-    for number, item in enumerate(specification.properties):
-        assert found[number] == verdicts(item.formula, trace, item.feedback), item.id
+    expected = reference(specification.properties, trace)
+    for item, column, right in zip(specification.properties, found, expected, strict=True):
+        assert column == right, item.id
     assert rows(specification, trace) == found
 
 

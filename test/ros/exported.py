@@ -32,6 +32,7 @@ import sys
 from tempfile import TemporaryDirectory, TemporaryFile
 
 import bench.ros
+from differential.compiled import SANITIZERS
 from fret_monitor import build
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.export.content import Options
@@ -109,9 +110,6 @@ def _linked(objects: Sequence[Path], packages: Sequence[str], program: Path,
         *flags, *map(str, objects),
         *bench.ros.linked([*bench.ros.NODE_LIBRARIES, bench.ros.rmw_library()], packages),
         '-lm', '-pthread'])
-
-
-SANITIZERS = ('-g', '-fsanitize=address,undefined', '-fno-sanitize-recover=all')
 
 
 def exported_bundle(bundle: Path, flags: tuple[str, ...] = SANITIZERS) -> Path:
