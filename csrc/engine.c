@@ -87,6 +87,12 @@ static bool make_locks(struct fm_engine * engine)
     pthread_mutex_destroy(&engine->mutex);
     return false;
   }
+  if (!make_condition(&engine->state_changed)) {
+    pthread_cond_destroy(&engine->detail_queued);
+    pthread_cond_destroy(&engine->violation_queued);
+    pthread_mutex_destroy(&engine->mutex);
+    return false;
+  }
   return true;
 }
 
@@ -103,7 +109,7 @@ static bool make_memory(struct fm_engine * engine)
     calloc(options->monitor->n_requirements + (size_t)1, sizeof(*engine->are_violated));
   return fm_outbox_init(&engine->outbox, options->monitor) && engine->fields != NULL &&
          engine->prepared != NULL && engine->found != NULL && engine->topics != NULL &&
-         engine->are_violated != NULL &&
+         engine->are_violated != NULL && fm_states_init(&engine->states, options->monitor) &&
          (!fm_evaluator_is_timed(options->evaluator) ||
          fm_reorder_init(&engine->waiting, most_inputs(options)));
 }
@@ -121,6 +127,7 @@ static void free_memory(struct fm_engine * engine)
   free(engine->found);
   free(engine->topics);
   free(engine->are_violated);
+  fm_states_free(&engine->states);
   free(engine);
 }
 
@@ -158,6 +165,7 @@ void fm_engine_destroy(struct fm_engine * engine)
 {
   pthread_cond_destroy(&engine->violation_queued);
   pthread_cond_destroy(&engine->detail_queued);
+  pthread_cond_destroy(&engine->state_changed);
   pthread_mutex_destroy(&engine->mutex);
   free_memory(engine);
 }
@@ -171,6 +179,7 @@ void fm_engine_close(struct fm_engine * engine)
   engine->is_closed = true;
   pthread_cond_broadcast(&engine->violation_queued);
   pthread_cond_broadcast(&engine->detail_queued);
+  pthread_cond_broadcast(&engine->state_changed);
   fm_engine_unlock(engine);
 }
 
@@ -187,12 +196,30 @@ bool fm_engine_is_closed(struct fm_engine * engine)
 // Note those that begin: a requirement may be violated at each step for hours.
 static void note_occurrences_locked(struct fm_engine * engine, uint32_t n)
 {
-  for (uint32_t k = 0; engine->blackbox != NULL && k < n; ++k) {
+  for (uint32_t k = 0; (engine->blackbox != NULL || engine->has_states) && k < n; ++k) {
     const uint32_t requirement = engine->found[k].requirement;
     if (!engine->found[k].is_recovery && !engine->are_violated[requirement]) {
-      fm_blackbox_note(engine->blackbox, requirement, fm_engine_steady_time());
+      fm_states_begin_violation(&engine->states, requirement);
+      if (engine->blackbox != NULL) {
+        fm_blackbox_note(engine->blackbox, requirement, fm_engine_steady_time());
+      }
     }
     engine->are_violated[requirement] = !engine->found[k].is_recovery;
+  }
+}
+
+// Wake those who follow the states of the requirements, if one has changed.
+static void update_states_locked(struct fm_engine * engine)
+{
+  if (!engine->has_states) {
+    return;
+  }
+  fm_states_update(
+    &engine->states, engine->options.evaluator, engine->options.monitor, engine->are_violated);
+  if (engine->states.changes != engine->noted_changes) {
+    engine->noted_changes = engine->states.changes;
+    pthread_cond_signal(&engine->violation_queued);
+    pthread_cond_broadcast(&engine->state_changed);
   }
 }
 
@@ -215,6 +242,7 @@ static void queue_locked(struct fm_engine * engine, uint32_t n, int64_t later)
 void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t later)
 {
   queue_locked(engine, n, later);
+  update_states_locked(engine);
   if (engine->gate != NULL &&
     fm_gate_note(engine->gate, engine->found, n, fm_engine_steady_time()) &&
     engine->on_due != NULL)
@@ -231,8 +259,33 @@ uint32_t fm_engine_take(
   fm_engine_lock(engine);
   fm_engine_wait_for_violation_locked(engine, milliseconds);
   const uint32_t n = fm_outbox_take(&engine->outbox, out, room);
+  engine->taken_changes = engine->states.changes;
   fm_engine_unlock(engine);
   return n;
+}
+
+void fm_engine_follow_states(struct fm_engine * engine)
+{
+  fm_engine_lock(engine);
+  engine->has_states = true;
+  fm_engine_unlock(engine);
+}
+
+uint64_t fm_engine_states(
+  struct fm_engine * engine, uint64_t seen, uint32_t milliseconds,
+  struct fm_requirement_state * out)
+{
+  const int64_t end = fm_engine_steady_time() + (int64_t)milliseconds * MILLISECOND_NS;
+  fm_engine_lock(engine);
+  while (engine->states.changes == seen && !engine->is_closed && fm_engine_steady_time() < end) {
+    fm_engine_wait_locked(engine, &engine->state_changed, end);
+  }
+  memcpy(
+    out, engine->states.requirements,
+    engine->options.monitor->n_requirements * sizeof(*out));
+  const uint64_t changes = engine->states.changes;
+  fm_engine_unlock(engine);
+  return changes;
 }
 
 void fm_engine_want_details(struct fm_engine * engine, bool are_wanted, uint32_t most_per_s)
@@ -687,6 +740,7 @@ static void end_gated_locked(struct fm_engine * engine, const struct gated_step 
   const bool is_timed = fm_evaluator_is_timed(engine->options.evaluator);
   queue_locked(engine, n, n > 0 && is_timed ? fm_engine_stamps_ahead_locked(engine) : 0);
   fm_gate_finish(engine->gate);
+  update_states_locked(engine);  // a message that is withheld never happened
   if (is_timed && step->source != INT64_MIN) {
     take_due_after_locked(engine, step->now, step->source);
   }
@@ -825,6 +879,7 @@ void fm_engine_reset(struct fm_engine * engine)
     fm_gate_reset(engine->gate);
   }
   memset(engine->are_violated, 0, engine->options.monitor->n_requirements);
+  update_states_locked(engine);
   fm_engine_take_due_now_locked(engine);
   fm_engine_unlock(engine);
 }

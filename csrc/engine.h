@@ -43,13 +43,14 @@
 #include "gate.h"
 #include "handover.h"
 #include "outbox.h"
+#include "states.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 8u
+#define FM_ENGINE_ABI 9u
 
 struct fm_engine;
 
@@ -118,6 +119,19 @@ FM_EXPORT bool fm_engine_is_closed(struct fm_engine * engine);
 FM_EXPORT uint32_t fm_engine_message(
   struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin);
+
+/// Keep the states of the requirements up to date from now on (states.h), for locks and actions;
+/// the evaluator must report recoveries. fm_engine_take then also returns when one has changed.
+/// Call it before messages are delivered. O(1); each step then costs O(requirements + inputs of
+/// their groups).
+FM_EXPORT void fm_engine_follow_states(struct fm_engine * engine);
+
+/// Wait until a state has changed since a call returned `seen` (0 at first), the engine is closed,
+/// or the time is over; 0 milliseconds: do not wait. Copy the states to `out`, n_requirements of
+/// them. Returns the number of changes so far. O(requirements).
+FM_EXPORT uint64_t fm_engine_states(
+  struct fm_engine * engine, uint64_t seen, uint32_t milliseconds,
+  struct fm_requirement_state * out);
 
 /// Keep each message that is delivered from now on in a black box, and note there when a
 /// violation begins; the evaluator must report recoveries. Call it before messages are delivered.

@@ -365,6 +365,7 @@ void fm_engine_wait_for_violation_locked(struct fm_engine * engine, uint32_t mil
     read_clock(CLOCK_MONOTONIC) + (int64_t)milliseconds * (SECOND_NS / 1000);
   fm_engine_take_due_now_locked(engine);
   while (engine->outbox.n_violations == 0 && !engine->is_closed && milliseconds > 0 &&
+    engine->states.changes == engine->taken_changes &&
     read_clock(CLOCK_MONOTONIC) < end)
   {
     wait_for_deadline_locked(engine, end);

@@ -24,6 +24,7 @@
 
 #include "engine_locked.h"
 #include "reorder.h"
+#include "states.h"
 
 /// The source of the time.
 enum fm_source_of_time
@@ -55,7 +56,12 @@ struct fm_engine
   struct fm_reorder waiting;    // under FM_TIMED: messages of a round, or of later stamps
   struct fm_outbox outbox;
   struct fm_blackbox * blackbox;  // NULL: no message is kept
-  bool * are_violated;            // requirements; for the black box
+  bool * are_violated;            // requirements whose last violation has not ended
+  struct fm_states states;
+  pthread_cond_t state_changed;
+  uint64_t noted_changes;         // of the states, when those who follow them were last woken
+  uint64_t taken_changes;         // the same, when fm_engine_take last returned
+  bool has_states;                // they are kept up to date
   int (* now)(void * clock, int64_t * nanoseconds);
   void * clock;
   enum fm_source_of_time source;

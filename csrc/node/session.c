@@ -202,7 +202,8 @@ static bool start_announcer(struct fm_session * session)
     publishers[k] = rcl_publisher_get_rmw_handle(&session->handlers[k]);
   }
   const bool is_started = fm_announcer_start(
-    &session->announcer, session->engine, &session->middleware, publishers, session->n_handlers);
+    &session->announcer, session->engine, &session->middleware, publishers, session->n_handlers,
+    NULL, 0);
   free(publishers);
   return is_started;
 }

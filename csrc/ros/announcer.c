@@ -22,9 +22,19 @@
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #define BATCH 64u
+#define MILLISECOND_NS 1000000
+#define SECOND_NS 1000000000
 #define WAIT_MS 500u  // closing the engine wakes it at once
+
+struct lock
+{
+  struct fm_lock settings;
+  int64_t due;     // of the next message
+  bool is_locked;  // as published last
+};
 
 struct fm_announcer
 {
@@ -32,22 +42,78 @@ struct fm_announcer
   const struct fm_middleware * middleware;
   void ** publishers;
   uint32_t n_publishers;
+  struct lock * locks;
+  uint32_t n_locks;
+  struct fm_requirement_state * states;  // if there are locks
   pthread_t thread;
   uint64_t turns;  // atomic
 };
 
-static void publish(struct fm_announcer * announcer, const struct fm_violation * violation)
+static void publish(struct fm_announcer * announcer, const void * publisher, const void * message)
 {
-  const uint8_t empty = 0;  // std_msgs/msg/Empty is one byte in C
-  if (violation->requirement >= announcer->n_publishers) {
-    return;
-  }
-  const int result = announcer->middleware->publish(
-    announcer->publishers[violation->requirement], &empty, NULL);
-  if (result != 0) {
+  if (announcer->middleware->publish(publisher, message, NULL) != 0) {
     announcer->middleware->forget_error();
     fm_engine_count_unpublished(announcer->engine, 1);
   }
+}
+
+static void announce(struct fm_announcer * announcer, const struct fm_violation * violation)
+{
+  const uint8_t empty = 0;  // std_msgs/msg/Empty is one byte in C
+  if (violation->requirement < announcer->n_publishers) {
+    publish(announcer, announcer->publishers[violation->requirement], &empty);
+  }
+}
+
+// ---- locks -------------------------------------------------------------------------------------
+
+static int64_t steady_time(void)
+{
+  struct timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return (int64_t)now.tv_sec * SECOND_NS + (int64_t)now.tv_nsec;
+}
+
+static bool is_locked(const struct fm_lock * lock, const struct fm_requirement_state * states)
+{
+  bool all_hold = true;
+  for (uint32_t k = 0; k < lock->n_requirements; ++k) {
+    all_hold = all_hold && states[lock->requirements[k]].state == FM_HOLDS;
+  }
+  return !all_hold;
+}
+
+// Publish the locks that have changed, and those whose next message is due.
+static void publish_locks(struct fm_announcer * announcer)
+{
+  if (announcer->n_locks == 0) {
+    return;
+  }
+  const int64_t now = steady_time();
+  (void)fm_engine_states(announcer->engine, UINT64_MAX, 0, announcer->states);
+  for (uint32_t k = 0; k < announcer->n_locks; ++k) {
+    struct lock * lock = &announcer->locks[k];
+    const bool state = is_locked(&lock->settings, announcer->states);  // as std_msgs/msg/Bool
+    if (state != lock->is_locked || lock->due <= now) {
+      publish(announcer, lock->settings.publisher, &state);
+      lock->is_locked = state;
+      lock->due = now + lock->settings.period;
+    }
+  }
+}
+
+// Milliseconds until the next message of a lock is due, at most WAIT_MS.
+static uint32_t time_left(const struct fm_announcer * announcer)
+{
+  int64_t left = WAIT_MS;
+  const int64_t now = steady_time();
+  for (uint32_t k = 0; k < announcer->n_locks; ++k) {
+    const int64_t until = announcer->locks[k].due <= now ? 0 : announcer->locks[k].due - now;
+    const int64_t milliseconds =
+      (until + MILLISECOND_NS - 1) / MILLISECOND_NS;
+    left = milliseconds < left ? milliseconds : left;
+  }
+  return (uint32_t)left;
 }
 
 static void * run(void * argument)
@@ -58,10 +124,11 @@ static void * run(void * argument)
   bool is_closed = false;
   do {
     is_closed = fm_engine_is_closed(announcer->engine);  // nothing is queued after this is true
-    n = fm_engine_take(announcer->engine, batch, BATCH, WAIT_MS);
+    n = fm_engine_take(announcer->engine, batch, BATCH, time_left(announcer));
     for (uint32_t k = 0; k < n; ++k) {
-      publish(announcer, &batch[k]);
+      announce(announcer, &batch[k]);
     }
+    publish_locks(announcer);
     __atomic_fetch_add(&announcer->turns, 1u, __ATOMIC_RELAXED);
   } while (n > 0 || !is_closed);
   return NULL;
@@ -84,12 +151,32 @@ static bool start_thread(struct fm_announcer * announcer)
 static void free_announcer(struct fm_announcer * announcer)
 {
   free(announcer->publishers);
+  free(announcer->locks);
+  free(announcer->states);
   free(announcer);
+}
+
+static bool copy_settings(
+  struct fm_announcer * announcer, void * const * publishers, const struct fm_lock * locks)
+{
+  announcer->publishers = calloc(announcer->n_publishers + 1u, sizeof(*publishers));
+  announcer->locks = calloc(announcer->n_locks + 1u, sizeof(*announcer->locks));
+  announcer->states = calloc(announcer->n_publishers + 1u, sizeof(*announcer->states));
+  if (announcer->publishers == NULL || announcer->locks == NULL || announcer->states == NULL) {
+    return false;
+  }
+  memcpy(announcer->publishers, publishers, announcer->n_publishers * sizeof(*publishers));
+  for (uint32_t k = 0; k < announcer->n_locks; ++k) {
+    announcer->locks[k].settings = locks[k];
+    announcer->locks[k].due = INT64_MIN;  // published at once
+  }
+  return true;
 }
 
 bool fm_announcer_start(
   struct fm_announcer ** started, struct fm_engine * engine,
-  const struct fm_middleware * middleware, void * const * publishers, uint32_t n_publishers)
+  const struct fm_middleware * middleware, void * const * publishers, uint32_t n_publishers,
+  const struct fm_lock * locks, uint32_t n_locks)
 {
   struct fm_announcer * announcer = calloc(1, sizeof(*announcer));
   if (announcer == NULL) {
@@ -98,13 +185,11 @@ bool fm_announcer_start(
   announcer->engine = engine;
   announcer->middleware = middleware;
   announcer->n_publishers = n_publishers;
-  announcer->publishers = calloc(n_publishers + 1u, sizeof(*publishers));
-  if (announcer->publishers == NULL) {
-    free_announcer(announcer);
-    return false;
+  announcer->n_locks = n_locks;
+  if (n_locks > 0) {
+    fm_engine_follow_states(engine);
   }
-  memcpy(announcer->publishers, publishers, n_publishers * sizeof(*publishers));
-  if (!start_thread(announcer)) {
+  if (!copy_settings(announcer, publishers, locks) || !start_thread(announcer)) {
     free_announcer(announcer);
     return false;
   }

@@ -12,8 +12,12 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// announcer.h: a thread that publishes the violations of an engine. Publishing inside the
-/// middleware's callback hung when a process ended.
+/// announcer.h: a thread that publishes the violations of an engine, and its locks. Publishing
+/// inside the middleware's callback hung when a process ended.
+///
+/// A lock is a std_msgs/msg/Bool that is published all the time, by the same thread that takes
+/// what is due: if the thread, or the engine that it asks, hangs, nothing is published, and
+/// silence means locked.
 
 #ifndef ANNOUNCER_H_
 #define ANNOUNCER_H_
@@ -27,18 +31,29 @@ extern "C" {
 
 struct fm_announcer;
 
+/// A lock: true while one of its requirements is violated or not known (states.h).
+struct fm_lock
+{
+  void * publisher;               // rmw_publisher_t of std_msgs/msg/Bool
+  const uint32_t * requirements;  // outlive the announcer
+  uint32_t n_requirements;
+  int64_t period;                 // ns between two messages; it is also published when it changes
+};
+
 /// Start a thread that publishes a std_msgs/msg/Empty for each violation of the engine, in order.
 /// No other thread may take violations from the engine. `publishers`: rmw_publisher_t, one for
-/// each requirement in the manifest's order; the array is copied. If a publisher fails, the
-/// violation is counted (fm_engine_unpublished). The engine, the middleware and the publishers
-/// outlive the announcer. False if no thread can be made, or memory is short. O(n_publishers);
-/// from any thread.
+/// each requirement in the manifest's order; `locks`: `n_locks` of them, for which the engine
+/// follows the states; both arrays are copied. If a publisher fails, the
+/// violation or state is counted (fm_engine_unpublished). The engine, the middleware and the
+/// publishers outlive the announcer. False if no thread can be made, or memory is short.
+/// O(n_publishers + n_locks); from any thread, before messages are delivered.
 ///
 /// `*announcer` is NULL before, and is set here: a result that is returned would be lost in Python
 /// if a signal handler raises an exception right after the call.
 FM_EXPORT bool fm_announcer_start(
   struct fm_announcer ** announcer, struct fm_engine * engine,
-  const struct fm_middleware * middleware, void * const * publishers, uint32_t n_publishers);
+  const struct fm_middleware * middleware, void * const * publishers, uint32_t n_publishers,
+  const struct fm_lock * locks, uint32_t n_locks);
 
 /// Return how often the thread has looked for violations and deadlines: at least twice a second,
 /// unless it hangs. From any thread, before fm_announcer_join. O(1).

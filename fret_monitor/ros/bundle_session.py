@@ -26,6 +26,7 @@ from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestTopic
 from fret_monitor.model.policies import Policy
+from fret_monitor.ros.actions import Actions
 from fret_monitor.ros.blackbox import BlackBox
 from fret_monitor.ros.compiled import Opened
 from fret_monitor.ros.detail_publisher import DetailPublisher
@@ -137,6 +138,11 @@ class BundleSession:
         self._advertised.callback(self._handlers.close)
         self._details = Details(self._node, self.manifest, depth)
         self._advertised.callback(self._details.close)
+        try:
+            self._actions = Actions(self._node, self.manifest)
+        except MessageTypeError as error:
+            raise Refusal(str(error)) from None
+        self._advertised.callback(self._actions.close)
 
     def start(self) -> None:
         """
@@ -166,7 +172,7 @@ class BundleSession:
             has_timeouts=any(item.timeout is not None for item in self.manifest.inputs),
             reorder=self.manifest.reorder)
         self._health = Health(self._node, self._engine, self._silence_log, period, self._name,
-                              self._look_up_log, self._blackbox, self._gate)
+                              self._look_up_log, self._blackbox, self._gate, self._actions)
         self._running.callback(self._health.close)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._keep(self._node.create_timer(PERIOD, self._report_health, clock=steady))
@@ -196,9 +202,10 @@ class BundleSession:
 
     def turns(self) -> tuple[int, ...]:
         """Return a counter of each thread; each grows within a second unless its thread hangs."""
-        threads = [self._announcer, self._feed, self._detail_publisher]
-        return tuple(0 if thread is None else thread.turns for thread in (
-            *threads, *([self._gate] if self._has_relay else [])))
+        threads = (self._announcer, self._feed, self._detail_publisher,
+                   *([self._gate] if self._has_relay else []))
+        turns = [0 if thread is None else thread.turns for thread in threads]
+        return (*turns, *([] if self._actions.turns is None else [self._actions.turns]))
 
     def reset(self) -> int:
         """Reset all step groups between two steps; return how many there are."""
@@ -255,8 +262,11 @@ class BundleSession:
         if self._blackbox is not None:
             self._running.callback(self._blackbox.end)
             self._blackbox.start()
-        announcer = Announcer(engine, middleware, self._handlers.publishers)
+        self._actions.prepare(engine)
+        announcer = Announcer(engine, middleware, self._handlers.publishers, self._actions.locks)
         self._running.callback(announcer.join)
+        self._running.callback(self._actions.stop)
+        self._actions.start(engine)
         details = DetailPublisher(engine, self._details, self._violation_log(engine))
         self._running.callback(details.end)
         gate = self._open_gate(engine, middleware)
@@ -322,7 +332,7 @@ class BundleSession:
 
     def _report_health(self) -> None:
         # Raised in the executor, so that the error reaches the program that spins the node.
-        for thread in (self._feed, self._detail_publisher):
+        for thread in (self._feed, self._detail_publisher, self._actions):
             if thread is not None and thread.failure is not None:
                 raise thread.failure
         if self._health is not None:  # None: stopped meanwhile

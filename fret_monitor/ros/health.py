@@ -16,10 +16,10 @@
 The state of the monitor on `/diagnostics`, once a second (docs/ros.md, Topics).
 
 There is a status for each requirement and each topic, one for the periods with the policy
-periodic, one for the time with the policy timed, one for a gate, one for a black box, and one for
-violations that could not be published. Each is named `NODE: ITEM`, as diagnostic aggregators
-expect.
-`describe_missing` makes the log line about requirements that are not evaluated yet.
+periodic, one for the time with the policy timed, one for a gate, one for a black box, one for each
+action and lock, and one for violations that could not be published. Each is named `NODE: ITEM`, as
+diagnostic aggregators expect. `describe_missing` makes the log line about requirements that are
+not evaluated yet.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -28,6 +28,7 @@ from time import monotonic
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from fret_monitor.model.manifest import ManifestRequirement, ManifestTopic
 from fret_monitor.model.policies import Report, Stale, Stamp
+from fret_monitor.ros.actions import Actions
 from fret_monitor.ros.blackbox import BlackBox, BlackBoxCounts
 from fret_monitor.ros.details import LEVELS
 from fret_monitor.ros.feed import PublisherStatus
@@ -48,7 +49,8 @@ class Health:
     def __init__(self, node: Node, engine: Engine,
                  silences: SilenceLog | None = None, period: float | None = None,
                  bundle: str = '', look_ups: LookUpLog | None = None,
-                 blackbox: BlackBox | None = None, gate: RunningGate | None = None) -> None:
+                 blackbox: BlackBox | None = None, gate: RunningGate | None = None,
+                 actions: Actions | None = None) -> None:
         """
         Advertise the topic; the caller then calls `publish` once per `PERIOD`.
 
@@ -70,6 +72,8 @@ class Health:
         self._blackbox = blackbox
         self._gate = gate
         self._blackbox_counts = BlackBoxCounts()
+        self._actions = actions
+        self._failed: dict[str, int] = {}  # by action
         self._period = period
         self._time_counts = engine.time_counts()
         self._bundle = bundle
@@ -81,6 +85,7 @@ class Health:
         lost, periods = list(self._newly_lost(statuses)), list(self._of_periods())
         order = [list(self._of_order(index)) for index in range(len(self._manifest.topics))]
         unpublished, blackbox = list(self._of_unpublished()), list(self._of_blackbox())
+        actions = list(self._of_actions())
         if not self._publisher.get_subscription_count():
             return
         array = DiagnosticArray()
@@ -94,7 +99,7 @@ class Health:
                 *self._of_silence(index, silent),
                 *self._of_messages(index, unusable, lost[index]), *order[index]])
               for index, status in enumerate(statuses)),
-            *self._of_gate(), *periods, *blackbox, *unpublished]
+            *self._of_gate(), *actions, *periods, *blackbox, *unpublished]
         self._publisher.publish(array)
 
     def close(self) -> None:
@@ -190,6 +195,20 @@ class Health:
             '; '.join(troubles) or 'keeps the last messages', {
                 'written': counts.written, 'not written': counts.failed,
                 'kept': new.kept, 'left out': new.left_out, 'overwritten early': new.early})
+
+    def _of_actions(self) -> Iterator[DiagnosticStatus]:
+        """Yield a status for each action: what it did, and whether it failed."""
+        for item, counts in self._actions.counts() if self._actions else ():
+            more = counts.failed - self._failed.get(item.name, 0)
+            self._failed[item.name] = counts.failed
+            level, message = (DiagnosticStatus.ERROR, f'{more} failed since the last report') \
+                if more else (DiagnosticStatus.OK, 'ready')
+            yield self._status(f'action {item.name}', level, message, {
+                'started': counts.started, 'sent': counts.sent, 'failed': counts.failed,
+                'skipped': counts.skipped})
+        for name, is_locked in self._actions.are_locked(self._engine) if self._actions else ():
+            yield self._status(f'lock {name}', DiagnosticStatus.WARN if is_locked else
+                               DiagnosticStatus.OK, 'locked' if is_locked else 'open', {})
 
     def _named(self, places: Collection[int]) -> str:
         return ', '.join(self._manifest.inputs[place].name for place in places)

@@ -23,7 +23,8 @@ middleware that C calls, in the libraries that rclpy has loaded.
 
 from collections.abc import Sequence, Set
 from contextlib import ExitStack
-from threading import Lock
+from dataclasses import dataclass
+import threading
 from time import time_ns
 from typing import Any
 
@@ -151,7 +152,7 @@ class EngineReceiver:
         self._library = engine.library
         self._engine = engine
         self._middleware = middleware
-        self._lock = Lock()  # the feed's thread drains, another thread may stop
+        self._lock = threading.Lock()  # the feed's thread drains, another thread may stop
         self._place: Any = ffi.new('struct fm_receiver **')
         self._record: Any = ffi.new('struct fm_record *')
         self._is_leaked = False
@@ -264,13 +265,32 @@ class EngineTopic:
         return self._engine.lost(self._topic)
 
 
+@dataclass(frozen=True)
+class Lock:
+    """
+    A lock: its publisher of std_msgs/msg/Bool, and the requirements that lock it, by index.
+
+    `period` is the time between two messages, in nanoseconds.
+    """
+
+    publisher: Publisher
+    requirements: tuple[int, ...]
+    period: int
+
+
 class Announcer:
-    """Publishes the violations of an engine, and waits for its deadlines, in a thread of C."""
+    """
+    Publishes the violations and the locks of an engine, in a thread of C.
+
+    The thread also waits for the engine's deadlines.
+    """
 
     def __init__(self, engine: Engine, middleware: Middleware,
-                 publishers: Sequence[Publisher]) -> None:
+                 publishers: Sequence[Publisher], locks: Sequence[Lock] = ()) -> None:
         """
         Start the thread; `publishers` of std_msgs/msg/Empty, one for each requirement.
+
+        It is started before messages are delivered.
 
         Raises
         ------
@@ -281,17 +301,21 @@ class Announcer:
         self._engine = engine
         self._middleware = middleware
         self._place: Any = ffi.new('struct fm_announcer **')
-        self._lock = Lock()  # guards the pointer in `_place`
+        self._lock = threading.Lock()  # guards the pointer in `_place`
         self._held = ExitStack()
         with ExitStack() as undo:
             undo.callback(self.join)  # also if a signal interrupts what follows
-            for item in publishers:
+            for item in (*publishers, *(lock.publisher for lock in locks)):
                 self._held.enter_context(item.handle)
             found = [middleware.publisher(item) for item in publishers]
+            self._indices = [ffi.new('uint32_t[]', lock.requirements) for lock in locks]
+            settings = ffi.new('struct fm_lock[]', [
+                (middleware.publisher(lock.publisher), indices, len(lock.requirements),
+                 lock.period) for lock, indices in zip(locks, self._indices)])
             native_lifetimes.keep(self)
             if not self._library.fm_announcer_start(
                     self._place, engine.pointer, middleware.functions,
-                    ffi.new('void *[]', [*found, ffi.NULL]), len(found)):
+                    ffi.new('void *[]', [*found, ffi.NULL]), len(found), settings, len(locks)):
                 raise Unavailable('no thread can be started')
             undo.pop_all()
 

@@ -15,7 +15,7 @@
 """The evaluator and the engine of `csrc`, wrapped for Python; independent of ROS."""
 
 from fret_monitor.runtime.engine import (
-    Engine, MOST_DETAILS_PER_S, OrderCounts, Receipt, ViolationDetail,
+    Engine, MOST_DETAILS_PER_S, OrderCounts, Receipt, RequirementState, State, ViolationDetail,
 )
 from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, NEVER, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
@@ -39,7 +39,9 @@ __all__ = [
     'OrderCounts',
     'Receipt',
     'RequirementCounts',
+    'RequirementState',
     'Silence',
+    'State',
     'TimeCounts',
     'TopicCounts',
     'Violation',

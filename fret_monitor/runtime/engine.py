@@ -43,6 +43,7 @@ MOST_QUEUED = 1 << 14
 """Violations of a recording that wait to be taken, unless the caller wants fewer."""
 
 _BATCH = 64
+_LONGEST_WAIT_MS = 60_000
 
 
 class Receipt(Enum):
@@ -51,6 +52,27 @@ class Receipt(Enum):
     RECEIVED = 0
     UNDECODABLE = 1
     REPEATED = 2
+
+
+class State(Enum):
+    """
+    What locks and actions follow; the values are those of `enum fm_state`.
+
+    A requirement is unknown before its first step since start or reset, and while an input that it
+    reads is silent.
+    """
+
+    UNKNOWN = 0
+    HOLDS = 1
+    VIOLATED = 2
+
+
+@dataclass(frozen=True)
+class RequirementState:
+    """The state of a requirement, and how often a violation has begun."""
+
+    occurrences: int
+    state: State
 
 
 @dataclass(frozen=True)
@@ -152,6 +174,30 @@ class Engine:
     def close(self) -> None:
         """Ignore messages from now on, and stop waiting when the queues are empty."""
         self._library.fm_engine_close(self.pointer)
+
+    def follow_states(self) -> None:
+        """Keep `states` up to date; call it before any message is delivered."""
+        self._library.fm_engine_follow_states(self.pointer)
+
+    def states(self, seen: int, timeout: float) -> tuple[int, list[RequirementState]]:
+        """
+        Wait until a state has changed since `seen`, or the engine is closed, or for `timeout`.
+
+        Returns the number of changes so far, to pass as `seen` (0 at first), and the state of each
+        requirement. `timeout` is in seconds; 0: do not wait.
+        """
+        count = len(self._monitor.manifest.requirements)
+        found = ffi.new('struct fm_requirement_state[]', count + 1)
+        changes = self._library.fm_engine_states(
+            self.pointer, seen, min(int(timeout * 1000), _LONGEST_WAIT_MS), found)
+        return int(changes), [
+            RequirementState(int(found[k].occurrences), State(found[k].state))
+            for k in range(count)]
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether `close` was called."""
+        return bool(self._library.fm_engine_is_closed(self.pointer))
 
     def keep_messages(self, ring: MessageRing) -> None:
         """Keep each message, and note when violations begin; call it before any is delivered."""

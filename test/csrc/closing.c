@@ -105,7 +105,8 @@ int main(int argc, char ** argv)
   int publisher = 0;
   void * publishers[] = {&publisher};
   struct fm_announcer * announcer = NULL;
-  const bool is_started = fm_announcer_start(&announcer, engine, &middleware, publishers, 1);
+  const bool is_started =
+    fm_announcer_start(&announcer, engine, &middleware, publishers, 1, NULL, 0);
   fm_announcer_join(&announcer);
   fm_announcer_join(&announcer);  // does nothing
   const uint64_t unpublished = fm_engine_unpublished(engine);
