@@ -121,7 +121,7 @@ def sanitized(request: pytest.FixtureRequest) -> Sanitized:
     return found
 
 
-@pytest.mark.parametrize('name', ['engine_threads', 'receivers', 'relay'])
+@pytest.mark.parametrize('name', ['engine_threads', 'receivers', 'relay', 'locks'])
 def test_threads(sanitized: Sanitized, name: str) -> None:
     program = sanitized.program(name)
     for _ in range(2):

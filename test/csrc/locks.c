@@ -1,0 +1,168 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// A lock beside a thread that delivers messages: its first message, its changes, its heartbeats,
+/// a publisher that fails, and the end.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include "announcer.h"
+
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "check.h"
+
+#define HEARTBEAT_NS 20000000
+#define SECOND_NS 1000000000
+
+// ---- a middleware that notes what is published -------------------------------------------------
+
+static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
+static int lock_publisher;
+static uint64_t n_published = 0;  // of the lock
+static bool last = false;
+static bool fails = false;
+
+static int publish(const void * publisher, const void * message, void * allocation)
+{
+  (void)allocation;
+  pthread_mutex_lock(&mutex);
+  const bool is_refused = fails;
+  if (publisher == &lock_publisher) {
+    memcpy(&last, message, sizeof(last));
+    n_published += 1;
+  }
+  pthread_mutex_unlock(&mutex);
+  return is_refused ? 1 : 0;
+}
+
+static void forget_error(void) {}
+static bool has_error(void) {return false;}
+
+static const struct fm_middleware middleware = {
+  NULL, NULL, publish, forget_error, has_error, NULL, {0, 0, 0}};
+
+static uint64_t count(bool * state)
+{
+  pthread_mutex_lock(&mutex);
+  const uint64_t n = n_published;
+  *state = last;
+  pthread_mutex_unlock(&mutex);
+  return n;
+}
+
+static void set_fails(bool value)
+{
+  pthread_mutex_lock(&mutex);
+  fails = value;
+  pthread_mutex_unlock(&mutex);
+}
+
+static void pause_ns(int64_t nanoseconds)
+{
+  const struct timespec time = {0, (long)nanoseconds};
+  nanosleep(&time, NULL);
+}
+
+// Wait for a message with a state, published after the first `seen`. Returns whether it came.
+static bool comes(bool state, uint64_t seen)
+{
+  bool found = !state;
+  for (int k = 0; k < 10000 && (count(&found) <= seen || found != state); ++k) {
+    pause_ns(1000000);
+  }
+  return count(&found) > seen && found == state;
+}
+
+// ---- a monitor: x < 1 --------------------------------------------------------------------------
+
+static void reset(void * state) {(void)state;}
+
+static void step(void * state, const void * inputs, bool * verdicts)
+{
+  (void)state;
+  verdicts[0] = *(const int32_t *)inputs < 1;
+}
+
+static const struct fm_input inputs[] = {{"x", 0, FM_INT32}};
+static const uint32_t first[] = {0};
+static const struct fm_group groups[] = {{first, 1, first, 1, reset, step, NULL}};
+static const struct fm_requirement requirements[] = {{"X", 0}};
+static const struct fm_monitor monitor = {
+  FM_ABI, 1, 1, 1, 8, 8, inputs, groups, requirements, "m", "", NULL, NULL, 0, NULL};
+
+static bool read(const uint8_t * message, size_t size, struct fm_field * out)
+{
+  out[0].value.i = message[0];
+  out[0].outcome = FM_FIELD_READ;
+  return size == 1;
+}
+
+static const struct fm_reader reader = {read, 1, NULL};
+static const struct fm_readers readers = {FM_ABI, 1, &reader};
+
+static void deliver(struct fm_engine * engine, uint8_t value)
+{
+  static uint64_t sequence = 0;
+  const uint8_t gid[FM_GID_BYTES] = {1};
+  sequence += 1;
+  const struct fm_origin origin = {0, 0, sequence, gid, false};
+  CHECK(fm_engine_message(engine, 0, &value, 1, &origin) == FM_RECEIVED);
+}
+
+int main(void)
+{
+  const struct fm_topic topic = {first, 1};
+  const uint8_t report = FM_OCCURRENCE;
+  const int64_t timeout = SECOND_NS / 2;
+  const struct fm_evaluator_options evaluator = {
+    &monitor, &topic, 1, FM_EVERY_MESSAGE, &report, &timeout, NULL, 0, 0, NULL, true, NULL};
+  void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
+  const struct fm_engine_options options = {
+    fm_evaluator_init(memory, &evaluator), &monitor, &readers, &topic, 1, NULL, false, 0, false};
+  struct fm_engine * engine = fm_engine_create(&options);
+  fm_engine_follow_steady(engine);
+  int handler = 0;
+  void * publishers[] = {&handler};
+  const struct fm_lock lock = {&lock_publisher, first, 1, HEARTBEAT_NS};
+  struct fm_announcer * announcer = NULL;
+  CHECK(fm_announcer_start(&announcer, engine, &middleware, publishers, 1, &lock, 1));
+  fm_engine_begin(engine);
+  CHECK(comes(true, 0));  // not known
+  CHECK(comes(true, 2));  // a heartbeat
+  bool state = false;
+  const uint8_t values[] = {0, 1, 0};
+  for (size_t k = 0; k < sizeof(values); ++k) {
+    const uint64_t seen = count(&state);
+    deliver(engine, values[k]);
+    CHECK(comes(values[k] > 0, seen));
+  }
+  CHECK(comes(true, count(&state)));  // silent
+  const uint64_t before = fm_engine_unpublished(engine);
+  set_fails(true);
+  CHECK(comes(true, count(&state) + 2));
+  set_fails(false);
+  CHECK(fm_engine_unpublished(engine) > before);
+  fm_engine_close(engine);
+  fm_announcer_join(&announcer);
+  const uint64_t at_end = count(&state);
+  pause_ns(3 * HEARTBEAT_NS);
+  CHECK(count(&state) == at_end);
+  fm_engine_destroy(engine);
+  free(memory);
+  return failures == 0 ? 0 : 1;
+}
