@@ -55,6 +55,7 @@ LEVELS = {
     'fret_monitor.importing': 16,
     'fret_monitor.export': 16,
     'fret_monitor.analysis': 17,  # draws runs as `explain` does
+    'fret_monitor.testgen': 17,  # reads sentences as `explain` does
     'fret_monitor.ros': 18,
     'fret_monitor.bag': 18,
     'fret_monitor.cli': 19,  # its verb `bag` calls that face

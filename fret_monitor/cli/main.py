@@ -48,6 +48,7 @@ _VERBS = {
     'import': 'make a bundle from a FRET project or an Ogma set-up',
     'explain': 'describe what requirements mean, with examples',
     'analyze': 'find requirements that conflict, are vacuous or redundant',
+    'tests': 'write traces that test each requirement',
     'prove': 'prove that the generated C is right',
     'schema': 'print the JSON schema of a bundle, for editors',
 }

@@ -62,17 +62,18 @@ def _denials(sentence: Sentence) -> Iterator[str]:
         return
     is_only = sentence.scope_kind.is_only
     component = sentence.component.name
-    start = ' '.join(_written(part.span) for part in (sentence.scope, sentence.condition) if part)
+    start = ' '.join(written(part.span) for part in (sentence.scope, sentence.condition) if part)
     # An `only` scope applies outside of its mode, with the negated response.
     yield f'{start} {component} shall immediately satisfy {"TRUE" if is_only else "FALSE"}'
     if stop is not None:
         never = 'eventually' if is_only else 'never'
-        yield f'{start} {component} shall {never} satisfy ({_written(stop.span)})'
+        yield f'{start} {component} shall {never} satisfy ({written(stop.span)})'
     if is_only:
-        yield f'{component} shall never satisfy ({_written(sentence.response.span)})'
+        yield f'{component} shall never satisfy ({written(sentence.response.span)})'
     elif sentence.timing_kind is not TimingKind.NEVER:
-        yield f'{start} {component} shall never satisfy ({_written(sentence.response.span)})'
+        yield f'{start} {component} shall never satisfy ({written(sentence.response.span)})'
 
 
-def _written(span: Span) -> str:
+def written(span: Span) -> str:
+    """Return the text of a part of a sentence."""
     return span.source.text[span.start:span.end]

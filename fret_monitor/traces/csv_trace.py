@@ -78,13 +78,19 @@ def open_trace(path: Path) -> Iterator[TextIO]:
         yield file
 
 
-def trace_text(signals: Sequence[Signal], rows: Iterable[Sequence[bool | int | float]]) -> str:
-    """Return rows as CSV; the value of a string input is its index in `signal.values`."""
+def trace_text(signals: Sequence[Signal], rows: Iterable[Sequence[bool | int | float]],
+               times: Sequence[str] | None = None) -> str:
+    """
+    Return rows as CSV; the value of a string input is its index in `signal.values`.
+
+    `times` are the times of the rows, for a column of them.
+    """
     text = StringIO()
     writer = csv.writer(text, lineterminator='\n')
-    writer.writerow([signal.name for signal in signals])
-    writer.writerows([_cell(value, signal) for value, signal in zip(row, signals, strict=True)]
-                     for row in rows)
+    writer.writerow([*(() if times is None else (TIME,)), *(signal.name for signal in signals)])
+    for number, row in enumerate(rows):
+        cells = [_cell(value, signal) for value, signal in zip(row, signals, strict=True)]
+        writer.writerow(cells if times is None else [times[number], *cells])
     return text.getvalue()
 
 

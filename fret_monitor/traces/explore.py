@@ -61,15 +61,35 @@ def explore(trials: Trials, rows: Sequence[Row], limit: int, wanted: Wanted) -> 
     return _Search(trials, rows).run(limit, wanted)
 
 
+class Path:
+    """How each node of a search was reached: from which node, with which row; the start is 0."""
+
+    def __init__(self) -> None:
+        """Store the start."""
+        self._reached: list[tuple[int, int]] = [(-1, -1)]
+
+    def add(self, number: int, row: int) -> None:
+        """Add the next node."""
+        self._reached.append((number, row))
+
+    def trace(self, rows: Sequence[Row], number: int, row: int) -> Trace:
+        """Return the trace to a node, and one step more."""
+        found = [rows[row]]
+        while number > 0:
+            number, row = self._reached[number]
+            found.append(rows[row])
+        return tuple(Run(each, 1) for each in reversed(found))
+
+
 class _Search:
-    """A node is a state and its verdict; `_reached` has each node's predecessor and row."""
+    """A node is a state and its verdict."""
 
     def __init__(self, trials: Trials, rows: Sequence[Row]) -> None:
         self._rows = rows
         self._follow = trials.follower(rows)
         self._nodes: list[tuple[bytes, bool]] = [(trials.start(), True)]
         self._known: dict[tuple[bytes, bool], int] = {self._nodes[0]: 0}
-        self._reached: list[tuple[int, int]] = [(-1, -1)]
+        self._reached = Path()
         self._satisfying: tuple[int, int, int] | None = None  # triggers met, node, row
         self._violating: tuple[int, int] | None = None
         self._recovering: tuple[int, int] | None = None
@@ -99,7 +119,7 @@ class _Search:
             if node not in self._known:
                 self._known[node] = len(self._nodes)
                 self._nodes.append(node)
-                self._reached.append((number, row))
+                self._reached.add(number, row)
 
     def _note(self, number: int, row: int, before: bool, bits: int) -> None:
         if not bits & 1:
@@ -112,11 +132,45 @@ class _Search:
             self._recovering = (number, row)
 
     def _path(self, end: tuple[int, ...] | None) -> Trace | None:
-        if end is None:
-            return None
-        number, row = end
-        rows = [self._rows[row]]
-        while number > 0:
-            number, row = self._reached[number]
-            rows.append(self._rows[row])
-        return tuple(Run(row, 1) for row in reversed(rows))
+        return None if end is None else self._reached.trace(self._rows, *end)
+
+
+@dataclass(frozen=True)
+class Reached:
+    """
+    For each bit of the verdicts that was true at some step, a shortest trace that ends there.
+
+    With `is_complete`, the search has covered all traces of the rows: no other bit is ever true.
+    """
+
+    traces: dict[int, Trace]
+    is_complete: bool
+    states: int
+    steps: int
+
+
+def reach(trials: Trials, rows: Sequence[Row], bits: int, limit: int) -> Reached:
+    """
+    Explore the states that can be reached with some rows until each of `bits` was true once.
+
+    Takes at most `limit` steps. O(limit) time and memory.
+    """
+    follow = trials.follower(rows)
+    nodes = [trials.start()]
+    known = {nodes[0]}
+    path = Path()
+    found: dict[int, Trace] = {}
+    number = 0
+    while number < len(nodes) and number * len(rows) < limit and bits:
+        for row, (after, word) in enumerate(follow(nodes[number])):
+            if fresh := word & bits:
+                bits &= ~fresh
+                trace = path.trace(rows, number, row)
+                found.update((bit, trace) for bit in range(fresh.bit_length())
+                             if fresh >> bit & 1)
+            if after not in known:
+                known.add(after)
+                nodes.append(after)
+                path.add(number, row)
+        number += 1
+    return Reached(found, number == len(nodes), len(nodes), number * len(rows))

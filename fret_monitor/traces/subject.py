@@ -65,25 +65,61 @@ def subjects(specification: Specification, chosen: Sequence[Property],
     NativeError
         if there is no C compiler, or it fails.
     """
+    wanted = []
+    for item in chosen:
+        read = read_by(specification, item)
+        found = _telling(item, goals or {}, read)
+        wanted.append(Observation(item, read, tuple(Once(ALWAYS, node) for node in found)))
+    return [
+        Subject(each.item, each.signals, tuple(propositions(each.item)),
+                tuple(node.argument for node in each.formulas if isinstance(node, Once)), trials)
+        for each, trials in zip(wanted, observed(specification, wanted), strict=True)
+    ]
+
+
+def read_by(specification: Specification, item: Property) -> tuple[Signal, ...]:
+    """Return the inputs that a requirement reads, in the bundle's order."""
+    return tuple(signal for signal in specification.signals if signal.name in item.inputs)
+
+
+@dataclass(frozen=True)
+class Observation:
+    """
+    A requirement and further formulas over some of its inputs, for a step group of their own.
+
+    `feedback` has the equations of further `Feedback` nodes in the formulas.
+    """
+
+    item: Property
+    signals: tuple[Signal, ...]
+    formulas: tuple[Formula, ...]
+    feedback: tuple[tuple[Feedback, Formula], ...] = ()
+
+
+def observed(specification: Specification, wanted: Sequence[Observation]) -> list[Trials]:
+    """
+    Compile observations to one library.
+
+    Bit 0 of a step's verdicts is the verdict of the requirement; bit i + 1 is `formulas[i]`.
+
+    Raises
+    ------
+    NativeError
+        if there is no C compiler, or it fails.
+    """
     signals: list[Signal] = []
     properties: list[Property] = []
-    prepared = []
-    for number, item in enumerate(chosen):
-        read = tuple(signal for signal in specification.signals if signal.name in item.inputs)
-        mapping = {signal.name: f'{signal.name}.{number}' for signal in read}
-        found = _telling(item, goals or {}, read)
-        prepared.append((item, read, found, len(properties)))
-        signals += [_alone(signal, mapping) for signal in read]
-        properties += _properties(item, found, mapping, number)
+    ranges = []
+    for number, each in enumerate(wanted):
+        mapping = {signal.name: f'{signal.name}.{number}' for signal in each.signals}
+        ranges.append(range(len(properties), len(properties) + 1 + len(each.formulas)))
+        signals += [_alone(signal, mapping) for signal in each.signals]
+        properties += _properties(each, mapping, number)
     monitor = build_specification(replace(
         specification, signals=tuple(signals), properties=tuple(properties), definitions=(),
         policy=Policy.EVERY_MESSAGE, period=None)).monitor
     library = TrialLibrary()
-    return [
-        Subject(item, read, tuple(propositions(item)), found,
-                Trials(library, monitor, range(first, first + 1 + len(found))))
-        for item, read, found, first in prepared
-    ]
+    return [Trials(library, monitor, numbers) for numbers in ranges]
 
 
 def _telling(item: Property, goals: Mapping[str, Sequence[Formula]],
@@ -99,15 +135,18 @@ def _alone(signal: Signal, mapping: Mapping[str, str]) -> Signal:
                    initial=None, qos=())
 
 
-def _properties(item: Property, found: Sequence[Formula], mapping: Mapping[str, str],
+def _properties(observation: Observation, mapping: Mapping[str, str],
                 number: int) -> list[Property]:
-    """Return properties for the requirement and each trigger, all with the same inputs."""
-    names = {**mapping, **{node.name: f'{node.name}.{number}' for node, _ in item.feedback}}
-    renamed = _renamed([*item.roots, *found], names)
+    """Return properties for the requirement and each formula, all with the same inputs."""
+    item = observation.item
+    equations = (*item.feedback, *observation.feedback)
+    names = {**mapping, **{node.name: f'{node.name}.{number}' for node, _ in equations}}
+    renamed = renamed_formulas(
+        [item.formula, *observation.formulas, *(equation for _, equation in equations)], names)
     feedback = tuple((Feedback(names[node.name], node.type), renamed[equation])
-                     for node, equation in item.feedback)
+                     for node, equation in equations)
     main = renamed[item.formula]
-    formulas = [main, *(_reading_as(main, Once(ALWAYS, renamed[node])) for node in found)]
+    formulas = [main, *(_reading_as(main, renamed[node]) for node in observation.formulas)]
     return [
         replace(item, id=f'{number}.{part}', handler=f'handlerprop{number}_{part}',
                 formula=formula, feedback=feedback, text='', title='', place=None)
@@ -121,10 +160,11 @@ def _reading_as(other: Formula, formula: Formula) -> Formula:
     return Binary(BinaryOperator.AND, formula, is_other)
 
 
-def _renamed(formulas: Sequence[Formula], names: Mapping[str, str]) -> dict[Formula, Formula]:
+def renamed_formulas(formulas: Sequence[Formula],
+                     names: Mapping[str, str]) -> dict[Formula, Formula]:
     """Return each node of some formulas with its inputs and feedback renamed."""
     new: dict[Formula, Formula] = {}
     for node in postorder(formulas):
-        new[node] = type(node)(names[node.name], node.type) \
+        new[node] = type(node)(names.get(node.name, node.name), node.type) \
             if isinstance(node, Variable | Feedback) else rebuilt(node, new)
     return new

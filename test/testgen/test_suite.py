@@ -1,0 +1,241 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The tests of a bundle: what the traces show, what is proved, and which mutants they notice."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from time import monotonic
+
+from fret_monitor.build import read, Reading
+from fret_monitor.logic.evaluate import evaluate, verdicts
+from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.propositions import propositions
+from fret_monitor.logic.specification import Property, Specification
+from fret_monitor.testgen import suite as suite_module
+from fret_monitor.testgen.obligations import Kind
+from fret_monitor.testgen.recorded import history, Recorded
+from fret_monitor.testgen.suite import Answer, Case, Covered, make_suite, Suite
+from fret_monitor.traces import search
+import pytest
+from testgen.mutants import mutants
+
+PUMP = """\
+format: 1
+component: pump
+inputs:
+  start: {type: bool}
+  manual: {type: bool}
+  level: {type: float64}
+  flow: {type: float32}
+  mode: {type: string, topic: state, values: {moving: go, stopped: halt}}
+definitions:
+  low: level < 2.0 & !manual
+requirements:
+  - {id: WITHIN, fretish: upon start & low pump shall within 3 ticks satisfy flow > 0.5}
+  - {id: FOR, fretish: "in manual mode pump shall for 2 ticks satisfy flow <= 1.5"}
+  - {id: UNTIL, fretish: "whenever start pump shall until manual satisfy level >= 1.0"}
+  - {id: PAST, ptltl: "H (mode = stopped & O[1,3] start -> flow = 0.0)"}
+  - {id: RATE, cocospec: "(true -> flow - pre flow <= 2.0) and level < 9.0"}
+"""
+STUCK = """\
+format: 1
+inputs: {x: {type: float64}, y: {type: float64}}
+requirements:
+  - {id: NEVER, ptltl: "!(x > 5.0 & x < 3.0)"}
+  - {id: COUPLED, ptltl: "x > 5.0 & x > 3.0"}
+  - {id: ORDER, ptltl: "!(x > y & x < y)"}
+"""
+TIMED = """\
+format: 1
+component: robot
+evaluation: {policy: timed}
+inputs: {stop: {type: bool}, speed: {type: float64}}
+requirements:
+  - {id: STOP, fretish: "upon stop robot shall within 500 milliseconds satisfy speed < 0.1"}
+  - {id: HOLD, ptltl: "H (O[0, 2 s] stop -> speed <= 1.0)"}
+"""
+SECONDS = 300.0
+DONE: dict[str, tuple[Reading, Suite]] = {}
+
+
+def made(tmp_path_factory: pytest.TempPathFactory, text: str) -> tuple[Reading, Suite]:
+    """Return the tests of a bundle, which are made once."""
+    if text not in DONE:
+        path = tmp_path_factory.mktemp('bundle') / 'bundle.yaml'
+        path.write_text(text)
+        reading = read(path)
+        DONE[text] = reading, make_suite(reading, SECONDS)
+    return DONE[text]
+
+
+@pytest.fixture
+def pump(tmp_path_factory: pytest.TempPathFactory) -> Suite:
+    return made(tmp_path_factory, PUMP)[1]
+
+
+@pytest.fixture
+def stuck(tmp_path_factory: pytest.TempPathFactory) -> Suite:
+    return made(tmp_path_factory, STUCK)[1]
+
+
+@pytest.fixture
+def timed(tmp_path_factory: pytest.TempPathFactory) -> Suite:
+    return made(tmp_path_factory, TIMED)[1]
+
+
+def answers(suite: Suite, name: str) -> dict[str, Covered]:
+    return {each.what: each for each in suite.covered if each.requirement == name}
+
+
+def cases(suite: Suite, name: str) -> list[Case]:
+    return [case for case in suite.cases if case.requirement.id == name]
+
+
+def stepped(case: Case, specification: Specification) -> dict[str, list[object]]:
+    """Return the columns of a trace, with a value at each step."""
+    rows = case.trace.at_each_tick()
+    return {signal.name: [row[place] for row in rows]
+            for place, signal in enumerate(specification.signals)}
+
+
+def truth(case: Case, suite: Suite, formula: Formula) -> list[object]:
+    return evaluate(formula, stepped(case, suite.specification),  # type: ignore[arg-type]
+                    case.requirement.feedback)  # type: ignore[return-value]
+
+
+def shown(suite: Suite, each: Covered) -> list[Case]:
+    own = cases(suite, each.requirement)
+    return [own[number - 1] for number in each.cases]
+
+
+def test_each_obligation_of_the_timing_has_its_moment(pump: Suite) -> None:
+    found = answers(pump, 'WITHIN')
+    assert [what for what, each in found.items() if each.kind is Kind.TIMING] == [
+        'satisfied at the first moment', 'satisfied later', 'satisfied at the last moment',
+        'violated: one too late', 'violated without any response',
+        'the condition counts only when it becomes true']
+    assert {each.answer for each in found.values()} == {Answer.COVERED}
+    last, = shown(pump, found['satisfied at the last moment'])
+    flows = stepped(last, pump.specification)['flow']
+    starts = stepped(last, pump.specification)['start']
+    tick, = found['satisfied at the last moment'].ticks
+    begin = max(step for step in range(tick + 1) if starts[step] and (
+        step == 0 or not starts[step - 1]))
+    assert tick - begin == 3 and [flow > 0.5 for flow in flows[begin:tick + 1]] == [
+        False, False, False, True]
+    assert verdicts(last.requirement.formula,
+                    stepped(last, pump.specification))[tick]  # type: ignore[arg-type]
+
+
+def test_two_traces_that_show_a_condition_differ_in_it_alone(pump: Suite) -> None:
+    pairs = [each for each in pump.covered if each.kind is Kind.CONDITION
+             and each.answer is Answer.COVERED]
+    assert len(pairs) > 10
+    for each in pairs:
+        one, two = shown(pump, each)
+        nodes = propositions(one.requirement)
+        ends = [tick + 1 for tick in each.ticks]
+        assert ends[0] == ends[1]
+        changed = [number for number, node in enumerate(nodes)
+                   if truth(one, pump, node)[:ends[0]] != truth(two, pump, node)[:ends[0]]]
+        results = [truth(case, pump, one.requirement.formula)[ends[0] - 1]
+                   for case in (one, two)]
+        assert len(changed) == 1 and results[0] != results[1], each.what
+
+
+def test_what_no_trace_shows_is_proved(stuck: Suite) -> None:
+    never = answers(stuck, 'NEVER')
+    assert never['violated'].answer is Answer.UNREACHABLE
+    assert 'all states explored' in never['violated'].detail
+    coupled = answers(stuck, 'COUPLED')['x > 3.0 alone changes the verdict']
+    assert coupled.answer is Answer.UNREACHABLE
+
+
+def test_without_a_proof_nothing_is_called_unreachable(
+        tmp_path_factory: pytest.TempPathFactory,
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    # Inputs that are compared with each other have no values that stand for all: only the solver knows.
+    monkeypatch.setattr(suite_module, 'find_spec', lambda name: None)
+    monkeypatch.setattr(search, '_TRIED', 20_000)
+    lines = STUCK.splitlines(keepends=True)
+    _, found = made(tmp_path_factory, ''.join([*lines[:3], lines[-1]]))
+    assert answers(found, 'ORDER')['violated'].answer is Answer.UNKNOWN
+    assert 'none found in' in answers(found, 'ORDER')['violated'].detail
+
+
+def test_the_solver_proves_what_exploring_cannot(stuck: Suite) -> None:
+    pytest.importorskip('z3')
+    violated = answers(stuck, 'ORDER')['violated']
+    assert (violated.answer, violated.detail) == (
+        Answer.UNREACHABLE, 'proved by induction over 1 steps')
+
+
+def test_a_timed_response_comes_at_the_last_nanosecond(timed: Suite) -> None:
+    found = answers(timed, 'STOP')
+    assert {each.answer for each in found.values()} == {Answer.COVERED}
+    last, = shown(timed, found['satisfied at the last moment'])
+    late, = shown(timed, found['violated: one too late'])
+    assert (last.trace.ticks[-1], late.trace.ticks[-1]) == (500_000_000, 500_000_001)
+
+
+def noticed(suite: Suite, item: Property, other: Property) -> bool:
+    names = [signal.name for signal in suite.specification.signals]
+    return any(seen(other, names, case.trace) != seen(item, names, case.trace)
+               for case in cases(suite, item.id))
+
+
+def seen(item: Property, names: list[str], trace: Recorded) -> object:
+    return history(item.formula, item.feedback, names, trace)
+
+
+CHANGES = [
+    ('level < 2.0', 'level <= 2.0'), ('level < 2.0', 'level > 2.0'), ('flow > 0.5', 'flow >= 0.5'),
+    ('start & low', 'start'), ('start & low', 'low'), (' & !manual', ''), ('3 ticks', '2 ticks'),
+    ('3 ticks', '4 ticks'), ('upon start', 'whenever start'), ('2 ticks', '3 ticks'),
+    ('2 ticks', '1 ticks'), ('flow <= 1.5', 'flow < 1.5'), ('whenever start', 'upon start'),
+    ('until manual', 'until flow > 1.0'), ('level >= 1.0', 'level > 1.0'),
+    ('O[1,3]', 'O[0,3]'), ('O[1,3]', 'O[2,3]'), ('O[1,3]', 'O[1,4]'), ('O[1,3]', 'O[1,2]'),
+    ('mode = stopped & ', ''), ('mode = stopped', 'mode = moving'), ('flow = 0.0', 'flow >= 0.0'),
+    ('flow = 0.0', 'flow <= 0.0'), ('H (mode', '(mode'), ('for 2 ticks', 'always'),
+    ('within 3 ticks', 'eventually'), ('within 3 ticks', 'immediately'), (' & O[1,3] start', ''),
+    ('level < 9.0', 'level <= 9.0'), (' and level < 9.0', ''), ('flow <= 2.0', 'flow < 2.0'),
+]
+
+
+@pytest.mark.parametrize('change', CHANGES, ids=' -> '.join)
+def test_mistakes_in_a_bundle_are_noticed(pump: Suite, tmp_path: Path,
+                                          change: tuple[str, str]) -> None:
+    assert change[0] in PUMP
+    (tmp_path / 'mutant.yaml').write_text(PUMP.replace(*change))
+    other = read(tmp_path / 'mutant.yaml').specification
+    pairs = zip(pump.specification.properties, other.properties, strict=True)
+    assert any(noticed(pump, item, mutant) for item, mutant in pairs)
+
+
+def test_mistakes_in_formulas_are_noticed(pump: Suite) -> None:
+    item = next(each for each in pump.specification.properties if each.id == 'PAST')
+    missed = [mutant.what for mutant in mutants(item) if not noticed(pump, item, mutant.item)]
+    assert missed == []
+
+
+def test_when_the_time_is_over_the_answers_are_marked(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / 'bundle.yaml').write_text(PUMP)
+    found = make_suite(read(tmp_path / 'bundle.yaml'), 1e-9)
+    assert found.is_partial and found.cases == ()
+    assert {(each.answer, each.detail) for each in found.covered} == {
+        (Answer.UNKNOWN, 'out of time')}
