@@ -120,7 +120,7 @@ def test_nothing_is_written_when_it_is_interrupted_or_a_replay_differs(
         return 'step\n'
 
     monkeypatch.setattr(folder._Reference, 'verdicts', invert)
-    with pytest.raises(ReplayDiffers, match='traces/handlerpropV_1/1.csv'):
+    with pytest.raises(ReplayDiffers, match=r'traces/handlerpropV_1/1\.csv'):
         here.run('tests', bundle, '--output', output)
     assert [path.name for path in here.folder.iterdir()] == ['valve.yaml']
 

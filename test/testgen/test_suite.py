@@ -14,11 +14,7 @@
 
 """The tests of a bundle: what the traces show, what is proved, and which mutants they notice."""
 
-from collections.abc import Iterator
-from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
-from time import monotonic
 
 from fret_monitor.build import read, Reading
 from fret_monitor.logic.evaluate import evaluate, verdicts
@@ -30,6 +26,7 @@ from fret_monitor.testgen.obligations import Kind
 from fret_monitor.testgen.recorded import history, Recorded
 from fret_monitor.testgen.suite import Answer, Case, Covered, make_suite, Suite
 from fret_monitor.traces import search
+from fret_monitor.traces.trace import Value
 import pytest
 from testgen.mutants import mutants
 
@@ -105,16 +102,15 @@ def cases(suite: Suite, name: str) -> list[Case]:
     return [case for case in suite.cases if case.requirement.id == name]
 
 
-def stepped(case: Case, specification: Specification) -> dict[str, list[object]]:
+def stepped(case: Case, specification: Specification) -> dict[str, list[Value]]:
     """Return the columns of a trace, with a value at each step."""
     rows = case.trace.at_each_tick()
     return {signal.name: [row[place] for row in rows]
             for place, signal in enumerate(specification.signals)}
 
 
-def truth(case: Case, suite: Suite, formula: Formula) -> list[object]:
-    return evaluate(formula, stepped(case, suite.specification),  # type: ignore[arg-type]
-                    case.requirement.feedback)  # type: ignore[return-value]
+def truth(case: Case, suite: Suite, formula: Formula) -> list[Value]:
+    return evaluate(formula, stepped(case, suite.specification), case.requirement.feedback)
 
 
 def shown(suite: Suite, each: Covered) -> list[Case]:
@@ -137,8 +133,7 @@ def test_each_obligation_of_the_timing_has_its_moment(pump: Suite) -> None:
         step == 0 or not starts[step - 1]))
     assert tick - begin == 3 and [flow > 0.5 for flow in flows[begin:tick + 1]] == [
         False, False, False, True]
-    assert verdicts(last.requirement.formula,
-                    stepped(last, pump.specification))[tick]  # type: ignore[arg-type]
+    assert verdicts(last.requirement.formula, stepped(last, pump.specification))[tick]
 
 
 def test_two_traces_that_show_a_condition_differ_in_it_alone(pump: Suite) -> None:
@@ -168,7 +163,7 @@ def test_what_no_trace_shows_is_proved(stuck: Suite) -> None:
 def test_without_a_proof_nothing_is_called_unreachable(
         tmp_path_factory: pytest.TempPathFactory,
         monkeypatch: pytest.MonkeyPatch) -> None:
-    # Inputs that are compared with each other have no values that stand for all: only the solver knows.
+    # Compared with each other, inputs have no values that stand for all: the solver has to prove.
     monkeypatch.setattr(suite_module, 'find_spec', lambda name: None)
     monkeypatch.setattr(search, '_TRIED', 20_000)
     lines = STUCK.splitlines(keepends=True)
