@@ -523,7 +523,8 @@ void fm_relay_publish_with(struct fm_relay * relay, void * publisher)
 {
   pthread_mutex_lock(&relay->mutex);
   relay->publisher = publisher;
-  while (relay->is_busy) {
+  const uint64_t turns = relay->turns;
+  while (relay->is_busy && relay->turns == turns) {  // a later turn uses the new one
     pthread_cond_wait(&relay->released, &relay->mutex);
   }
   pthread_mutex_unlock(&relay->mutex);

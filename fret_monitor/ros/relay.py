@@ -17,7 +17,7 @@ The relay of a gate: a subscription, a thread of C that judges and publishes, an
 
 The feed makes the subscription, as for any topic, and gives it to the relay (`Relay.topic`). The
 publisher follows the publishers of the topic: it is reliable, and transient local if one of them
-is.
+is. Its queue is as long as that of the subscription.
 """
 
 from collections.abc import Sequence, Set
@@ -33,6 +33,7 @@ from fret_monitor.ros import native_lifetimes
 from fret_monitor.ros.feed import Record, UNNAMED
 from fret_monitor.ros.hot_path import Middleware
 from fret_monitor.ros.loaded import Unavailable
+from fret_monitor.ros.qos import DEFAULT_DEPTH
 from fret_monitor.ros.rcl_publisher import RclPublisher
 from fret_monitor.ros.rcl_subscription import RclSubscription
 from fret_monitor.runtime.engine import Engine
@@ -40,8 +41,7 @@ from fret_monitor.runtime.engine import Engine
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-_DEPTH = 100  # messages that a subscriber may be behind; as the subscriptions of this node
-_DURABLE_DEPTH = 10
+_DURABLE_DEPTH = 10  # messages that a late subscriber receives
 _MATCHED_S = 0.5  # until a new publisher is used, at most; until then the old one is
 _UNNAMED_LOOKS = 8  # at a publisher without the name of its node, until it is reported
 
@@ -71,6 +71,8 @@ class Relay:
         self._message_class = message_class
         self._lock = Lock()  # guards the pointer in `_place`
         self._place: Any = ffi.new('struct fm_relay **')
+        topics = engine.monitor.manifest.topics
+        self._fixed = {} if gate.topic is None else dict(topics[gate.topic].qos)
         self._substitute = ffi.from_buffer('uint8_t[]', gate.substitute)
         self._publisher = self._advertise(is_durable=False)
         self._held = ExitStack()
@@ -99,8 +101,9 @@ class Relay:
             raise Unavailable('no thread can be started')
 
     def _advertise(self, *, is_durable: bool) -> RclPublisher:
+        usual = _DURABLE_DEPTH if is_durable else DEFAULT_DEPTH
         return RclPublisher(self._node, self._message_class, self._gate.target, QoSProfile(
-            depth=_DURABLE_DEPTH if is_durable else _DEPTH,
+            depth=int(self._fixed.get('depth', usual)),
             reliability=ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if is_durable
             else DurabilityPolicy.VOLATILE))

@@ -14,18 +14,26 @@
 
 """Gates as real processes over DDS: what arrives behind them, whatever dies in front of it."""
 
+from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
+import signal
+from statistics import median
 from threading import Event
-from time import monotonic, sleep
+from time import monotonic, sleep, time
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
 import rclpy.node
 from rclpy.qos import QoSProfile
-from ros.harness import NodeProcess, Partner, RELIABLE, started, wait_until
-from std_msgs.msg import Bool, Float32
+from ros.harness import (
+    BEST_EFFORT, LATCHED, NodeProcess, Partner, RELIABLE, started, wait_until,
+)
+from sensor_msgs.msg import Image
+from std_msgs.msg import Bool, Float32, String
 from std_srvs.srv import SetBool
 
 BUNDLE = """\
@@ -34,12 +42,16 @@ evaluation: {policy: relevant_message}
 inputs:
   speed: {topic: cmd_raw, type: geometry_msgs/msg/TwistStamped, field: twist.linear.x}
   distance: {topic: front, type: std_msgs/msg/Float32, timeout: 0.6}
-  limit: {topic: speed_raw, type: std_msgs/msg/Float32}
+  high: {topic: level_raw, type: std_msgs/msg/Float32, qos: {depth: 2000}}
+  low: {topic: level_mid, type: std_msgs/msg/Float32, qos: {depth: 2000}}
+  height: {topic: image_raw, type: sensor_msgs/msg/Image, field: height}
   free: {topic: free, type: std_msgs/msg/Bool}
 requirements:
   - {id: FRONT, ptltl: "H (distance < 1.0 -> speed <= 0.0)", report: occurrence}
-  - {id: LIMIT, ptltl: "H (limit <= 2.0)", report: occurrence}
-  - {id: FREE, ptltl: "free"}
+  - {id: HIGH, ptltl: "high <= 2.0"}
+  - {id: LOW, ptltl: "low >= 1.0"}
+  - {id: SMALL, ptltl: "height <= 1000"}
+  - {id: FREE, ptltl: "free", report: onset}
 gates:
   drive:
     from: cmd_raw
@@ -47,7 +59,16 @@ gates:
     type: geometry_msgs/msg/TwistStamped
     keep: [FRONT]
     otherwise: {substitute: {header: {frame_id: base}, twist: {linear: {x: 0.0}}}, rate: 20}
-  speed: {from: speed_raw, to: speed, type: std_msgs/msg/Float32, keep: [LIMIT], otherwise: drop}
+  high: {from: level_raw, to: level_mid, type: std_msgs/msg/Float32, keep: [HIGH], otherwise: drop}
+  low: {from: level_mid, to: level, type: std_msgs/msg/Float32, keep: [LOW], otherwise: drop}
+  image: {from: image_raw, to: image, type: sensor_msgs/msg/Image, keep: [SMALL], otherwise: drop}
+  note:
+    from: note_raw
+    to: note
+    type: std_msgs/msg/String
+    keep: [FREE]
+    otherwise: drop
+    latch: true
 """
 
 
@@ -91,18 +112,36 @@ def speeds(listener: Listener) -> list[float]:
     return [message.twist.linear.x for message in listener.messages]
 
 
-def test_a_gate_withholds_and_substitutes(partner: Partner, tmp_path: Path) -> None:
+def test_a_gate_of_commands(partner: Partner, stranger: Partner, tmp_path: Path) -> None:
     commands = partner.publisher(TwistStamped, 'cmd_raw')
     front = partner.publisher(Float32, 'front')
     arrived = Listener(partner, TwistStamped, 'cmd')
-    with running(write(tmp_path)) as node:
+    health = Listener(partner, DiagnosticArray, '/diagnostics')
+
+    def status() -> DiagnosticStatus:
+        health.found.clear()
+        health.wait_for(1)
+        return next(item for item in health.messages[-1].status
+                    if item.name == 'fret_gate: gate drive')
+
+    def values() -> dict[str, int]:
+        return {item.key: int(item.value) for item in status().values}
+
+    with running(write(tmp_path), '-p', 'gates:=drive') as node:
         partner.listen('FRONT')
-        node.wait_for('keeps FRONT')
+        node.wait_for("gate 'drive': /cmd_raw -> /cmd, keeps FRONT; otherwise the substitute is "
+                      'sent, at 20 Hz')
         # Closed from the start: substitutes at their rate, with stamp and frame.
-        arrived.wait_for(3)
+        arrived.wait_for(4)
         assert set(speeds(arrived)) == {0.0}
         first = arrived.messages[0].header
-        assert first.frame_id == 'base' and first.stamp.sec > 1e9
+        assert first.frame_id == 'base' and abs(first.stamp.sec - time()) < 10.0
+        gaps = [later - earlier for (earlier, _), (later, _) in pairwise(arrived.found)]
+        assert 0.02 < median(gaps) < 0.2
+        found = status()
+        assert found.level == DiagnosticStatus.WARN
+        assert found.message == 'closed: no value yet of distance'
+        # Open: what passes ends the substitutes, and passes once.
         front.publish(Float32(data=5.0))
         sleep(0.2)
         commands.publish(twist(1.5))
@@ -111,11 +150,110 @@ def test_a_gate_withholds_and_substitutes(partner: Partner, tmp_path: Path) -> N
         commands.publish(twist(1.25))
         wait_until(lambda: 1.25 in speeds(arrived), 'a command')
         assert speeds(arrived)[n:] == [1.25]
+        assert partner.heard['FRONT'] == 0
+        # A step of another topic violates: a substitute at once, though no command comes.
         front.publish(Float32(data=0.5))
         wait_until(lambda: speeds(arrived)[-1] == 0.0, 'a substitute')
+        assert partner.heard['FRONT'] == 1
+        front.publish(Float32(data=0.5))
         commands.publish(twist(1.75))
-        sleep(0.3)
+        commands.publish(twist(-1.0))
+        wait_until(lambda: -1.0 in speeds(arrived), 'a command')
         assert 1.75 not in speeds(arrived)
+        counts = values()
+        assert (counts['passed'], counts['withheld, violating']) == (3, 1)
+        # The distance is silent: closed, and substitutes without a message of any topic.
+        wait_until(lambda: speeds(arrived)[-1] == 0.0, 'a substitute')
+        commands.publish(twist(-2.0))
+        sleep(0.3)
+        assert -2.0 not in speeds(arrived)
+        assert 'nothing comes of distance' in status().message
+        # Somebody else publishes on the target.
+        other = stranger.publisher(TwistStamped, 'cmd')
+        node.wait_for('/partner publishes on /cmd too')
+        assert status().level == DiagnosticStatus.ERROR
+        stranger.node.destroy_publisher(other)
+        # kill -9: nothing arrives any more.
+        sleep(0.1)
+        node.process.send_signal(signal.SIGKILL)
+        node.process.wait(10.0)
+        sleep(0.1)
+        n = len(arrived.found)
+        front.publish(Float32(data=5.0))
+        commands.publish(twist(3.0))
+        sleep(0.5)
+        assert len(arrived.found) == n
+    # Started again in the middle of the commands: closed until the distance is known.
+    with running(write(tmp_path), '-p', 'gates:=drive'):
+        arrived.wait_for(n + 2)
+        assert set(speeds(arrived)[n:]) == {0.0}
+        end = monotonic() + 20.0
+        while 3.5 not in speeds(arrived) and monotonic() < end:
+            front.publish(Float32(data=5.0))
+            commands.publish(twist(3.5))
+            sleep(0.05)
+        assert 3.5 in speeds(arrived)
+
+
+def test_gates_of_any_quality_of_service(partner: Partner, tmp_path: Path) -> None:
+    level = partner.publisher(Float32, 'level_raw')
+    images = partner.publisher(Image, 'image_raw')
+    notes = partner.publisher(String, 'note_raw', LATCHED)
+    free = partner.publisher(Bool, 'free')
+    levels = Listener(partner, Float32, 'level')
+    pictures = Listener(partner, Image, 'image')
+    notes.publish(String(data='early'))
+    with running(write(tmp_path), '-p', 'gates:=[high, low, image, note]'):
+        wait_until(lambda: all(item.get_subscription_count() > 0 for item in (
+            level, images, notes, free)), 'the subscriptions of the gates')
+        sleep(1.5)
+        # Two gates in a row, and a flood of 10 kHz: all that both let through, in order.
+        began = monotonic()
+        for number in range(3000):
+            level.publish(Float32(data=number % 4 + number / 4096))
+            while monotonic() < began + number / 10000:
+                pass
+        expected = [1 + number / 4096 for number in range(3000) if number % 4 == 1]
+        wait_until(lambda: len(levels.found) >= len(expected), f'{len(expected)} levels')
+        sleep(0.2)
+        assert [item.data for item in levels.messages] == expected
+        # Large messages pass with every byte.
+        data = array('B', bytes(range(256)) * 4096)
+        for height in (1000, 1001, 999):
+            images.publish(Image(height=height, data=data))
+            sleep(0.1)
+        pictures.wait_for(2)
+        assert [item.height for item in pictures.messages] == [1000, 999]
+        assert pictures.messages[1].data == data
+        # A publisher of best effort comes: the subscription is replaced.
+        rough = partner.publisher(Image, 'image_raw', BEST_EFFORT)
+        wait_until(lambda: rough.get_subscription_count() > 0, 'a subscription of best effort')
+        sleep(0.5)
+        for height in range(20):
+            rough.publish(Image(height=height))
+            sleep(0.02)
+        pictures.wait_for(3)
+        heights = [item.height for item in pictures.messages[2:]]
+        assert heights == sorted(set(heights))
+        # Transient local, and a gate that reads nothing of its messages: an interlock.
+        free.publish(Bool(data=True))
+        sleep(0.3)
+        notes.publish(String(data='first'))
+        late = Listener(partner, String, 'note', LATCHED)
+        late.wait_for(1)
+        free.publish(Bool(data=False))
+        sleep(0.3)
+        notes.publish(String(data='withheld'))
+        free.publish(Bool(data=True))
+        sleep(0.3)
+        notes.publish(String(data='latched'))
+        sleep(0.3)
+        assert 'restarted' in partner.reset('fret_gate/reset')
+        free.publish(Bool(data=True))
+        sleep(0.3)
+        notes.publish(String(data='last'))
+        late.wait_for(2)
+        assert [item.data for item in late.messages] == ['first', 'last']
 
 
 SERVICES = """\
