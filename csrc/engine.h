@@ -138,9 +138,10 @@ FM_EXPORT uint64_t fm_engine_states(
 /// The black box must outlive the engine. O(1).
 FM_EXPORT void fm_engine_keep_messages(struct fm_engine * engine, struct fm_blackbox * box);
 
-/// Let a gate of the evaluator judge the messages of its topic: these are given to fm_engine_judge,
-/// and not to fm_engine_message. Whatever else is evaluated, the engine notes with the gate. Call
-/// it before messages are delivered; the gate outlives the engine, and no other code calls it. O(1).
+/// Let a gate of the evaluator judge the messages of its topic: these are given to
+/// fm_engine_judge, and not to fm_engine_message. Whatever else is evaluated, the engine notes
+/// with the gate. Call it before messages are delivered; the gate outlives the engine, and no
+/// other code calls it. O(1).
 FM_EXPORT void fm_engine_guard(
   struct fm_engine * engine, struct fm_gate * gate, const struct fm_gate_options * options);
 

@@ -59,6 +59,7 @@ uint32_t fm_engine_deliver_locked(
 
 /// Call a function with the lock held whenever a replacement of the gate's may be due earlier than
 /// it was said last; NULL: call none. It must not block, nor call a function of the engine.
-void fm_engine_on_due(struct fm_engine * engine, void (* on_due)(void * argument), void * argument);
+void fm_engine_on_due(
+  struct fm_engine * engine, void (* on_due)(void * argument), void * argument);
 
 #endif  // ENGINE_LOCKED_H_

@@ -35,8 +35,9 @@
 /// follow it, so that a simulation that is paused is substituted for, too.
 ///
 /// The caller owns all memory: it passes a block of fm_gate_bytes bytes, aligned to 16. Not
-/// thread-safe: the mutex that guards the evaluator guards the gate. No function allocates, blocks,
-/// or fails except by the stated return value. Without a stated complexity a function is O(1).
+/// thread-safe: the mutex that guards the evaluator guards the gate. No function allocates,
+/// blocks, or fails except by the stated return value. Without a stated complexity a function is
+/// O(1).
 
 #ifndef GATE_H_
 #define GATE_H_
@@ -115,8 +116,8 @@ FM_EXPORT struct fm_gate * fm_gate_init(void * memory, const struct fm_gate_opti
 /// Judge a message of `from`. Call it in place of fm_evaluator_store and fm_evaluator_message:
 /// what is due before `now` was taken, and under FM_TIMED `now` is what fm_evaluator_arrival
 /// returned. `stamp` is that of its violations; under FM_TIMED it is `now`. `fields` are in the
-/// order of the topic's inputs; NULL: the message cannot be decoded. A message of a topic that feeds
-/// no input is no step, and is judged by the last ones.
+/// order of the topic's inputs; NULL: the message cannot be decoded. A message of a topic that
+/// feeds no input is no step, and is judged by the last ones.
 ///
 /// Writes violations to `out`, which has room for n_requirements, and their number to `n_out`. A
 /// message that is withheld is a violation of each requirement that it would have violated, as

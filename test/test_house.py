@@ -132,7 +132,7 @@ def test_the_tests_import_only_what_the_manifest_declares() -> None:
 def test_every_entry_point_exists() -> None:
     text = (ROOT / 'setup.py').read_text(encoding='utf-8')
     entries = re.findall(r"f'(\S+) = \{NAME\}\.(\S+):(\w+)'", text)
-    assert [name for name, _, _ in entries] == ['fret-monitor', 'logger', 'monitor']
+    assert [name for name, _, _ in entries] == ['fret-monitor', 'gate', 'logger', 'monitor']
     for _, module, function in entries:
         path = ROOT / NAME / (module.replace('.', '/') + '.py')
         names = {node.name for node in ast.parse(path.read_text(encoding='utf-8')).body

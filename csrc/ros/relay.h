@@ -57,8 +57,8 @@ struct fm_relay_options
 /// from two threads at a time.
 FM_EXPORT bool fm_relay_start(struct fm_relay ** relay, const struct fm_relay_options * options);
 
-/// Take the messages of a subscription (an rmw_subscription_t from which no other code takes), from
-/// now on, those in its queue first. Where the middleware has no new-message callback, it is
+/// Take the messages of a subscription (an rmw_subscription_t from which no other code takes),
+/// from now on, those in its queue first. Where the middleware has no new-message callback, it is
 /// polled every millisecond; `*is_polled` says so. False if there are FM_MOST_SOURCES already, or
 /// memory is short.
 FM_EXPORT bool fm_relay_add(struct fm_relay * relay, void * subscription, bool * is_polled);
@@ -67,8 +67,8 @@ FM_EXPORT bool fm_relay_add(struct fm_relay * relay, void * subscription, bool *
 FM_EXPORT void fm_relay_retire(struct fm_relay * relay, const void * subscription);
 
 /// Take what is in the queue of a subscription, at most 1000 messages, then no more; waits for
-/// that. Afterwards it may be destroyed, unless this returns false: the middleware could not remove
-/// its callback, and the subscription and the relay must live as long as the process.
+/// that. Afterwards it may be destroyed, unless this returns false: the middleware could not
+/// remove its callback, and the subscription and the relay must live as long as the process.
 FM_EXPORT bool fm_relay_remove(struct fm_relay * relay, const void * subscription);
 
 /// Publish with another publisher from now on. When this returns, the one before is not in use.

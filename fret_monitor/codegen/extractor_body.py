@@ -283,7 +283,7 @@ class ExtractorWriter:
         """Reduce the slice of an array, which must lie in it."""
         local = self._local('part')
         stop = f'{array}.count' if part.stop is None else part.stop
-        yield f'struct fm_cdr_array {local};'
+        yield f'struct fm_cdr_array {local} = {{NULL, 0u, false}};'
         yield f'fields[{place}] = fm_cdr_slice(&{local}, &{array}, {size}u, {part.start or 0}, ' \
               f'{stop}) ?'
         yield f'  {reduced(local)} : fm_field_outside({array}.count);'
