@@ -28,6 +28,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
 import rclpy.node
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from ros.harness import (
     BEST_EFFORT, LATCHED, NodeProcess, Partner, RELIABLE, started, wait_until,
@@ -39,6 +40,8 @@ from std_srvs.srv import SetBool
 BUNDLE = """\
 format: 1
 evaluation: {policy: relevant_message}
+actions:
+  stop: {lock: {topic: e_stop, rate: 20}}
 inputs:
   speed: {topic: cmd_raw, type: geometry_msgs/msg/TwistStamped, field: twist.linear.x}
   distance: {topic: front, type: std_msgs/msg/Float32, timeout: 0.6}
@@ -47,7 +50,10 @@ inputs:
   height: {topic: image_raw, type: sensor_msgs/msg/Image, field: height}
   free: {topic: free, type: std_msgs/msg/Bool}
 requirements:
-  - {id: FRONT, ptltl: "H (distance < 1.0 -> speed <= 0.0)", report: occurrence}
+  - id: FRONT
+    ptltl: "H (distance < 1.0 -> speed <= 0.0)"
+    report: occurrence
+    on_violation: [stop]
   - {id: HIGH, ptltl: "high <= 2.0"}
   - {id: LOW, ptltl: "low >= 1.0"}
   - {id: SMALL, ptltl: "height <= 1000"}
@@ -90,6 +96,27 @@ class Listener:
         wait_until(lambda: len(self.found) >= count, f'{count} messages')
 
 
+class Mux:
+    """
+    The lock of twist_mux, by its documentation.
+
+    It is locked by true, when nothing has come for the timeout, and when nothing has come at all.
+    """
+
+    TIMEOUT_S = 0.5
+
+    def __init__(self, partner: Partner) -> None:
+        """Subscribe."""
+        self._lock = Listener(partner, Bool, 'e_stop')
+
+    @property
+    def is_locked(self) -> bool:
+        if not self._lock.found:
+            return True
+        received, message = self._lock.found[-1]
+        return bool(message.data) or monotonic() - received > self.TIMEOUT_S
+
+
 def write(folder: Path, text: str = BUNDLE) -> Path:
     path = folder / 'gates.yaml'
     path.write_text(text, encoding='utf-8')
@@ -112,11 +139,17 @@ def speeds(listener: Listener) -> list[float]:
     return [message.twist.linear.x for message in listener.messages]
 
 
+def keeps_open(front: Publisher, mux: Mux) -> bool:
+    front.publish(Float32(data=5.0))
+    return not mux.is_locked
+
+
 def test_a_gate_of_commands(partner: Partner, stranger: Partner, tmp_path: Path) -> None:
     commands = partner.publisher(TwistStamped, 'cmd_raw')
     front = partner.publisher(Float32, 'front')
     arrived = Listener(partner, TwistStamped, 'cmd')
     health = Listener(partner, DiagnosticArray, '/diagnostics')
+    mux = Mux(partner)
 
     def status() -> DiagnosticStatus:
         health.found.clear()
@@ -141,6 +174,7 @@ def test_a_gate_of_commands(partner: Partner, stranger: Partner, tmp_path: Path)
         found = status()
         assert found.level == DiagnosticStatus.WARN
         assert found.message == 'closed: no value yet of distance'
+        assert mux.is_locked
         # Open: what passes ends the substitutes, and passes once.
         front.publish(Float32(data=5.0))
         sleep(0.2)
@@ -150,11 +184,12 @@ def test_a_gate_of_commands(partner: Partner, stranger: Partner, tmp_path: Path)
         commands.publish(twist(1.25))
         wait_until(lambda: 1.25 in speeds(arrived), 'a command')
         assert speeds(arrived)[n:] == [1.25]
+        wait_until(lambda: not mux.is_locked, 'the end of the lock')
         assert partner.heard['FRONT'] == 0
         # A step of another topic violates: a substitute at once, though no command comes.
         front.publish(Float32(data=0.5))
         wait_until(lambda: speeds(arrived)[-1] == 0.0, 'a substitute')
-        assert partner.heard['FRONT'] == 1
+        wait_until(lambda: partner.heard['FRONT'] == 1, 'a violation')
         front.publish(Float32(data=0.5))
         commands.publish(twist(1.75))
         commands.publish(twist(-1.0))
@@ -173,11 +208,13 @@ def test_a_gate_of_commands(partner: Partner, stranger: Partner, tmp_path: Path)
         node.wait_for('/partner publishes on /cmd too')
         assert status().level == DiagnosticStatus.ERROR
         stranger.node.destroy_publisher(other)
-        # kill -9: nothing arrives any more.
-        sleep(0.1)
+        # kill -9: nothing arrives any more, and the base is locked within the lock's timeout.
+        wait_until(lambda: keeps_open(front, mux), 'the end of the lock')
         node.process.send_signal(signal.SIGKILL)
+        killed = monotonic()
         node.process.wait(10.0)
-        sleep(0.1)
+        wait_until(lambda: mux.is_locked, 'the lock', 5.0)
+        assert monotonic() - killed < Mux.TIMEOUT_S + 0.2
         n = len(arrived.found)
         front.publish(Float32(data=5.0))
         commands.publish(twist(3.0))

@@ -16,7 +16,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from random import Random
+import struct
 from typing import Any
 
 from fret_monitor.build import build_specification
@@ -24,10 +26,12 @@ from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Variable
 from fret_monitor.logic.specification import Signal, Specification
 from fret_monitor.model.manifest import Manifest, ManifestGate
+from fret_monitor.model.parts import Part
 from fret_monitor.model.policies import Otherwise, Policy, Stale
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import evaluator_library, LibraryError, load
-from fret_monitor.runtime import Evaluator, Gate, Judgement, NEVER, Violation
+from fret_monitor.runtime import Engine, Evaluator, Gate, Judgement, NEVER, Violation
+from fret_monitor.start import start
 from native import toys
 import pytest
 from runtime.test_evaluator import toy_library
@@ -409,3 +413,67 @@ def assert_never_happened(evaluator: Evaluator, done: Outcome, gated: int) -> No
         assert repr(evaluator.value(index)) == repr(other.value(index))
     for group in range(len(manifest.groups)):
         assert evaluator.steps(group) == other.steps(group)
+
+
+# ---- an engine, and the policy timed -------------------------------------------------------
+
+TIMED = """\
+format: 1
+evaluation: {policy: timed}
+inputs:
+  speed: {topic: raw, type: std_msgs/msg/Float32}
+  beat: {topic: beat, type: std_msgs/msg/Bool}
+requirements:
+  - {id: R, ptltl: "H (speed > 0.0 -> O[0, 1 s] beat)"}
+gates:
+  g: {from: raw, to: out, type: std_msgs/msg/Float32, keep: [R],
+      otherwise: {substitute: {data: 0.0}, rate: 10}}
+"""
+
+
+def cdr(kind: str, value: float | bool) -> bytes:
+    return b'\x00\x01\x00\x00' + struct.pack(kind, value)
+
+
+def test_under_timed_a_deadline_violates_and_a_message_is_judged_at_its_instant(
+        tmp_path: Path) -> None:
+    path = tmp_path / 'g.yaml'
+    path.write_text(TIMED, encoding='utf-8')
+    compiled = start(path, part=Part('g'))
+    settings = compiled.manifest.gate
+    assert settings is not None and settings.substitute == cdr('<f', 0.0)
+    evaluator = Evaluator(compiled.monitor, reports_recoveries=True)
+    engine = Engine(evaluator)
+    engine.guard(Gate(evaluator, settings))
+    raw, beat = (next(place for place, topic in enumerate(compiled.manifest.topics)
+                      if topic.name == name) for name in ('raw', 'beat'))
+    assert raw == settings.topic
+    second, begin = 10**9, 5 * 10**9
+    engine.advance(begin)
+    assert engine.judge(cdr('<f', 1.0), begin + 1) is CLOSED
+    engine.message(beat, cdr('<?', False), begin + 1)
+    assert engine.replace(settings.substitute) == settings.substitute  # its step begins the group
+    engine.message(beat, cdr('<?', True), begin + 20)
+    engine.message(beat, cdr('<?', False), begin + 21)  # true for a nanosecond
+    last = begin + 20 + second
+    assert engine.judge(cdr('<f', 1.0), begin + 30) is PASSED
+    assert engine.replacement_due == NEVER
+    assert engine.take(0) == []
+    # The deadline: the beat is older than a second, and the speed is above 0.
+    engine.advance(last)
+    assert engine.take(0) == []
+    engine.advance(last + 1)
+    assert [item.stamp for item in engine.take(0)] == [last + 1]
+    assert engine.replacement_due != NEVER
+    assert engine.judge(cdr('<f', 2.0), last + 2) is VIOLATES
+    assert engine.replace(settings.substitute) == settings.substitute
+    assert engine.value(0) == 0.0
+    counts = engine.gate_counts()
+    assert (counts.closed, counts.passed, counts.violates, counts.replaced) == (1, 1, 1, 2)
+    assert counts.holds and counts.violating == 0
+    assert engine.judge(cdr('<f', -1.0), last + 10) is PASSED
+    # At the last instant at which the beat counts, and one later.
+    engine.message(beat, cdr('<?', True), last + second)
+    engine.message(beat, cdr('<?', False), last + second + 1)
+    engine.reset()
+    assert engine.judge(b'', last + second + 2) is UNREADABLE
