@@ -80,9 +80,7 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
 def _gate(gate: Gate, topics: tuple[ManifestTopic, ...]) -> ManifestGate:
     # Without a namespace, `x` and `/x` are one topic; a difference must not let messages pass.
     names = [topic.name.lstrip('/') for topic in topics]
-    source = gate.settings.source.lstrip('/')
-    if gate.settings.is_service:
-        source += '/_service_event'
+    source = gate.settings.judged_topic.lstrip('/')
     return replace(gate.settings, topic=names.index(source) if source in names else None)
 
 

@@ -42,19 +42,13 @@ _GATED_POLICIES = (Policy.EVERY_MESSAGE, Policy.RELEVANT_MESSAGE, Policy.TIMED)
 def resolve_acting(bundle: Bundle, signals: Iterable[Signal], find_message: FindMessage,
                    problems: Problems) -> tuple[tuple[ManifestAction, ...], tuple[Gate, ...]]:
     """Return the actions and the gates of a bundle; those with a mistake are left out."""
-    if not bundle.actions and not bundle.gates and not _uses(bundle) and not any(
-            map(is_request, signals)):
+    if not bundle.actions and not bundle.gates and not _uses(bundle):
         return (), ()
     reader = _Acting(bundle, tuple(signals), find_message, problems)
     actions = [reader.action(entry) for entry in bundle.actions]
     gates = [reader.gate(entry) for entry in bundle.gates]
     reader.check()
     return tuple(filter(None, actions)), tuple(filter(None, gates))
-
-
-def is_request(signal: Signal) -> bool:
-    """Whether an input is a field of a service's request, which only a gate receives."""
-    return signal.message_type is not None and signal.message_type.endswith('_Request')
 
 
 def _uses(bundle: Bundle) -> dict[str, Text]:
@@ -157,13 +151,15 @@ class _Acting:
                 f'the gate {shown(entry.name.value)} leads from {shown(source.value)} to itself',
                 target.span, 'what it lets through would come back to it',
                 f'to: {target.value}_checked   # the name that the subscriber reads')
+        if entry.is_service:
+            return
         for item in self.bundle.inputs:
             if item.topic is not None and item.topic.value != source.value and \
                     absolute(item.topic.value) == absolute(source.value):
                 self.problems.error(
                     f'{shown(source.value)} is written in two ways', source.span,
                     f"the input '{item.name}' has {shown(item.topic.value)}",
-                    f'{"service" if entry.is_service else "from"}: {item.topic.value}')
+                    f'from: {item.topic.value}')
                 return
 
     def _check_keep(self, entry: GateEntry) -> None:
@@ -187,7 +183,6 @@ class _Acting:
         self._check_circles()
         self._check_types()
         self._check_locks()
-        self._check_requests()
 
     def _check_policy(self, entry: GateEntry) -> None:
         """Refuse policies under which a message is not judged when it comes."""
@@ -328,29 +323,6 @@ class _Acting:
             elif action.target and action.kind is ActionKind.PUBLISH and action.type:
                 yield owner, action.target, action.type.value, action.type
 
-    def _check_requests(self) -> None:
-        """Refuse inputs that are fields of a request, of a service without a gate."""
-        requests = {signal.name for signal in self.signals if is_request(signal)}
-        gated = {entry.source.value: entry for entry in self.bundle.gates
-                 if entry.is_service and entry.source}
-        for item in self.bundle.inputs:
-            if item.name.value not in requests or not item.topic or not item.type:
-                continue
-            service = item.type.value.removesuffix('_Request')
-            gate = gated.get(item.topic.value)
-            if gate is None:
-                self.problems.error(
-                    f'only a gate on {shown(item.topic.value)} receives its requests',
-                    item.topic.span, 'no gate has this service',
-                    f'gates: a gate with service: {item.topic.value}\n'
-                    f'or watch what the service does: topic: {item.topic.value}/_service_event, '
-                    f'type: {service}_Event')
-            elif gate.type and gate.type.value != service:
-                self.problems.error(
-                    f'{shown(item.topic.value)} has two types', item.type.span,
-                    f"the gate '{gate.name}' has {gate.type.value}",
-                    f'type: {gate.type.value}_Request')
-
     def _check_locks(self) -> None:
         """Refuse two publishers of one lock, which would contradict each other."""
         first: dict[str, ActionEntry] = {}
@@ -384,14 +356,9 @@ def _judge(item: Requirement, gate_of: dict[str, GateEntry]) -> str:
         f'the gate {shown(gate.name.value)}' if gate else 'the monitor')
 
 
-def check_readers(properties: Iterable[Property], gates: Iterable[Gate],
-                  signals: Iterable[Signal], bundle: Bundle, problems: Problems) -> None:
-    """
-    Check what the kept requirements read.
-
-    Refuse `stale: open` for inputs that violate while they are stale, and requirements that read a
-    request without being kept by its gate.
-    """
+def check_stale(properties: Iterable[Property], gates: Iterable[Gate],
+                signals: Iterable[Signal], bundle: Bundle, problems: Problems) -> None:
+    """Refuse `stale: open` for inputs that violate while they are stale."""
     known = {signal.name: signal for signal in signals}
     items = {item.id: item for item in properties}
     places = {entry.name.value: entry.stale_place for entry in bundle.gates}
@@ -399,17 +366,10 @@ def check_readers(properties: Iterable[Property], gates: Iterable[Gate],
         read = dict.fromkeys(name for id_ in gate.keep if id_ in items
                              for name in items[id_].inputs)
         for name in read if gate.settings.is_open_when_stale else ():
-            if known[name].stale is Stale.VIOLATE and known[name].topic != gate.settings.source:
+            if known[name].stale is Stale.VIOLATE and \
+                    known[name].topic != gate.settings.judged_topic:
                 problems.error(
                     f'the gate {shown(gate.name)} cannot be open while '
                     f'{shown(name)} is stale', places[gate.name] or gate.place,
                     f'{shown(name)} has stale: violate, which violates what reads it',
                     'stale: closed')
-    for item in items.values():
-        for name in filter(lambda name: is_request(known[name]), item.inputs):
-            if not any(item.id in gate.keep and gate.settings.source == known[name].topic
-                       for gate in gates):
-                problems.error(
-                    f'{item.id} reads the request {shown(name)}, and no gate keeps it',
-                    item.id_place, 'only a gate on the service receives its requests',
-                    f'keep: [{item.id}]   # in the gate on {known[name].topic}')

@@ -16,7 +16,6 @@
 
 from dataclasses import replace
 
-from fret_monitor.elaboration.acting import is_request
 from fret_monitor.logic.specification import Gate, Property, Specification
 from fret_monitor.messages.installed import listed
 from fret_monitor.model.diagnostics import did_you_mean, refuse
@@ -29,8 +28,8 @@ def restrict(specification: Specification, part: Part) -> Specification:
     Return a part of a specification.
 
     That of a gate has the requirements that it keeps, and the inputs that they read. That of the
-    monitor has the requirements that no gate keeps, and all inputs that it can subscribe to, so
-    that a gate changes nothing for them.
+    monitor has the requirements that no gate keeps, and all inputs, so that a gate changes nothing
+    for them.
 
     Raises
     ------
@@ -69,8 +68,7 @@ def _ungated(specification: Specification) -> Specification:
         refuse(f"gates keep all requirements of '{specification.name}' ({names})",
                help='the node gate judges them: ros2 run fret_monitor gate; '
                     'to compile one: --gate NAME')
-    signals = tuple(item for item in specification.signals if not is_request(item))
-    return _with(replace(specification, kept=kept, signals=signals), properties)
+    return _with(replace(specification, kept=kept), properties)
 
 
 def _with(specification: Specification, properties: tuple[Property, ...]) -> Specification:

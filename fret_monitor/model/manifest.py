@@ -198,6 +198,11 @@ class ManifestGate:
     open_after: int = 0
 
     @property
+    def judged_topic(self) -> str:
+        """The topic whose inputs are fields of what is judged; of a service, that of its calls."""
+        return f'{self.source}/_service_event' if self.is_service else self.source
+
+    @property
     def payload_type(self) -> str:
         """The type of the message in `substitute`."""
         return f'{self.interface}_Response' if self.is_service else self.interface

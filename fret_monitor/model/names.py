@@ -39,7 +39,7 @@ _LIKE_NUMBER = re.compile(r'[+-]?\.?[0-9]')
 _PACKAGE = re.compile(r'(?!.*__)[a-z][a-z0-9_]*(?<!_)')
 _MESSAGE = re.compile(r'[A-Z][A-Za-z0-9]*')
 _DERIVED = {
-    'srv': ('a service', ('_Event', '_Request')),  # a request is judged by a gate
+    'srv': ('a service', ('_Event',)),
     'action': ('an action', ('_FeedbackMessage', '_SendGoal_Event', '_GetResult_Event')),
 }
 _ACTING_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]{0,59}')
