@@ -18,7 +18,7 @@ The analysis of a bundle: all questions, each for the parts that it concerns.
     Reading -> parts -> systems -> fixed points -> answers, each no with a run or with conflicts
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 import time
@@ -27,22 +27,35 @@ from fret_monitor.analysis.answers import Analysis, Answer, Example, Question
 from fret_monitor.analysis.component import (
     build_component, by_inputs, by_outputs, Component, output_names, Part,
 )
-from fret_monitor.analysis.conflicts import smallest_conflicts
+from fret_monitor.analysis.conflicts import shrunk, smallest_conflicts
 from fret_monitor.analysis.deadline import Deadline, OutOfTime
 from fret_monitor.analysis.games import Descent
+from fret_monitor.analysis.letters import Values
 from fret_monitor.analysis.replay import Replay, row_of
 from fret_monitor.analysis.runs import (
     continue_to_violation, NoRun, play_to_violation, run_to, Runner,
 )
+from fret_monitor.analysis.second import NotComparable, SecondCheck
+from fret_monitor.analysis.unrolling import (
+    end_of_runs, find_run, Found, MOST_STEPS, Steps, Wanted,
+)
 from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.specification import Specification
+from fret_monitor.model.diagnostics import counted
+from fret_monitor.model.policies import InputRole, Policy
 from fret_monitor.model.progress import no_progress, Progress
+from fret_monitor.model.times import time_text
 from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.boolean import TooLarge
+from fret_monitor.smt.terms import Term
 from fret_monitor.smt.transition import NoTicks
+from fret_monitor.traces.trace import Row
 
 _MOST_CONFLICTS = 10
+_TIMED_S = 5.0  # for a question about time, since most end soon or never
+_LONG_S = 20.0  # to find a run of numbers
+_SHORT_S = 2.0  # that for one requirement
 _INTERRUPTED = 'interrupted'
 _OUT_OF_TIME = 'out of time'
 
@@ -113,6 +126,9 @@ class _PartAnalysis:
         self._deadline = context.deadline
         self._component: Component | None = None
         self._descent: Descent | None = None
+        self._second: SecondCheck | None = None
+        self._coarse: _PartAnalysis | None = None
+        self._is_coarse = False
 
     @property
     def _outputs(self) -> tuple[str, ...]:
@@ -135,6 +151,13 @@ class _PartAnalysis:
         ids = self._part.ids if place is None else (self._part.ids[place],)
         outputs = self._outputs if question is Question.REALIZABILITY else ()
         blank = Answer(question, ids, None, outputs=outputs)
+        found = self._attempt(blank, place)
+        if found.holds is None and not self._deadline.is_over and not self._is_coarse and \
+                self._context.specification.policy is Policy.TIMED:
+            return self._on_grid(found, place)
+        return found
+
+    def _attempt(self, blank: Answer, place: int | None) -> Answer:
         try:
             return self._answer(blank, place)
         except (TooLarge, NoTicks, NoRun) as error:
@@ -145,7 +168,24 @@ class _PartAnalysis:
             reason = _INTERRUPTED if self._deadline.is_interrupted else _OUT_OF_TIME
             return replace(blank, reason=reason)
 
+    def _on_grid(self, unknown: Answer, place: int | None) -> Answer:
+        """Add to an unknown answer about time what holds if all happens on a grid of time."""
+        if self._coarse is None:
+            self._coarse = _PartAnalysis(self._context, self._part, self._questions)
+            self._coarse._is_coarse = True
+        found = self._coarse._attempt(replace(unknown, reason=''), place)
+        component = self._coarse._component
+        if found.holds is None or component is None or component.grid is None:
+            return unknown
+        what = 'yes' if found.holds else 'no'
+        sets = ': ' + '; '.join(', '.join(each) for each in found.conflicts) \
+            if found.conflicts else ''
+        return replace(unknown, reason=f'{unknown.reason}; if all happens on a grid of '
+                       f'{time_text(component.grid)}, {what}{sets}', example=found.example)
+
     def _answer(self, blank: Answer, place: int | None) -> Answer:
+        if self._context.specification.policy is Policy.TIMED:
+            self._deadline.begin_attempt(_TIMED_S)
         self._deadline.check()
         component = self._built()
         match blank.question:
@@ -166,7 +206,8 @@ class _PartAnalysis:
             needs_triggers = Question.VACUITY in self._questions
             self._component = build_component(
                 self._context.specification, self._part,
-                self._context.denials if needs_triggers else {}, self._deadline)
+                self._context.denials if needs_triggers else None, self._deadline,
+                self._is_coarse)
         return self._component
 
     def _consistent(self, component: Component) -> Descent:
@@ -179,7 +220,8 @@ class _PartAnalysis:
     def _consistency(self, blank: Answer, component: Component) -> Answer:
         games, found = component.games, self._consistent(component)
         if found.holds:
-            return self._yes(blank, component, found)
+            return self._yes(blank, component, found, lambda second: second.wins(
+                found.last, component.required, is_game=False))
         runner = Runner(games)
         continue_to_violation(runner, games, component.required, found)
         return self._with_conflicts(self._no(blank, component, runner), component,
@@ -195,7 +237,8 @@ class _PartAnalysis:
         fatal = found.last & safe & ~inside
         layers = games.reach(safe & inside, fatal)
         if not games.is_reached(layers):
-            return self._yes(blank, component, found)
+            return self._yes(blank, component, found, lambda second: second.is_closed(
+                found.last & ~layers[-1], component.required))
         runner = run_to(games, layers, safe & inside, fatal)
         continue_to_violation(runner, games, component.required, found)
         return self._no(blank, component, runner)
@@ -209,29 +252,37 @@ class _PartAnalysis:
                            + ', '.join(self._part.ids[item] for item in games.assumptions))
         found = games.realizable(component.required)
         if found.holds:
-            return self._yes(blank, component, found)
+            return self._yes(blank, component, found, lambda second: second.wins(
+                found.last, component.required, is_game=True))
         runner = play_to_violation(games, component.required, found)
         return self._with_conflicts(self._no(blank, component, runner), component,
                                     lambda items: not games.realizable(items).holds)
 
     def _vacuity(self, blank: Answer, component: Component, place: int) -> Answer:
         games, d = component.games, component.games.diagrams
+        verdicts = component.whole.verdicts
         found = self._consistent(component)
         if not found.holds:
             return replace(blank, reason='no run satisfies all requirements')
         is_fulfilled = d.outputs[place]
         anyhow = games.reach(d.possible, d.possible & ~is_fulfilled)
         if not games.is_reached(anyhow):
-            return self._certain(blank, component, 'never violated, whatever the inputs')
+            return self._certain(
+                blank, component, 'never violated, whatever the inputs',
+                lambda second: second.is_closed(~anyhow[-1], [], place))
         trigger = component.triggers.get(place)
         if trigger is None:
-            return self._possible(blank, component, 'it can be violated')
+            return self._possible(blank, component, 'it can be violated',
+                                  Wanted(t.TRUE, t.negation(verdicts[place])))
         steps = games.safe(component.required) & d.before(found.last)
         layers = games.reach(steps, steps & ~d.outputs[trigger])
         if not games.is_reached(layers):
             return self._certain(
-                blank, component, 'its trigger never comes while all requirements hold')
-        return self._possible(blank, component, 'its trigger can come')
+                blank, component, 'its trigger never comes while all requirements hold',
+                lambda second: second.is_closed(
+                    ~layers[-1], component.required, trigger, found.last))
+        return self._possible(blank, component, 'its trigger can come', self._everything(
+            component, (t.negation(verdicts[trigger]),)))
 
     def _redundancy(self, blank: Answer, component: Component, place: int) -> Answer:
         games, d = component.games, component.games.diagrams
@@ -243,9 +294,15 @@ class _PartAnalysis:
         safe = games.safe(others)
         layers = games.reach(safe & d.outputs[place], safe & ~d.outputs[place])
         if not games.is_reached(layers):
-            return self._certain(blank, component, 'implied by the others'
-                                 + self._equal(component, place, others))
-        return self._possible(blank, component, 'it can be violated alone')
+            return self._certain(
+                blank, component,
+                'implied by the others' + self._equal(component, place, others),
+                lambda second: second.is_closed(~layers[-1], others, place))
+        verdicts = component.whole.verdicts
+        held = t.all_of(verdicts[item] for item in (*others, *games.assumptions)
+                        if item not in games.pending)
+        return self._possible(blank, component, 'it can be violated alone', Wanted(
+            held, t.conjunction(held, t.negation(verdicts[place]))))
 
     def _equal(self, component: Component, place: int, others: Sequence[int]) -> str:
         """Name a requirement that always has the same verdict."""
@@ -258,57 +315,145 @@ class _PartAnalysis:
 
     # -- answers ----------------------------------------------------------------------------
 
-    def _yes(self, blank: Answer, component: Component, found: Descent) -> Answer:
+    def _yes(self, blank: Answer, component: Component, found: Descent,
+             check: Callable[[SecondCheck], bool]) -> Answer:
         if component.doubts:
-            return replace(blank, reason='; '.join(component.doubts))
+            return self._repeating(blank, component)
         steps = len(found.layers)
-        return replace(blank, holds=True, method=f'fixed point over all states, round {steps}')
+        return replace(blank, holds=True, method=f'fixed point over all states, round {steps}, '
+                       + self._checked(component, check))
 
-    def _certain(self, blank: Answer, component: Component, method: str) -> Answer:
+    def _repeating(self, blank: Answer, component: Component) -> Answer:
+        """Answer yes if a run that repeats satisfies all, and no run is needed for each input."""
+        unknown = replace(blank, reason='; '.join(component.doubts))
+        is_run_enough = blank.question is Question.CONSISTENCY or (
+            blank.question is Question.REALIZABILITY and _has_outputs_only(component))
+        if not is_run_enough:
+            return unknown
+        found = self._found_run(blank, component, self._everything(component))
+        if found is None or found.start is None:
+            return self._ending(unknown, component)
+        rows = (*found.rows, *found.rows[found.start:])
+        verdicts = self._verdicts(component, rows)
+        if not all(line[item.id] for line in verdicts for place, item
+                   in enumerate(self._part.properties) if place not in component.games.pending):
+            return unknown
+        return replace(blank, holds=True, method=(
+            f'a run that repeats from step {found.start} on after '
+            f'{counted(len(found.rows), "step")}, replayed in the compiled monitor'))
+
+    def _ending(self, unknown: Answer, component: Component) -> Answer:
+        """Answer no if no run satisfies all for more than some steps."""
+        steps = Steps(component.whole.state, component.inputs, component.domains)
+        verdicts, assumptions = component.whole.verdicts, component.games.assumptions
+
+        def end(items: Iterable[int], most: int) -> int | None:
+            always = t.all_of(verdicts[item] for item in (*items, *assumptions)
+                              if item not in component.games.pending)
+            return end_of_runs(steps, always, self._deadline, _LONG_S, most)
+
+        last = end(component.required, MOST_STEPS)
+        if last is None:
+            return unknown
+        whole = self._everything(component).always
+        longest = self._found_run(unknown, component, Wanted(whole, t.negation(whole)), True)
+        example = None if longest is None else self._replayed(component, longest.rows)
+        if example is None:
+            return unknown
+        smallest = shrunk(frozenset(component.required),
+                          lambda items: end(items, last) is not None)
+        return replace(
+            unknown, holds=False, example=example, reason='', are_all=False,
+            conflicts=(tuple(self._part.ids[item] for item in sorted(smallest)),),
+            method=f'no run of {counted(last, "step")} satisfies all')
+
+    def _everything(self, component: Component, once: tuple[Term, ...] = ()) -> Wanted:
+        """Return that all holds forever, and each of some terms once."""
+        verdicts, pending = component.whole.verdicts, component.games.pending
+        places = range(len(self._part.properties))
+        return Wanted(t.all_of(verdicts[place] for place in places if place not in pending),
+                      once=(*(verdicts[place] for place in places if place in pending), *once),
+                      repeats=True)
+
+    def _found_run(self, blank: Answer, component: Component, wanted: Wanted,
+                   is_longest: bool = False) -> Found | None:
+        steps = Steps(component.whole.state, component.inputs, component.domains)
+        is_one = blank.question in (Question.VACUITY, Question.REDUNDANCY)
+        seconds = _SHORT_S if is_one else _LONG_S
+        return find_run(steps, wanted, self._deadline, seconds, is_longest)
+
+    def _verdicts(self, component: Component, rows: Sequence[Values]) -> list[dict[str, bool]]:
+        """Return the verdicts of the compiled monitor by id, at each step."""
+        return [dict(zip((item.id for item in self._context.specification.properties), line))
+                for line in self._context.replay(self._rows(rows), component.grid or 1)]
+
+    def _rows(self, rows: Sequence[Values]) -> tuple[Row, ...]:
+        signals = self._context.specification.signals
+        inputs = [t.variable(item.name, numbers.sort_of(item.type)) for item in signals]
+        return tuple(row_of(values, signals, inputs) for values in rows)
+
+    def _checked(self, component: Component, check: Callable[[SecondCheck], bool]) -> str:
+        """Return what a second check says."""
+        try:
+            if self._second is None:
+                self._second = SecondCheck(component.group, component.inputs, component.games)
+            return 'confirmed by z3' if check(self._second) else 'not confirmed by z3'
+        except (NoTicks, NotComparable):
+            return 'checked once'
+
+    def _certain(self, blank: Answer, component: Component, method: str,
+                 check: Callable[[SecondCheck], bool]) -> Answer:
         """Return that nothing was reached, which holds for fewer runs, too."""
         if component.gaps:
             return replace(blank, reason='; '.join(component.gaps))
-        return replace(blank, holds=True, method=method)
+        return replace(blank, holds=True,
+                       method=f'{method} ({self._checked(component, check)})')
 
-    def _possible(self, blank: Answer, component: Component, method: str) -> Answer:
-        """Return that something was reached; it may be in fewer runs."""
-        if component.doubts:
+    def _possible(self, blank: Answer, component: Component, method: str,
+                  wanted: Wanted) -> Answer:
+        """Return that something was reached; where that is in doubt, find a run."""
+        if component.doubts and self._found_run(blank, component, wanted) is None:
             return replace(blank, reason='; '.join(component.doubts))
         return replace(blank, holds=False, method=method)
 
     def _no(self, blank: Answer, component: Component, runner: Runner) -> Answer:
         """Return a no whose run the compiled monitor confirms."""
-        example = None if component.gaps else self._replayed(component, runner)
+        example = None if component.gaps else self._replayed(component, self._values(
+            blank, component, runner))
         if example is None:
             return replace(blank, reason='; '.join(component.doubts) or
                            'the compiled monitor does not confirm the run')
         return replace(blank, holds=False, example=example,
                        method='run replayed in the compiled monitor')
 
-    def _replayed(self, component: Component, runner: Runner) -> Example | None:
+    def _values(self, blank: Answer, component: Component, runner: Runner) -> Sequence[Values]:
+        """Return the rows of a run, from the solver if it relates numbers of several steps."""
+        related = component.games.diagrams.system.related
+        if not related or blank.question is Question.RT_CONSISTENCY \
+                or not _has_outputs_only(component):
+            return runner.rows()
+        whole = self._everything(component).always
+        found = self._found_run(blank, component, Wanted(whole, t.negation(whole)), True)
+        return () if found is None else found.rows
+
+    def _replayed(self, component: Component, found: Sequence[Values]) -> Example | None:
         """
         Return a run in the compiled monitor.
 
         None unless all requirements hold before its last step, and one does not at it.
         """
-        signals = self._context.specification.signals
-        inputs = [t.variable(item.name, numbers.sort_of(item.type)) for item in signals]
-        rows = tuple(row_of(values, signals, inputs) for values in runner.rows())
-        if not rows:
+        if not found:
             return None
         pending = component.games.pending
-        judged = {item.id for place, item in enumerate(self._part.properties)
-                  if place not in pending}
-        *before, last = (
-            [item.id for item, value in zip(self._context.specification.properties, line)
-             if item.id in judged and not value]
-            for line in self._context.replay(rows, component.grid or 1))
+        judged = [item.id for place, item in enumerate(self._part.properties)
+                  if place not in pending]
+        *before, violated = (tuple(name for name in judged if not line[name])
+                             for line in self._verdicts(component, found))
         if any(before):
             return None
-        violated = tuple(last)
         if not violated and not pending:
             return None
-        return Example(rows, violated, component.grid)
+        return Example(self._rows(found), violated, component.grid)
 
     def _with_conflicts(self, answer: Answer, component: Component,
                         conflicts: Callable[[frozenset[int]], bool]) -> Answer:
@@ -325,3 +470,7 @@ class _PartAnalysis:
             return replace(answer, conflicts=tuple(found), are_all=False)
         return replace(answer, conflicts=tuple(found[:_MOST_CONFLICTS]),
                        are_all=len(found) <= _MOST_CONFLICTS)
+
+
+def _has_outputs_only(component: Component) -> bool:
+    return all(item.role is InputRole.OUTPUT for item in component.signals)

@@ -35,9 +35,10 @@ from fret_monitor.logic.propositions import triggers
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.policies import InputRole, Policy
 from fret_monitor.program.lower import lower_together
+from fret_monitor.program.monitor_program import StepGroup
 from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
-from fret_monitor.smt.boolean import boolean_system
+from fret_monitor.smt.boolean import bit_system, BitSystem, boolean_system
 from fret_monitor.smt.terms import Term
 from fret_monitor.traces.sampled import grid_of, sampled
 
@@ -119,13 +120,17 @@ class Component:
 
     Outputs of the system are the verdicts, by place in the part, then those of the `triggers`: by
     place, what is violated once the requirement's trigger has come. `inputs` are the terms of the
-    signals. `doubts` say why a yes may not be final, `gaps` why a no may not be. `grid` is the
-    time of a step in nanoseconds, None unless the policy is timed.
+    signals, `group` are the equations, `whole` is the system with its numbers, `domains` are the
+    numbers of values of string inputs. `doubts` say why a yes may not be final, `gaps` why a no
+    may not be. `grid` is the time of a step in nanoseconds, None unless the policy is timed.
     """
 
     part: Part
     signals: tuple[Signal, ...]
     inputs: tuple[Term, ...]
+    group: StepGroup
+    whole: BitSystem
+    domains: Mapping[Term, int]
     games: Games
     triggers: Mapping[int, int]
     doubts: tuple[str, ...]
@@ -139,12 +144,14 @@ class Component:
                 if not item.is_assumption]
 
 
-def build_component(specification: Specification, part: Part, denials: Mapping[str, Formula],
-                    deadline: Deadline, is_coarse: bool = False) -> Component:
+def build_component(specification: Specification, part: Part,
+                    denials: Mapping[str, Formula] | None, deadline: Deadline,
+                    is_coarse: bool = False) -> Component:
     """
     Build the system of a part.
 
-    `denials` are formulas by id that are violated once the requirement's trigger comes. Under the
+    `denials` are formulas by id that are violated once the requirement's trigger comes; with None
+    there are no triggers. Under the
     policy timed a step is a nanosecond; with `is_coarse` it is a point of a grid of time.
 
     Raises
@@ -152,7 +159,7 @@ def build_component(specification: Specification, part: Part, denials: Mapping[s
     TooLarge, NoTicks, OutOfTime
         if there is none.
     """
-    extra = list(_trigger_properties(part, denials))
+    extra = [] if denials is None else list(_trigger_properties(part, denials))
     wanted = [*part.properties, *(item for _, item in extra)]
     grid = None
     if specification.policy is Policy.TIMED:
@@ -165,7 +172,8 @@ def build_component(specification: Specification, part: Part, denials: Mapping[s
         specification, signals=signals, properties=tuple(wanted), policy=Policy.EVERY_MESSAGE,
         period=None, definitions=()))
     inputs = tuple(t.variable(item.name, numbers.sort_of(item.type)) for item in signals)
-    system = boolean_system(group, dict(enumerate(inputs)), range(len(wanted)))
+    whole = bit_system(group, dict(enumerate(inputs)))
+    system = boolean_system(whole, inputs, range(len(wanted)))
     chosen = [item for item, signal in zip(inputs, signals) if signal.role is InputRole.OUTPUT]
     domains = {item: len(signal.values) for item, signal in zip(inputs, signals)
                if signal.is_string}
@@ -182,13 +190,15 @@ def build_component(specification: Specification, part: Part, denials: Mapping[s
         [place for place, item in enumerate(part.properties)
          if item.sentence is not None and is_not_yet(item.sentence)])
     return Component(
-        part, signals, inputs, games,
+        part, signals, inputs, group, whole, domains, games,
         {place: count + number for number, (place, _) in enumerate(extra)}, tuple(doubts),
         tuple(gaps), grid)
 
 
 def _without_trigger(item: Property) -> Formula | None:
     """Return a formula that is violated where the implication of a requirement is triggered."""
+    if item.sentence is not None and (item.sentence.scope or item.sentence.condition):
+        return None
     match item.formula:
         case Historically(window, Binary(BinaryOperator.IMPLIES, left, _)) if window == ALWAYS:
             return Unary(UnaryOperator.NOT, left)

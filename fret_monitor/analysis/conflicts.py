@@ -34,7 +34,7 @@ def smallest_conflicts(items: Sequence[int], conflicts: Conflicts) -> Iterator[f
         seed = frozenset(item for item, name in chosen.items()
                          if not z3.is_false(model.eval(name)))
         if conflicts(seed):
-            found = _shrunk(seed, conflicts)
+            found = shrunk(seed, conflicts)
             yield found
             solver.add(z3.Or(*(z3.Not(chosen[item]) for item in found)))
         else:
@@ -42,7 +42,7 @@ def smallest_conflicts(items: Sequence[int], conflicts: Conflicts) -> Iterator[f
             solver.add(z3.Or(*(chosen[item] for item in items if item not in largest)))
 
 
-def _shrunk(found: frozenset[int], conflicts: Conflicts) -> frozenset[int]:
+def shrunk(found: frozenset[int], conflicts: Conflicts) -> frozenset[int]:
     """Remove items while the rest still conflicts: first halves, then single ones."""
     size = max(1, len(found) // 2)
     while True:

@@ -14,6 +14,7 @@
 
 """The end of an analysis: by its time limit, or by the user."""
 
+import math
 import time
 
 _SHARES = 3
@@ -30,6 +31,7 @@ class Deadline:
         """Set the time limit; None: no limit."""
         self._end = None if seconds is None else time.monotonic() + seconds
         self._part_end = self._end
+        self._attempt_end = math.inf
         self.is_interrupted = False
 
     def begin_part(self, left: int) -> None:
@@ -43,8 +45,17 @@ class Deadline:
             part = _SHARES / (left + _SHARES - 1)
             self._part_end = now + (self._end - now) * part
 
+    def begin_attempt(self, seconds: float) -> None:
+        """Begin an attempt within the part, with a time limit of its own."""
+        self._attempt_end = time.monotonic() + seconds
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the part or all has ended."""
+        return self.is_interrupted or \
+            self._part_end is not None and time.monotonic() > self._part_end
+
     def check(self) -> None:
-        """Raise OutOfTime after the end, or that of the part."""
-        if self.is_interrupted or \
-                self._part_end is not None and time.monotonic() > self._part_end:
+        """Raise OutOfTime after the end, that of the part, or that of the attempt."""
+        if self.is_over or time.monotonic() > self._attempt_end:
             raise OutOfTime

@@ -125,12 +125,15 @@ class Diagrams:
             return
         names = [*item.environment, *item.others]
         terms = block.terms
-        together = self.bdd.false
+        together, certain = self.bdd.false, self.bdd.false
         for letter in block.letters:
             self.deadline.check()
-            together |= self._cube(terms, names, letter.truths)
+            cube = self._cube(terms, names, letter.truths)
+            together |= cube
+            if letter.is_certain:
+                certain |= cube
         if block.classes is None:
-            enabled = self.bdd.exist(item.others, together)
+            enabled = self.bdd.exist(item.others, certain)
         else:
             enabled, together = self._classes(item)
         self.possible &= together

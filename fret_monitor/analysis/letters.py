@@ -37,6 +37,7 @@ import z3
 
 _MOST_LETTERS = 1024
 _QUERY_S = 5.0
+_ROUNDED = 'a sum or product in a comparison is rounded'
 
 Values = Mapping[Term, Any]
 """Values of inputs, as terms have them: words are unsigned."""
@@ -44,10 +45,16 @@ Values = Mapping[Term, Any]
 
 @dataclass(frozen=True)
 class Letter:
-    """Truth values of the terms of a block, in their order, and values that give them."""
+    """
+    Truth values of the terms of a block, in their order, and values that give them.
+
+    With `is_certain`, the values give the environment's terms these truth values, rounding
+    included.
+    """
 
     truths: tuple[bool, ...]
     witness: Values
+    is_certain: bool = True
 
 
 @dataclass(frozen=True)
@@ -155,17 +162,16 @@ class _Enumeration:
         self._doubts: dict[str, None] = {}
         self._gaps: dict[str, None] = {}
         self._is_real = True
+        self._is_rounded = any(map(is_rounded, self._terms))
 
     def block(self) -> Block:
-        translation: RealTranslation | Translation = RealTranslation()
+        translation: RealTranslation | Translation = RealTranslation(is_wide=True)
         try:
             shown = [translation(item) for item in self._terms]
         except NotLinear:
             self._is_real = False
             translation = Translation(False)
             shown = [translation(item) for item in self._terms]
-        if self._is_real and any(map(is_rounded, self._terms)):
-            self._doubts['sums and products are taken without rounding'] = None
         variables_shown = dict(translation.variables)
         ranges = [*getattr(translation, 'ranges', []), *self._ranges(variables_shown)]
         letters = self._letters(shown, variables_shown, ranges)
@@ -206,11 +212,24 @@ class _Enumeration:
             solver.add(z3.Or(*(truth != value for truth, value in zip(truths, letter))))
             if evaluate is not None and tuple(map(bool, evaluate(
                     *(witness[item] for item in self._inputs)))) != letter:
-                exact = self._exact(letter)
-                if exact is None:
-                    continue
-                witness = exact
-            found.append(Letter(letter, witness))
+                exact = None
+                if not self._is_rounded:
+                    exact = self._exact(letter)
+                    if exact is None:
+                        continue
+                else:
+                    self._doubts[_ROUNDED] = None
+                witness = exact or witness
+            found.append(Letter(letter, witness, self._is_certain(letter, witness)))
+
+    def _is_certain(self, truths: Sequence[bool], values: Values) -> bool:
+        """Whether the environment's terms have truth values for some values of inputs."""
+        if not self._is_rounded:
+            return True
+        names = sorted({name for item in self._environment for name in variables(item)},
+                       key=lambda each: each.number)
+        found = function_of(self._environment, names)(*(values[name] for name in names))
+        return tuple(map(bool, found)) == tuple(truths[:len(self._environment)])
 
     def _evaluation(self) -> Any:
         try:
@@ -247,11 +266,14 @@ class _Enumeration:
                 variables(item) & self._before for item in self._others):
             self._doubts[what] = None
             return None
-        eliminated = [item for item in names.values()
-                      if all(item is not found for found in own.values())]
+        kept = set(map(str, own.values()))
+        everything = {str(item): item for part in (*shown, *ranges) for item in _constants(part)}
+        eliminated = [item for name, item in everything.items() if name not in kept]
         rests = sorted({letter.truths[count:] for letter in letters})
         possible = {rest: self._possible(rest, shown[count:], eliminated, ranges)
                     for rest in rests}
+        if self._is_rounded:
+            self._doubts[_ROUNDED] = None
         if any(item is None for item in possible.values()):
             self._doubts[what] = None
             return None
@@ -281,7 +303,7 @@ class _Enumeration:
         conditions = [*shown, *possible.values()]
         truths = [z3.Bool(f'class.{place}') for place in range(len(conditions))]
         names = set(map(str, own.values()))
-        solver.add(*(item for item in ranges if _names(item) <= names))
+        solver.add(*(item for item in ranges if {str(each) for each in _constants(item)} <= names))
         solver.add(*(truth == item for truth, item in zip(truths, conditions)))
         places = {letter.truths: place for place, letter in enumerate(letters)}
         found: list[EnvironmentClass] = []
@@ -292,8 +314,11 @@ class _Enumeration:
             solver.add(z3.Or(*(truth != value for truth, value in zip(truths, values))))
             choices = [places.get((*values[:count], *rest))
                        for rest, value in zip(possible, values[count:]) if value]
+            witness = _witness(model, own, True)
+            if not self._is_certain(values, witness):
+                continue
             found.append(EnvironmentClass(
-                values[:count], _witness(model, own, True),
+                values[:count], witness,
                 tuple(place for place in choices if place is not None)))
             if len(found) > _MOST_LETTERS:
                 break
@@ -314,10 +339,18 @@ def _has_quantifier(found: Any) -> bool:
     return z3.is_quantifier(found) or any(map(_has_quantifier, found.children()))
 
 
-def _names(found: Any) -> set[str]:
-    if z3.is_const(found) and found.decl().kind() == z3.Z3_OP_UNINTERPRETED:
-        return {str(found)}
-    return {name for each in found.children() for name in _names(each)}
+def _constants(root: Any) -> list[Any]:
+    """Return the variables of a z3 expression."""
+    found, seen, stack = [], set(), [root]
+    while stack:
+        item = stack.pop()
+        if item.get_id() in seen:
+            continue
+        seen.add(item.get_id())
+        if z3.is_const(item) and item.decl().kind() == z3.Z3_OP_UNINTERPRETED:
+            found.append(item)
+        stack.extend(item.children())
+    return found
 
 
 def matching(block: Block, letter: Letter, own: Values) -> Values | None:

@@ -50,6 +50,21 @@ class Bit:
 
 
 @dataclass(frozen=True)
+class BitSystem:
+    """A step group: the verdicts by property, and a state of bits and of numbers."""
+
+    verdicts: Mapping[int, Term]
+    bits: tuple[Bit, ...]
+    numbers: tuple[StateVariable, ...]
+
+    @property
+    def state(self) -> tuple[StateVariable, ...]:
+        """The bits and the numbers."""
+        return (*(StateVariable(FieldKind.FLAG, number, item.now, t.truth(item.start), item.after)
+                  for number, item in enumerate(self.bits)), *self.numbers)
+
+
+@dataclass(frozen=True)
 class BooleanSystem:
     """
     A step group over bits, Boolean inputs and atoms.
@@ -166,19 +181,32 @@ def _more(bits: Sequence[Term], far: int) -> list[Term]:
     return found
 
 
-def boolean_system(group: StepGroup, inputs: Mapping[int, Term], wanted: Sequence[int],
-                   most_bits: int = 4096) -> BooleanSystem:
+def bit_system(group: StepGroup, inputs: Mapping[int, Term],
+               most_bits: int = 4096) -> BitSystem:
     """
-    Return the system of a group; its outputs are the verdicts of the properties in `wanted`.
+    Return the system of a group with counters and delays as bits.
 
     Raises
     ------
     TooLarge
-        if the state has more than `most_bits` bits, or a comparison has too many cases.
+        if the state has more than `most_bits` bits.
     """
     builder = BitBuilder(group, inputs, most_bits)
     system = builder.build()
-    return _Atoms(builder.bits, system.state, inputs.values()).collect(
+    return BitSystem(system.verdicts, tuple(builder.bits), system.state)
+
+
+def boolean_system(system: BitSystem, inputs: Iterable[Term],
+                   wanted: Iterable[int]) -> BooleanSystem:
+    """
+    Return a system with atoms; its outputs are the verdicts of the properties in `wanted`.
+
+    Raises
+    ------
+    TooLarge
+        if a comparison has too many cases.
+    """
+    return _Atoms(system.bits, system.numbers, inputs).collect(
         [system.verdicts[number] for number in wanted])
 
 

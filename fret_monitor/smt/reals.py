@@ -16,7 +16,8 @@
 Translation of terms to z3 in which floats are real numbers, and words are integers.
 
 Comparisons of finite floats with one another and with constants mean the same there. Sums and
-products are not rounded: `is_rounded` says whether a term has any, so that an answer can say so.
+products are either not rounded, or any number as near as rounding leaves it: then the real
+numbers that make terms true include the floats that do. `is_rounded` says whether a term has any.
 NaN and the infinities have no value here.
 """
 
@@ -31,11 +32,30 @@ from fret_monitor.smt.terms import Term
 import z3
 
 _ROUNDED = frozenset({'fadd', 'fsub', 'fmul', 'fdiv'})
+_PRECISION = {32: Fraction(1, 2 ** 23), 64: Fraction(1, 2 ** 52)}  # twice what rounding needs
+_SMALLEST = {32: Fraction(1, 2 ** 149), 64: Fraction(1, 2 ** 1074)}
 _LARGEST = {32: Fraction(2 ** 128 - 2 ** 104), 64: Fraction(2 ** 1024 - 2 ** 971)}
 
 
 class RealTranslation(LinearTranslation):
     """Translates terms to z3; raises NotLinear for operations without a linear form."""
+
+    def __init__(self, is_wide: bool = False) -> None:
+        """Set whether a result that is rounded can be any number near it."""
+        super().__init__()
+        self._is_wide = is_wide
+
+    def _near(self, exact: Any, item: Term) -> Any:
+        """Return a number that the float next to another one may be."""
+        if not self._is_wide:
+            return exact
+        bits = item.sort[1]
+        found = z3.FreshReal('rounded')
+        size = z3.If(exact < 0, -exact, exact)
+        slack = size * _real(_PRECISION[bits]) + _real(_SMALLEST[bits])
+        self.ranges.append(z3.Or(size > _real(_LARGEST[bits]), z3.And(
+            found - exact <= slack, exact - found <= slack)))
+        return found
 
     def _translated(self, item: Term) -> Any:
         args = [self._known[each] for each in item.args]
@@ -44,25 +64,25 @@ class RealTranslation(LinearTranslation):
                 value = t.plain(item)
                 if not math.isfinite(value):
                     raise NotLinear('a number that is not finite')
-                return z3.RealVal(str(Fraction(value)))
+                return _real(Fraction(value))
             case 'fneg':
                 return -args[0]
             case 'fadd':
-                return args[0] + args[1]
+                return self._near(args[0] + args[1], item)
             case 'fsub':
-                return args[0] - args[1]
+                return self._near(args[0] - args[1], item)
             case 'fmul' if any(map(t.is_constant, item.args)):
-                return args[0] * args[1]
+                return self._near(args[0] * args[1], item)
             case 'fdiv' if t.is_constant(item.args[1]) and t.plain(item.args[1]) != 0:
-                return args[0] / args[1]
+                return self._near(args[0] / args[1], item)
             case 'float':
-                return args[0]
+                return self._near(args[0], item) if item.sort[1] == 32 else args[0]
             case 'float_s':
-                return z3.ToReal(args[0])
+                return self._near(z3.ToReal(args[0]), item)
             case 'float_u' | 'zext':
                 bits = item.args[0].sort[1]
                 natural = z3.If(args[0] < 0, args[0] + (1 << bits), args[0])
-                return z3.ToReal(natural) if item.op == 'float_u' else natural
+                return self._near(z3.ToReal(natural), item) if item.op == 'float_u' else natural
             case 'mul' if any(map(t.is_constant, item.args)):
                 half = 1 << (item.sort[1] - 1)
                 return (args[0] * args[1] + half) % (2 * half) - half
@@ -80,9 +100,13 @@ class RealTranslation(LinearTranslation):
         if item.sort[0] != 'real':
             return super()._variable(item)
         found = self.variables[item] = z3.Real(item.value)
-        largest = z3.RealVal(str(_LARGEST[item.sort[1]]))
+        largest = _real(_LARGEST[item.sort[1]])
         self.ranges.append(z3.And(-largest <= found, found <= largest))
         return found
+
+
+def _real(value: Fraction) -> Any:
+    return z3.RealVal(str(value))
 
 
 def is_rounded(item: Term) -> bool:

@@ -14,19 +14,23 @@
 
 """Answers about bundles, by hand and against an explicit search over all states."""
 
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 
 from analysis.search import reference, Search
+from fret_monitor.analysis import checks
 from fret_monitor.analysis.answers import Analysis, Answer, Question
 from fret_monitor.analysis.checks import analyze
 from fret_monitor.analysis.component import build_component, by_outputs, Part
 from fret_monitor.analysis.deadline import Deadline
 from fret_monitor.analysis.runs import Runner
+from fret_monitor.analysis.second import SecondCheck
 from fret_monitor.bundle.reader import parse_bundle
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import Source
+from fret_monitor.traces.sampled import sampled
 import pytest
 
 ROLES = 'a: {type: bool}\n  b: {type: bool}\n  x: {type: bool, role: output}\n' \
@@ -209,6 +213,39 @@ def test_long_bounds_stay_symbolic() -> None:
     assert [item.holds for item in found.of(Question.REALIZABILITY)] == [False, True]
 
 
+TIMED = """format: 1
+evaluation: {policy: timed}
+inputs: {a: {type: bool}, x: {type: bool, role: output}, y: {type: bool, role: output}}
+requirements:
+  - {id: T1, fretish: when a the c shall within 10 seconds satisfy x}
+  - {id: T2, fretish: when a the c shall for 3 seconds satisfy y}
+"""
+
+
+def timed(more: str = '') -> Specification:
+    """Return a bundle with bounds of seconds."""
+    return specify(parse_bundle(Source('b.yaml', TIMED + more), Path('.')))[0]
+
+
+def test_bounds_of_seconds_do_not_matter_where_nothing_waits_for_them() -> None:
+    found = analyzed(timed(), Question.CONSISTENCY, Question.REALIZABILITY, seconds=20.0)
+    assert found.together(Question.CONSISTENCY) is True
+    assert [item.holds for item in found.of(Question.REALIZABILITY)] == [True, True]
+
+
+def test_where_time_has_to_run_out_the_answer_is_that_on_a_grid(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checks, '_TIMED_S', 0.5)
+    specification = timed('  - {id: T3, fretish: when a the c shall for 12 seconds satisfy !x}\n')
+    on_grid = reference(replace(specification, properties=tuple(
+        sampled(item, 200_000_000) for item in specification.properties)))
+    found = analyze(specification, on_grid, [Question.REALIZABILITY])
+    answer = found.answers[0]
+    assert answer.requirements == ('T1', 'T3') and answer.holds is None
+    assert answer.reason == 'out of time; if all happens on a grid of 0.2 s, no: T1, T3'
+    assert answer.example is not None and answer.example.grid == 200_000_000
+
+
 def test_time_that_runs_out_leaves_partial_answers() -> None:
     found = analyzed(bundle('H (a -> x)', 'H y'), seconds=-1.0)
     assert found.is_partial
@@ -254,9 +291,11 @@ def test_answers_are_those_of_an_explicit_search(seed: int) -> None:
     number = len(specification.properties)
     required = [place for place in range(number) if place not in search.assumed]
     part = Part(specification.properties)
-    component = build_component(specification, part, {}, Deadline(30.0))
+    component = build_component(specification, part, None, Deadline(30.0))
     games = component.games
     good = search.consistent(required)
+    second = SecondCheck(component.group, component.inputs, games)
+    assert not second.wins(games.diagrams.bdd.true, required, is_game=True)
     assert games.consistent(required).holds is (search.start in good)
     assert games.realizable(required).holds is (search.start in search.realizable(required))
     if search.start in good:
@@ -275,6 +314,7 @@ def test_all_runs_are_confirmed_and_conflicts_are_smallest(seed: int) -> None:
     specification = random_bundle(seed)
     ids = [item.id for item in specification.properties]
     for answer in analyzed(specification).answers:
+        assert 'not confirmed' not in answer.method and 'once' not in answer.method
         assert answer.holds is not None or 'no run satisfies' in answer.reason \
             or 'exclude' in answer.reason or 'contradict' in answer.reason
         search = Search(specification) if answer.conflicts else None
@@ -293,7 +333,7 @@ def test_a_realizable_bundle_wins_against_random_inputs() -> None:
     for seed in range(100, 160):
         specification = random_bundle(seed)
         for part in by_outputs(specification):
-            component = build_component(specification, part, {}, Deadline(30.0))
+            component = build_component(specification, part, None, Deadline(30.0))
             games, d = component.games, component.games.diagrams
             found = games.realizable(component.required)
             if not found.holds or games.assumptions:
