@@ -314,6 +314,7 @@ class Work:
     depth: int = 100
     echo: str | None = None
     reliability: str = 'reliable'
+    is_relayed: bool = False  # what is published on `echo` has the type of the messages
 
     @property
     def arguments(self) -> tuple[str, ...]:
@@ -340,7 +341,8 @@ class Sample:
 def sample(load_program: Path, work: Work, subject: Subject) -> Sample:
     """Run a subject with its own load, and return the measurements."""
     load = Load(load_program, *work.arguments,
-                *(('--echo', work.echo) if work.echo is not None else ()))
+                *(('--relayed' if work.is_relayed else '--echo', work.echo)
+                  if work.echo is not None else ()))
     running = Running(subject)
     counted = None
     with both(load, running) as written:
@@ -416,7 +418,7 @@ class Bench:
 
     def monitors(self, bundle: Path) -> list[Subject]:
         """Return the monitor, once for each way in which it can take messages."""
-        command = (str(monitor()), '--ros-args', '-p', f'spec:={bundle}')
+        command = (str(executable('monitor')), '--ros-args', '-p', f'spec:={bundle}')
         if 'hot_path' not in MONITOR_PARAMETERS:
             return [Subject('monitor', command, is_monitor=True)]
         return [Subject(name, (*command, '-p', f"hot_path:='{way}'"), is_monitor=True)
@@ -427,6 +429,19 @@ class Bench:
         program = exported(bundle, self.folder / f'{bundle.stem}_node')
         return [*self.monitors(bundle), Subject(EXPORTED, (str(program),), is_monitor=True)]
 
+    def gate(self, name: str, inputs: str, formula: str, otherwise: str) -> Subject:
+        """Return a gate from `raw` to `relayed`."""
+        kind = re.search(r'type: ([\w/]+)', inputs)
+        assert kind is not None
+        path = self.folder / f'{name}.yaml'
+        path.write_text(
+            f'format: 1\n{inputs}requirements:\n  - {{id: EACH, ptltl: "{formula}"}}\n'
+            f'gates:\n  g: {{from: raw, to: relayed, type: {kind[1]}, keep: [EACH], '
+            f'otherwise: {otherwise}}}\n', encoding='utf-8')
+        return Subject('gate', (
+            str(executable('gate')), '--ros-args', '-p', f'spec:={path}', '-p',
+            'log_violations:=false'), is_monitor=True)
+
     def bundle(self, name: str, inputs: str, requirements: str) -> Path:
         """Write a bundle and return its path."""
         path = self.folder / f'{name}.yaml'
@@ -435,13 +450,13 @@ class Bench:
         return path
 
 
-def monitor() -> Path:
+def executable(name: str) -> Path:
     """Return the executable that `ros2 run` would run."""
     for prefix in prefixes():
-        path = prefix / 'lib' / 'fret_monitor' / 'monitor'
+        path = prefix / 'lib' / 'fret_monitor' / name
         if path.is_file():
             return path
-    raise SystemExit('the executable `monitor` is not installed: make setup, or colcon build')
+    raise SystemExit(f'the executable `{name}` is not installed: make setup, or colcon build')
 
 
 def float_input(name: str, topic: str, more: str = '') -> str:
@@ -493,7 +508,7 @@ def rows(figure: str, unit: str, found: Samples, value: Callable[[Sample], float
         values = [value(item) for item in samples]
         ratio = median(a / b if b else float('inf') for a, b in zip(values, yard))
         yield Row(figure, name, unit, median(values), min(values), max(values), ratio,
-                  bar if name.startswith('monitor') else '', noted(name, samples))
+                  bar if name.startswith(('monitor', 'gate')) else '', noted(name, samples))
 
 
 def noted(name: str, samples: Sequence[Sample]) -> str:
@@ -619,6 +634,29 @@ class Start:
     step: float
 
 
+def gate(bench: Bench) -> Iterator[Row]:
+    """Measure a relay, and the time to a substitute; one of rclcpp (topic_tools) is not here."""
+    number = 'inputs:\n  x: {topic: raw, type: std_msgs/msg/Float32, timeout: 5}\n'
+    stamp = ('inputs:\n  x: {topic: raw, type: sensor_msgs/msg/PointCloud2, '
+             'field: header.stamp.sec, qos: {depth: 10}}\n')
+    for case, content, rate, inputs, depth in (
+            ('4 bytes', 'float32', bench.rate, number, 100),
+            ('1 MB', 'cloud', CLOUDS, stamp, 10)):
+        work = replace(bench.work(('raw',), rate, content, depth, 'relayed'), is_relayed=True)
+        found = rounds_of(bench, work, [
+            bench.bare(work, '--relay', 'relayed', name='bare relay, rcl in C'),
+            bench.gate(f'gate_{content}', inputs, 'x >= 0', 'drop')])
+        yield from rows(f'relayed, {case}: latency, median', 'us', found, attrgetter('p50'), '1.1')
+        yield from rows(f'relayed, {case}: latency, 99 %', 'us', found, attrgetter('p99'), '1.1')
+        yield from rows(f'relayed, {case}: CPU a message', 'us', found, attrgetter('cpu'), '1.15')
+    work = replace(bench.work(('raw',), bench.rate, echo='relayed'), is_relayed=True)
+    found = rounds_of(bench, work, [
+        bench.gate('gate_withholds', number, 'x > 1e30', '{substitute: {data: 1.0}}')])
+    yield from rows('from a violating message to the substitute, median', 'us', found,
+                    attrgetter('p50'))
+    yield from rows('the same, 99 %', 'us', found, attrgetter('p99'))
+
+
 def start(bench: Bench) -> Iterator[Row]:
     """Measure the start with 100 requirements that were compiled before."""
     for title, topics in (
@@ -646,7 +684,7 @@ def start(bench: Bench) -> Iterator[Row]:
                 values = [float(getattr(item, key)) for item in starts]
                 yield Row(f'start to {figure}, {REQUIREMENTS} requirements {title}', name, 's',
                           median(values), min(values), max(values),
-                          bar=bar if name.startswith('monitor') else '')
+                          bar=bar if name.startswith(('monitor', 'gate')) else '')
 
 
 def started(load_program: Path, work: Work, subject: Subject) -> Start:
@@ -663,7 +701,7 @@ def started(load_program: Path, work: Work, subject: Subject) -> Start:
 
 FIGURES: dict[str, Callable[[Bench], Iterator[Row]]] = {
     'quiet': quiet, 'violations': violations, 'deadlines': deadlines, 'idle': idle,
-    'cloud': cloud, 'flood': flood, 'start': start,
+    'cloud': cloud, 'flood': flood, 'gate': gate, 'start': start,
 }
 
 

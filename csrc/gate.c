@@ -290,6 +290,9 @@ bool fm_gate_replace(
     fm_evaluator_save(gate->options.evaluator, gate->saved);
   }
   *n_out = step(gate, fields, now, stamp, out);
+  if (gate->options.from < gate->options.n_topics) {
+    gate->options.evaluator->topics[gate->options.from].counts.messages -= 1;  // was not received
+  }
   gate->due = next_due(gate, steady);
   const bool holds = all_hold(gate);
   if (may_refuse && (!holds || !is_known(gate) || !have_stepped(gate))) {

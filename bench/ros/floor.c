@@ -15,13 +15,14 @@
 /// floor.c: the reference for a node that subscribes: a minimal subscriber in C on rcl.
 ///
 ///     floor --topics A,B [--type float32|cloud] [--depth N] [--reliability reliable|best_effort]
-///           [--publish TOPIC] [--take no|callback] [--after SECONDS]
+///           [--publish TOPIC] [--relay TOPIC] [--take no|callback] [--after SECONDS]
 ///
 /// It waits with a wait set, for at most 200 ms, and takes one message of each topic that is
 /// ready. With `--take callback` it takes each message inside the middleware's callback instead.
 /// With `--take no` it only sleeps, which measures the middleware alone. With `--publish` it
 /// publishes a std_msgs/Empty for each message; with `--take callback` in the main thread, and
-/// `--after` that long after the message was taken. On SIGINT or SIGTERM it prints the number of
+/// `--after` that long after the message was taken. With `--relay` it publishes each message as it
+/// is, serialized, which is the reference for a gate. On SIGINT or SIGTERM it prints the number of
 /// messages taken.
 
 #include <pthread.h>
@@ -31,6 +32,7 @@
 
 static volatile sig_atomic_t is_over;
 static const char * handler;
+static bool relays;
 static bool takes = true;
 static bool takes_in_callback;
 static int64_t after;  // ns
@@ -56,6 +58,9 @@ static bool read_other(const char * const name, char * const value)
 {
   if (strcmp(name, "--publish") == 0) {
     handler = value;
+  } else if (strcmp(name, "--relay") == 0) {
+    handler = value;
+    relays = true;
   } else if (strcmp(name, "--take") == 0) {
     takes = strcmp(value, "no") != 0;
     takes_in_callback = strcmp(value, "callback") == 0;
@@ -87,17 +92,35 @@ static uint64_t take(
   return 1u;
 }
 
+/// Take a message if one is queued, and publish it.
+static uint64_t relay(
+  const rcl_subscription_t * const subscription, rcl_serialized_message_t * const message,
+  const rcl_publisher_t * const publisher)
+{
+  rmw_message_info_t info;
+  const rcl_ret_t result = rcl_take_serialized_message(subscription, message, &info, NULL);
+  if (result == RCL_RET_SUBSCRIPTION_TAKE_FAILED) {
+    rcl_reset_error();
+    return 0u;
+  }
+  need(result, "take");
+  need(rcl_publish_serialized_message(publisher, message, NULL), "publish");
+  return 1u;
+}
+
 static uint64_t serve(
   struct node * const n, const struct topics * const topics,
   const rcl_subscription_t * const subscriptions, const rcl_publisher_t * const publisher)
 {
   union message message;
+  rcl_serialized_message_t serialized = rmw_get_zero_initialized_serialized_message();
   uint64_t taken = 0u;
   rcl_wait_set_t set = rcl_get_zero_initialized_wait_set();
   need(
     rcl_wait_set_init(
       &set, topics->count, 0, 0, 0, 0, 0, &n->context, rcl_get_default_allocator()), "wait set");
   memset(&message, 0, sizeof(message));
+  serialized.allocator = rcl_get_default_allocator();
   while (!is_over) {
     need(rcl_wait_set_clear(&set), "clear");
     for (size_t i = 0u; i < topics->count; ++i) {
@@ -109,11 +132,15 @@ static uint64_t serve(
     }
     for (size_t i = 0u; i < topics->count; ++i) {
       if (set.subscriptions[i] != NULL) {
-        taken += take(&subscriptions[i], &message, publisher);
+        taken += relays ? relay(&subscriptions[i], &serialized, publisher) :
+          take(&subscriptions[i], &message, publisher);
       }
     }
   }
   need(rcl_wait_set_fini(&set), "end of the wait set");
+  if (serialized.buffer != NULL) {
+    need(rmw_serialized_message_fini(&serialized), "end of the message");
+  }
   return taken;
 }
 
@@ -195,8 +222,9 @@ int main(const int argc, char ** const argv)
   open_node(&n, "subject");
   if (handler != NULL) {
     open_publisher(
-      &publisher, &n, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Empty), handler,
-      profile(1000u, false));
+      &publisher, &n,
+      relays ? type_of(topics.content) : ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Empty),
+      handler, profile(relays ? topics.depth : 1000u, false));
   }
   for (size_t i = 0u; i < topics.count; ++i) {
     open_subscription(

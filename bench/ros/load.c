@@ -15,12 +15,12 @@
 /// load.c: publishes messages to a subject, and measures the subject's answers.
 ///
 ///     load --topics A,B [--type float32|cloud] [--depth N] [--reliability reliable|best_effort]
-///          [--bytes N] [--echo TOPIC] [--values FILE]
+///          [--bytes N] [--echo TOPIC] [--relayed TOPIC] [--values FILE]
 ///
 /// Messages are published on the topics in turn. With `--echo` it subscribes to a topic of
 /// std_msgs/Empty, on which the subject answers each message in order. A latency is the time from
 /// just before a publish to just after the take of its answer, so that one clock of one process
-/// measures both. It reads commands from standard input, one a line, and answers each with a line:
+/// measures both. With `--relayed` the answers have the type of the messages. It reads commands from standard input, one a line, and answers each with a line:
 ///
 ///     match       wait until each topic has had exactly one subscription, with the offered
 ///                 reliability, for half a second (a monitor may replace a subscription)
@@ -54,6 +54,7 @@ static union message message;
 static rcl_subscription_t answers;
 static rcl_wait_set_t answer_set;
 static const char * echo;
+static bool is_relayed;  // the answers have the type of the messages
 static size_t cloud_bytes = 1000000u;
 static int64_t moments[MOST_MESSAGES];  // the time of publishing; after the answer, the latency
 static size_t n_sent;
@@ -65,6 +66,9 @@ static bool read_other(const char * const name, char * const value)
 {
   if (strcmp(name, "--echo") == 0) {
     echo = value;
+  } else if (strcmp(name, "--relayed") == 0) {
+    echo = value;
+    is_relayed = true;
   } else if (strcmp(name, "--bytes") == 0) {
     cloud_bytes = strtoul(value, NULL, 10);
   } else if (strcmp(name, "--values") == 0) {
@@ -195,7 +199,7 @@ static void appear(void)
 /// Wait for an answer, until `moment` at most, and store the latency of each that has arrived.
 static void listen_until(const int64_t moment)
 {
-  std_msgs__msg__Empty empty;
+  static union message answer;
   rmw_message_info_t info;
   const int64_t left = moment - now();
   need(rcl_wait_set_clear(&answer_set), "clear");
@@ -204,7 +208,7 @@ static void listen_until(const int64_t moment)
     rcl_reset_error();  // a timeout
     return;
   }
-  while (rcl_take(&answers, &empty, &info, NULL) == RCL_RET_OK) {
+  while (rcl_take(&answers, &answer, &info, NULL) == RCL_RET_OK) {
     if (n_heard < n_sent) {
       moments[n_heard] = now() - moments[n_heard];
     }
@@ -457,8 +461,9 @@ int main(const int argc, char ** const argv)
   }
   if (echo != NULL) {
     open_subscription(
-      &answers, &n, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Empty), echo,
-      profile(1000u, false));
+      &answers, &n,
+      is_relayed ? type_of(topics.content) : ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Empty),
+      echo, profile(is_relayed ? topics.depth : 1000u, false));
     answer_set = rcl_get_zero_initialized_wait_set();
     need(
       rcl_wait_set_init(

@@ -56,9 +56,10 @@ struct node
   rcl_node_t node;
 };
 
-/// Room for a message of either kind.
+/// Room for a message of any kind.
 union message
 {
+  std_msgs__msg__Empty empty;
   std_msgs__msg__Float32 number;
   sensor_msgs__msg__PointCloud2 cloud;
 };

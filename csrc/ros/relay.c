@@ -32,7 +32,7 @@
 #include "engine_locked.h"
 
 #define SECOND_NS 1000000000
-#define WAIT_NS 250000000  // recovers messages whose notification was lost
+#define WAIT_NS 250000000  // between two probes, which find messages whose notification was lost
 #define POLL_NS 1000000    // without notifications
 #define MOST_AT_END 1000u  // messages of a subscription that is removed
 
@@ -40,8 +40,9 @@ struct source
 {
   struct fm_relay * relay;
   void * subscription;
+  uint64_t waiting;    // messages by the notifications
   uint32_t left;       // messages to take before it is removed
-  bool is_ready;       // messages may be waiting
+  bool probes;         // there may be more, whose notification was lost
   bool is_polled;
   bool is_retired;
   bool is_leaving;
@@ -65,6 +66,7 @@ struct fm_relay
   void * publisher;
   uint64_t turns;
   uint64_t unpublished;
+  int64_t probed_at;
   bool is_due_earlier;       // the engine has said so
   bool is_busy;              // the thread uses a source or the publisher
   bool is_closing;
@@ -130,9 +132,8 @@ static void on_message(const void * user_data, size_t count)
 {
   struct source * source = (struct source *)user_data;
   struct fm_relay * relay = source->relay;
-  (void)count;
   pthread_mutex_lock(&relay->mutex);
-  source->is_ready = true;
+  source->waiting += count;
   pthread_cond_signal(&relay->woken);
   pthread_mutex_unlock(&relay->mutex);
 }
@@ -154,23 +155,35 @@ static int64_t steady_time(void)
   return (int64_t)now.tv_sec * SECOND_NS + (int64_t)now.tv_nsec;
 }
 
-static void wait_locked(struct fm_relay * relay)
+static int64_t next_probe_locked(const struct fm_relay * relay)
 {
   int64_t wait = WAIT_NS;
-  struct timespec end;
   for (uint32_t k = 0; k < relay->n_sources; ++k) {
     wait = relay->sources[k]->is_polled ? POLL_NS : wait;
   }
-  int64_t until = steady_time() + wait;
+  return relay->probed_at + wait;
+}
+
+// Asking for one message more each time would cost a tenth of a message.
+static void probe_if_due_locked(struct fm_relay * relay, int64_t now)
+{
+  if (now >= next_probe_locked(relay)) {
+    relay->probed_at = now;
+    for (uint32_t k = 0; k < relay->n_sources; ++k) {
+      relay->sources[k]->probes = true;
+    }
+  }
+}
+
+static void wait_locked(struct fm_relay * relay)
+{
+  int64_t until = next_probe_locked(relay);
+  struct timespec end;
   until = relay->due < until ? relay->due : until;
   until = until < 0 ? 0 : until;
   end.tv_sec = (time_t)(until / SECOND_NS);
   end.tv_nsec = (long)(until % SECOND_NS);
-  if (pthread_cond_timedwait(&relay->woken, &relay->mutex, &end) != 0) {
-    for (uint32_t k = 0; k < relay->n_sources; ++k) {
-      relay->sources[k]->is_ready = true;
-    }
-  }
+  (void)pthread_cond_timedwait(&relay->woken, &relay->mutex, &end);
 }
 
 // ---- messages ----------------------------------------------------------------------------------
@@ -251,7 +264,7 @@ static void replace_if_due(struct fm_relay * relay, void * publisher)
 static struct source * next_ready_locked(struct fm_relay * relay)
 {
   for (uint32_t k = 0; k < relay->n_sources; ++k) {
-    if (relay->sources[k]->is_ready) {
+    if (relay->sources[k]->waiting > 0 || relay->sources[k]->probes) {
       return relay->sources[k];
     }
   }
@@ -278,10 +291,8 @@ static void turn_locked(struct fm_relay * relay, struct source * source)
   const void * subscription = source == NULL ? NULL : source->subscription;
   const bool is_retired = source != NULL && source->is_retired;
   const bool is_due_earlier = relay->is_due_earlier;
+  const uint64_t waiting = source == NULL ? 0 : source->waiting;
   bool has_more = false;
-  if (source != NULL) {
-    source->is_ready = false;
-  }
   relay->is_due_earlier = false;
   relay->is_busy = true;
   relay->turns += 1;
@@ -298,7 +309,8 @@ static void turn_locked(struct fm_relay * relay, struct source * source)
   pthread_mutex_lock(&relay->mutex);
   relay->is_busy = false;
   if (source != NULL) {
-    source->is_ready = source->is_ready || has_more;
+    source->waiting -= has_more ? (waiting > 0 ? 1u : 0u) : waiting;
+    source->probes = source->probes && has_more;
     source->left -= source->is_leaving && source->left > 0 ? 1u : 0u;
     if (source->is_leaving && (!has_more || source->left == 0)) {
       unlink_locked(relay, source);
@@ -313,8 +325,10 @@ static void * run(void * argument)
   relay->due = fm_engine_replacement_due(relay->options.engine);
   pthread_mutex_lock(&relay->mutex);
   while (!relay->is_closing) {
+    const int64_t now = steady_time();
+    probe_if_due_locked(relay, now);
     struct source * source = next_ready_locked(relay);
-    if (source == NULL && !relay->is_due_earlier && relay->due > steady_time()) {
+    if (source == NULL && !relay->is_due_earlier && relay->due > now) {
       wait_locked(relay);
       relay->turns += 1;
     } else {
@@ -436,7 +450,7 @@ bool fm_relay_add(struct fm_relay * relay, void * subscription, bool * is_polled
   }
   source->relay = relay;
   source->subscription = subscription;
-  source->is_ready = true;
+  source->probes = true;
   source->left = MOST_AT_END;
   pthread_mutex_lock(&relay->mutex);
   const bool has_room = relay->n_sources < FM_MOST_SOURCES;
@@ -457,7 +471,7 @@ bool fm_relay_add(struct fm_relay * relay, void * subscription, bool * is_polled
   }
   pthread_mutex_lock(&relay->mutex);
   source->is_polled = !listens;
-  source->is_ready = true;
+  source->probes = true;
   pthread_cond_signal(&relay->woken);
   pthread_mutex_unlock(&relay->mutex);
   *is_polled = !listens;
@@ -506,7 +520,7 @@ bool fm_relay_remove(struct fm_relay * relay, const void * subscription)
   }
   pthread_mutex_lock(&relay->mutex);
   source->is_leaving = true;
-  source->is_ready = true;
+  source->probes = true;
   pthread_cond_signal(&relay->woken);
   while (find_locked(relay, subscription) != NULL && !relay->has_ended) {
     pthread_cond_wait(&relay->released, &relay->mutex);
