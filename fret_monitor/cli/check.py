@@ -16,6 +16,7 @@
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -29,11 +30,13 @@ from fret_monitor.elaboration.durations import approximate
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import CompileError, counted, Diagnostic, Text
+from fret_monitor.model.diagnostics import by_place, CompileError, counted, Diagnostic, Text
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.model.times import time_text
+from fret_monitor.native.errors import NativeError
 from fret_monitor.program.layout import lay_out, state_bytes
 from fret_monitor.program.lower import lower
+from fret_monitor.traces.gated import doubtful_gates
 
 _STEPS = {
     Policy.EVERY_MESSAGE: ('a step is a message on any mapped topic', 'messages'),
@@ -87,7 +90,13 @@ def _checked(name: str, constants: Mapping[str, Text]) -> _Checked:
         generated = generate_monitor(read(path, constants=constants))
     except CompileError as error:
         return _Checked(path, None, error.diagnostics)
-    return _Checked(path, generated, generated.warnings)
+    return _Checked(path, generated, by_place((*generated.warnings, *_of_gates(generated))))
+
+
+def _of_gates(generated: GeneratedMonitor) -> Iterator[Diagnostic]:
+    """Yield what running the monitors of gates finds; nothing where there is no compiler."""
+    with suppress(NativeError):
+        yield from doubtful_gates(generated.specification)
 
 
 def _as_dict(item: _Checked) -> dict[str, object]:

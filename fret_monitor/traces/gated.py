@@ -1,0 +1,244 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Gates that would stay closed: found by example, by running the monitors of a gate.
+
+Random messages of the other topics are delivered, and messages of the gate's topic as the gate
+passes them. Wherever a requirement is violated, all fields of a message are tried that matter to
+the formulas. What is found is real; what is not found may exist.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice, product
+from math import prod
+from random import Random
+
+from fret_monitor.build import build_specification
+from fret_monitor.elaboration.restrict import restrict
+from fret_monitor.logic.formula import postorder
+from fret_monitor.logic.specification import Gate, Signal, Specification
+from fret_monitor.model.diagnostics import Diagnostic, Level
+from fret_monitor.model.parts import Part
+from fret_monitor.model.policies import InputSource, Otherwise, Report, Stale
+from fret_monitor.native.monitor import Monitor
+from fret_monitor.runtime import Evaluator
+from fret_monitor.runtime.fields import read_fields
+from fret_monitor.traces.boundary import boundary_values, constants, discrete_values
+from fret_monitor.traces.trace import Value
+
+_RUNS = 60
+_STEPS = 12
+_MOST_CONSTANTS = 8
+_MOST_NODES = 5000
+_MOST_MESSAGES = 256  # that are tried wherever a requirement is violated
+_FEWEST_STATES = 20  # in which a substitute was tried, before it is called violating
+_PAUSES_NS = (1, 10 ** 6, 10 ** 8, 10 ** 9, 10 ** 10)
+
+
+def doubtful_gates(specification: Specification) -> Iterator[Diagnostic]:
+    """
+    Yield a warning for each requirement that nothing, or not the substitute, can satisfy.
+
+    That is one that no message of the gate's topic satisfies after some messages of other topics,
+    and one that the substitute has violated wherever it was tried. Each gate is compiled.
+
+    Raises
+    ------
+    NativeError
+        if there is no C compiler, or it fails.
+    """
+    for gate in specification.gates:
+        yield from _Search(specification, gate).warnings()
+
+
+@dataclass
+class _Tried:
+    """What was found about a requirement."""
+
+    unrepairable: tuple[tuple[str, Value], ...] | None = None
+    substituted: int = 0
+    satisfied: bool = False
+
+
+class _Search:
+    """Runs the monitor of a gate on random messages."""
+
+    def __init__(self, specification: Specification, gate: Gate) -> None:
+        part = restrict(specification, Part(gate.name))
+        # No input is silent, and of `H p` what counts is p, as for the gate.
+        part = replace(
+            part,
+            signals=tuple(replace(signal, timeout=None, startup=None, stale=Stale.WARN)
+                          for signal in part.signals),
+            properties=tuple(replace(item, report=Report.OCCURRENCE)
+                             for item in part.properties))
+        self._gate = gate
+        self._part = part
+        self._rng = Random(1)
+        self._pools = {signal.name: _pool(signal, part) for signal in part.signals}
+        monitor = build_specification(part).monitor
+        self._evaluator = Evaluator(monitor)
+        topics = [topic.inputs for topic in monitor.manifest.topics]
+        names = [topic.name for topic in monitor.manifest.topics]
+        judged = gate.settings.judged_topic
+        self._judged = names.index(judged) if judged in names else None
+        self._others = [index for index in range(len(topics)) if index != self._judged]
+        self._topics = topics
+        self._now = 0
+        self._substitute = self._fields(monitor)
+        self._tried = {index: _Tried() for index, item in enumerate(part.properties)
+                       if self._judged is not None and any(
+                           place in topics[self._judged]
+                           for place in monitor.manifest.requirements[index].inputs)}
+
+    def _fields(self, monitor: Monitor) -> dict[int, Value]:
+        """Return the inputs that the substitute sets."""
+        settings = self._gate.settings
+        if settings.otherwise is not Otherwise.SUBSTITUTE or self._judged is None:
+            return {}
+        readings = read_fields(monitor, self._judged, settings.substitute) or ()
+        inputs = self._topics[self._judged]
+        return {index: reading.value for index, reading in zip(inputs, readings)
+                if reading.value is not None}
+
+    def warnings(self) -> Iterator[Diagnostic]:
+        """Search, and yield what was found."""
+        start = self._evaluator.save()
+        for _ in range(_RUNS if self._tried else 0):
+            self._evaluator.restore(start)
+            self._run()
+        for index, tried in self._tried.items():
+            item = self._part.properties[index]
+            if tried.unrepairable is not None:
+                after = ', '.join(f'{name} = {_shown(value)}'
+                                  for name, value in tried.unrepairable)
+                yield Diagnostic(
+                    f"{item.id} can be violated whatever passes the gate '{self._gate.name}'",
+                    item.id_place, f'for example after {after}',
+                    'until that changes nothing passes, and no substitute satisfies it',
+                    Level.WARNING)
+            elif tried.substituted >= _FEWEST_STATES and not tried.satisfied:
+                yield Diagnostic(
+                    f"the substitute of the gate '{self._gate.name}' violates {item.id}",
+                    self._gate.otherwise_place,
+                    f'in all {tried.substituted} states in which it was tried',
+                    'choose values that satisfy it', Level.WARNING)
+
+    def _run(self) -> None:
+        """Deliver random messages, each of the gate's topic only if it passes."""
+        evaluator = self._evaluator
+        self._now = 10 ** 9
+        evaluator.advance(self._now)
+        values: dict[int, Value] = {}
+        for topic in self._others:
+            values |= self._random(topic)
+            self._deliver(topic, values)
+        for _ in range(_STEPS):
+            if self._others and self._rng.random() < 0.7:
+                topic = self._rng.choice(self._others)
+                values |= self._random(topic)
+                self._deliver(topic, values)
+            else:
+                self._pass(self._random(self._judged))
+            self._try(values)
+
+    def _random(self, topic: int | None) -> dict[int, Value]:
+        return {} if topic is None else {
+            index: self._rng.choice(self._pools[self._part.signals[index].name])
+            for index in self._topics[topic]}
+
+    def _deliver(self, topic: int, values: Mapping[int, Value]) -> None:
+        evaluator = self._evaluator
+        self._now += self._rng.choice(_PAUSES_NS)
+        evaluator.advance(self._now - 1)
+        self._now = evaluator.arrival(self._now)
+        for index in self._topics[topic]:
+            evaluator.store(index, values[index], self._now)
+        evaluator.message(topic, self._now)
+
+    def _pass(self, values: Mapping[int, Value]) -> None:
+        """Deliver a message of the gate's topic, and take it back if it violates."""
+        if self._judged is None:
+            return
+        before, now = self._evaluator.save(), self._now
+        self._deliver(self._judged, values)
+        if not all(map(self._holds, range(len(self._part.properties)))):
+            self._evaluator.restore(before)
+            self._now = now
+
+    def _holds(self, index: int) -> bool:
+        return self._evaluator.requirement_counts(index).holds
+
+    def _try(self, values: Mapping[int, Value]) -> None:
+        """Try the substitute here, and what could satisfy the requirements that do not hold."""
+        if self._judged is None or not all(
+                self._evaluator.value(index) is not None
+                for topic in self._others for index in self._topics[topic]):
+            return
+        before, now = self._evaluator.save(), self._now
+        if len(self._substitute) == len(self._topics[self._judged]):
+            self._deliver(self._judged, self._substitute)
+            for index, tried in self._tried.items():
+                tried.substituted += 1
+                tried.satisfied = tried.satisfied or self._holds(index)
+            self._evaluator.restore(before)
+            self._now = now
+        open_ = [index for index, tried in self._tried.items()
+                 if tried.unrepairable is None and not self._holds(index)]
+        if open_:
+            self._repair(open_, before)
+            for index in open_:
+                self._tried[index].unrepairable = tuple(
+                    (self._part.signals[place].name, value)
+                    for place, value in sorted(values.items()))
+
+    def _repair(self, open_: list[int], before: bytes) -> None:
+        """Remove the requirements from `open_` that some message satisfies."""
+        assert self._judged is not None
+        places, now = self._topics[self._judged], self._now
+        for row in self._rows(places):
+            self._deliver(self._judged, dict(zip(places, row)))
+            open_[:] = [index for index in open_ if not self._holds(index)]
+            self._evaluator.restore(before)
+            self._now = now
+            if not open_:
+                return
+
+    def _rows(self, places: Sequence[int]) -> Iterator[tuple[Value, ...]]:
+        """Yield combinations of fields: all, or a sample."""
+        pools = [self._pools[self._part.signals[place].name] for place in places]
+        if prod(map(len, pools)) <= _MOST_MESSAGES:
+            return product(*pools)
+        return (tuple(self._rng.choice(pool) for pool in pools) for _ in range(_MOST_MESSAGES))
+
+
+def _pool(signal: Signal, part: Specification) -> list[Value]:
+    """Return values of an input that matter to the formulas."""
+    if signal.source is InputSource.RECEIVED:
+        return [True]
+    if discrete := discrete_values(signal):
+        return discrete
+    numbers: set[int | float] = {0, 1}
+    for item in part.properties:
+        if signal.name in item.inputs:
+            numbers |= constants(islice(postorder(item.roots), _MOST_NODES))
+    named = [value for _, value in signal.values if isinstance(value, int)]
+    values, _ = boundary_values(signal.type, sorted(numbers)[:_MOST_CONSTANTS])
+    return list(dict.fromkeys([*named, *(value for value in values if value == value)]))
+
+
+def _shown(value: Value) -> str:
+    return str(value).lower() if isinstance(value, bool) else f'{value:g}'

@@ -1,0 +1,64 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Gates that would stay closed are found by example."""
+
+from pathlib import Path
+
+from fret_monitor.build import read
+from fret_monitor.traces.gated import doubtful_gates
+import pytest
+
+BUNDLE = """
+format: 1
+inputs:
+  speed: {topic: raw, type: geometry_msgs/msg/Twist, field: linear.x}
+  turn: {topic: raw, type: geometry_msgs/msg/Twist, field: angular.z}
+  front: {topic: scan, type: std_msgs/msg/Float32, timeout: 0.5}
+  brake: {topic: brake, type: std_msgs/msg/Bool}
+evaluation: {policy: POLICY}
+requirements:
+  - {id: SLOW, ptltl: "H (front < 0.5 -> speed <= 0)"}
+  - {id: CHANGE, cocospec: "true -> abs(speed - pre speed) < 10.0"}
+  - {id: INTERLOCK, ptltl: "front > 0.1"}
+  - {id: BRAKE, ptltl: "(speed < 5 & !brake) | front > 3"}
+  - {id: MOVE, ptltl: "speed >= 0.5"}
+gates:
+  drive: {from: raw, to: out, type: geometry_msgs/msg/Twist, keep: [KEPT],
+          otherwise: {substitute: {linear: {x: 0.0}}, rate: 20}}
+"""
+
+
+def found(path: Path, kept: str, policy: str = 'relevant_message') -> tuple[list[str], list[str]]:
+    """Return the warnings of the elaboration, and those of the search."""
+    path.write_text(BUNDLE.replace('KEPT', kept).replace('POLICY', policy), encoding='utf-8')
+    reading = read(path)
+    return ([item.title for item in reading.warnings if 'MOVE' in item.title
+             or 'INTERLOCK' in item.title],
+            [item.title for item in doubtful_gates(reading.specification)])
+
+
+@pytest.mark.parametrize('policy', ['relevant_message', 'every_message', 'timed'])
+def test_requirements_that_nothing_can_satisfy_are_found(tmp_path: Path, policy: str) -> None:
+    kept = 'SLOW, INTERLOCK, BRAKE, MOVE'
+    assert found(tmp_path / 'bundle.yaml', kept, policy) == (
+        ["INTERLOCK reads nothing of 'raw'"],
+        ["BRAKE can be violated whatever passes the gate 'drive'",
+         "the substitute of the gate 'drive' violates MOVE"])
+
+
+def test_a_gate_that_some_message_opens_is_not_warned_of(tmp_path: Path) -> None:
+    assert found(tmp_path / 'bundle.yaml', 'SLOW, CHANGE') == ([], [])
+    path = tmp_path / 'bundle.yaml'
+    assert found(path, 'INTERLOCK') == (["INTERLOCK reads nothing of 'raw'"], [])
