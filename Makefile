@@ -5,11 +5,12 @@
 PYTHON := .venv/bin/python
 SHELL := /bin/sh
 
-.PHONY: help setup setup-test demo test thorough lint bench bench-ros bench-bags bench-copilot soak fuzz coverage prove clean
+.PHONY: help setup setup-test demo demo-gate test thorough lint bench bench-ros bench-bags bench-copilot soak fuzz coverage prove clean
 
 help:
 	@echo 'make setup   make .venv, an environment that runs fret_monitor'
 	@echo 'make demo    a simulated quadrotor, a monitor and a logger over DDS'
+	@echo 'make demo-gate  a vehicle that runs into a wall, and with a gate does not'
 	@echo 'make test    all tests'
 	@echo 'make thorough  all tests, with ten times the random examples'
 	@echo 'make lint    style, types, layers'
@@ -31,6 +32,9 @@ setup-test:
 
 demo: setup
 	@$(PYTHON) examples/demo.py
+
+demo-gate: setup
+	@$(PYTHON) examples/wall.py
 
 # Five workers; three of them start with the tests with ROS 2, which wait more than they compute.
 test: setup-test

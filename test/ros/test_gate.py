@@ -21,15 +21,20 @@ from itertools import pairwise
 from pathlib import Path
 import signal
 from statistics import median
+import subprocess
+import sys
 from threading import Event
 from time import monotonic, sleep, time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+import fret_monitor
 from geometry_msgs.msg import TwistStamped
+import pytest
 import rclpy.node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
+from ros.forked import environment
 from ros.harness import (
     BEST_EFFORT, LATCHED, NodeProcess, Partner, RELIABLE, started, wait_until,
 )
@@ -363,3 +368,15 @@ def test_a_gate_on_a_service(partner: Partner, stranger: Partner, tmp_path: Path
         idle.destroy_node()
         assert answered(lost) == 'withheld'
         assert calls == [False, True]
+
+
+def test_the_vehicle_of_the_demo_stops_in_front_of_the_wall(domain: int) -> None:
+    program = Path(fret_monitor.__file__).parent.parent / 'examples' / 'wall.py'
+    if not program.exists():
+        pytest.skip('the examples are elsewhere')
+    done = subprocess.run(
+        [sys.executable, str(program)], capture_output=True, text=True, check=False, timeout=100,
+        env={**environment(), 'ROS_DOMAIN_ID': str(domain)})
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.startswith('without a gate: the vehicle is at the wall, at 1.5 m/s\n')
+    assert 'with the gate: the vehicle stands' in done.stdout
