@@ -22,8 +22,10 @@ The fixture needs this line in `conftest.py` (docs/ci.md):
 ROS is imported only when a monitor was started.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, ExitStack, suppress
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from itertools import count
 import os
 from pathlib import Path
@@ -33,8 +35,16 @@ import subprocess
 import sys
 from tempfile import TemporaryFile
 from time import monotonic, sleep, time
+from typing import Any, TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from hypothesis.strategies import SearchStrategy
+    from fret_monitor.testgen.inputs import InputTrace, Tested
+    from fret_monitor.model.manifest import Manifest
+    from fret_monitor.ros.next_report import NodeReport
+    from fret_monitor.ros.player import Make
 
 _MONITOR = ('import sys; from fret_monitor.ros.monitor import main; '
             'sys.argv[0] = "monitor"; sys.exit(main())')
@@ -50,6 +60,13 @@ _NAME = 'fret_monitor'
 _NUMBERS = count(1)  # of the monitors of this process
 _ARRIVAL_S = 0.1  # after the end of a block, for messages that were published before
 _LOG_S = 3.0  # after a violation, until it is logged
+Step = Callable[[dict[str, Any]], Mapping[str, Any]]
+"""A node as a function: the values of its inputs at a row, by name, to those of its outputs."""
+
+_PAUSE_S = 0.1  # after each row, for the answer of a node
+_EXAMPLES = 200
+_PROCESS_EXAMPLES = 10
+_ENDING_S = 5.0  # after SIGINT, until SIGKILL
 _HAS_PASSED = pytest.StashKey[bool]()
 
 
@@ -128,12 +145,24 @@ class Watched:
         """
         self._check(time())
 
+    def announced(self) -> dict[str, int]:
+        """
+        Return how often each requirement was announced as violated until now, if it was.
+
+        Raises
+        ------
+        AssertionError
+            if the monitor does not report.
+        """
+        return {item.id: item.announced for item in self._report().requirements if item.announced}
+
     def end_block(self) -> None:
         """Judge what happened until now, as `check`; what comes later does not count."""
         self._until = time()
         self._check(self._until)
 
-    def _check(self, until: float) -> None:
+    def _report(self) -> 'NodeReport':
+        """Wait for the next report of the monitor; raises `AssertionError` without one."""
         from fret_monitor.ros.next_report import next_report
         reorder = max((float(match['seconds']) for match in _REORDERED.finditer(self.output)),
                       default=0.0)  # messages wait so long before they are evaluated
@@ -144,6 +173,10 @@ class Watched:
         if report is None:
             raise AssertionError(
                 f'{self._ending() or "the monitor does not report any more"}:\n{self.output}')
+        return report
+
+    def _check(self, until: float) -> None:
+        report = self._report()
         announced = {item.id: item.announced for item in report.requirements if item.announced}
         unlogged = self._unlogged(announced)
         lines = self._violations(until)
@@ -198,6 +231,238 @@ class Watched:
             self.process.wait()
         self._output = self.output
         self._file.close()
+
+
+def play_trace(bundle: str | os.PathLike[str], trace: str | os.PathLike[str],
+               announced: Iterable[str] = (), *, node: Sequence[str] | None = None,
+               constants: Mapping[str, str] | None = None, make: 'Make | None' = None,
+               seconds: float = 30.0, pause: float | None = None) -> None:
+    """
+    Play a trace to a monitor, and to a node, over ROS topics.
+
+    Parameters
+    ----------
+    bundle, constants
+        the bundle, and values of its constants that are used in place of its own.
+    trace
+        CSV as for `fret-monitor simulate`.
+    announced
+        the requirements that have to be announced as violated, and no others.
+    node
+        the command that starts a node under test. It publishes the inputs with `role: output`,
+        which are not taken from the trace.
+    make
+        makes the message of a topic from the values of its inputs, where inputs are not fields.
+    seconds
+        after which waiting for a process fails.
+    pause
+        the time in seconds that a node has after each row; default 0.1 with a node.
+
+    Raises
+    ------
+    AssertionError
+        if other requirements are violated, or a process does not start or ends.
+    CompileError
+        if the bundle or the trace cannot be used.
+    """
+    from fret_monitor.model.diagnostics import Source, Text
+    from fret_monitor.model.policies import InputRole
+    from fret_monitor.build import read
+    from fret_monitor.start import start
+    path = Path(bundle)
+    given = {name: Text.whole(Source(f'constant {name}', value))
+             for name, value in (constants or {}).items()}
+    specification = read(path, constants=given).specification
+    manifest = start(path, constants=given).manifest
+    played = {item.name for item in specification.signals
+              if node is None or item.role is InputRole.INPUT}
+    times, rows = _trace_rows(Path(trace), manifest)
+    what = _Played(played, times, rows, times[-1], make, pause)
+    _play(path, manifest, what, node, _overrides(constants or {}), seconds, sorted(announced))
+
+
+def _overrides(constants: Mapping[str, str]) -> list[str]:
+    """Return the ROS arguments that give constants their values."""
+    return [text for name, value in constants.items()
+            for text in ('-p', f'constants.{name}:={value}')]
+
+
+@dataclass(frozen=True)
+class _Played:
+    """What is played: the names of inputs, and rows of all inputs with their times."""
+
+    names: Collection[str]
+    times: Sequence[int]
+    rows: Sequence[Sequence[Any]]
+    end: int
+    make: 'Make | None' = None
+    pause: float | None = None
+
+
+def _trace_rows(path: Path, manifest: 'Manifest') -> tuple[list[int], list[tuple[Any, ...]]]:
+    from fret_monitor.model.policies import Policy
+    from fret_monitor.traces.csv_trace import open_trace, TimeColumn, TraceReader
+    is_timed = manifest.policy is Policy.TIMED
+    times: list[int] = []
+    rows: list[tuple[Any, ...]] = []
+    with open_trace(path) as file:
+        reader = TraceReader(str(path), file, manifest.inputs,
+                             TimeColumn.REQUIRED if is_timed else TimeColumn.IGNORED)
+        for some, columns in reader.blocks():
+            times += some
+            rows += zip(*columns, strict=True)
+    return times, rows
+
+
+def _play(bundle: Path, manifest: 'Manifest', played: _Played, node: Sequence[str] | None,
+          arguments: Sequence[str], seconds: float, announced: Sequence[str]) -> None:
+    from fret_monitor.ros.player import Player
+    with ExitStack() as stack:
+        pause = played.pause if played.pause is not None else _PAUSE_S if node else 0.0
+        player = stack.enter_context(Player(manifest, played.names, played.make, pause))
+        simulated = ('-p', 'use_sim_time:=true') if player.has_clock else ()
+        process = None if node is None else stack.enter_context(_running(node, seconds))
+        watched = Watched(bundle, (*arguments, *simulated), seconds)
+        stack.callback(watched.end)
+        watched.wait()
+        player.wait(1 if node is None else 2, seconds)
+        player.play(played.times, played.rows, played.end)
+        if process is not None and process.poll() is not None:
+            raise AssertionError(f'the node has ended with exit status {process.poll()}')
+        found = sorted(watched.announced())
+        if found != list(announced):
+            raise AssertionError('\n'.join([
+                f'violated: {", ".join(found) or "nothing"}',
+                f'expected: {", ".join(announced) or "nothing"}', *watched.violations]))
+
+
+def traces(bundle: str | os.PathLike[str], *, max_steps: int = 20,
+           constants: Mapping[str, str] | None = None) -> 'SearchStrategy[InputTrace]':
+    """
+    Return a strategy of Hypothesis: traces of the inputs of a bundle that a node does not set.
+
+    These are all inputs but those with `role: output`. Their values are below, above and equal to
+    the numbers that they are compared with; they stay for about as long as the bounds of the
+    requirements. A trace has at most `max_steps` steps, under `timed` rows.
+
+    Raises
+    ------
+    CompileError
+        if the bundle cannot be used, or Hypothesis is not installed.
+    """
+    return _strategy(_tested(bundle, constants, max_steps), max_steps)
+
+
+def check_node(bundle: str | os.PathLike[str], node: 'Callable[[], Step] | Sequence[str]', *,
+               tries: int | None = None, max_steps: int = 20,
+               constants: Mapping[str, str] | None = None, make: 'Make | None' = None,
+               seconds: float = 30.0, pause: float | None = None) -> None:
+    """
+    Look for a trace on which a node violates a requirement.
+
+    Parameters
+    ----------
+    bundle, constants, make, seconds, pause
+        as for `play_trace`.
+    node
+        the command that starts it: then a new process is fed over ROS topics for each trace. Or a
+        function that is called for each trace, and returns one that is called with the values of
+        the inputs at each row, by name, and returns those of the outputs (`role: output`).
+    tries
+        how many traces are tried; default 200, and 10 with a command.
+    max_steps
+        how many steps (under `timed`, rows) a trace has at most.
+
+    Raises
+    ------
+    AssertionError
+        with the shortest trace that was found on which the node violates a requirement.
+    CompileError
+        if the bundle cannot be used, or Hypothesis is not installed.
+    """
+    subject = _tested(bundle, constants, max_steps)
+    strategy = _strategy(subject, max_steps)
+    from hypothesis import given, HealthCheck, settings
+    count = tries or (_EXAMPLES if callable(node) else _PROCESS_EXAMPLES)
+
+    # Inputs that the node sets are in no message: any value will do.
+    usual = {signal.name: signal.values[0][1] if signal.is_string else 0
+             for signal in subject.specification.signals}
+    names = {signal.name for signal in subject.fed}
+    arguments = _overrides(constants or {})
+
+    @settings(max_examples=count, deadline=None, database=None, derandomize=True,
+              print_blob=False, suppress_health_check=list(HealthCheck))
+    @given(strategy)
+    def holds(trace: 'InputTrace') -> None:
+        if callable(node):
+            _check_function(subject, node, trace)
+        else:
+            rows = [subject.row({**usual, **row}) for row in trace.rows]
+            played = _Played(names, trace.times, rows, trace.end, make, pause)
+            try:
+                _play(Path(bundle), subject.monitor.manifest, played, node, arguments, seconds, ())
+            except AssertionError as error:
+                raise AssertionError(f'on this trace:\n{trace}\n{error}') from None
+
+    holds()
+
+
+def _tested(bundle: str | os.PathLike[str], constants: Mapping[str, str] | None,
+            max_steps: int) -> 'Tested':
+    from fret_monitor.model.diagnostics import pip_install, refuse, Source, Text
+    from fret_monitor.testgen.inputs import tested
+    if find_spec('hypothesis') is None:
+        refuse('traces are drawn by hypothesis, which is not installed',
+               help=pip_install('hypothesis'))
+    return tested(Path(bundle), {name: Text.whole(Source(f'constant {name}', value))
+                                 for name, value in (constants or {}).items()}, max_steps)
+
+
+def _strategy(subject: 'Tested', max_steps: int) -> 'SearchStrategy[InputTrace]':
+    from fret_monitor.testgen.inputs import InputTrace
+    from hypothesis import strategies as st
+    names = [signal.name for signal in subject.fed]
+    row = st.tuples(*(st.sampled_from(pool) for pool in subject.pools))
+    runs = st.lists(st.tuples(row, st.sampled_from(subject.stays)), min_size=1,
+                    max_size=max_steps)
+
+    def made(drawn: list[tuple[tuple[Any, ...], int]]) -> InputTrace:
+        times: list[int] = []
+        rows: list[dict[str, Any]] = []
+        time = 0
+        for values, stay in drawn:
+            count = 1 if subject.is_timed else min(stay, max_steps - len(rows))
+            for _ in range(count):
+                times.append(time)
+                rows.append(dict(zip(names, values, strict=True)))
+                time += stay if subject.is_timed else 1
+        end = time if subject.is_timed else times[-1]
+        return InputTrace(tuple(times), tuple(rows), end, subject.is_timed)
+
+    return runs.map(made)
+
+
+def _check_function(subject: 'Tested', node: 'Callable[[], Step]', trace: 'InputTrace') -> None:
+    step = node()
+    seen = replace(trace, rows=tuple({**row, **step(dict(row))} for row in trace.rows))
+    if violated := subject.violated(seen):
+        raise AssertionError(f'the node violates {", ".join(violated)} on this trace:\n{seen}')
+
+
+@contextmanager
+def _running(command: Sequence[str], seconds: float) -> 'Iterator[subprocess.Popen[bytes]]':
+    """Run a process during a block; what it started ends with it."""
+    process = subprocess.Popen(list(command), stdin=subprocess.DEVNULL, start_new_session=True)
+    try:
+        yield process
+    finally:
+        for number in (signal.SIGINT, signal.SIGKILL):
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, number)
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(seconds if number is signal.SIGKILL else _ENDING_S)
+                break
 
 
 @contextmanager

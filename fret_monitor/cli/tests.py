@@ -23,7 +23,10 @@ from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import print_diagnostics, progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted, Diagnostic, Level
-from fret_monitor.testgen.folder import as_dict, check_output, lines, write_suite
+from fret_monitor.testgen.folder import (
+    as_dict, check_output, lines, PYTEST_FILE, write_suite,
+)
+from fret_monitor.testgen.played import obstacle
 from fret_monitor.testgen.suite import make_suite
 
 _USUAL_S = 120.0
@@ -58,7 +61,7 @@ def run(options: Namespace) -> int:
     compiled = compile_monitor(generate_monitor(reading))
     with progress('tests') as report:
         suite = make_suite(reading, options.timeout, report)
-        count = write_suite(suite, compiled.monitor, reading.bundle_hash, options.output)
+        count = write_suite(suite, compiled.monitor, reading, options.output)
     warnings = list(compiled.warnings)
     if suite.is_partial:
         warnings.append(Diagnostic(
@@ -72,4 +75,6 @@ def run(options: Namespace) -> int:
     print('\n'.join(lines(suite)))
     print(f'\n{options.output}: {counted(len(suite.cases), "trace")}, '
           f'{counted(count, "file")}')
+    if reason := obstacle(reading.specification):
+        print(f'no {PYTEST_FILE}: {reason}')
     return 0

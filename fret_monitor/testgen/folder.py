@@ -22,15 +22,19 @@ those of the reference semantics.
 from collections.abc import Iterator, Sequence
 import json
 import math
+import os
 from pathlib import Path
 
+from fret_monitor.build import Reading
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.logic.timed import History
 from fret_monitor.model.folders import check_replaceable, replaced_folder
 from fret_monitor.model.names import fret_name
 from fret_monitor.model.policies import Policy
+from fret_monitor.native.cache import evaluator_library
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.testgen.obligations import Kind
+from fret_monitor.testgen.played import announced, obstacle
 from fret_monitor.testgen.recorded import history, Recorded
 from fret_monitor.testgen.suite import Answer, Case, Covered, Suite
 from fret_monitor.traces.csv_trace import seconds_text, TIME, trace_text
@@ -40,6 +44,7 @@ from fret_monitor.traces.trace import Row, Value
 FORMAT = 1
 INDEX_FILE = 'tests.json'
 FRET_FILE = 'fret_traces.json'
+PYTEST_FILE = 'test_traces.py'
 _SHORTEST_FRET = 4  # steps; FRET's simulator needs them
 
 
@@ -68,9 +73,11 @@ def _former(directory: Path) -> set[Path] | None:
         return None
 
 
-def write_suite(suite: Suite, monitor: Monitor, bundle_hash: str, directory: Path) -> int:
+def write_suite(suite: Suite, monitor: Monitor, reading: Reading, directory: Path) -> int:
     """
     Write the folder, as a whole or not at all; return the number of files.
+
+    The test for pytest is only written if the inputs can be published (`played.obstacle`).
 
     Raises
     ------
@@ -81,6 +88,7 @@ def write_suite(suite: Suite, monitor: Monitor, bundle_hash: str, directory: Pat
     """
     check_output(directory)
     reference = _Reference(suite.specification)
+    library = evaluator_library()
     with replaced_folder(directory) as folder:
         names = []
         for case in suite.cases:
@@ -90,14 +98,18 @@ def write_suite(suite: Suite, monitor: Monitor, bundle_hash: str, directory: Pat
             trace = text_of(case.trace, suite.specification)
             (folder / name).write_text(trace, encoding='utf-8', newline='')
             expected = reference.verdicts(case.trace)
-            _replay(monitor, folder, case, expected)
+            _replay(monitor, library, folder, case, expected)
         if suite.specification.policy is not Policy.TIMED:
             names.append(FRET_FILE)
             _write_json(folder / FRET_FILE, _fret(suite))
+        is_played = not obstacle(suite.specification)
+        if is_played:
+            names.append(PYTEST_FILE)
+            (folder / PYTEST_FILE).write_text(_pytest(reading, directory), encoding='utf-8')
         names.append(INDEX_FILE)
         _write_json(folder / INDEX_FILE, {
-            'format': FORMAT, 'bundle_hash': bundle_hash,
-            'traces': [_case(case) for case in suite.cases],
+            'format': FORMAT, 'bundle_hash': reading.bundle_hash,
+            'traces': [_case(case, suite.specification, is_played) for case in suite.cases],
             **as_dict(suite), 'files': sorted(names)})
     return len(names)
 
@@ -116,10 +128,10 @@ def _write_json(path: Path, content: object) -> None:
     path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + '\n', encoding='utf-8')
 
 
-def _replay(monitor: Monitor, folder: Path, case: Case, expected: str) -> None:
+def _replay(monitor: Monitor, library: Path, folder: Path, case: Case, expected: str) -> None:
     """Run the compiled monitor over a trace; keep its verdicts if they are as expected."""
     path = folder / verdicts_name(case)
-    simulate(monitor, folder / trace_name(case), path)
+    simulate(monitor, folder / trace_name(case), path, library=library)
     found = path.read_bytes().decode()
     if found != expected:
         raise ReplayDiffers(f'{trace_name(case)}: expected\n{expected}\nfound\n{found}')
@@ -192,6 +204,45 @@ def _at(found: History, ticks: Sequence[int]) -> list[bool]:
     return values
 
 
+def _pytest(reading: Reading, directory: Path) -> str:
+    """Return the text of the test that plays the traces."""
+    bundle = os.path.relpath(os.path.realpath(reading.paths[0]), os.path.realpath(directory))
+    return _PYTEST.format(bundle=bundle, constants=dict(reading.constants))
+
+
+_PYTEST = '''\
+"""
+Play the traces of this folder over ROS topics; written by `fret-monitor tests` (docs/tests.md).
+
+Without a node, all inputs of the bundle are published, and the monitor has to announce what the
+verdicts say. NODE_UNDER_TEST is the command that starts a node: then the inputs that it does not
+set (`role: output`) are published, and it must not violate any requirement.
+"""
+
+import json
+import os
+from pathlib import Path
+import shlex
+
+from fret_monitor.testing import play_trace
+import pytest
+
+HERE = Path(__file__).parent
+BUNDLE = (HERE / {bundle!r}).resolve()
+CONSTANTS = {constants!r}
+NODE = shlex.split(os.environ.get('NODE_UNDER_TEST', ''))
+TRACES = json.loads((HERE / 'tests.json').read_text())['traces']
+
+
+@pytest.mark.parametrize('trace', TRACES, ids=lambda trace: trace['name'])
+def test_trace(trace):
+    announced = [] if NODE else trace['announced']
+    if announced is None:
+        pytest.skip('what is announced depends on nanoseconds')
+    play_trace(BUNDLE, HERE / trace['trace'], announced, node=NODE or None, constants=CONSTANTS)
+'''
+
+
 # -- for programs ------------------------------------------------------------------------------
 
 def as_dict(suite: Suite) -> dict[str, object]:
@@ -208,10 +259,11 @@ def _instant(tick: int, specification: Specification) -> int | str:
     return seconds_text(tick) if specification.policy is Policy.TIMED else tick
 
 
-def _case(case: Case) -> dict[str, object]:
+def _case(case: Case, specification: Specification, is_played: bool) -> dict[str, object]:
     return {'name': f'{case.requirement.id}/{case.number}', 'trace': trace_name(case),
             'verdicts': verdicts_name(case), 'requirement': case.requirement.id,
-            'shows': list(case.shows)}
+            'shows': list(case.shows),
+            'announced': announced(specification, case.trace) if is_played else None}
 
 
 def lines(suite: Suite) -> Iterator[str]:

@@ -69,7 +69,7 @@ def alphabet(subject: Subject, rng: Random) -> Alphabet:
     """Return the alphabet of a requirement."""
     pools, is_exact = [], True
     for signal in subject.signals:
-        found, is_all = _pool(signal, subject.propositions)
+        found, is_all = values_of(signal, subject.propositions)
         pools.append(tuple(found))
         is_exact = is_exact and is_all
     rows, is_whole = _rows(pools, rng)
@@ -111,8 +111,8 @@ def _different(subject: Subject, rows: Sequence[Row]) -> list[Row]:
     return list(found.values())
 
 
-def _pool(signal: Signal, propositions: Sequence[Formula]) -> tuple[list[Value], bool]:
-    """Return values of an input, and whether they represent all its values."""
+def values_of(signal: Signal, propositions: Sequence[Formula]) -> tuple[list[Value], bool]:
+    """Return values of an input to try, and whether they represent all its values."""
     if discrete := discrete_values(signal):
         return discrete, True
     numbers: set[int | float] = set()

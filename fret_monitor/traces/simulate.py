@@ -60,7 +60,7 @@ class Summary:
 
 def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
              read: Iterable[Path] = (), until: int | None = None,
-             progress: Progress = no_progress) -> Summary:
+             progress: Progress = no_progress, library: Path | None = None) -> Summary:
     """
     Step a monitor once for each row of a trace.
 
@@ -82,6 +82,8 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
         last row.
     progress
         called with the part of the trace that was read.
+    library
+        as of `Evaluator`.
 
     Raises
     ------
@@ -95,7 +97,7 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
         reader = TraceReader(
             str(trace), file, monitor.manifest.inputs,
             TimeColumn.REQUIRED if is_timed else TimeColumn.IGNORED)
-        return _run(Evaluator(for_trace(monitor)), reader, out, until,
+        return _run(Evaluator(for_trace(monitor), library=library), reader, out, until,
                     partial(_report, file, progress))
 
 

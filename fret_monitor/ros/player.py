@@ -1,0 +1,196 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Publishes the rows of a trace as messages, for tests of nodes."""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+import math
+from threading import Thread
+from time import monotonic, sleep
+from types import TracebackType
+from typing import Any
+
+from fret_monitor.model.manifest import Manifest, ManifestInput, SECONDS
+from fret_monitor.model.policies import Policy
+from fret_monitor.ros.fields import message_class
+import rclpy
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rosgraph_msgs.msg import Clock
+
+_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+_SETTLE_S = 0.05  # for what was received to take effect
+_MATCH_S = 0.3  # discovery is not symmetric: the other side matches a moment later
+_START_NS = 10**9  # of the simulated time
+
+Make = Callable[[str, Mapping[str, Any]], Any]
+"""Returns the message of a topic from the values of its inputs, by name."""
+
+
+class Player:
+    """
+    A node that publishes some inputs of a bundle, and simulated time where the policy needs it.
+
+    `played` are the names of the inputs. Inputs that are fields of their messages are set there;
+    `make` makes messages of other topics.
+    """
+
+    def __init__(self, manifest: Manifest, played: Collection[str],
+                 make: Make | None = None, pause: float = 0.0) -> None:
+        """Advertise the topics; `pause` is the time in seconds after each row."""
+        self._pause = pause
+        self._manifest = manifest
+        self._make = make
+        self._topics: dict[str, list[int]] = {}
+        for place, item in enumerate(manifest.inputs):
+            if item.topic is not None and item.name in played:
+                self._topics.setdefault(item.topic, []).append(place)
+        self._context = Context()
+        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self.node = Node('fret_monitor_player', context=self._context)
+        self._publishers = {topic: self.node.create_publisher(
+            message_class(self._type_of(topic)), topic, _QOS) for topic in self._topics}
+        self._clock = self.node.create_publisher(Clock, '/clock', _QOS) \
+            if self.has_clock else None
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._is_closing = False
+        self._thread = Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    @property
+    def has_clock(self) -> bool:
+        """Whether the time is simulated."""
+        return self._manifest.policy in (Policy.TIMED, Policy.PERIODIC)
+
+    def __enter__(self) -> 'Player':
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 traceback: TracebackType | None) -> None:
+        self._is_closing = True
+        self._thread.join()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._context.try_shutdown()
+
+    def _spin(self) -> None:
+        while not self._is_closing:
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def _type_of(self, topic: str) -> str:
+        return next(item.message_type for item in self._manifest.inputs
+                    if item.topic == topic and item.message_type is not None)
+
+    def wait(self, listeners: int, seconds: float) -> None:
+        """
+        Wait until each topic has so many subscriptions, and the others of the bundle a publisher.
+
+        Raises
+        ------
+        AssertionError
+            if that takes more than some seconds.
+        """
+        others = {item.topic for item in self._manifest.inputs if item.topic is not None} \
+            - set(self._topics)
+        end = monotonic() + seconds
+        while True:
+            missing = [topic for topic, publisher in self._publishers.items()
+                       if publisher.get_subscription_count() < listeners]
+            missing += [topic for topic in others if not self.node.count_publishers(topic)]
+            if not missing:
+                sleep(_MATCH_S)
+                return
+            if monotonic() > end:
+                raise AssertionError(f'nobody is at the other end of {", ".join(missing)}')
+            sleep(0.02)
+
+    def play(self, times: Sequence[int], rows: Sequence[Sequence[Any]], end: int) -> None:
+        """
+        Publish rows of all inputs of the bundle.
+
+        `times` are in nanoseconds, and used under `timed` alone, as `end` is.
+        """
+        is_timed = self._manifest.policy is Policy.TIMED
+        period = self._manifest.period
+        step = 0 if period is None else int(period * 10**9)
+        self._set_clock(0)
+        before: Sequence[Any] | None = None
+        for number, row in enumerate(rows):
+            if is_timed:
+                self._set_clock(times[number] - times[0])
+            self._publish(row, before if is_timed else None)
+            before = row
+            sleep(self._pause)
+            if not is_timed and step:
+                self._set_clock((number + 1) * step)
+        if is_timed:
+            self._set_clock(end - times[0])
+        sleep(_SETTLE_S)
+
+    def _set_clock(self, nanoseconds: int) -> None:
+        if self._clock is None:
+            return
+        seconds, rest = divmod(_START_NS + nanoseconds, 10**9)
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = seconds, rest
+        self._clock.publish(message)
+        self._clock.wait_for_all_acked(Duration(seconds=5))
+        sleep(_SETTLE_S)
+
+    def _publish(self, row: Sequence[Any], before: Sequence[Any] | None) -> None:
+        for topic, places in self._topics.items():
+            if before is not None and all(repr(row[place]) == repr(before[place])
+                                          for place in places):
+                continue
+            self._publishers[topic].publish(self._message(topic, row))
+            self._publishers[topic].wait_for_all_acked(Duration(seconds=5))
+            if self._clock is None:
+                sleep(_SETTLE_S / 10)
+        if self._clock is not None:
+            sleep(_SETTLE_S)
+
+    def _message(self, topic: str, row: Sequence[Any]) -> Any:
+        inputs = [(self._manifest.inputs[place], row[place]) for place in self._topics[topic]]
+        if self._make is not None:
+            return self._make(topic, {item.name: _named(item, value) for item, value in inputs})
+        message = message_class(self._type_of(topic))()
+        for item, value in inputs:
+            _set(message, item, _named(item, value))
+        return message
+
+
+def _named(item: ManifestInput, value: Any) -> Any:
+    """Return the value that a field has; of a string input, its string."""
+    if item.is_string:
+        return item.values[int(value)][1]
+    return bool(value) if item.value_type.value == 'bool' else value
+
+
+def _set(message: Any, item: ManifestInput, value: Any) -> None:
+    """Set the field of an input."""
+    *way, last = map(str, item.path)
+    holder = message
+    for step in way:
+        holder = getattr(holder, step)
+    if item.reduction == SECONDS:
+        fraction, whole = math.modf(float(value))
+        stamp = getattr(holder, last)
+        stamp.sec, stamp.nanosec = int(whole), int(fraction * 1e9)
+    else:
+        setattr(holder, last, [value] if item.reduction else value)

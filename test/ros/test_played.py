@@ -1,0 +1,67 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Traces played to a monitor and to a node: `play_trace`, `check_node`, and `tests`."""
+
+import json
+from pathlib import Path
+import re
+import sys
+
+from fret_monitor.build import compile_monitor, generate_monitor, read
+from fret_monitor.testgen.folder import write_suite
+from fret_monitor.testgen.suite import make_suite
+from fret_monitor.testing import check_node, play_trace
+import pytest
+from ros.test_ci import folder
+
+__all__ = ['folder']  # a fixture
+NODE = [sys.executable, 'valve_node.py']
+TIMED = """\
+format: 1
+component: robot
+evaluation: {policy: timed}
+inputs:
+  stop: {topic: stop, type: std_msgs/msg/Bool}
+  speed: {topic: speed, type: std_msgs/msg/Float64}
+requirements:
+  - {id: STOP, fretish: "upon stop robot shall within 500 milliseconds satisfy speed < 0.1"}
+"""
+
+
+def test_a_node_is_fed_and_its_violation_found(folder: Path, domain: int) -> None:
+    Path('trace.csv').write_text('pressure,open\n2.0,0\n4.0,0\n')
+    with pytest.raises(AssertionError, match='violated: OPENS\nexpected: nothing\nOPENS violated'):
+        play_trace('valve.yaml', 'trace.csv', node=NODE)
+    node = Path('valve_node.py')
+    node.write_text(node.read_text().replace('4.0', '3.0'))
+    check_node('valve.yaml', NODE, tries=1)
+
+
+def test_the_monitor_announces_what_the_tests_expect(tmp_path: Path, domain: int) -> None:
+    bundle = tmp_path / 'stop.yaml'
+    bundle.write_text(TIMED)
+    reading = read(bundle)
+    monitor = compile_monitor(generate_monitor(reading)).monitor
+    write_suite(make_suite(reading, 300.0), monitor, reading, tmp_path / 'tests')
+    index = json.loads((tmp_path / 'tests' / 'tests.json').read_text())
+    known = {item['name']: item['announced'] for item in index['traces']}
+    assert [[], None, ['STOP']] == [value for value in ([], None, ['STOP'])
+                                    if value in known.values()]
+    text = (tmp_path / 'tests' / 'test_traces.py').read_text()
+    assert re.search(r"BUNDLE = \(HERE / '\.\./stop\.yaml'\)", text)
+    trace = next(item for item in index['traces'] if item['announced'])
+    play_trace(bundle, tmp_path / 'tests' / trace['trace'], trace['announced'])
+    with pytest.raises(AssertionError, match='violated: STOP\nexpected: nothing'):
+        play_trace(bundle, tmp_path / 'tests' / trace['trace'])
