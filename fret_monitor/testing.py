@@ -40,11 +40,11 @@ from typing import Any, TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from hypothesis.strategies import SearchStrategy
-    from fret_monitor.testgen.inputs import InputTrace, Tested
     from fret_monitor.model.manifest import Manifest
     from fret_monitor.ros.next_report import NodeReport
     from fret_monitor.ros.player import Make
+    from fret_monitor.testgen.inputs import InputTrace, Tested
+    from hypothesis.strategies import SearchStrategy
 
 _MONITOR = ('import sys; from fret_monitor.ros.monitor import main; '
             'sys.argv[0] = "monitor"; sys.exit(main())')

@@ -26,7 +26,6 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.ros.fields import message_class
 import rclpy
 from rclpy.context import Context
-from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -35,6 +34,9 @@ from rosgraph_msgs.msg import Clock
 
 _QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 _SETTLE_S = 0.05  # for what was received to take effect
+_END_S = 0.2  # the same after the last row
+# So that messages on several topics arrive in their order. `wait_for_all_acked` can take seconds.
+_BETWEEN_S = 0.005
 _MATCH_S = 0.3  # discovery is not symmetric: the other side matches a moment later
 _START_NS = 10**9  # of the simulated time
 
@@ -141,7 +143,7 @@ class Player:
                 self._set_clock((number + 1) * step)
         if is_timed:
             self._set_clock(end - times[0])
-        sleep(_SETTLE_S)
+        sleep(_END_S)
 
     def _set_clock(self, nanoseconds: int) -> None:
         if self._clock is None:
@@ -150,7 +152,6 @@ class Player:
         message = Clock()
         message.clock.sec, message.clock.nanosec = seconds, rest
         self._clock.publish(message)
-        self._clock.wait_for_all_acked(Duration(seconds=5))
         sleep(_SETTLE_S)
 
     def _publish(self, row: Sequence[Any], before: Sequence[Any] | None) -> None:
@@ -159,9 +160,7 @@ class Player:
                                           for place in places):
                 continue
             self._publishers[topic].publish(self._message(topic, row))
-            self._publishers[topic].wait_for_all_acked(Duration(seconds=5))
-            if self._clock is None:
-                sleep(_SETTLE_S / 10)
+            sleep(_BETWEEN_S)
         if self._clock is not None:
             sleep(_SETTLE_S)
 

@@ -82,7 +82,7 @@ def test_what_a_node_returns_has_to_be_its_outputs(bundle: Path) -> None:
 def test_traces_have_values_around_those_compared_with(bundle: Path) -> None:
     found: set[tuple[float, str]] = set()
 
-    @settings(max_tries=100, deadline=None, database=None)
+    @settings(max_examples=100, deadline=None, database=None)
     @given(traces(bundle, max_steps=7))
     def holds(trace: Any) -> None:
         assert trace.times == tuple(range(len(trace.rows))) and 1 <= len(trace.rows) <= 7
