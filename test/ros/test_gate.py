@@ -30,6 +30,8 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import fret_monitor
 from geometry_msgs.msg import TwistStamped
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 import pytest
 import rclpy.node
 from rclpy.publisher import Publisher
@@ -235,6 +237,26 @@ def test_a_gate_of_commands(partner: Partner, stranger: Partner, tmp_path: Path)
             commands.publish(twist(3.5))
             sleep(0.05)
         assert 3.5 in speeds(arrived)
+        # While the node is not active nothing passes; afterwards it is closed until all has come.
+        change = partner.node.create_client(ChangeState, 'fret_gate/change_state')
+        assert change.wait_for_service(20.0)
+
+        def go(transition: int) -> None:
+            request = ChangeState.Request(transition=Transition(id=transition))
+            answer = change.call_async(request)
+            wait_until(answer.done, 'a transition')
+            assert answer.result().success
+
+        go(Transition.TRANSITION_DEACTIVATE)
+        sleep(0.2)
+        n = len(arrived.found)
+        front.publish(Float32(data=5.0))
+        commands.publish(twist(4.5))
+        sleep(0.3)
+        assert len(arrived.found) == n
+        go(Transition.TRANSITION_ACTIVATE)
+        arrived.wait_for(n + 2)
+        assert set(speeds(arrived)[n:]) == {0.0}
 
 
 def test_gates_of_any_quality_of_service(partner: Partner, tmp_path: Path) -> None:
