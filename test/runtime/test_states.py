@@ -22,7 +22,9 @@ from time import monotonic
 from fret_monitor import build
 from fret_monitor.messages.installed import find_message
 from fret_monitor.messages.serialize import serialize
-from fret_monitor.runtime import Engine, Evaluator, RequirementState, State
+from fret_monitor.model.parts import Part
+from fret_monitor.runtime import Engine, Evaluator, Gate, RequirementState, State
+from fret_monitor.start import start
 import pytest
 
 BUNDLE = """
@@ -106,3 +108,33 @@ def test_a_wait_ends_at_once_when_a_state_changes_or_the_engine_is_closed(
         thread.join()
         assert monotonic() - begin < 10
         assert found[0][1][0].state is VIOLATED
+
+
+GATED = """
+format: 1
+inputs:
+  x: {topic: raw, type: std_msgs/msg/Float32}
+evaluation: {policy: relevant_message}
+requirements:
+  - {id: X, ptltl: "H (x < 1.0)"}
+gates:
+  drive: {from: raw, to: out, type: std_msgs/msg/Float32, keep: [X]}
+"""
+
+
+def test_a_message_that_a_gate_withholds_is_a_violation_until_one_passes(tmp_path: Path) -> None:
+    path = tmp_path / 'bundle.yaml'
+    path.write_text(GATED, encoding='utf-8')
+    monitor = start(path, part=Part('drive')).monitor
+    evaluator = Evaluator(monitor, reports_recoveries=True)
+    engine = Engine(evaluator)
+    assert monitor.manifest.gate is not None
+    engine.guard(Gate(evaluator, monitor.manifest.gate))
+    engine.follow_states()
+    engine.advance(SECOND)
+    found = []
+    for number, value in enumerate((2.0, 0.0, 2.0, 3.0, 0.5)):
+        engine.judge(serialize(FLOAT, {'data': value}), 2 * SECOND + number)
+        _, (item,) = engine.states(0, 0.0)
+        found.append((item.state, item.occurrences))
+    assert found == [(VIOLATED, 1), (HOLDS, 1), (VIOLATED, 2), (VIOLATED, 2), (HOLDS, 2)]
