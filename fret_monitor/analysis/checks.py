@@ -25,10 +25,11 @@ import time
 
 from fret_monitor.analysis.answers import Analysis, Answer, Example, Question
 from fret_monitor.analysis.component import (
-    build_component, by_inputs, by_outputs, Component, output_names, Part,
+    build_component, by_inputs, by_outputs, Component, output_names,
 )
 from fret_monitor.analysis.conflicts import shrunk, smallest_conflicts
 from fret_monitor.analysis.deadline import Deadline, OutOfTime
+from fret_monitor.analysis.division import Task, tasks
 from fret_monitor.analysis.games import Descent
 from fret_monitor.analysis.letters import Values
 from fret_monitor.analysis.replay import Replay, row_of
@@ -100,29 +101,30 @@ def analyze(specification: Specification, replay: Replay, asked: Sequence[Questi
     context = _Context(specification, replay, denials or {}, deadline or Deadline(None))
     answers: list[Answer] = []
     work = list(_work(context, asked))
-    for number, (part, questions) in enumerate(work):
-        progress(number / len(work), ', '.join(part.ids[:3]))
+    for number, task in enumerate(work):
+        progress(number / len(work), ', '.join(task.part.ids[:3]))
         context.deadline.begin_part(len(work) - number)
-        answers += _PartAnalysis(context, part, questions).answers()
+        answers += _PartAnalysis(context, task).answers()
     return Analysis(tuple(answers), frozenset(asked), time.perf_counter() - begin,
                     any(item.reason in (_INTERRUPTED, _OUT_OF_TIME) for item in answers))
 
 
-def _work(context: _Context, asked: Sequence[Question]) -> Iterator[tuple[Part, list[Question]]]:
+def _work(context: _Context, asked: Sequence[Question]) -> Iterator[Task]:
     of_runs = list(filter(lambda item: item is not Question.REALIZABILITY, asked))
     if of_runs:
         for part in by_inputs(context.specification):
-            yield part, of_runs
+            yield from tasks(context.specification, part, of_runs, context.deadline)
     if Question.REALIZABILITY in asked:
         for part in by_outputs(context.specification):
-            yield part, [Question.REALIZABILITY]
+            yield Task(part, (Question.REALIZABILITY,), frozenset(part.ids))
 
 
 class _PartAnalysis:
     """Answers the questions about one part."""
 
-    def __init__(self, context: _Context, part: Part, questions: Sequence[Question]) -> None:
-        self._context, self._part, self._questions = context, part, questions
+    def __init__(self, context: _Context, task: Task) -> None:
+        self._context, self._task = context, task
+        self._part, self._questions = task.part, task.questions
         self._deadline = context.deadline
         self._component: Component | None = None
         self._descent: Descent | None = None
@@ -141,8 +143,9 @@ class _PartAnalysis:
     def answers(self) -> Iterator[Answer]:
         for question in self._questions:
             if question in (Question.VACUITY, Question.REDUNDANCY):
-                for place in range(len(self._part.properties)):
-                    yield self._guarded(question, place)
+                for place, name in enumerate(self._part.ids):
+                    if name in self._task.chosen:
+                        yield self._guarded(question, place)
             else:
                 yield self._guarded(question)
 
@@ -171,7 +174,7 @@ class _PartAnalysis:
     def _on_grid(self, unknown: Answer, place: int | None) -> Answer:
         """Add to an unknown answer about time what holds if all happens on a grid of time."""
         if self._coarse is None:
-            self._coarse = _PartAnalysis(self._context, self._part, self._questions)
+            self._coarse = _PartAnalysis(self._context, self._task)
             self._coarse._is_coarse = True
         found = self._coarse._attempt(replace(unknown, reason=''), place)
         component = self._coarse._component

@@ -87,16 +87,19 @@ def by_inputs(specification: Specification) -> list[Part]:
     return parts(specification.properties, lambda item: item.inputs)
 
 
-def by_outputs(specification: Specification) -> list[Part]:
+def by_outputs(specification: Specification, within: Part | None = None) -> list[Part]:
     """
     Return the components: requirements that share outputs, with the assumptions about them.
+
+    `within` is the part of the bundle that they belong to; None: all.
 
     An assumption belongs to each component with which it shares an input, directly or through
     other assumptions.
     """
     outputs = output_names(specification)
-    required = [item for item in specification.properties if not item.is_assumption]
-    assumed = parts([item for item in specification.properties if item.is_assumption],
+    properties = specification.properties if within is None else within.properties
+    required = [item for item in properties if not item.is_assumption]
+    assumed = parts([item for item in properties if item.is_assumption],
                     lambda item: item.inputs)
     found = []
     for part in parts(required, lambda item: set(item.inputs) & outputs):
@@ -104,8 +107,14 @@ def by_outputs(specification: Specification) -> list[Part]:
         concerned = {item.id for group in assumed for item in group.properties
                      if used & {name for each in group.properties for name in each.inputs}}
         kept = {*part.ids, *concerned}
-        found.append(Part(tuple(item for item in specification.properties if item.id in kept)))
+        found.append(Part(tuple(item for item in properties if item.id in kept)))
     return found
+
+
+def united(within: Part, some: Iterable[Part]) -> Part:
+    """Return some parts as one."""
+    kept = {name for part in some for name in part.ids}
+    return Part(tuple(item for item in within.properties if item.id in kept))
 
 
 def output_names(specification: Specification) -> set[str]:

@@ -19,7 +19,7 @@ from pathlib import Path
 from random import Random
 
 from analysis.search import reference, Search
-from fret_monitor.analysis import checks
+from fret_monitor.analysis import checks, division
 from fret_monitor.analysis.answers import Analysis, Answer, Question
 from fret_monitor.analysis.checks import analyze
 from fret_monitor.analysis.component import build_component, by_outputs, Part
@@ -326,6 +326,22 @@ def test_all_runs_are_confirmed_and_conflicts_are_smallest(seed: int) -> None:
             assert search.start not in ask(chosen)
             assert all(search.start in ask([each for each in chosen if each != item])
                        for item in chosen)
+
+
+@pytest.mark.parametrize('seed', range(300, 312))
+def test_a_divided_bundle_has_the_same_answers(
+        seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = Random(seed)
+    specification = bundle(*(f'H ((a | {out} | TRUE) & {formula(rng, 2)})'.translate(
+        str.maketrans('xy', out * 2)) for out in 'xxyy'), 'H (b -> O[0,2] !b)', inputs=INPUTS)
+    whole = analyzed(specification)
+    monkeypatch.setattr(division, '_SMALL', 0)
+    divided = analyzed(specification)
+    for question in (Question.CONSISTENCY, Question.RT_CONSISTENCY, Question.REALIZABILITY):
+        assert divided.together(question) is whole.together(question)
+    if whole.together(Question.CONSISTENCY):
+        for question in (Question.VACUITY, Question.REDUNDANCY):
+            assert sorted(divided.listed(question)) == sorted(whole.listed(question))
 
 
 def test_a_realizable_bundle_wins_against_random_inputs() -> None:
