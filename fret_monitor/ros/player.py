@@ -38,6 +38,7 @@ _END_S = 0.2  # the same after the last row
 # So that messages on several topics arrive in their order. `wait_for_all_acked` can take seconds.
 _BETWEEN_S = 0.005
 _MATCH_S = 0.3  # discovery is not symmetric: the other side matches a moment later
+_NODE_MATCH_S = 1.0  # the same for a node and the monitor
 _START_NS = 10**9  # of the simulated time
 
 Make = Callable[[str, Mapping[str, Any]], Any]
@@ -116,7 +117,7 @@ class Player:
                        if publisher.get_subscription_count() < listeners]
             missing += [topic for topic in others if not self.node.count_publishers(topic)]
             if not missing:
-                sleep(_MATCH_S)
+                sleep(_MATCH_S if not others else _NODE_MATCH_S)
                 return
             if monotonic() > end:
                 raise AssertionError(f'nobody is at the other end of {", ".join(missing)}')

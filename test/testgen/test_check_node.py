@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from fret_monitor import testing
 from fret_monitor.testing import check_node, traces
 from hypothesis import given, settings
 import pytest
@@ -102,3 +103,19 @@ def test_times_are_nanoseconds_under_the_policy_timed(bundle: Path) -> None:
         'time  pressure  mode   open',
         '   0       4.0     c  False',
         'until 2']
+
+
+def test_a_violation_that_does_not_come_again_is_shown_all_the_same(
+        bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[int] = []
+
+    def play(*arguments: object) -> None:
+        calls.append(0)
+        if len(calls) == 3:
+            raise AssertionError('violated: OPENS')
+
+    monkeypatch.setattr(testing, '_play', play)
+    with pytest.raises(AssertionError, match=r'trace:\n.*(\n.*)+violated: OPENS') as caught:
+        check_node(bundle, ['node'])
+    assert caught.value.__notes__ == [
+        'the node has not violated it each time that it was fed this trace']
