@@ -24,7 +24,7 @@ from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.propositions import is_pointwise, propositions
 from fret_monitor.logic.specification import Specification
-from fret_monitor.model.diagnostics import counted
+from fret_monitor.model.diagnostics import counted, Diagnostic, Level
 from fret_monitor.traces.csv_trace import seconds_text, trace_text
 from fret_monitor.traces.trace import joined, Run
 
@@ -107,6 +107,20 @@ def shown(found: Analysis, specification: Specification, replay: Replay) -> Iter
                 yield from _drawing(item, item.example, specification, replay)
     if found.is_partial:
         yield 'The analysis ended before its end: what is unknown above may have an answer.'
+
+
+def warnings(found: Analysis, specification: Specification) -> Iterator[Diagnostic]:
+    """Yield a warning at a requirement for each answer that shows a fault."""
+    places = {item.id: item.id_place for item in specification.properties}
+    for item in found.answers:
+        is_list = item.question in (Question.VACUITY, Question.REDUNDANCY)
+        if item.holds is not is_list:
+            continue
+        ids = item.conflicts[0] if item.conflicts else item.requirements
+        what = f'{ids[0]} is' if len(ids) == 1 else f'{", ".join(ids[:4])} are'
+        negated = '' if is_list else 'not '
+        yield Diagnostic(f'{what} {negated}{_HEADINGS[item.question]}', places[ids[0]],
+                         item.method, '`fret-monitor analyze` shows more', Level.WARNING)
 
 
 def _of_requirements(heading: str, answers: list[Answer]) -> Iterator[str]:

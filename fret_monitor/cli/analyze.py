@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from fret_monitor.analysis.deadline import Deadline
     from fret_monitor.analysis.replay import Replay
 
+_QUICK_S = 2.0
 _NEEDED = {'dd': 'dd', 'z3': 'z3-solver'}
 _QUESTIONS = ('consistency', 'rt-consistency', 'vacuity', 'redundancy', 'realizability')
 
@@ -88,6 +89,17 @@ def run(options: Namespace) -> int:
         else:
             print('\n'.join(shown(found, reading.specification, replay)))
     return 0 if _is_fine(found) else 1
+
+
+def quick_warnings(reading: Reading) -> list[Diagnostic]:
+    """Return warnings about what is found in two seconds, for `check --analyze`."""
+    _refuse_missing()
+    from fret_monitor.analysis.deadline import Deadline
+    from fret_monitor.analysis.replay import CompiledReplay
+    from fret_monitor.analysis.report import warnings
+    asked, _ = _asked(reading, None)
+    found = _analysis(reading, CompiledReplay(reading), asked, Deadline(_QUICK_S))
+    return list(warnings(found, reading.specification))
 
 
 def _refuse_missing() -> None:

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
+from fret_monitor.cli.analyze import quick_warnings
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import print_diagnostics
@@ -55,6 +56,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('bundles', metavar='BUNDLE', nargs='+', help=BUNDLE_HELP)
     add_constants(parser)
+    parser.add_argument('--analyze', action='store_true', help='also warn of what `analyze` '
+                        'finds in two seconds; needs its packages')
     add_json_option(parser)
     parser.set_defaults(run=run)
 
@@ -63,7 +66,7 @@ def run(options: Namespace) -> int:
     """Check each bundle; return 1 if any has an error."""
     found = []
     for name in options.bundles:
-        item = _checked(name, dict(options.constants))
+        item = _checked(name, dict(options.constants), options.analyze)
         found.append(item)
         if not options.json:
             print_diagnostics(item.diagnostics)
@@ -83,14 +86,17 @@ class _Checked(NamedTuple):
     diagnostics: tuple[Diagnostic, ...]
 
 
-def _checked(name: str, constants: Mapping[str, Text]) -> _Checked:
+def _checked(name: str, constants: Mapping[str, Text], is_analyzed: bool) -> _Checked:
     path = Path(name)
     try:
         path = existing_bundle(name)
-        generated = generate_monitor(read(path, constants=constants))
+        reading = read(path, constants=constants)
+        generated = generate_monitor(reading)
+        faults = quick_warnings(reading) if is_analyzed else []
     except CompileError as error:
         return _Checked(path, None, error.diagnostics)
-    return _Checked(path, generated, by_place((*generated.warnings, *_of_gates(generated))))
+    return _Checked(path, generated, by_place((
+        *generated.warnings, *_of_gates(generated), *faults)))
 
 
 def _of_gates(generated: GeneratedMonitor) -> Iterator[Diagnostic]:

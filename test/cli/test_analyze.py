@@ -69,6 +69,13 @@ def test_text_json_and_runs_say_the_same(here: Here) -> None:
     assert done.out.splitlines()[-1] == '0,1,0,1,1,1'
 
 
+def test_check_warns_of_what_is_found_soon(here: Here) -> None:
+    done = here.run('check', '--analyze', here.file('valves.yaml', VALVES))
+    assert done.status == 0
+    assert 'warning: V-1, V-2 are not realizable' in done.err
+    assert 'warning: P-2 is redundant' in done.err
+
+
 def test_one_question_leaves_the_others_open(here: Here) -> None:
     bundle = here.file('valves.yaml', VALVES)
     done = here.run('analyze', bundle, '--only', 'consistency', '--json')
