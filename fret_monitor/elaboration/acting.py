@@ -21,6 +21,7 @@ All mistakes are added to the problems, each at its place.
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+import re
 
 from fret_monitor.bundle.bundle import ActionEntry, Bundle, GateEntry, Requirement
 from fret_monitor.elaboration.graph import components, cycle, is_cyclic
@@ -31,11 +32,14 @@ from fret_monitor.messages.installed import check_complete, listed
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.messages.serialize import has_stamp, STAMP_AT
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, Text
-from fret_monitor.model.manifest import ManifestAction, ManifestGate
-from fret_monitor.model.names import shown
+from fret_monitor.model.manifest import EVENTS, events_of, ManifestAction, ManifestGate
+from fret_monitor.model.names import absolute, DIAGNOSTICS_TOPIC, is_own_topic, shown
 from fret_monitor.model.policies import ActionKind, Otherwise, Policy, Stale, Stamp
 
 LOCK_TYPE = 'std_msgs/msg/Bool'
+EVENT_SUFFIX = '_Event'  # of the type of a service's events
+DIAGNOSTICS_TYPE = 'diagnostic_msgs/msg/DiagnosticArray'
+_BEYOND_REQUEST = re.compile(r'\bresponse\b|\brequest\[[1-9]')
 _GATED_POLICIES = (Policy.EVERY_MESSAGE, Policy.RELEVANT_MESSAGE, Policy.TIMED)
 
 
@@ -58,11 +62,6 @@ def _uses(bundle: Bundle) -> dict[str, Text]:
         for name in (*item.on_violation, *item.on_end):
             found.setdefault(name.value, name)
     return found
-
-
-def absolute(name: str) -> str:
-    """Return the name of a topic or service in the root namespace."""
-    return name if name.startswith(('/', '~')) else f'/{name}'
 
 
 def _nanoseconds(seconds: Fraction | None) -> int:
@@ -151,15 +150,15 @@ class _Acting:
                 f'the gate {shown(entry.name.value)} leads from {shown(source.value)} to itself',
                 target.span, 'what it lets through would come back to it',
                 f'to: {target.value}_checked   # the name that the subscriber reads')
-        if entry.is_service:
-            return
+        judged = events_of(source.value) if entry.is_service else source.value
         for item in self.bundle.inputs:
-            if item.topic is not None and item.topic.value != source.value and \
-                    absolute(item.topic.value) == absolute(source.value):
+            if item.topic is not None and item.topic.value != judged and \
+                    absolute(item.topic.value) == absolute(judged):
                 self.problems.error(
                     f'{shown(source.value)} is written in two ways', source.span,
                     f"the input '{item.name}' has {shown(item.topic.value)}",
-                    f'from: {item.topic.value}')
+                    f'service: {item.topic.value.removesuffix(EVENTS)}' if entry.is_service
+                    else f'from: {item.topic.value}')
                 return
 
     def _check_keep(self, entry: GateEntry) -> None:
@@ -183,6 +182,7 @@ class _Acting:
         self._check_circles()
         self._check_types()
         self._check_locks()
+        self._check_own_topics()
 
     def _check_policy(self, entry: GateEntry) -> None:
         """Refuse policies under which a message is not judged when it comes."""
@@ -300,28 +300,34 @@ class _Acting:
         """Refuse two types of one topic."""
         types: dict[str, tuple[str, str]] = {}
         for owner, topic, kind, place in self._typed_topics():
-            known, first = types.setdefault(absolute(topic.value), (kind, owner))
+            known, first = types.setdefault(absolute(topic), (kind, owner))
             if known != kind:
+                suffix = EVENT_SUFFIX if kind.endswith(EVENT_SUFFIX) else ''
                 self.problems.error(
-                    f'{shown(topic.value)} has two types', place.span,
+                    f'{shown(topic)} has two types', place.span,
                     f'{first} has {known}, {owner} has {kind}',
-                    'choose another topic' if place is topic else f'type: {known}')
+                    'choose another topic' if place.value == topic
+                    else f'type: {known.removesuffix(suffix)}')
 
-    def _typed_topics(self) -> Iterator[tuple[str, Text, str, Text]]:
+    def _typed_topics(self) -> Iterator[tuple[str, str, str, Text]]:
         """Yield what uses a topic, the topic, its type, and the place for the error."""
         for item in self.bundle.inputs:
             if item.topic and item.type:
-                yield f"the input '{item.name}'", item.topic, item.type.value, item.topic
+                yield f"the input '{item.name}'", item.topic.value, item.type.value, item.topic
         for gate in self.bundle.gates:
+            owner = f"the gate '{gate.name}'"
+            if gate.type and gate.is_service and gate.source:
+                yield (owner, events_of(gate.source.value), gate.type.value + EVENT_SUFFIX,
+                       gate.type)
             for topic in (gate.source, gate.target):
                 if gate.type and not gate.is_service and topic:
-                    yield f"the gate '{gate.name}'", topic, gate.type.value, gate.type
+                    yield owner, topic.value, gate.type.value, gate.type
         for action in self.bundle.actions:
             owner = f"the action '{action.name}'"
             if action.target and action.kind is ActionKind.LOCK:
-                yield owner, action.target, LOCK_TYPE, action.target
+                yield owner, action.target.value, LOCK_TYPE, action.target
             elif action.target and action.kind is ActionKind.PUBLISH and action.type:
-                yield owner, action.target, action.type.value, action.type
+                yield owner, action.target.value, action.type.value, action.type
 
     def _check_locks(self) -> None:
         """Refuse two publishers of one lock, which would contradict each other."""
@@ -337,6 +343,29 @@ class _Acting:
                     'one would say false while the other says true',
                     f'use the lock {shown(other.name.value)} for the requirements of both')
             self._check_judges(lock, gate_of)
+        for action in self.bundle.actions:
+            if action.kind is ActionKind.PUBLISH and action.target is not None and \
+                    (locked := first.get(absolute(action.target.value))):
+                self.problems.error(
+                    f'{shown(action.target.value)} is the topic of the lock '
+                    f'{shown(locked.name.value)}', action.target.span,
+                    'a message here would open or close it whatever is violated',
+                    'publish on another topic, or let the lock alone lock')
+
+    def _check_own_topics(self) -> None:
+        """Refuse to publish on the topics that the node itself publishes on."""
+        published = [(entry.target, entry.type) for entry in self.bundle.gates
+                     if not entry.is_service]
+        published += [(entry.target, entry.type) for entry in self.bundle.actions
+                      if entry.kind in (ActionKind.LOCK, ActionKind.PUBLISH)]
+        for target, type_ in published:
+            if target and is_own_topic(target.value) and not (
+                    absolute(target.value) == DIAGNOSTICS_TOPIC and type_
+                    and type_.value == DIAGNOSTICS_TYPE):
+                self.problems.error(
+                    f'the node publishes on {shown(target.value)} itself', target.span,
+                    'its subscribers take each message for one of the node',
+                    'choose another topic')
 
     def _check_judges(self, lock: ActionEntry, gate_of: dict[str, GateEntry]) -> None:
         users = [item for item in self.bundle.requirements
@@ -356,15 +385,29 @@ def _judge(item: Requirement, gate_of: dict[str, GateEntry]) -> str:
         f'the gate {shown(gate.name.value)}' if gate else 'the monitor')
 
 
-def check_stale(properties: Iterable[Property], gates: Iterable[Gate],
-                signals: Iterable[Signal], bundle: Bundle, problems: Problems) -> None:
-    """Refuse `stale: open` for inputs that violate while they are stale."""
+def check_judged(properties: Iterable[Property], gates: Iterable[Gate],
+                 signals: Iterable[Signal], bundle: Bundle, problems: Problems) -> None:
+    """
+    Refuse what a gate cannot judge by.
+
+    That is `stale: open` for inputs that violate while they are stale, and fields of a service's
+    events that a request has not.
+    """
     known = {signal.name: signal for signal in signals}
     items = {item.id: item for item in properties}
     places = {entry.name.value: entry.stale_place for entry in bundle.gates}
+    fields = {entry.name.value: entry.field or entry.name for entry in bundle.inputs}
     for gate in gates:
         read = dict.fromkeys(name for id_ in gate.keep if id_ in items
                              for name in items[id_].inputs)
+        for name in read if gate.settings.is_service else ():
+            place = fields[name]
+            if known[name].topic == gate.settings.judged_topic and \
+                    _BEYOND_REQUEST.search(place.value):
+                problems.error(
+                    f'the gate {shown(gate.name)} judges requests, and {shown(name)} is no part '
+                    'of one', place.span, 'a request is judged before there is a response',
+                    'field: request[0].FIELD')
         for name in read if gate.settings.is_open_when_stale else ():
             if known[name].stale is Stale.VIOLATE and \
                     known[name].topic != gate.settings.judged_topic:

@@ -32,7 +32,7 @@ from dataclasses import replace
 from typing import TypeAlias
 
 from fret_monitor.bundle.bundle import Bundle, Definition, InputEntry, Language, Requirement
-from fret_monitor.elaboration.acting import check_stale, resolve_acting
+from fret_monitor.elaboration.acting import check_judged, resolve_acting
 from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.elaborator import Elaborator, FindVocabulary, references
 from fret_monitor.elaboration.equations import equations_term
@@ -81,7 +81,7 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None,
     actions, gates = resolve_acting(bundle, known, find_message or find_installed,
                                     reading.problems)
     reading.problems.raise_errors()
-    check_stale([item for item in properties if item], gates, known, bundle, reading.problems)
+    check_judged([item for item in properties if item], gates, known, bundle, reading.problems)
     reading.problems.raise_errors()
     specification = Specification(
         name=bundle.name,

@@ -36,6 +36,7 @@ from fret_monitor.model.values import ValueType
 
 FORMAT = 5
 
+EVENTS = '/_service_event'  # after the name of a service: the topic of its calls
 SECONDS = 'seconds'  # of a builtin_interfaces/msg/Time or Duration
 ANGLES = ('yaw', 'pitch', 'roll')  # of a quaternion
 REDUCTIONS = ('len', 'min', 'max', 'sum', 'mean', 'any', 'all', 'norm', *ANGLES)
@@ -43,6 +44,11 @@ REDUCTIONS = ('len', 'min', 'max', 'sum', 'mean', 'any', 'all', 'norm', *ANGLES)
 _SYMBOL = re.compile('[A-Za-z_][A-Za-z0-9_]*')
 _HEX = re.compile('([0-9a-f]{2})*')
 _Choice = TypeVar('_Choice', bound=Enum)
+
+
+def events_of(service: str) -> str:
+    """Return the topic on which the calls of a service are published."""
+    return service + EVENTS
 
 
 class ManifestError(Exception):
@@ -200,7 +206,7 @@ class ManifestGate:
     @property
     def judged_topic(self) -> str:
         """The topic whose inputs are fields of what is judged; of a service, that of its calls."""
-        return f'{self.source}/_service_event' if self.is_service else self.source
+        return events_of(self.source) if self.is_service else self.source
 
     @property
     def payload_type(self) -> str:

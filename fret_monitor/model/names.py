@@ -30,6 +30,8 @@ from fret_monitor.model.values import ValueType
 MAX_TOPIC = 247  # rmw: 255 less 8 that are reserved for the prefixes of DDS
 HANDLER_TOPIC = 'copilot/'
 HANDLER_PREFIX = 'handlerprop'
+DIAGNOSTICS_TOPIC = '/diagnostics'
+_OWN_TOPICS = (f'/{HANDLER_TOPIC}violations', DIAGNOSTICS_TOPIC, '~/alive')
 
 # As in formulas: FRET's names may have points and percent signs inside.
 _IDENTIFIER = re.compile(r'[A-Za-z_$][A-Za-z0-9_$]*(?:[.%][A-Za-z0-9_$]+)*')
@@ -155,6 +157,17 @@ def _length_fault(topic: str, what: str) -> Fault | None:
     if length <= MAX_TOPIC:
         return None
     return Fault(f'{what} is longer than ROS allows ({length} characters, at most {MAX_TOPIC})')
+
+
+def absolute(name: str) -> str:
+    """Return the name of a topic or service in the root namespace."""
+    return name if name.startswith(('/', '~')) else f'/{name}'
+
+
+def is_own_topic(topic: str) -> bool:
+    """Return whether the node itself publishes on a topic, if it is in the root namespace."""
+    full = absolute(topic)
+    return full in _OWN_TOPICS or full.startswith(f'/{HANDLER_TOPIC}{HANDLER_PREFIX}')
 
 
 def handler_name(id: str) -> str:

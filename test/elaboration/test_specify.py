@@ -69,6 +69,7 @@ DEFINITIONS = {
     'demo_msgs/msg/Lost': 'gone_msgs/Gone gone\nint8 x',
     'demo_msgs/msg/Loop': 'Loop[] again\nint8 x',
     'demo_msgs/srv/Switch': 'bool on\n---\nbool success',
+    'demo_msgs/srv/Other': 'bool on\n---\nbool success',
     'demo_msgs/action/Count': 'int32 order\n---\nint32 total\n---\nint32[] so_far',
     'builtin_interfaces/msg/Time': 'int32 sec\nuint32 nanosec',
     'service_msgs/msg/ServiceEventInfo': 'uint8 event_type\nbuiltin_interfaces/Time stamp',
