@@ -13,16 +13,83 @@
 # limitations under the License.
 
 """
-Warnings about requirements that a gate keeps, and no message of its topic can satisfy.
+Warnings about gates that may stay closed, stay open, or replace nothing.
 
-Such a requirement is an interlock: while it is violated nothing passes, and no substitute helps.
+A requirement that reads nothing of the gate's topic is an interlock: while it is violated nothing
+passes, and no substitute helps.
 """
 
 from collections.abc import Iterator
 
-from fret_monitor.bundle.bundle import Bundle
-from fret_monitor.logic.specification import Specification
-from fret_monitor.model.diagnostics import Diagnostic, Level
+from fret_monitor.bundle.bundle import Bundle, GateEntry
+from fret_monitor.logic.specification import Gate, Specification
+from fret_monitor.model.diagnostics import Diagnostic, did_you_mean, Level
+from fret_monitor.model.names import absolute
+from fret_monitor.model.policies import ActionKind
+
+
+def doubtful_acting(bundle: Bundle, specification: Specification) -> Iterator[Diagnostic]:
+    """Yield the warnings about gates, and about locks."""
+    entries = {entry.name.value: entry for entry in bundle.gates}
+    for gate in specification.gates:
+        yield from _source_nobody_reads(entries[gate.name], gate, specification)
+        yield from _of_inputs(gate, specification)
+        content = entries[gate.name].content
+        if not gate.settings.is_service and content is not None and not content.entries:
+            yield Diagnostic(
+                f"the substitute of the gate '{gate.name}' names no field", gate.otherwise_place,
+                'each field has the default of its definition', 'write the fields that matter',
+                Level.WARNING)
+    yield from interlocks(bundle, specification)
+    yield from _locks_that_are_read(bundle, specification)
+
+
+def _source_nobody_reads(entry: GateEntry, gate: Gate,
+                         specification: Specification) -> Iterator[Diagnostic]:
+    topics = sorted({signal.topic for signal in specification.signals if signal.topic})
+    if gate.settings.judged_topic not in topics and entry.source is not None:
+        yield Diagnostic(
+            f"no input has the topic '{gate.settings.judged_topic}'", entry.source.span,
+            'no field of what passes is judged',
+            did_you_mean(gate.settings.judged_topic, topics), Level.WARNING)
+
+
+def _of_inputs(gate: Gate, specification: Specification) -> Iterator[Diagnostic]:
+    kept = set(gate.keep)
+    read = {name for item in specification.properties if item.id in kept for name in item.inputs}
+    for signal in specification.signals:
+        if signal.name not in read or signal.topic in (None, gate.settings.judged_topic):
+            continue
+        assert signal.topic is not None
+        if absolute(signal.topic) == absolute(gate.settings.target) \
+                and not gate.settings.is_service:
+            yield Diagnostic(
+                f"the gate '{gate.name}' reads its own output with '{signal.name}'",
+                signal.place, 'it has no value before a first message passed',
+                f'topic: {gate.settings.source}', Level.WARNING)
+        elif signal.timeout is None:
+            yield Diagnostic(
+                f"the gate '{gate.name}' stays open if '{signal.name}' falls silent",
+                signal.place, 'an input without a timeout is never silent', 'timeout: 0.5',
+                Level.WARNING)
+
+
+def _locks_that_are_read(bundle: Bundle, specification: Specification) -> Iterator[Diagnostic]:
+    locks = {entry.name.value: entry.target for entry in bundle.actions
+             if entry.kind is ActionKind.LOCK and entry.target is not None}
+    topics = {signal.name: absolute(signal.topic) for signal in specification.signals
+              if signal.topic}
+    read = {item.id: {topics.get(name) for name in item.inputs}
+            for item in specification.properties}
+    for item in bundle.requirements:
+        for name in item.on_violation:
+            target = locks.get(name.value)
+            if target is not None and absolute(target.value) in read.get(item.id.value, ()):
+                yield Diagnostic(
+                    f"{item.id.value} reads the lock '{name.value}' that it closes", target.span,
+                    'a lock that is closed once may stay closed', 'choose another topic',
+                    Level.WARNING)
+                del locks[name.value]
 
 
 def interlocks(bundle: Bundle, specification: Specification) -> Iterator[Diagnostic]:

@@ -145,8 +145,9 @@ class RunningGate:
             self._unpublished = self._failed()
             logger.error(f"gate '{name}': {self._unpublished} messages could not be published")
         if counts.violating > self._before.violating and self._throttles['violating'].passes():
-            logger.warning(f"gate '{name}': a requirement is violated after the substitute, too; "
-                           'nothing that is sent on this topic satisfies it now')
+            logger.warning(f"gate '{name}': a requirement is violated after the substitute, too: "
+                           'the substitute itself violates it, or nothing on this topic '
+                           'satisfies it now')
         self._before = counts
         state = self.why_closed(counts)
         if state != self._state:

@@ -1,0 +1,59 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Gates that may stay closed, stay open or replace nothing; locks that are read."""
+
+from pathlib import Path
+
+from fret_monitor.build import read
+
+BUNDLE = """
+format: 1
+evaluation: {policy: relevant_message}
+inputs:
+  speed: {topic: raw, type: std_msgs/msg/Float32}
+  front: {topic: front, type: std_msgs/msg/Float32OPTIONS}
+actions:
+  stop: {lock: {topic: e_stop}}
+requirements:
+  - {id: SLOW, ptltl: front < 1 -> speed <= 0, on_violation: [stop]}
+gates:
+  drive: {from: raw, to: out, type: std_msgs/msg/Float32, keep: [SLOW],
+          otherwise: {substitute: {data: 0}}}
+"""
+
+
+def warnings(folder: Path, *changes: tuple[str, str]) -> list[tuple[str, str]]:
+    """Return the titles and the advice of the warnings about a changed bundle."""
+    text = BUNDLE
+    for old, new in changes:
+        text = text.replace(old, new)
+    path = folder / 'bundle.yaml'
+    path.write_text(text.replace('OPTIONS', ', timeout: 0.5'), encoding='utf-8')
+    return [(item.title, item.help) for item in read(path).warnings]
+
+
+def test_gates_and_locks_are_warned_of(tmp_path: Path) -> None:
+    assert warnings(tmp_path) == []
+    assert warnings(tmp_path, ('OPTIONS', '')) == [
+        ("the gate 'drive' stays open if 'front' falls silent", 'timeout: 0.5')]
+    assert ("no input has the topic 'rw'", "did you mean 'raw'?") in warnings(
+        tmp_path, ('from: raw', 'from: rw'))
+    assert warnings(tmp_path, ('topic: front', 'topic: /out'))[0] == (
+        "the gate 'drive' reads its own output with 'front'", 'topic: raw')
+    assert warnings(tmp_path, ('{data: 0}', '{}'))[0][0] == (
+        "the substitute of the gate 'drive' names no field")
+    assert warnings(tmp_path, ('Float32OPTIONS', 'BoolOPTIONS'), ('front < 1', 'front'),
+                    ('topic: front', 'topic: /e_stop')) == [
+        ("SLOW reads the lock 'stop' that it closes", 'choose another topic')]
