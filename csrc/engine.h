@@ -205,6 +205,10 @@ FM_EXPORT void fm_engine_wake(struct fm_engine * engine);
 FM_EXPORT void fm_engine_begin_round(struct fm_engine * engine);
 FM_EXPORT void fm_engine_end_round(struct fm_engine * engine);
 
+/// Whether messages are taken in rounds, and none has begun for so long, by CLOCK_MONOTONIC: what
+/// is known of the requirements is old. From any thread. O(1).
+FM_EXPORT bool fm_engine_hangs(struct fm_engine * engine, int64_t nanoseconds);
+
 /// Nanoseconds until the deadline, 0 to `most`; `most` unless the steady clock is followed.
 /// O(inputs).
 FM_EXPORT int64_t fm_engine_time_left(struct fm_engine * engine, int64_t most);

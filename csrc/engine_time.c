@@ -20,6 +20,7 @@
 
 #include <time.h>
 
+#include "deadlines.h"
 #include "instance.h"
 
 #define SECOND_NS 1000000000
@@ -277,6 +278,7 @@ void fm_engine_begin_round(struct fm_engine * engine)
 {
   fm_engine_lock(engine);
   engine->has_rounds = true;
+  engine->round_began = read_clock(CLOCK_MONOTONIC);
   engine->has_round = !engine->is_closed && read_source_locked(engine, 0, &engine->round);
   if (engine->has_round) {
     join_source_locked(engine, engine->round);
@@ -291,6 +293,15 @@ void fm_engine_end_round(struct fm_engine * engine)
     fm_engine_take_due_by_locked(engine, engine->round);
   }
   fm_engine_unlock(engine);
+}
+
+bool fm_engine_hangs(struct fm_engine * engine, int64_t nanoseconds)
+{
+  fm_engine_lock(engine);
+  const bool hangs = engine->has_rounds &&
+    fm_since(engine->round_began, read_clock(CLOCK_MONOTONIC)) > nanoseconds;
+  fm_engine_unlock(engine);
+  return hangs;
 }
 
 int64_t fm_engine_time_left(struct fm_engine * engine, int64_t most)

@@ -32,6 +32,7 @@ struct fm_gate
   int64_t due;                  // of a replacement
   int64_t passed_at;
   int64_t latched_at;
+  uint64_t steps;               // of all groups, when they were last looked at
   bool has_passed;
   bool held_before;             // all requirements, after the last step
   bool has_tried;               // a step that does not stay
@@ -116,8 +117,9 @@ static bool is_known(const struct fm_gate * gate)
   const struct fm_instance * instance = &gate->options.evaluator->instance;
   for (uint32_t i = 0; i < gate->options.monitor->n_inputs; ++i) {
     const struct fm_instance_input * input = &instance->inputs[i];
+    const bool is_silent = input->is_silent || input->is_put_off;
     if (!gate->is_from[i] &&
-      (!input->has_value || (input->is_silent && !gate->options.passes_silent)))
+      (!input->has_value || (is_silent && !gate->options.passes_silent)))
     {
       return false;
     }
@@ -145,6 +147,15 @@ static bool all_hold(const struct fm_gate * gate)
     }
   }
   return true;
+}
+
+static uint64_t count_steps(const struct fm_gate * gate)
+{
+  uint64_t steps = 0;
+  for (uint32_t g = 0; g < gate->options.monitor->n_groups; ++g) {
+    steps += gate->options.evaluator->instance.groups[g].steps;
+  }
+  return steps;
 }
 
 static bool is_latched(const struct fm_gate * gate, int64_t steady)
@@ -304,6 +315,7 @@ bool fm_gate_replace(
   gate->counts.replaced += 1;
   gate->counts.violating += holds ? 0u : 1u;
   gate->held_before = holds;
+  gate->steps = count_steps(gate);
   return true;
 }
 
@@ -345,6 +357,7 @@ static enum fm_judgement try_step(
     gate->has_passed = true;
     gate->passed_at = steady;
     gate->held_before = true;
+    gate->steps = count_steps(gate);
     gate->due = FM_NEVER;
   } else {
     n = keep_violations(gate, out, n);
@@ -366,7 +379,9 @@ uint32_t fm_gate_judge(
     judgement = try_step(gate, fields, now, stamp, steady, out, n_out);
   }
   count(&gate->counts, judgement);
-  if (judgement == FM_VIOLATES) {
+  const bool violates_closed = judgement == FM_CLOSED && gate->counts.is_latched &&
+    have_stepped(gate) && !all_hold(gate);
+  if (judgement == FM_VIOLATES || violates_closed) {
     latch(gate, steady);
   }
   if (judgement != FM_PASSED) {
@@ -390,9 +405,11 @@ bool fm_gate_note(
   const bool begins = !holds && gate->held_before;
   forget_recovered(gate, found, n);
   gate->held_before = holds;
-  if (!holds) {
+  const uint64_t steps = count_steps(gate);
+  if (begins || (!holds && steps != gate->steps)) {  // also called when nothing was evaluated
     latch(gate, steady);
   }
+  gate->steps = steps;
   if (gate->options.otherwise != FM_SUBSTITUTE || gate->due != FM_NEVER) {
     return false;
   }

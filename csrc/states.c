@@ -45,7 +45,8 @@ static bool is_known(
   const struct fm_group * read = &monitor->groups[group];
   bool is_silent = false;
   for (uint32_t k = 0; k < read->n_inputs; ++k) {
-    is_silent = is_silent || evaluator->instance.inputs[read->inputs[k]].is_silent;
+    const struct fm_instance_input * input = &evaluator->instance.inputs[read->inputs[k]];
+    is_silent = is_silent || input->is_silent || input->is_put_off;
   }
   return !is_silent && evaluator->instance.groups[group].steps > 0;
 }

@@ -27,6 +27,8 @@
 #define BATCH 64u
 #define MILLISECOND_NS 1000000
 #define SECOND_NS 1000000000
+#define HANG_NS 500000000
+#define LOCK_PERIODS 3
 #define WAIT_MS 500u  // closing the engine wakes it at once
 
 struct lock
@@ -94,7 +96,10 @@ static void publish_locks(struct fm_announcer * announcer)
   for (uint32_t k = 0; k < announcer->n_locks; ++k) {
     struct lock * lock = &announcer->locks[k];
     const bool state = is_locked(&lock->settings, announcer->states);  // as std_msgs/msg/Bool
-    if (state != lock->is_locked || lock->due <= now) {
+    const int64_t patience = LOCK_PERIODS * lock->settings.period;
+    if (!state && fm_engine_hangs(announcer->engine, patience > HANG_NS ? patience : HANG_NS)) {
+      lock->due = now + lock->settings.period;  // silent: nobody reads what would lock it
+    } else if (state != lock->is_locked || lock->due <= now) {
       publish(announcer, lock->settings.publisher, &state);
       lock->is_locked = state;
       lock->due = now + lock->settings.period;

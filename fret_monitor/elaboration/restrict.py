@@ -16,11 +16,13 @@
 
 from dataclasses import replace
 
+from fret_monitor.logic.formula import Historically
 from fret_monitor.logic.specification import Gate, Property, Specification
 from fret_monitor.messages.installed import listed
 from fret_monitor.model.diagnostics import did_you_mean, refuse
 from fret_monitor.model.names import shown
 from fret_monitor.model.parts import Part
+from fret_monitor.model.policies import Report
 
 
 def restrict(specification: Specification, part: Part) -> Specification:
@@ -50,11 +52,17 @@ def _find(specification: Specification, name: str) -> Gate:
 
 
 def _kept_by(specification: Specification, gate: Gate) -> Specification:
-    properties = tuple(item for item in specification.properties if item.id in gate.keep)
+    properties = tuple(_judged(item) for item in specification.properties if item.id in gate.keep)
     read = {name for item in properties for name in item.inputs}
     return _with(replace(
         specification, name=f'{specification.name}_{gate.name}', gate=gate,
         signals=tuple(item for item in specification.signals if item.name in read)), properties)
+
+
+def _judged(item: Property) -> Property:
+    """Of `H p`, p counts: `H p` would stay false for ever, and would withhold all messages."""
+    always = isinstance(item.formula, Historically) and item.formula.window.is_unbounded
+    return replace(item, report=Report.OCCURRENCE) if always else item
 
 
 def _ungated(specification: Specification) -> Specification:

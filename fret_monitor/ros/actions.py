@@ -167,12 +167,16 @@ class _Publishing:
         self._payload = bytearray(action.payload)
         self._due = float('inf')
         self._end = 0.0
+        self._is_first_due = False  # sent even if the violation is over by then
 
-    def start(self, now: float, is_over: Event) -> None:
+    def start(self, now: float, is_over: Event) -> bool:
+        """Begin to publish; return True."""
+        self._is_first_due = True
         self.counts = replace(self.counts, started=self.counts.started + 1)
         self._end = now + self.action.duration / 1e9 if self.action.duration else float('inf')
         if self._due > now:
             self._due = now
+        return True
 
     def skip(self) -> None:
         self.counts = replace(self.counts, skipped=self.counts.skipped + 1)
@@ -185,10 +189,12 @@ class _Publishing:
         period = self.action.period / 1e9
         if self._due > now:
             return
-        if period and (now >= self._end or not self.action.duration and not is_violated):
+        is_over = now >= self._end or not self.action.duration and not is_violated
+        if period and is_over and not self._is_first_due:
             self._due = float('inf')
             return
         self._publish()
+        self._is_first_due = False
         self._due = max(self._due + period, now) if period else float('inf')
 
     def _publish(self) -> None:
@@ -229,14 +235,16 @@ class _Calling:
             self._counts = replace(self._counts, **{
                 name: getattr(self._counts, name) + count for name, count in more.items()})
 
-    def start(self, now: float, is_over: Event) -> None:
+    def start(self, now: float, is_over: Event) -> bool:
+        """Begin a call; return False if one is under way."""
         if self._thread is not None and self._thread.is_alive():
             self.skip()
-            return
+            return False
         self._count(started=1)
         self._thread = Thread(target=self._run, args=(is_over,), daemon=True,
                               name=f'action {self.action.name}')
         self._thread.start()
+        return True
 
     def _run(self, is_over: Event) -> None:
         try:
@@ -354,8 +362,8 @@ class _Running:
         if cooldown and now < self._last_start.get(number, float('-inf')) + cooldown:
             runner.skip()
             return
-        self._last_start[number] = now
-        runner.start(now, self._is_over)
+        if runner.start(now, self._is_over):
+            self._last_start[number] = now
 
     def _is_violated(self, number: int) -> bool:
         """Whether a requirement is violated that the action follows."""

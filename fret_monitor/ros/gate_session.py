@@ -199,6 +199,8 @@ def _reasons(engine: Engine, gate: ManifestGate, counts: GateCounts) -> Iterator
         yield f'no value yet of {_named(manifest, unknown)}'
     if silent:
         yield f'nothing comes of {_named(manifest, silent)}'
+    if not counts.is_known and not unknown and not silent:
+        yield 'this node stood still: whether an input is silent is not known yet'
     if counts.is_latched:
         yield 'latched by a violation'
     if not counts.holds:

@@ -152,6 +152,18 @@ int main(void)
     CHECK(comes(values[k] > 0, seen));
   }
   CHECK(comes(true, count(&state)));  // silent
+  const uint64_t silent = count(&state);
+  fm_engine_begin_round(engine);
+  deliver(engine, 0);
+  fm_engine_end_round(engine);
+  CHECK(comes(false, silent));
+  pause_ns(800000000);  // no round begins: the thread hangs that takes messages
+  const uint64_t hung = count(&state);
+  pause_ns(5 * HEARTBEAT_NS);
+  CHECK(count(&state) == hung);
+  fm_engine_begin_round(engine);
+  fm_engine_end_round(engine);
+  CHECK(comes(true, hung));  // the timeout is taken
   const uint64_t before = fm_engine_unpublished(engine);
   set_fails(true);
   CHECK(comes(true, count(&state) + 2));

@@ -20,10 +20,12 @@ from pathlib import Path
 import signal
 from threading import Event
 from time import monotonic, sleep
+from types import SimpleNamespace
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from fret_monitor.ros import actions
 from geometry_msgs.msg import PointStamped
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from ros.harness import NodeProcess, Partner, RELIABLE, started, wait_until
@@ -249,3 +251,34 @@ def test_actions_follow_violations_and_are_counted(tmp_path: Path, partner: Part
         partner._executor.remove_node(arm)
         arm.destroy_node()
         other.close()
+
+
+class Publisher:
+    """Counts what is published."""
+
+    sent = 0
+
+    def publish(self, message: bytes) -> None:
+        self.sent += 1
+
+
+def test_a_stream_sends_a_message_for_a_violation_that_is_over_already() -> None:
+    publisher: Any = Publisher()
+    action: Any = SimpleNamespace(payload=bytes(8), duration=0, period=10**8, stamp_at=None)
+    node: Any = None
+    stream = actions._Publishing(node, action, publisher)
+    for now in (1.0, 5.0):
+        stream.start(now, Event())
+        stream.run(now, False)
+        stream.run(now + 1, False)
+    assert publisher.sent == 2 and stream.due() == float('inf')
+
+
+def test_a_start_that_is_skipped_since_a_call_runs_begins_no_cooldown() -> None:
+    running: Any = object.__new__(actions._Running)
+    calling: Any = SimpleNamespace(action=SimpleNamespace(cooldown=5 * 10**9),
+                                   start=lambda now, is_over: now != 6.0)
+    running._runners, running._last_start, running._is_over = {0: calling}, {}, Event()
+    for now in (1.0, 6.0):
+        running._start(0, now)
+    assert running._last_start == {0: 1.0}

@@ -53,10 +53,11 @@ class Relay:
     """A gate of the toy, whose topic is that of `level`; `flag` is the other one."""
 
     def __init__(self, otherwise: Otherwise = Otherwise.DROP, *, manifest: Manifest | None = None,
-                 flag: bool | None = True, **more: Any) -> None:
+                 flag: bool | None = True, patience: float = 0.0, **more: Any) -> None:
         """Begin at 0, with a flag unless that is None."""
         monitor = load(toy_library(), manifest or toys.manifest())
-        self.evaluator = Evaluator(monitor, library=evaluator_library(), reports_recoveries=True)
+        self.evaluator = Evaluator(monitor, library=evaluator_library(), patience=patience,
+                                   reports_recoveries=True)
         self.gate = Gate(self.evaluator, rules(otherwise, **more))
         self.found: list[Violation] = []
         self.advance(0)
@@ -150,6 +151,17 @@ def test_a_silent_input_closes_it_unless_the_rules_say_otherwise(is_open: bool) 
     assert relay.level(3, 2 * SECOND) is (PASSED if is_open else CLOSED)
     relay.flag(True, 3 * SECOND)
     assert relay.level(3, 3 * SECOND) is PASSED
+
+
+def test_a_timeout_that_was_put_off_closes_it() -> None:
+    relay = Relay(manifest=silent_flag(Stale.WARN), patience=0.001)
+    assert relay.level(3, 1) is PASSED
+    for now in (10 * SECOND, 10 * SECOND + 1, 12 * SECOND):  # the process stood still for 10 s
+        relay.advance(now)
+        assert relay.level(3, now) is CLOSED
+        assert not relay.gate.counts(now).is_known
+    relay.flag(True, 12 * SECOND)
+    assert relay.level(3, 12 * SECOND) is PASSED
 
 
 def test_an_input_with_only_an_initial_value_was_not_judged_yet() -> None:
@@ -268,6 +280,59 @@ def test_a_latch_opens_after_its_time_without_a_violation() -> None:
     assert relay.level(3, 27) is LATCHED
     assert relay.level(3, 28) is PASSED
     assert not relay.gate.counts(28).is_latched
+
+
+def test_a_look_at_the_clock_does_not_latch() -> None:
+    relay = Relay(Otherwise.SUBSTITUTE, latches=True)
+    relay.level(3, 1)
+    relay.replace(20, 2)  # a substitute that violates
+    relay.advance(3)
+    assert not relay.gate.counts(3).is_latched
+    relay.flag(False, 4)
+    assert relay.gate.counts(4).is_latched
+
+
+def test_a_message_that_violates_while_the_gate_is_closed_renews_the_latch() -> None:
+    relay = Relay(latches=True, open_after=2 * SECOND, manifest=silent_flag(Stale.WARN))
+    relay.level(30, 1)
+    relay.advance(SECOND)  # the flag is silent
+    assert relay.level(30, SECOND) is CLOSED
+    relay.flag(True, 2 * SECOND + 5)
+    assert relay.level(3, 2 * SECOND + 6) is LATCHED
+    relay.flag(True, 3 * SECOND)
+    assert relay.level(3, 3 * SECOND) is PASSED
+
+
+JAMMED = """
+format: 1
+inputs:
+  x: {topic: raw, type: std_msgs/msg/Float32}
+  y: {topic: y, type: std_msgs/msg/Float32}
+report: REPORT
+evaluation: {policy: relevant_message}
+requirements:
+  - {id: X, ptltl: "H (x < y)"}
+gates:
+  drive: {from: raw, to: out, type: std_msgs/msg/Float32, keep: [X]}
+"""
+
+
+@pytest.mark.parametrize('report', ['every_step', 'onset'])
+def test_a_sensor_that_violated_always_once_does_not_close_it_for_ever(
+        report: str, tmp_path: Path) -> None:
+    path = tmp_path / 'bundle.yaml'
+    path.write_text(JAMMED.replace('REPORT', report), encoding='utf-8')
+    monitor = start(path, part=Part('drive')).monitor
+    evaluator = Evaluator(monitor, reports_recoveries=True)
+    assert monitor.manifest.gate is not None
+    gate = Gate(evaluator, monitor.manifest.gate)
+    other, found = 1 - (gate.rules.topic or 0), []
+    y = monitor.manifest.topics[other].inputs[0]
+    for now, value in enumerate((9.0, 0.0, 9.0)):
+        evaluator.store(y, value, now)
+        gate.note(evaluator.message(other, now), now)
+        found.append(gate.judge([1.0], now)[0])
+    assert found == [PASSED, VIOLATES, PASSED]
 
 
 def test_a_gate_of_a_topic_that_feeds_no_input_is_an_interlock() -> None:

@@ -46,8 +46,9 @@ FLOAT = find_message('std_msgs/msg/Float32')
 class Followed:
     """An engine whose states are followed, and whose time is told."""
 
-    def __init__(self, path: Path) -> None:
-        self.engine = Engine(Evaluator(build.build(path).monitor, reports_recoveries=True))
+    def __init__(self, path: Path, patience: float = 0.0) -> None:
+        self.engine = Engine(Evaluator(
+            build.build(path).monitor, patience=patience, reports_recoveries=True))
         self.engine.follow_states()
         self.engine.advance(SECOND)
         self._seen = 0
@@ -82,6 +83,16 @@ def test_a_requirement_is_unknown_until_it_is_evaluated_and_while_an_input_is_si
     assert followed.message(0, 0.0, 4.5) == ([HOLDS, HOLDS], [0, 0])
     followed.engine.reset()
     assert followed.states() == ([UNKNOWN, UNKNOWN], [0, 0])
+
+
+def test_a_requirement_is_unknown_while_a_timeout_is_put_off(tmp_path: Path) -> None:
+    path = tmp_path / 'bundle.yaml'
+    path.write_text(BUNDLE.replace('REPORT', 'onset'), encoding='utf-8')
+    followed = Followed(path, patience=0.001)
+    assert followed.message(0, 0.0, 1.5) == ([HOLDS, UNKNOWN], [0, 0])
+    followed.engine.advance(20 * SECOND)  # the process stood still
+    assert followed.states() == ([UNKNOWN, UNKNOWN], [0, 0])
+    assert followed.message(0, 0.0, 20.1) == ([HOLDS, UNKNOWN], [0, 0])
 
 
 def test_each_violation_is_one_occurrence_until_it_ends(followed: Followed) -> None:
