@@ -19,7 +19,8 @@ A request is judged as the message of the service's events that an input may rea
 (`SERVICE/_service_event`, with the fields `request[0].FIELD`). The executor runs this, in Python.
 """
 
-from time import time_ns
+from math import inf
+from time import monotonic, time_ns
 from typing import Any
 
 from fret_monitor.model.manifest import ManifestGate
@@ -31,6 +32,8 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.task import Future
 from service_msgs.msg import ServiceEventInfo
+
+_LONGEST_S = 60.0  # that a request waits for its server
 
 
 class ServiceGate:
@@ -47,7 +50,7 @@ class ServiceGate:
         self._kind: Any = message_class(gate.interface)
         self._refusal: Any = deserialize_message(gate.substitute, self._kind.Response)
         self._name = gate.name
-        self._pending: set[Future] = set()
+        self._pending: dict[Future, float] = {}  # each with the end of its time
         # Others may call while a request waits for the server.
         group = ReentrantCallbackGroup()
         self._client: Any = node.create_client(self._kind, gate.target, callback_group=group)
@@ -67,11 +70,11 @@ class ServiceGate:
         if not self._client.service_is_ready():
             return self._unanswered()
         future = self._client.call_async(request)
-        self._pending.add(future)
+        self._pending[future] = monotonic() + _LONGEST_S
         try:
             answer = await future
         finally:
-            self._pending.discard(future)
+            self._pending.pop(future, None)
         return self._unanswered() if answer is None else answer
 
     def _event(self, request: Any) -> bytes:
@@ -93,14 +96,19 @@ class ServiceGate:
         return ('another server',) if count > 1 else ()
 
     def review(self) -> None:
-        """Refuse the requests that wait for a server that has gone."""
-        if self._pending and not self._client.service_is_ready():
-            self._refuse_pending()
+        """
+        Refuse the requests that wait for a server that has gone, or too long.
 
-    def _refuse_pending(self) -> None:
-        for future in list(self._pending):
-            self._client.remove_pending_request(future)
-            future.cancel()
+        A server that was killed and started again is there, and has not the request.
+        """
+        if self._pending:
+            self._refuse_pending(monotonic() if self._client.service_is_ready() else inf)
+
+    def _refuse_pending(self, now: float = inf) -> None:
+        for future, end in list(self._pending.items()):
+            if now >= end:
+                self._client.remove_pending_request(future)
+                future.cancel()
 
     def close(self) -> None:
         """Withdraw the service; requests that wait for the server are refused."""

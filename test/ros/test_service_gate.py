@@ -1,0 +1,52 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A request that its server never answers."""
+
+from unittest.mock import MagicMock
+
+from fret_monitor.model.manifest import ManifestGate
+from fret_monitor.model.policies import Otherwise
+from fret_monitor.ros import service_gate
+from fret_monitor.runtime import Judgement
+import pytest
+
+from rclpy.serialization import serialize_message
+from rclpy.task import Future
+from std_srvs.srv import SetBool
+
+
+def test_a_request_waits_for_its_server_for_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(service_gate, 'monotonic', lambda: now[0])
+    monkeypatch.setattr(service_gate.ServiceGate, '_event', lambda *_: b'')
+    node, engine = MagicMock(), MagicMock()
+    engine.judge.return_value = Judgement.PASSED
+    node.create_client.return_value.call_async.return_value = Future()
+    gate = service_gate.ServiceGate(node, engine, ManifestGate(
+        name='arm', source='arm', target='arm_raw', interface='std_srvs/srv/SetBool',
+        is_service=True, topic=None, otherwise=Otherwise.RESPOND, hold=0, period=0,
+        substitute=bytes(serialize_message(SetBool.Response(message='withheld'))),
+        stamp_at=None, is_open_when_stale=False, latches=False, open_after=0))
+    waiting = gate._serve(SetBool.Request(), SetBool.Response())
+    waiting.send(None)
+    now[0] = 59.0
+    gate.review()
+    waiting.send(None)  # it waits still
+    now[0] = 60.0
+    gate.review()
+    with pytest.raises(StopIteration) as found:
+        waiting.send(None)
+    assert found.value.value.message == 'withheld'
+    assert gate.unanswered == 1
