@@ -42,6 +42,8 @@ static void handle_signals(void)
   action.sa_flags = SA_RESTART;
   (void)sigaction(SIGINT, &action, NULL);
   (void)sigaction(SIGTERM, &action, NULL);
+  action.sa_handler = SIG_IGN;  // the reader of the log may end before the node
+  (void)sigaction(SIGPIPE, &action, NULL);
 }
 
 int main(int argc, char ** argv)

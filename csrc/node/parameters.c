@@ -140,6 +140,17 @@ static bool fits(const char * pattern, const char * name)
   return (is_same || is_any) && fits(pattern + part, name + named);
 }
 
+// Whether parameters are for a node: their name is its own, possibly with wildcards, with or
+// without the slash that it begins with.
+static bool is_addressed(const char * pattern, const char * node)
+{
+  struct fm_text full = {NULL, 0, 0};
+  fm_text_add(&full, "%s%s", *pattern == '/' ? "" : "/", pattern);
+  const bool found = fits(fm_text_get(&full), node);
+  fm_text_free(&full);
+  return found;
+}
+
 static struct fm_parameter_value value_of_variant(const rcl_variant_t * variant)
 {
   if (variant->bool_value != NULL) {
@@ -209,7 +220,8 @@ static void read_given(struct fm_parameters * parameters)
   }
   for (size_t node = 0; found != NULL && node < found->num_nodes; ++node) {
     const rcl_node_params_t * of_node = &found->params[node];
-    for (size_t k = 0; fits(found->node_names[node], own) && k < of_node->num_params; ++k) {
+    const size_t n = is_addressed(found->node_names[node], own) ? of_node->num_params : 0u;
+    for (size_t k = 0; k < n; ++k) {
       const struct fm_parameter_value value = value_of_variant(&of_node->parameter_values[k]);
       put(&parameters->given, &parameters->n_given, of_node->parameter_names[k], "", FM_AT_START,
         &value);
@@ -476,6 +488,24 @@ static void declare_constant(
   fm_text_free(&name);
 }
 
+static void refuse_unknown_constants(
+  const struct fm_parameters * parameters, struct fm_text * problems)
+{
+  struct fm_text names = {NULL, 0, 0};
+  for (uint32_t k = 0; k < parameters->table->n_constants; ++k) {
+    fm_text_list(&names, ", ", parameters->table->constants[k].name);
+  }
+  for (size_t k = 0; k < parameters->n_given; ++k) {
+    const char * name = parameters->given[k].name;
+    if (begins_with(name, CONSTANTS) && fm_parameter_find(parameters, name) == NULL) {
+      fm_text_add(problems, "%sparameter '%s': the bundle has no such constant%s%s",
+        problems->length > 0 ? "\n" : "", name, names.length > 0 ? "; its constants are " : "",
+        fm_text_get(&names));
+    }
+  }
+  fm_text_free(&names);
+}
+
 static void set_level(const struct fm_parameters * parameters)
 {
   const char * text = fm_parameter_find(parameters, "log_level")->value.text;
@@ -509,8 +539,19 @@ void fm_parameters_begin(
   for (uint32_t k = 0; k < table->n_constants; ++k) {
     declare_constant(parameters, &table->constants[k], problems);
   }
+  refuse_unknown_constants(parameters, problems);
   read_overrides(parameters, problems);
   set_level(parameters);
+}
+
+static bool is_constant(const struct fm_parameters * parameters, const char * name)
+{
+  for (uint32_t k = 0; k < parameters->table->n_constants; ++k) {
+    if (strcmp(parameters->table->constants[k].name, name) == 0) {
+      return true;
+    }
+  }
+  return false;
 }
 
 void fm_parameters_warn(const struct fm_parameters * parameters)
@@ -527,6 +568,9 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
     if (is_among(name, compiled, sizeof(compiled) / sizeof(compiled[0]))) {
       fm_log(parameters->node, FM_WARN,
         "ignored parameter '%s': the bundle is compiled into this node", name);
+    } else if (is_constant(parameters, name)) {
+      fm_log(parameters->node, FM_WARN,
+        "ignored parameter '%s': did you mean '" CONSTANTS "%s'?", name, name);
     } else if (begins_with(name, OVERRIDES)) {
       fm_log(parameters->node, FM_WARN,
         "ignored parameter '%s': it names no subscription of this node", name);

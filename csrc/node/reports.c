@@ -97,7 +97,7 @@ static bool reads_any(
 }
 
 static void log_begun(
-  const struct fm_reports * reports, uint32_t topic, const bool * is_chosen)
+  const struct fm_reports * reports, uint32_t topic, const bool * is_chosen, bool is_again)
 {
   const struct fm_node_table * table = reports->session->table;
   const struct fm_topic * fed = &table->topic_inputs[topic];
@@ -124,7 +124,7 @@ static void log_begun(
   if (first != NULL) {
     const bool is_error = violates && readers.n > 0;
     fm_log(reports->session->node, is_error ? FM_ERROR : FM_WARN,
-      "no usable value on %s within the %s of %g s for %s%s%s%s",
+      "%sno usable value on %s within the %s of %g s for %s%s%s%s", is_again ? "again " : "",
       reports->session->topics[topic].name, has_come ? "timeout" : "startup",
       has_come ? first->timeout : first->startup, all_names(&inputs), is_error ? ": " : "",
       is_error ? all_names(&readers) : "", is_error ? " violated until one comes" : "");
@@ -153,12 +153,14 @@ static void log_ended(
   fm_text_free(&inputs.text);
 }
 
-// Note the silences of a topic's inputs, in flags of all inputs.
-static void review_silences_of(
+// Note the silences of a topic's inputs, in flags of all inputs. Returns whether one of the inputs
+// had a value between two silences since the last review: no line has the end of the first.
+static bool review_silences_of(
   struct fm_reports * reports, uint32_t topic, bool * has_begun, bool * has_ended)
 {
   const struct fm_node_table * table = reports->session->table;
   const struct fm_topic * fed = &table->topic_inputs[topic];
+  bool is_again = false;
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     const uint32_t input = fed->inputs[k];
     struct fm_silence * seen = &reports->inputs[input].silence;
@@ -167,8 +169,10 @@ static void review_silences_of(
       *seen = fm_engine_silence(reports->session->engine, input);
       has_begun[input] = seen->count > before.count;
       has_ended[input] = !seen->is_silent && (before.is_silent || has_begun[input]);
+      is_again = is_again || seen->count > before.count + !before.is_silent;
     }
   }
+  return is_again;
 }
 
 static void review_silences(struct fm_reports * reports)
@@ -177,8 +181,8 @@ static void review_silences(struct fm_reports * reports)
   bool * flags = calloc(2u * n + 1u, sizeof(*flags));
   for (uint32_t k = 0; flags != NULL && k < reports->session->table->n_topics; ++k) {
     memset(flags, 0, 2u * n * sizeof(*flags));
-    review_silences_of(reports, k, flags, flags + n);
-    log_begun(reports, k, flags);
+    const bool is_again = review_silences_of(reports, k, flags, flags + n);
+    log_begun(reports, k, flags, is_again);
     log_ended(reports, k, flags + n);
   }
   free(flags);

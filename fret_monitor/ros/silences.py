@@ -52,10 +52,15 @@ class SilenceLog:
         ended = [index for index, item in self._seen.items() if not item.is_silent and (
             before[index].is_silent or item.count > before[index].count)]
         for topic in self._manifest.topics:
-            self._log_begun(topic.name, [index for index in topic.inputs if index in begun])
+            # An input had a value between two silences: no line has the end of the first.
+            is_again = any(self._seen[index].count > before[index].count
+                           + (not before[index].is_silent)
+                           for index in topic.inputs if index in begun)
+            self._log_begun(topic.name, [index for index in topic.inputs if index in begun],
+                            is_again=is_again)
             self._log_ended(topic.name, [index for index in topic.inputs if index in ended])
 
-    def _log_begun(self, topic: str, indices: Sequence[int]) -> None:
+    def _log_begun(self, topic: str, indices: Sequence[int], *, is_again: bool) -> None:
         if not indices:
             return
         first = self._manifest.inputs[indices[0]]
@@ -63,8 +68,8 @@ class SilenceLog:
             first.startup or first.timeout, 'startup')
         readers = [item.id for item in self._manifest.requirements
                    if not set(indices).isdisjoint(item.inputs)]
-        line = (f'no usable value on {self._node.resolve_topic_name(topic)} within the '
-                f'{of} of {limit:g} s for {self._named(indices)}')
+        line = (f'{"again " * is_again}no usable value on '
+                f'{self._node.resolve_topic_name(topic)} within the {of} of {limit:g} s for {self._named(indices)}')
         if readers and first.stale is Stale.VIOLATE:
             self._node.get_logger().error(f'{line}: {some(readers)} violated until one comes')
         else:

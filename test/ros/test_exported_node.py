@@ -309,9 +309,11 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
     partner: Partner, faults: Path,
 ) -> None:
     with running(exported_bundle(faults), *renamed(HANDLERS), '-p', 'handler_depth:=10',
-                 '-p', 'spec:=other.yaml', '-p', 'constants.limit:=0.7',
+                 '-p', 'spec:=other.yaml', '-p', 'constants.limit:=0.7', '-p', 'odd:=1',
                  '-p', 'qos_overrides./n.subscription.depth:=7') as node:
         assert "ignored parameter 'spec': the bundle is compiled into this node" in node.output
+        assert "ignored parameter 'odd': did you mean 'constants.odd'?" in node.output
+        node.process.send_signal(signal.SIGPIPE)  # nobody reads its log any more
         listed = call(partner, ListParameters, 'list_parameters').result.names
         assert {'use_sim_time', 'log_level', 'handler_depth', 'log_violations', 'autostart',
                 'constants.limit', 'qos_overrides./topic/x.subscription.reliability'} <= {*listed}
@@ -364,6 +366,11 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
 
 @pytest.mark.parametrize(('arguments', 'reason'), [
     (['-p', 'handler_depth:=0'], "'handler_depth' is 0, and has to be a number of messages"),
+    (['-p', 'fret_monitor:handler_depth:=-1'], "'handler_depth' is -1, and has to be a number"),
+    (['-r', '__ns:=/a', '-p', 'b:handler_depth:=-2', '--params-file', 'FILE'],
+     "'handler_depth' is -3, and has to be a number"),
+    (['-p', 'constants.nope:=3.0'],
+     "'constants.nope': the bundle has no such constant; its constants are limit, odd, most"),
     (['-p', 'log_violations:=7'], "'log_violations' is 7, and has to be true or false"),
     (['-p', 'constants.limit:=0.5'], 'compiled into this node, as 0.7'),
     (['-p', 'qos_overrides./n.subscription.reliability:=high'],
@@ -383,7 +390,10 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
 def test_what_cannot_be_used_ends_the_process_with_the_reason(
     arguments: list[str], reason: str, domain: int, faults: Path,
 ) -> None:
-    node = ExportedNode(exported_bundle(faults), *arguments)
+    file = faults.with_name('parameters.yaml')
+    file.write_text('a:\n  fret_monitor:\n    ros__parameters: {handler_depth: -3}\n')
+    node = ExportedNode(exported_bundle(faults), *(
+        str(file) if item == 'FILE' else item for item in arguments))
     try:
         assert node.status() == 1
         assert reason in node.output

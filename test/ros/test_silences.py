@@ -109,10 +109,17 @@ def test_a_silence_is_logged_once_with_the_requirements_that_it_violates(
 
 def test_a_silence_between_two_reviews_is_logged_with_its_end(manifest: Manifest) -> None:
     ended = Silence(1, 2 * SECOND, False)
-    assert reviewed(Recorder(), manifest, {Z: ended}, {Z: Silence(3, SECOND, True)}) == [
+    assert reviewed(
+        Recorder(), manifest, {Z: ended}, {Z: Silence(2, SECOND, True)},
+        {Z: Silence(3, SECOND, True)}, {Z: Silence(3, SECOND, False)},
+        {Z: Silence(5, SECOND, True)},
+    ) == [
         [('warning', "no usable value on /robot/z within the timeout of 0.5 s for 'z'"),
          ('info', "values on /robot/z again after 2.0 s, for 'z'")],
         [('warning', "no usable value on /robot/z within the timeout of 0.5 s for 'z'")],
+        [('warning', "again no usable value on /robot/z within the timeout of 0.5 s for 'z'")],
+        [('info', "values on /robot/z again after 1.0 s, for 'z'")],
+        [('warning', "again no usable value on /robot/z within the timeout of 0.5 s for 'z'")],
     ]
 
 
