@@ -141,6 +141,8 @@ def fault(word: str, name: str) -> str:
         return 'is defined by a header of C'
     if word.startswith(('fm_', 'FM_', '__')) or re.match('_[A-Z]', word):
         return 'begins as names that are reserved'
+    if word.endswith('_H_'):
+        return 'ends as the names of include guards do'
     if is_of_module(word, name):
         return 'is a name of the generated C'
     return ''
@@ -191,9 +193,14 @@ def _other(word: str) -> str:
 
 
 def constant_names(generated: GeneratedMonitor, prefix: str, inputs: Mapping[str, str],
+                   defined: Mapping[str, str],
                    problems: Problems) -> dict[tuple[str, str], str]:
-    """Return the constant `INPUT_VALUE` of each named value; report those that clash."""
-    taken = {word: f"the variable of '{name}'" for name, word in inputs.items()}
+    """
+    Return the constant `INPUT_VALUE` of each named value; report those that clash.
+
+    `inputs` are the variables, and `defined` the other external names, each with what it is.
+    """
+    taken = {**defined, **{word: f"the variable of '{name}'" for name, word in inputs.items()}}
     names = {}
     for signal in generated.specification.signals:
         for value, _ in signal.values:

@@ -259,6 +259,9 @@ def content(folder: Path, inputs: str, name: str = 'pump') -> Content:
      "the value 'A' cannot be the constant m_A: it is the variable of 'm_A'"),
     ('  q: {type: bool}\n  int8: {type: int8, values: {t: 1}}\n',
      'constant int8_t: it is defined'),
+    ('  q: {type: bool}\n  step: {type: int8, values: {at: 1}}\nevaluation: {policy: timed}\n',
+     "the value 'at' cannot be the constant step_at: it is the function that takes a step"),
+    ('  q: {type: bool}\n  PUMP_H_: {type: bool}\n', 'ends as the names of include guards do'),
 ])
 def test_names_that_cannot_be_shared_with_a_program_are_refused(
     tmp_path: Path, inputs: str, expected: str,
@@ -266,6 +269,28 @@ def test_names_that_cannot_be_shared_with_a_program_are_refused(
     with pytest.raises(CompileError) as refused:
         content(tmp_path, inputs)
     assert expected in str(refused.value)
+
+
+def test_inputs_and_constants_can_have_the_names_of_locals_and_members(tmp_path: Path) -> None:
+    compiler = gcc()
+    if compiler is None:
+        pytest.skip('needs gcc')
+    names = ('i', 'now', 'next', 'time_', 'table', 'holds', 'requirement')
+    inputs = ''.join(f'  {name}: {{type: bool}}\n' for name in names)
+    for policy in ('timed', 'every_message'):
+        monitor = generated(tmp_path, f"""\
+format: 1
+inputs:
+  is: {{type: uint8, values: {{first: 1, never: 2, again: 3, announced: 4, every_step: 5}}}}
+  a.b: {{type: bool}}
+  a: {{type: uint8, values: {{b: 1}}}}
+{inputs}evaluation: {{policy: {policy}}}
+requirements:
+  - {{id: R-1, ptltl: "is = first & a = b -> a.b & {' & '.join(names)}"}}
+""", 'pump')
+        export(tmp_path, monitor, Options('', HandlerArguments.VALUES))
+        compile_c([*compiler, '-std=c99', *WARNINGS, '-c', tmp_path / 'pump.c', '-o',
+                   tmp_path / 'pump.o'])
 
 
 def test_names_of_the_headers_of_c_are_not_given_away_unnoticed() -> None:
@@ -343,7 +368,7 @@ extern int32_t word;
         *((f"'{name}' has its `initial` value only if the program defines it so",
            f'in the program: {line}') for name, line in (
             ('battery', 'float battery = 100;'), ('volt', 'float volt = 0.1f;'),
-            ('low', 'int64_t low = INT64_MIN;'), ('q', 'bool q = false;')))]
+            ('low', 'int64_t low = INT64_MIN;')))]
     program = '#include "pump.h"\n#include "hooks.h"\n'
     define, hooks = re.findall('```c\n(.*?)```', readme, re.DOTALL)
     assert 'void lock_inputs(void);' in hooks

@@ -17,6 +17,8 @@
 // with the tables of a bundle (fm_state, fm_inputs, fm_verdicts, fm_held, fm_requirements,
 // fm_copy_inputs, fm_call_handler and the macros FM_...).
 //
+// Locals begin with fm_ too: an input, which is a global variable, can be called `now`.
+//
 // Not thread-safe and not reentrant: one thread calls these functions, and handlers do not.
 // O(operations of all requirements); cannot fail.
 
@@ -25,8 +27,8 @@ static bool fm_has_begun;
 static void fm_begin(void)
 {
   FM_RESET(&fm_state);
-  for (uint32_t i = 0u; i < FM_REQUIREMENTS; ++i) {
-    fm_held[i] = true;
+  for (uint32_t fm_i = 0u; fm_i < FM_REQUIREMENTS; ++fm_i) {
+    fm_held[fm_i] = true;
   }
   fm_has_begun = true;
 }
@@ -41,13 +43,13 @@ static void fm_take_inputs(void)
 // The state is that of the next step by now: a handler may do everything but call step.
 static void fm_call_handlers(void)
 {
-  for (uint32_t i = 0u; i < FM_REQUIREMENTS; ++i) {
-    const struct fm_requirement_table * const table = &fm_requirements[i];
-    const bool holds = fm_verdicts[table->verdict];
-    const bool is_announced = !holds && (table->is_every_step || fm_held[i]);
-    fm_held[i] = holds;
-    if (is_announced) {
-      fm_call_handler(i);
+  for (uint32_t fm_i = 0u; fm_i < FM_REQUIREMENTS; ++fm_i) {
+    const struct fm_requirement_table * const fm_table = &fm_requirements[fm_i];
+    const bool fm_holds = fm_verdicts[fm_table->verdict];
+    const bool fm_is_announced = !fm_holds && (fm_table->is_every_step || fm_held[fm_i]);
+    fm_held[fm_i] = fm_holds;
+    if (fm_is_announced) {
+      fm_call_handler(fm_i);
     }
   }
 }
@@ -71,42 +73,42 @@ static int64_t fm_clock;  // the time of the last call
 static int64_t fm_taken;  // the time of the last evaluation
 static int64_t fm_due;    // the time of the next one, if no input changes
 
-static void fm_evaluate(int64_t time)
+static void fm_evaluate(int64_t fm_time)
 {
-  const int64_t next = FM_EVALUATE(&fm_state, &fm_inputs, fm_verdicts, time - fm_start);
-  const bool is_never = next > FM_LAST_TICK || fm_start > INT64_MAX - next;
-  fm_due = is_never ? FM_NEVER : fm_start + next;
-  fm_taken = time;
+  const int64_t fm_next = FM_EVALUATE(&fm_state, &fm_inputs, fm_verdicts, fm_time - fm_start);
+  const bool fm_is_never = fm_next > FM_LAST_TICK || fm_start > INT64_MAX - fm_next;
+  fm_due = fm_is_never ? FM_NEVER : fm_start + fm_next;
+  fm_taken = fm_time;
   fm_call_handlers();
 }
 
-static void fm_restart(int64_t now)
+static void fm_restart(int64_t fm_now)
 {
   fm_begin();
-  fm_start = now;
-  fm_taken = now;
+  fm_start = fm_now;
+  fm_taken = fm_now;
   fm_due = FM_NEVER;
 }
 
-void FM_STEP_AT(int64_t now)
+void FM_STEP_AT(int64_t fm_now)
 {
-  const bool is_first = !fm_has_begun || now < fm_clock ||
-    (uint64_t)now - (uint64_t)fm_start >= (uint64_t)FM_LAST_TICK;
+  const bool fm_is_first = !fm_has_begun || fm_now < fm_clock ||
+    (uint64_t)fm_now - (uint64_t)fm_start >= (uint64_t)FM_LAST_TICK;
   // Of two calls at one time, the later takes effect a nanosecond later.
-  const bool is_again = !is_first && now <= fm_taken;
-  if (is_again && fm_taken == INT64_MAX) {
+  const bool fm_is_again = !fm_is_first && fm_now <= fm_taken;
+  if (fm_is_again && fm_taken == INT64_MAX) {
     return;  // no later time exists
   }
-  const int64_t time = is_again ? fm_taken + 1 : now;
-  if (is_first) {
-    fm_restart(now);
+  const int64_t fm_time = fm_is_again ? fm_taken + 1 : fm_now;
+  if (fm_is_first) {
+    fm_restart(fm_now);
   }
-  fm_clock = now;
-  while (fm_due < time) {
+  fm_clock = fm_now;
+  while (fm_due < fm_time) {
     fm_evaluate(fm_due);
   }
   fm_take_inputs();
-  fm_evaluate(time);
+  fm_evaluate(fm_time);
 }
 
 int64_t FM_DEADLINE(void)
