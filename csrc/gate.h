@@ -24,7 +24,8 @@
 /// is p, since `H p` would stay false for ever.
 ///
 /// The gate is known when each input of the other topics has a value, none of them is silent (a
-/// timeout that was put off counts; unless `passes_silent`), and each group has stepped. A gate that is not known is closed.
+/// timeout that was put off counts; unless `passes_silent`), and each group has stepped. A gate
+/// that is not known is closed.
 ///
 /// A message that is withheld may be replaced: by a substitute, or by the last message that
 /// passed. What is sent happened: it is a step that stays. The gate says when a replacement is

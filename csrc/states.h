@@ -16,8 +16,8 @@
 /// is not known, and how often a violation has begun.
 ///
 /// A requirement is not known before its group's first step since start or reset, and while an
-/// input that its group reads is silent, or may be: its timeout was put off. Not thread-safe. No function allocates or fails, except
-/// fm_states_init.
+/// input that its group reads is silent, or may be: its timeout was put off. Not thread-safe. No
+/// function allocates or fails, except fm_states_init.
 
 #ifndef STATES_H_
 #define STATES_H_

@@ -69,7 +69,8 @@ class SilenceLog:
         readers = [item.id for item in self._manifest.requirements
                    if not set(indices).isdisjoint(item.inputs)]
         line = (f'{"again " * is_again}no usable value on '
-                f'{self._node.resolve_topic_name(topic)} within the {of} of {limit:g} s for {self._named(indices)}')
+                f'{self._node.resolve_topic_name(topic)} within the {of} of {limit:g} s '
+                f'for {self._named(indices)}')
         if readers and first.stale is Stale.VIOLATE:
             self._node.get_logger().error(f'{line}: {some(readers)} violated until one comes')
         else:
