@@ -53,8 +53,8 @@ def add_arguments(parser: ArgumentParser) -> None:
                             'several exports fit into one program')
     parser.add_argument('--handler-arguments', choices=[item.value for item in HandlerArguments],
                         default=HandlerArguments.NONE.value,
-                        help='what handlers are called with: nothing (default), or the values of '
-                             'the inputs that the requirement reads')
+                        help='of copilot: what handlers are called with: nothing (default), or '
+                             'the values of the inputs that the requirement reads')
     parser.add_argument('--templates', metavar='DIR', type=Path,
                         help='a folder with files of your own in place of some of the export')
     parser.add_argument('--no-proof', action='store_true',
@@ -71,8 +71,8 @@ def _folder(text: str) -> Path:
 def run(options: Namespace) -> int:
     """Export a bundle to a folder."""
     if options.handler_arguments != HandlerArguments.NONE.value and options.target != 'copilot':
-        options.refuse(f'the target {options.target} calls no handlers: '
-                       'leave --handler-arguments out')
+        options.refuse(f'the target {options.target} calls no handlers of yours, only copilot '
+                       'does: leave --handler-arguments out')
     if options.templates is not None and not options.templates.is_dir():
         options.refuse(f"argument --templates: there is no folder '{options.templates}'")
     name = options.name if options.name is not None else options.prefix

@@ -183,6 +183,9 @@ def _inputs(manifest: Manifest) -> Iterator[str]:
     for item in manifest.inputs:
         kind = 'string' if item.is_string else item.value_type.value
         yield f'| {markdown(item.name)} | {kind} | {markdown(meaning(item))} |'
+    if manifest.constants:
+        values = (f'`{name} = {value}`' for name, value in manifest.constants)
+        yield from ('', f'The constants are compiled in: {", ".join(values)}.')
 
 
 def _requirements(items: tuple[ManifestRequirement, ...]) -> Iterator[str]:

@@ -151,7 +151,7 @@ def content(generated: GeneratedMonitor, options: Options, texts: Mapping[str, I
                    **_runner_files(generated, monitors)},
         templates={**templates, **_runner_templates(generated, monitors)},
         values={**common_values(generated, options), **runner_values(generated), **values},
-        parts=(Part('monitors with evaluator, without the application',
+        parts=(Part('monitors with evaluator, without the application or component',
                     (f'{monitors}/{name}_runner.c',), monitors, f'{name}_runner.h',
                     structs(f'{name}_runner')),),
         warnings=warnings)
@@ -202,6 +202,14 @@ def runner_values(generated: GeneratedMonitor) -> dict[str, str]:
 
 def when_evaluated(manifest: Manifest, wakeup: str) -> str:
     """Return when requirements are evaluated, as a sentence; `wakeup` is what keeps the time."""
+    sentence = _when(manifest, wakeup)
+    if any(item.stale is Stale.VIOLATE for item in manifest.inputs):
+        sentence += (' A requirement that reads an input with `stale: violate` is also violated '
+                     'when the timeout of that input has passed.')
+    return sentence
+
+
+def _when(manifest: Manifest, wakeup: str) -> str:
     match manifest.policy:
         case Policy.TIMED:
             return ('A requirement is evaluated when a message that it reads comes, and at its '

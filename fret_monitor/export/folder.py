@@ -90,6 +90,7 @@ def _manifest(target: str, generated: GeneratedMonitor, options: Options,
         'prefix': options.prefix,
         'handler_arguments': options.handler_arguments.value,
         'policy': generated.manifest.policy.value,
+        'constants': dict(generated.manifest.constants),
         'bundle_hash': generated.manifest.bundle_hash,
         'source_hash': generated.manifest.source_hash,
         'files': {name: _hash(text.encode()) for name, text in files.items()},
@@ -115,7 +116,7 @@ def _own_files(folder: Path, content: Content) -> dict[str, str]:
 def _own_text(path: Path, folder: Path, content: Content) -> str:
     name = path.relative_to(folder).as_posix()
     if name in content.generated or name in (MANIFEST_FILE, CERTIFICATE_FILE):
-        refuse(f"'{path}' would replace a file that is generated",
+        refuse(f"'{path}' would replace a file that cannot be replaced",
                help='these can be replaced: ' + ', '.join(sorted(content.templates)))
     if name not in content.templates:
         refuse(f"'{path}' replaces no file of the export",
@@ -123,7 +124,7 @@ def _own_text(path: Path, folder: Path, content: Content) -> str:
     if path.exists() and not path.is_file():
         refuse(f"'{path}' is no regular file")
     try:
-        return path.read_text(encoding='utf-8')
+        return path.read_bytes().decode('utf-8')  # with its ends of lines
     except UnicodeDecodeError:
         refuse(f"'{path}' is not UTF-8")
     except OSError as error:
@@ -142,6 +143,8 @@ def check_output(directory: Path, replaceable: Collection[str] = ()) -> None:
         as `check_replaceable`, or if a file of an earlier export was changed since.
     """
     place = Path(os.path.realpath(directory))
+    if directory.is_symlink() and not place.exists():
+        refuse(f"'{directory}' is a link to '{place}', which does not exist")
     former = _former(place)
     check_replaceable(
         directory,
@@ -177,7 +180,8 @@ def _former(place: Path) -> dict[str, str] | None:
         content = json.loads((place / MANIFEST_FILE).read_text(encoding='utf-8'))
     except (OSError, ValueError, RecursionError):
         return None
-    files = content.get('files') if isinstance(content, dict) and 'export' in content else None
+    is_export = isinstance(content, dict) and content.get('export') == FORMAT
+    files = content.get('files') if is_export and 'fret_monitor' in content else None
     if not isinstance(files, dict):
         return None
     return {name: digest for name, digest in files.items() if isinstance(digest, str)}
@@ -186,5 +190,6 @@ def _former(place: Path) -> dict[str, str] | None:
 def _changed(place: Path, former: Mapping[str, str]) -> Iterator[str]:
     for name, digest in former.items():
         path = place / name
-        if place in path.parents and path.is_file() and _hash(path.read_bytes()) != digest:
+        if place in path.parents and (path.is_symlink() or (
+                path.is_file() and _hash(path.read_bytes()) != digest)):
             yield name

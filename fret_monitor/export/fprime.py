@@ -173,6 +173,13 @@ class _Writer:
             yield f'    event heard_{word} severity activity high id {first + 2 * number + 1} \\'
             yield f'      format "input {name} has a new value"'
 
+    def _silence_rows(self) -> Iterator[str]:
+        first = len(self._manifest.requirements)
+        for number, (index, word) in enumerate(self._silences()):
+            name = markdown(self._manifest.inputs[index].name)
+            yield f'| {first + 2 * number} | | `silent_{word}`: the timeout of {name} passed | |'
+            yield f'| {first + 2 * number + 1} | | `heard_{word}`: {name} has a value again | |'
+
     def _channels(self) -> Iterator[str]:
         for number, (item, word) in enumerate(zip(self._manifest.requirements,
                                                   self._requirements(), strict=True)):
@@ -256,9 +263,10 @@ class _Writer:
                 f'| `topic_{topic.word}` | {markdown(topic.name)} | '
                 + ', '.join(f'`{name}: {kind}`' for _, name, kind in self._arguments(topic))
                 + ' |' for topic in self._topics),
-            'EVENTS': '\n'.join(
-                f'| {number} | {markdown(item.id)} | `violated_{word}` | `violations_{word}` |'
-                for number, (item, word) in enumerate(rows)),
+            'EVENTS': '\n'.join((
+                *(f'| {number} | {markdown(item.id)} | `violated_{word}` | `violations_{word}` |'
+                  for number, (item, word) in enumerate(rows)),
+                *self._silence_rows())),
             'WHEN': flight.when_evaluated(self._manifest, 'A call of `run`'),
         }
 

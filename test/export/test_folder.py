@@ -83,6 +83,7 @@ def test_the_manifest_has_the_hash_of_every_other_file(
     assert manifest['files'] == {name: hashlib.sha256(path.read_bytes()).hexdigest()
                                  for name, path in written.items() if name != MANIFEST_FILE}
     assert 'certificate.json' in manifest['files']
+    assert manifest['constants'] == dict(plain.manifest.constants)
     assert (manifest['target'], manifest['bundle_hash']) == (target, plain.manifest.bundle_hash)
 
 
@@ -109,9 +110,19 @@ def test_an_earlier_export_is_replaced_and_other_files_are_not(
     for folder in (tmp_path, tmp_path / 'mine.c'):
         with pytest.raises(CompileError):
             check_output(folder)
-    (tmp_path / MANIFEST_FILE).write_text('[]')
-    with pytest.raises(CompileError, match='holds other files'):
-        check_output(tmp_path)
+    empty = hashlib.sha256().hexdigest()
+    foreign = json.dumps({'export': {'mine': 1}, 'files': {'mine.c': empty}})
+    for text in ('[]', foreign):
+        (tmp_path / MANIFEST_FILE).write_text(text)
+        with pytest.raises(CompileError, match='holds other files'):
+            check_output(tmp_path)
+    (out / 'README.md').unlink()
+    (out / 'README.md').symlink_to(tmp_path / 'nowhere')
+    with pytest.raises(CompileError, match=r"README\.md' was changed since `export` wrote it"):
+        check_output(out)
+    (tmp_path / 'link').symlink_to(tmp_path / 'missing' / 'folder')
+    with pytest.raises(CompileError, match=r"link' is a link to '.*folder', which does not exist"):
+        check_output(tmp_path / 'link')
 
 
 def test_an_export_that_fails_leaves_the_earlier_one(
@@ -129,19 +140,19 @@ def test_a_file_of_the_users_own_takes_the_place_of_one(
     pump: GeneratedMonitor, tmp_path: Path,
 ) -> None:
     (tmp_path / 'test').mkdir()
-    (tmp_path / 'test' / 'test.c').write_text('int main(void) {return 0;}\n')
+    (tmp_path / 'test' / 'test.c').write_bytes(b'int main(void) {return 0;}\r\n')
     (tmp_path / 'README.md').write_text('Ours, of @NAME@.\n')
     files = files_of(pump, templates=tmp_path)
     assert files['README.md'] == 'Ours, of pump.\n'
-    assert files['test/test.c'] == 'int main(void) {return 0;}\n'
+    assert files['test/test.c'] == 'int main(void) {return 0;}\r\n'
     assert files['CMakeLists.txt'] == files_of(pump)['CMakeLists.txt']
 
 
 @pytest.mark.parametrize(('name', 'text', 'expected'), [
     ('Readme.md', '',
      "Readme.md' replaces no file of the export\n   = help: these can be replaced: CMake"),
-    ('src/pump_monitor.c', '', 'would replace a file that is generated'),
-    ('manifest.json', '', 'would replace a file that is generated'),
+    ('src/pump_monitor.c', '', 'would replace a file that cannot be replaced'),
+    ('manifest.json', '', 'would replace a file that cannot be replaced'),
     ('README.md', 'The\n  @TITLE@\n',
      "README.md:2:3: error: there is no placeholder '@TITLE@'\n 2 |   @TITLE@\n   |   ^^^^^^^\n"
      '    = help: there are @BUNDLE@, @BUNDLE_IN_C@, '),

@@ -29,7 +29,7 @@ BUNDLE = """
 format: 1
 inputs:
   speed: {topic: raw, type: std_msgs/msg/Float32}
-  front: {topic: scan, type: std_msgs/msg/Float32}
+  front: {topic: scan, type: std_msgs/msg/Float32, timeout: 0.5}
   on: {topic: /arm/_service_event, type: std_srvs/srv/SetBool_Event, field: "request[0].data"}
 evaluation: {policy: relevant_message}
 actions:
