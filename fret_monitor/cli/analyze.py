@@ -14,7 +14,7 @@
 
 """`analyze BUNDLE`: whether the requirements are consistent, realizable, vacuous, redundant."""
 
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -25,6 +25,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from fret_monitor.build import read, Reading
+from fret_monitor.cli._limits import seconds
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import print_diagnostics, progress
@@ -52,19 +53,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('-o', '--output', metavar='DIR', type=Path,
                         help='write the runs that show a no to this folder, for `simulate`')
     add_json_option(parser)
-    parser.add_argument('--timeout', metavar='SECONDS', type=_seconds, default=300.0,
+    parser.add_argument('--timeout', metavar='SECONDS', type=seconds, default=300.0,
                         help='time limit; answers that it cuts off are unknown; default 300')
     parser.set_defaults(run=run)
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.001 <= value <= 86_400:
-        raise ArgumentTypeError(f"'{text}' is not a number of seconds from 0.001 to 86400")
-    return value
 
 
 def run(options: Namespace) -> int:

@@ -14,7 +14,7 @@
 
 """`prove BUNDLE`: proof by a solver that the C computes the equations of the requirements."""
 
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, Namespace
 from importlib.util import find_spec
 from itertools import zip_longest
 from pathlib import Path
@@ -22,6 +22,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from fret_monitor.build import generate_monitor, read
+from fret_monitor.cli._limits import seconds
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import painted, print_diagnostics, progress
@@ -43,21 +44,11 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--sources', metavar='DIR', type=Path,
                         help='require that this folder holds, word for word, the C that is proved')
     add_json_option(parser)
-    parser.add_argument('--timeout', metavar='SECONDS', type=_seconds, default=30.0,
+    parser.add_argument('--timeout', metavar='SECONDS', type=seconds, default=30.0,
                         help='time limit of each obligation; default 30')
     parser.add_argument('--trace', metavar='FILE.csv', type=Path,
                         help='write a counterexample to this file, for `simulate`')
     parser.set_defaults(run=run)
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.001 <= value <= 86_400:
-        raise ArgumentTypeError(f"'{text}' is not a number of seconds from 0.001 to 86400")
-    return value
 
 
 def run(options: Namespace) -> int:

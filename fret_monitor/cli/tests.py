@@ -14,10 +14,11 @@
 
 """`tests BUNDLE --output DIR`: traces that test each requirement, with their verdicts."""
 
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from fret_monitor.build import compile_monitor, generate_monitor, read
+from fret_monitor.cli._limits import seconds
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import print_diagnostics, progress
@@ -38,20 +39,10 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_constants(parser)
     parser.add_argument('--output', metavar='DIR', type=Path, required=True,
                         help='the folder to write; earlier tests there are replaced')
-    parser.add_argument('--timeout', metavar='SECONDS', type=_seconds, default=_USUAL_S,
+    parser.add_argument('--timeout', metavar='SECONDS', type=seconds, default=_USUAL_S,
                         help=f'end the search after this time; default {_USUAL_S:g}')
     add_json_option(parser)
     parser.set_defaults(run=run)
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.001 <= value <= 86_400:
-        raise ArgumentTypeError(f"'{text}' is not a number of seconds from 0.001 to 86400")
-    return value
 
 
 def run(options: Namespace) -> int:
