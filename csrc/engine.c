@@ -28,6 +28,7 @@
 #define MILLISECOND_NS 1000000
 #define SECOND_NS 1000000000
 #define FEWEST_AHEAD_NS (100 * (int64_t)MILLISECOND_NS)
+#define HANG_NS (500 * (int64_t)MILLISECOND_NS)
 
 uint32_t fm_engine_abi(void) {return FM_ENGINE_ABI;}
 
@@ -239,15 +240,30 @@ static void queue_locked(struct fm_engine * engine, uint32_t n, int64_t later)
   }
 }
 
+static void note_gate_locked(struct fm_engine * engine, uint32_t n)
+{
+  if (fm_gate_note(engine->gate, engine->found, n, fm_engine_steady_time()) &&
+    engine->on_due != NULL)
+  {
+    engine->on_due(engine->on_due_argument);
+  }
+}
+
 void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t later)
 {
   queue_locked(engine, n, later);
   update_states_locked(engine);
-  if (engine->gate != NULL &&
-    fm_gate_note(engine->gate, engine->found, n, fm_engine_steady_time()) &&
-    engine->on_due != NULL)
-  {
-    engine->on_due(engine->on_due_argument);
+  if (engine->gate != NULL) {
+    note_gate_locked(engine, n);
+  }
+}
+
+// The gate is closed while a thread hangs without which the values of its inputs grow old.
+static void look_for_hang_locked(struct fm_engine * engine)
+{
+  if (engine->gate != NULL) {
+    fm_gate_outdate(engine->gate, fm_engine_hangs_locked(engine, HANG_NS));
+    note_gate_locked(engine, 0);
   }
 }
 
@@ -258,6 +274,7 @@ uint32_t fm_engine_take(
 {
   fm_engine_lock(engine);
   fm_engine_wait_for_violation_locked(engine, milliseconds);
+  look_for_hang_locked(engine);
   const uint32_t n = fm_outbox_take(&engine->outbox, out, room);
   engine->taken_changes = engine->states.changes;
   fm_engine_unlock(engine);
@@ -775,6 +792,7 @@ static uint32_t judge_locked(
     return FM_DUPLICATE;
   }
   fm_arrivals_note(arrivals, origin);
+  look_for_hang_locked(engine);
   const struct gated_step step = begin_gated_locked(engine, origin->received);
   const struct fm_field * fields = read_gated_locked(engine, message, size, step.stamp);
   keep_gated_locked(engine, message, size, origin, &step, fields != NULL);
@@ -863,6 +881,7 @@ struct fm_gate_counts fm_engine_gate_counts(struct fm_engine * engine)
   struct fm_gate_counts counts = {0, 0, 0, 0, 0, 0, 0, false, false, true};
   fm_engine_lock(engine);
   fm_engine_take_due_now_locked(engine);
+  look_for_hang_locked(engine);
   if (engine->gate != NULL) {
     counts = fm_gate_counts(engine->gate, fm_engine_steady_time());
   }

@@ -140,7 +140,8 @@ FM_EXPORT void fm_engine_keep_messages(struct fm_engine * engine, struct fm_blac
 
 /// Let a gate of the evaluator judge the messages of its topic: these are given to
 /// fm_engine_judge, and not to fm_engine_message. Whatever else is evaluated, the engine notes
-/// with the gate. Call it before messages are delivered; the gate outlives the engine, and no
+/// with the gate. While the engine hangs (fm_engine_hangs) for half a second, the gate is closed;
+/// fm_engine_take also looks for that. Call it before messages are delivered; the gate outlives the engine, and no
 /// other code calls it. O(1).
 FM_EXPORT void fm_engine_guard(
   struct fm_engine * engine, struct fm_gate * gate, const struct fm_gate_options * options);
@@ -205,8 +206,12 @@ FM_EXPORT void fm_engine_wake(struct fm_engine * engine);
 FM_EXPORT void fm_engine_begin_round(struct fm_engine * engine);
 FM_EXPORT void fm_engine_end_round(struct fm_engine * engine);
 
-/// Whether messages are taken in rounds, and none has begun for so long, by CLOCK_MONOTONIC: what
-/// is known of the requirements is old. From any thread. O(1).
+/// The thread that moves the clock that is followed is alive, though the clock may stand still.
+FM_EXPORT void fm_engine_serve_clock(struct fm_engine * engine);
+
+/// Whether what is known of the requirements is old, since a thread hangs: messages are taken in
+/// rounds, and none has begun for so long, by CLOCK_MONOTONIC; or a clock is followed, and
+/// fm_engine_serve_clock was not called for so long.
 FM_EXPORT bool fm_engine_hangs(struct fm_engine * engine, int64_t nanoseconds);
 
 /// Nanoseconds until the deadline, 0 to `most`; `most` unless the steady clock is followed.

@@ -243,6 +243,7 @@ static void follow(
   engine->now = now;
   engine->clock = clock;
   engine->is_outdated = is_outdated;
+  engine->clock_served = read_clock(CLOCK_MONOTONIC);
   engine->is_new_source = true;
   engine->has_round = false;
   fm_engine_take_due_now_locked(engine);
@@ -295,11 +296,24 @@ void fm_engine_end_round(struct fm_engine * engine)
   fm_engine_unlock(engine);
 }
 
+void fm_engine_serve_clock(struct fm_engine * engine)
+{
+  fm_engine_lock(engine);
+  engine->clock_served = read_clock(CLOCK_MONOTONIC);
+  fm_engine_unlock(engine);
+}
+
+bool fm_engine_hangs_locked(const struct fm_engine * engine, int64_t nanoseconds)
+{
+  const int64_t now = read_clock(CLOCK_MONOTONIC);
+  return (engine->has_rounds && fm_since(engine->round_began, now) > nanoseconds) ||
+         (engine->source == FM_CLOCK && fm_since(engine->clock_served, now) > nanoseconds);
+}
+
 bool fm_engine_hangs(struct fm_engine * engine, int64_t nanoseconds)
 {
   fm_engine_lock(engine);
-  const bool hangs = engine->has_rounds &&
-    fm_since(engine->round_began, read_clock(CLOCK_MONOTONIC)) > nanoseconds;
+  const bool hangs = fm_engine_hangs_locked(engine, nanoseconds);
   fm_engine_unlock(engine);
   return hangs;
 }

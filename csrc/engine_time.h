@@ -73,6 +73,7 @@ struct fm_engine
   int64_t wakes_at;      // a thread in fm_engine_take waits until then; INT64_MIN: none does
   int64_t round;         // the time of the round
   int64_t round_began;   // by CLOCK_MONOTONIC
+  int64_t clock_served;  // by CLOCK_MONOTONIC: the thread that moves the clock was alive
   int64_t released;      // waiting messages were released until then
   bool has_rounds;       // messages are taken in rounds
   bool has_round;        // there is a time, of the round
@@ -81,6 +82,9 @@ struct fm_engine
   bool is_new_source;    // its time was not read yet
   bool is_closed;
 };
+
+/// As fm_engine_hangs.
+bool fm_engine_hangs_locked(const struct fm_engine * engine, int64_t nanoseconds);
 
 /// Read the time of the source for a message that was received at a system time. Returns false if
 /// there is none. With stamps of headers, it is the time until which messages take effect.

@@ -36,6 +36,7 @@ struct fm_gate
   bool has_passed;
   bool held_before;             // all requirements, after the last step
   bool has_tried;               // a step that does not stay
+  bool is_outdated;             // what is known of the other inputs
 };
 
 // ---- making ------------------------------------------------------------------------------------
@@ -115,6 +116,9 @@ struct fm_gate * fm_gate_init(void * memory, const struct fm_gate_options * opti
 static bool is_known(const struct fm_gate * gate)
 {
   const struct fm_instance * instance = &gate->options.evaluator->instance;
+  if (gate->is_outdated && !gate->options.passes_silent) {
+    return false;
+  }
   for (uint32_t i = 0; i < gate->options.monitor->n_inputs; ++i) {
     const struct fm_instance_input * input = &instance->inputs[i];
     const bool is_silent = input->is_silent || input->is_put_off;
@@ -417,6 +421,11 @@ bool fm_gate_note(
     gate->due = steady;
   }
   return gate->due != FM_NEVER;
+}
+
+void fm_gate_outdate(struct fm_gate * gate, bool is_outdated)
+{
+  gate->is_outdated = is_outdated;
 }
 
 void fm_gate_reset(struct fm_gate * gate)

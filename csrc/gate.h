@@ -24,8 +24,8 @@
 /// is p, since `H p` would stay false for ever.
 ///
 /// The gate is known when each input of the other topics has a value, none of them is silent (a
-/// timeout that was put off counts; unless `passes_silent`), and each group has stepped. A gate
-/// that is not known is closed.
+/// timeout that was put off counts; unless `passes_silent`), what is known of them is not outdated
+/// (the same), and each group has stepped. A gate that is not known is closed.
 ///
 /// A message that is withheld may be replaced: by a substitute, or by the last message that
 /// passed. What is sent happened: it is a step that stays. The gate says when a replacement is
@@ -149,6 +149,10 @@ FM_EXPORT int64_t fm_gate_due(const struct fm_gate * gate);
 FM_EXPORT bool fm_gate_replace(
   struct fm_gate * gate, const struct fm_field * fields, int64_t now, int64_t stamp,
   int64_t steady, struct fm_violation * out, uint32_t * n_out);
+
+/// Whether what is known of the other inputs is outdated from now on: a thread hangs that takes
+/// their messages, or moves the clock. fm_gate_note then says whether a replacement is due.
+FM_EXPORT void fm_gate_outdate(struct fm_gate * gate, bool is_outdated);
 
 /// Open a gate that a violation closed; the caller also resets the evaluator.
 FM_EXPORT void fm_gate_reset(struct fm_gate * gate);

@@ -31,12 +31,16 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.ros.throttle import Throttle
 from fret_monitor.runtime import Engine, TimeCounts
 
-from rclpy.clock import JumpThreshold
+from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.timer import Timer
 
 PATIENCE_S = 0.0005
 """A timeout found later than this may be put off once: the process did not run (`evaluator.h`)."""
+
+_SERVED_S = 0.1
+"""How often the engine learns that the executor, which moves `/clock`, does not hang."""
 
 _NO_TIME_S = 5.0  # until a missing `/clock` is logged
 _PERIODS_S = 60.0  # between two log lines about late periods
@@ -56,7 +60,9 @@ class NodeTime:
         `clock_now` is the address of `rcl_clock_get_now`. `on_move` is called when `/clock` has
         moved; None if the engine has no deadlines.
         """
+        self._node = node
         self._engine = engine
+        self._serving: Timer | None = None  # while `/clock` is followed
         self._clock_now = clock_now
         self._on_move = on_move
         self._clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
@@ -85,6 +91,7 @@ class NodeTime:
         with self._lock:
             if self._clock.ros_time_is_active:
                 self._engine.follow_steady()
+                self._stop_serving()
 
     def _change(self) -> None:
         # rcl still has the time at which /clock was turned off.
@@ -94,10 +101,20 @@ class NodeTime:
     def _follow(self, *, is_outdated: bool) -> None:
         if self._clock.ros_time_is_active:
             self._engine.follow_clock(self._clock_now, self._pointer, is_outdated=is_outdated)
+            if self._serving is None:
+                self._serving = self._node.create_timer(
+                    _SERVED_S, self._engine.serve_clock,
+                    clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def close(self) -> None:
         """Stop following; the engine must not be used with this clock any more."""
+        self._stop_serving()
         self._held.close()
+
+    def _stop_serving(self) -> None:
+        if self._serving is not None:
+            self._node.destroy_timer(self._serving)
+            self._serving = None
 
 
 class TimeLog:

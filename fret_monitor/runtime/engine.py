@@ -357,6 +357,10 @@ class Engine:
         """Let the thread in `take` look at the clock, which has moved."""
         self._library.fm_engine_wake(self.pointer)
 
+    def serve_clock(self) -> None:
+        """Show that the thread that moves the clock is alive: see `fm_engine_hangs`."""
+        self._library.fm_engine_serve_clock(self.pointer)
+
     def begin_round(self) -> None:
         """Read the time, which then stands still, before all waiting messages are taken."""
         self._library.fm_engine_begin_round(self.pointer)

@@ -124,6 +124,25 @@ static void deliver(struct fm_engine * engine, uint8_t value)
   CHECK(fm_engine_message(engine, 0, &value, 1, &origin) == FM_RECEIVED);
 }
 
+static int64_t simulated = SECOND_NS;
+
+static int read_clock(void * clock, int64_t * nanoseconds)
+{
+  memcpy(nanoseconds, clock, sizeof(*nanoseconds));
+  return 0;
+}
+
+// Wait until the lock is silent. Returns how many messages came before.
+static uint64_t end_of_messages(void)
+{
+  bool state = false;
+  pause_ns(800000000);
+  const uint64_t seen = count(&state);
+  pause_ns(5 * HEARTBEAT_NS);
+  CHECK(count(&state) == seen);
+  return seen;
+}
+
 int main(void)
 {
   const struct fm_topic topic = {first, 1};
@@ -135,7 +154,7 @@ int main(void)
   const struct fm_engine_options options = {
     fm_evaluator_init(memory, &evaluator), &monitor, &readers, &topic, 1, NULL, false, 0, false};
   struct fm_engine * engine = fm_engine_create(&options);
-  fm_engine_follow_steady(engine);
+  fm_engine_follow_clock(engine, read_clock, &simulated, false);
   int handler = 0;
   void * publishers[] = {&handler};
   const struct fm_lock lock = {&lock_publisher, first, 1, HEARTBEAT_NS};
@@ -145,6 +164,12 @@ int main(void)
   CHECK(comes(true, 0));  // not known
   CHECK(comes(true, 2));  // a heartbeat
   bool state = false;
+  deliver(engine, 0);
+  CHECK(comes(false, 0));
+  const uint64_t unserved = end_of_messages();  // the thread that moves the clock hangs
+  fm_engine_serve_clock(engine);
+  CHECK(comes(false, unserved));
+  fm_engine_follow_steady(engine);
   const uint8_t values[] = {0, 1, 0};
   for (size_t k = 0; k < sizeof(values); ++k) {
     const uint64_t seen = count(&state);
@@ -157,10 +182,7 @@ int main(void)
   deliver(engine, 0);
   fm_engine_end_round(engine);
   CHECK(comes(false, silent));
-  pause_ns(800000000);  // no round begins: the thread hangs that takes messages
-  const uint64_t hung = count(&state);
-  pause_ns(5 * HEARTBEAT_NS);
-  CHECK(count(&state) == hung);
+  const uint64_t hung = end_of_messages();  // no round begins: the thread that takes hangs
   fm_engine_begin_round(engine);
   fm_engine_end_round(engine);
   CHECK(comes(true, hung));  // the timeout is taken

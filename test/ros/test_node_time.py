@@ -19,10 +19,14 @@ from types import SimpleNamespace
 from typing import Any
 
 from fret_monitor.ros import node_time
-from fret_monitor.ros.node_time import are_worth_reading, TimeLog
+from fret_monitor.ros.node_time import are_worth_reading, NodeTime, TimeLog
 from fret_monitor.ros.throttle import Throttle
 from fret_monitor.runtime import TimeCounts
 import pytest
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 
 def test_a_throttle_lets_one_message_pass_per_interval() -> None:
@@ -193,3 +197,48 @@ def test_a_missing_clock_is_logged_once_after_five_seconds(
         log.review()
     assert recorder.lines == ['use_sim_time is set and nothing was received on /clock: no period '
                               'and no timeout passes']
+
+
+class Served:
+    """An engine that counts the signs of life of its clock."""
+
+    signs = 0
+
+    def serve_clock(self) -> None:
+        self.signs += 1
+
+    def follow_steady(self) -> None:
+        pass
+
+    def follow_clock(self, now: Any, clock: Any, *, is_outdated: bool) -> None:
+        pass
+
+
+def test_the_engine_learns_that_the_executor_is_alive_while_it_moves_the_clock(
+    domain: int,
+) -> None:
+    context = Context()
+    context.init(domain_id=domain)
+    node = Node('clocked', context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    engine: Any = Served()
+    time = NodeTime(node, engine, None, on_move=None)
+
+    def signs(seconds: float) -> int:
+        before, end = engine.signs, monotonic() + seconds
+        while monotonic() < end:
+            executor.spin_once(timeout_sec=0.05)
+        return int(engine.signs - before)
+
+    try:
+        assert signs(0.3) == 0
+        for is_simulated in (True, False, True):
+            node.set_parameters([Parameter('use_sim_time', value=is_simulated)])
+            assert (signs(0.6) > 1) is is_simulated
+        time.close()
+        assert signs(0.3) == 0
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        context.try_shutdown()

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
 import struct
+from time import sleep, time_ns
 from typing import Any
 
 from fret_monitor.build import build_specification
@@ -498,6 +499,49 @@ gates:
 
 def cdr(kind: str, value: float | bool) -> bytes:
     return b'\x00\x01\x00\x00' + struct.pack(kind, value)
+
+
+class Guarded:
+    """An engine with the gate of a bundle, whose inputs are x, of `raw`, and y."""
+
+    def __init__(self, folder: Path, text: str) -> None:
+        """Follow the steady clock."""
+        path = folder / 'bundle.yaml'
+        path.write_text(text, encoding='utf-8')
+        monitor = start(path, part=Part('drive')).monitor
+        settings = monitor.manifest.gate
+        assert settings is not None and settings.topic is not None
+        self.raw, self.y = settings.topic, 1 - settings.topic
+        evaluator = Evaluator(monitor, reports_recoveries=True)
+        self.engine = Engine(evaluator)
+        self.engine.guard(Gate(evaluator, settings))
+        self.engine.follow_steady()
+        self.engine.begin()
+
+    def send(self, value: float) -> Judgement:
+        return self.engine.judge(cdr('<f', value), time_ns())
+
+    def sense(self, value: float) -> None:
+        self.engine.message(self.y, cdr('<f', value), time_ns())
+
+
+def test_a_gate_is_closed_while_no_messages_of_the_other_topics_are_taken(tmp_path: Path) -> None:
+    otherwise = ', otherwise: {substitute: {}, rate: 10}}'
+    gated = Guarded(tmp_path, JAMMED.replace('REPORT', 'onset').rstrip('\n}') + otherwise)
+    gated.engine.begin_round()
+    gated.sense(9.0)
+    gated.engine.end_round()
+    assert gated.send(1.0) is PASSED
+    gated.engine.take(0)
+    assert gated.engine.replacement_due == NEVER
+    sleep(0.6)  # no round begins
+    gated.engine.take(0)
+    assert gated.engine.replacement_due != NEVER
+    assert gated.send(1.0) is CLOSED
+    assert not gated.engine.gate_counts().is_known
+    gated.engine.begin_round()
+    gated.engine.end_round()
+    assert gated.send(1.0) is PASSED
 
 
 def test_under_timed_a_deadline_violates_and_a_message_is_judged_at_its_instant(
