@@ -62,7 +62,12 @@ WRONG = {
          'line 3, column 1: a bool is 0, 1, false or true'),
         (f'{ROW}\n1,1,99999999999999999999,1,moving\n',
          'line 2, column 3: a number does not fit the type of its input'),
-        (f'{ROW}\n1,1,1,x,moving\n', 'line 2, column 4: a cell is no number'),
+        (f'{ROW}\n1,1,-1,1,moving\n',
+         'line 2, column 3: a number does not fit the type of its input'),
+        *((f'{ROW}\n1,1,1,{cell},moving\n', 'line 2, column 4: a cell is no decimal number')
+          for cell in ('x', '', '0x1p-3', 'infinity', '1e', '.', '1 2')),
+        *((f'{ROW}\n1,1,{cell},1,moving\n',
+           'line 2, column 3: a cell is no whole decimal number') for cell in ('0x1', '1.0', '')),
     ],
     'timed': [
         ('p,mode\n', "'time': line 1: the heading has no such column"),
@@ -74,6 +79,11 @@ WRONG = {
          'line 2, column 3: a time is a number of seconds with at most nine digits behind the '
          'point'),
     ],
+}
+SAME = {  # rows that `simulate` takes too
+    'steps': f'\ufeff{ROW}\nTrue, 1 ,-0,+1.5e+0,moving\nFALSE,-INF,18446744073709551615,.5,'
+             'stopped\n1,NaN,+9,2.,moving\n',
+    'timed': '\ufeffp,mode,time\n1,IDLE, +1.5 \n true\t,LANDING,4\nFalse,-128,5.250\n',
 }
 LIBRARY = {'memcmp', 'memcpy', 'memset', 'sqrt'}
 
@@ -146,6 +156,10 @@ def test_the_test_program_gives_the_verdicts_of_simulate(export: Export, tmp_pat
         failed = subprocess.run([program, test / 'trace.csv', tmp_path / 'verdicts.csv'],
                                 check=False, capture_output=True)
         assert failed.returncode == 1
+    same = tmp_path / 'same.csv'
+    same.write_text(SAME[export.name])
+    simulate(build(export.bundle).monitor, same, tmp_path / 'verdicts.csv')
+    subprocess.run([program, same, tmp_path / 'verdicts.csv'], check=True)
     for wrong, message in WRONG[export.name]:
         refused = subprocess.run([program], input=wrong, check=False, capture_output=True,
                                  text=True)

@@ -39,6 +39,9 @@ enum
 
 static const int64_t NS_PER_S = INT64_C(1000000000);
 static const int64_t LATEST_S = INT64_C(400000000);
+static const char byte_order_mark[] = "\xEF\xBB\xBF";
+static const char blanks[] = " \t";
+static const char digits[] = "0123456789";
 
 static struct
 {
@@ -92,6 +95,18 @@ static char * end_cell(char * from)
   return is_last ? NULL : from + 1;
 }
 
+// Takes the blanks around a cell away.
+static char * stripped(char * cell)
+{
+  cell += strspn(cell, blanks);
+  size_t length = strlen(cell);
+  while (length > 0u && strchr(blanks, cell[length - 1u]) != NULL) {
+    --length;
+  }
+  cell[length] = '\0';
+  return cell;
+}
+
 // Reads a line into cells; returns their number, 0 at the end of the trace.
 static int read_cells(void)
 {
@@ -103,12 +118,14 @@ static int read_cells(void)
   }
   run.line[strcspn(run.line, "\r\n")] = '\0';
   int n = 0;
-  for (char * cell = run.line; cell != NULL; ++n) {
+  const bool is_marked = run.n_columns == 0 && strncmp(run.line, byte_order_mark, 3u) == 0;
+  for (char * cell = run.line + (is_marked ? 3 : 0); cell != NULL; ++n) {
     if (n == MOST_COLUMNS) {
       fail("too many columns");
     }
-    run.cells[n] = cell;
-    cell = end_cell(cell);
+    char * const next = end_cell(cell);
+    run.cells[n] = stripped(cell);
+    cell = next;
   }
   return n;
 }
@@ -189,6 +206,43 @@ static const char * named_value(uint32_t input, const char * cell)
   return cell;
 }
 
+// Whether two texts differ in nothing but the case of letters; `small` has small ones.
+static bool is_word(const char * text, const char * small)
+{
+  for (; *small != '\0'; ++text, ++small) {
+    if (*text != *small && *text != *small - 'a' + 'A') {
+      return false;
+    }
+  }
+  return *text == '\0';
+}
+
+// Whether a text is a decimal number: strtod would take others too, such as 0x1p-3.
+static bool is_decimal(const char * text, bool is_whole)
+{
+  text += *text == '+' || *text == '-';
+  if (!is_whole && (is_word(text, "nan") || is_word(text, "inf"))) {
+    return true;
+  }
+  size_t n = strspn(text, digits);
+  text += n;
+  if (is_whole) {
+    return n > 0u && *text == '\0';
+  }
+  if (*text == '.') {
+    const size_t behind = strspn(++text, digits);
+    n += behind;
+    text += behind;
+  }
+  if (n > 0u && (*text == 'e' || *text == 'E')) {
+    ++text;
+    text += *text == '+' || *text == '-';
+    n = strspn(text, digits);
+    text += n;
+  }
+  return n > 0u && *text == '\0';
+}
+
 #define STORE(type, value) \
   do { \
     const type stored = (type)(value); \
@@ -197,27 +251,36 @@ static const char * named_value(uint32_t input, const char * cell)
 
 #define STORE_INTEGER(type, wide, parse) \
   do { \
-    const wide number = parse(text, &end, 10); \
-    if ((wide)(type)number != number || errno == ERANGE) { \
+    const wide number = parse(text, NULL, 10); \
+    if ((wide)(type)number != number || errno == ERANGE || (is_below && number > 0)) { \
       fail("a number does not fit the type of its input"); \
     } \
     STORE(type, number); \
   } while (false)
+
+static bool is_unsigned(uint32_t type)
+{
+  return type == FM_UINT8 || type == FM_UINT16 || type == FM_UINT32 || type == FM_UINT64;
+}
 
 static void store(uint32_t input, const char * cell)
 {
   const struct fm_input * const item = &TEST_MONITOR()->inputs[input];
   char * const to = (char *)&inputs + item->offset;
   const char * const text = named_value(input, cell);
-  char * end = NULL;
   if (item->type == FM_BOOL) {
-    const bool is_true = strcmp(text, "1") == 0 || strcmp(text, "true") == 0;
-    if (!is_true && strcmp(text, "0") != 0 && strcmp(text, "false") != 0) {
+    const bool is_true = strcmp(text, "1") == 0 || is_word(text, "true");
+    if (!is_true && strcmp(text, "0") != 0 && !is_word(text, "false")) {
       fail("a bool is 0, 1, false or true");
     }
     memcpy(to, &is_true, sizeof(is_true));
     return;
   }
+  const bool is_real = item->type == FM_FLOAT32 || item->type == FM_FLOAT64;
+  if (!is_decimal(text, !is_real)) {
+    fail(is_real ? "a cell is no decimal number" : "a cell is no whole decimal number");
+  }
+  const bool is_below = is_unsigned(item->type) && *text == '-';  // strtoull would wrap around
   errno = 0;
   switch (item->type) {
     case FM_INT8: STORE_INTEGER(int8_t, long long, strtoll); break;
@@ -228,11 +291,8 @@ static void store(uint32_t input, const char * cell)
     case FM_UINT16: STORE_INTEGER(uint16_t, unsigned long long, strtoull); break;
     case FM_UINT32: STORE_INTEGER(uint32_t, unsigned long long, strtoull); break;
     case FM_UINT64: STORE_INTEGER(uint64_t, unsigned long long, strtoull); break;
-    case FM_FLOAT32: STORE(float, strtof(text, &end)); break;
-    default: STORE(double, strtod(text, &end)); break;
-  }
-  if (end == text || *end != '\0') {
-    fail("a cell is no number");
+    case FM_FLOAT32: STORE(float, strtof(text, NULL)); break;
+    default: STORE(double, strtod(text, NULL)); break;
   }
 }
 
