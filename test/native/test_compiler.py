@@ -222,8 +222,13 @@ def test_a_signal_while_a_command_starts_leaves_none_running(
 
     slow = script(tools, 'cc', 'exec sleep 60')
     monkeypatch.setattr(subprocess, 'Popen', spawn_and_signal)
-    with pytest.raises(KeyboardInterrupt):
-        compile_library(Compiler((str(slow),), ''), ['good.c'], 'lib.so', folder=sources)
+    # a shell without job control starts processes in the background with SIGINT ignored
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            compile_library(Compiler((str(slow),), ''), ['good.c'], 'lib.so', folder=sources)
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert [process.wait(0) for process in started] == [-signal.SIGKILL]
 
 
