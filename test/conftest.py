@@ -59,6 +59,25 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
 
 
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_collection() -> Iterator[None]:
+    """
+    Let the first worker collect alone, and the others after it.
+
+    It rewrites the assertions of all modules, which the others then read from the cache.
+    """
+    if _WORKER not in os.environ:
+        return (yield)
+    first = Path(os.environ['ROS_HOME'], 'first-worker')
+    with first.open('a', encoding='utf-8') as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        if first.stat().st_size == 0:
+            file.write(os.environ[_WORKER])
+            file.flush()
+            return (yield)
+    return (yield)
+
+
 def pytest_unconfigure(config: pytest.Config) -> None:
     """Remove what `pytest_configure` made."""
     if _HOME in config.stash:
