@@ -54,6 +54,13 @@ struct fm_message_info
   bool from_intra_process;
 };
 
+/// rmw_gid_t.
+struct fm_gid
+{
+  const char * implementation;
+  uint8_t data[16];
+};
+
 /// Room for rmw_message_info_t, even if the middleware's struct is longer.
 struct fm_padded_info
 {

@@ -24,7 +24,6 @@ from fractions import Fraction
 import re
 
 from fret_monitor.bundle.bundle import ActionEntry, Bundle, GateEntry, Requirement
-from fret_monitor.elaboration.graph import components, cycle, is_cyclic
 from fret_monitor.elaboration.message_values import is_given, message_bytes
 from fret_monitor.elaboration.signals import find_layout, FindMessage
 from fret_monitor.logic.specification import Gate, Property, Signal
@@ -32,6 +31,7 @@ from fret_monitor.messages.installed import check_complete, listed
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.messages.serialize import has_stamp, STAMP_AT
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, Text
+from fret_monitor.model.graph import cycles
 from fret_monitor.model.manifest import EVENTS, events_of, ManifestAction, ManifestGate
 from fret_monitor.model.names import absolute, DIAGNOSTICS_TOPIC, is_own_topic, shown
 from fret_monitor.model.policies import ActionKind, Otherwise, Policy, Stale, Stamp
@@ -282,19 +282,12 @@ class _Acting:
         sides = [(absolute(entry.source.value), absolute(entry.target.value), entry)
                  for entry in self.bundle.gates
                  if entry.source and entry.target and not entry.is_service]
-        graph: dict[str, list[str]] = {}
-        for source, target, _ in sides:
-            if source != target:
-                graph.setdefault(source, []).append(target)
-                graph.setdefault(target, [])
-        for component in components(graph):
-            if is_cyclic(component, graph):
-                way = cycle(component, graph)
-                entry = next(item for source, target, item in sides
-                             if (source, target) == (way[-2], way[-1]))
-                assert entry.target
-                self.problems.error('these gates are a circle', entry.target.span,
-                                    ' -> '.join(way), 'messages would go round for ever')
+        for way in cycles((source, target) for source, target, _ in sides if source != target):
+            entry = next(item for source, target, item in sides
+                         if (source, target) == (way[-2], way[-1]))
+            assert entry.target
+            self.problems.error('these gates are a circle', entry.target.span,
+                                ' -> '.join(way), 'messages would go round for ever')
 
     def _check_types(self) -> None:
         """Refuse two types of one topic."""

@@ -27,7 +27,6 @@ from itertools import chain, count
 
 from fret_monitor.elaboration.durations import STEPS, TimeScale
 from fret_monitor.elaboration.elaborator import Cell, delayed, Elaborator, gives_truth, references
-from fret_monitor.elaboration.graph import components, cycle, is_cyclic
 from fret_monitor.elaboration.scope import Declaration, Role, Scope
 from fret_monitor.elaboration.settling import settles
 from fret_monitor.elaboration.terms import (
@@ -41,6 +40,7 @@ from fret_monitor.language.expression import (
 from fret_monitor.logic.formula import FALSE, Feedback, Formula
 from fret_monitor.logic.numbers import ExactNumber
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse, Span
+from fret_monitor.model.graph import components, cycle, is_cyclic
 from fret_monitor.model.values import ValueType
 
 _ROUNDS = 4  # a type widens at most to uint64, int64, float64; the last round changes nothing

@@ -31,7 +31,6 @@ from fret_monitor.bundle.bundle import (
     Bundle, ConstantEntry, Definition, InputEntry, Language, Requirement,
 )
 from fret_monitor.elaboration.elaborate import specify
-from fret_monitor.elaboration.graph import components, is_cyclic
 from fret_monitor.elaboration.signals import input_declaration
 from fret_monitor.elaboration.types_by_use import TypesByUse
 from fret_monitor.importing.component import (
@@ -48,6 +47,7 @@ from fret_monitor.messages.installed import find_message
 from fret_monitor.model.diagnostics import (
     CompileError, Diagnostic, Level, Problems, refuse, Source, Text,
 )
+from fret_monitor.model.graph import components, is_cyclic
 from fret_monitor.model.names import fret_name, name_fault, number_fault, quoted_name_fault, shown
 from fret_monitor.model.policies import Policy, Report, Severity
 from fret_monitor.model.values import ValueType

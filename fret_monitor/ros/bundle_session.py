@@ -33,7 +33,7 @@ from fret_monitor.ros.detail_publisher import DetailPublisher
 from fret_monitor.ros.details import Details, DETAILS_TOPIC
 from fret_monitor.ros.feed import Feed, PublisherStatus, Topic
 from fret_monitor.ros.fields import message_class, MessageTypeError, why_unusable
-from fret_monitor.ros.gate_session import gate_of, refuse_circle, RunningGate
+from fret_monitor.ros.gate_session import gate_of, RunningGate
 from fret_monitor.ros.handlers import handler_topic, Handlers
 from fret_monitor.ros.health import describe_missing, Health, PERIOD
 from fret_monitor.ros.hot_path import Announcer, EngineTopic, Middleware, why_not_listening
@@ -98,8 +98,6 @@ class BundleSession:
         self._logged: set[int | str] = set()  # keys of log lines that appear only once
         refuse_inputs_off_ros(self.manifest)
         self._classes = _message_classes(self.manifest)
-        if self.manifest.gate is not None:
-            refuse_circle(node, self.manifest.gate)
         self._blackbox = None if blackbox is None else BlackBox(node, self.manifest, blackbox)
         self._engine = self._new_engine()
         with ExitStack() as undo:

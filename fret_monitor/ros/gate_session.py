@@ -14,10 +14,11 @@
 
 """A gate while it runs, on a topic or a service; its state for the log and diagnostics."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from fret_monitor.model.graph import cycles
 from fret_monitor.model.manifest import Manifest, ManifestGate, ManifestTopic
 from fret_monitor.model.policies import Otherwise
 from fret_monitor.native.errors import LibraryError
@@ -44,23 +45,37 @@ def gate_of(evaluator: Evaluator, settings: ManifestGate) -> Gate:
             f'it cannot run with the policy {evaluator.policy.value}') from None
 
 
-def refuse_circle(node: Node, settings: ManifestGate) -> None:
-    """Refuse remappings that lead a gate to itself; raises `Refusal`."""
-    resolve = node.resolve_service_name if settings.is_service else node.resolve_topic_name
-    source, target = resolve(settings.source), resolve(settings.target)
-    if source == target:
-        raise Refusal(f"the gate '{settings.name}' would lead from {source} to itself: "
-                      'remap its two names to different ones')
+def refuse_circles(node: Node, gates: Sequence[ManifestGate]) -> None:
+    """Refuse remappings that lead gates in a circle, or two to one topic; raises `Refusal`."""
+    for is_service in (False, True):
+        ends = [(gate, *ends_of(node, gate)) for gate in gates if gate.is_service is is_service]
+        for way in cycles((source, target) for _, source, target in ends):
+            raise Refusal(f"these gates are a circle: {' -> '.join(way)}; remap their names to "
+                          'different ones')
+        first: dict[str, ManifestGate] = {}
+        for gate, source, target in ends:
+            name = source if is_service else target
+            other = first.setdefault(name, gate)
+            if other is not gate:
+                what = 'offer' if is_service else 'lead to'
+                raise Refusal(f"the gates '{other.name}' and '{gate.name}' both {what} {name}: "
+                              'what passes one would not be judged by the other')
+
+
+def ends_of(node: Node, gate: ManifestGate) -> tuple[str, str]:
+    """Return the full names of what a gate reads and of what it publishes, or calls."""
+    resolve = node.resolve_service_name if gate.is_service else node.resolve_topic_name
+    return resolve(gate.source), resolve(gate.target)
 
 
 def describe_gate(node: Node, manifest: Manifest) -> str:
     """Return the log line of a gate at the start."""
     gate = manifest.gate
     assert gate is not None
-    resolve = node.resolve_service_name if gate.is_service else node.resolve_topic_name
+    source, target = ends_of(node, gate)
     ids = ', '.join(item.id for item in manifest.requirements)
     stale = '; OPEN WHILE AN INPUT IS STALE (stale: open)' if gate.is_open_when_stale else ''
-    return (f"gate '{gate.name}': {resolve(gate.source)} -> {resolve(gate.target)}, keeps {ids}; "
+    return (f"gate '{gate.name}': {source} -> {target}, keeps {ids}; "
             f'otherwise {_otherwise(gate)}{_latch(gate)}{stale}')
 
 

@@ -78,6 +78,7 @@ class Middleware:
         self._of_subscription = find_symbol(
             rcl, 'rcl_subscription_get_rmw_handle', 'void * (*)(void *)')
         self._of_publisher = find_symbol(rcl, 'rcl_publisher_get_rmw_handle', 'void * (*)(void *)')
+        self._gid_of = find_symbol(rmw, 'rmw_get_gid_for_publisher', 'int (*)(void *, void *)')
         self.clock_now = find_symbol(rcl, 'rcl_clock_get_now', 'int (*)(void *, int64_t *)')
 
     def publish_serialized(self) -> Any:
@@ -124,6 +125,13 @@ class Middleware:
     def publisher(self, item: Publisher | RclPublisher) -> Any:
         """Return the rmw handle of a publisher; the caller holds its rclpy handle."""
         return _not_null(self._of_publisher(ffi.cast('void *', item.handle.pointer)))
+
+    def gid(self, item: RclPublisher) -> bytes:
+        """Return the identity of a publisher; the caller holds its rclpy handle."""
+        found: Any = ffi.new('struct fm_gid *')
+        if self._gid_of(self.publisher(item), found):
+            self.functions.forget_error()
+        return bytes(ffi.buffer(found.data))
 
 
 def why_not_listening(hot_path: str) -> str | None:

@@ -40,6 +40,7 @@ from fret_monitor.runtime.engine import Engine
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 _DURABLE_DEPTH = 10  # messages that a late subscriber receives
 _MATCHED_S = 0.5  # until a new publisher is used, at most; until then the old one is
@@ -74,6 +75,7 @@ class Relay:
         topics = engine.monitor.manifest.topics
         self._fixed = {} if gate.topic is None else dict(topics[gate.topic].qos)
         self._substitute = ffi.from_buffer('uint8_t[]', gate.substitute)
+        self._gids: set[bytes] = set()  # of all publishers that it has had
         self._publisher = self._advertise(is_durable=False)
         self._held = ExitStack()
         self._unnamed_looks = 0
@@ -102,11 +104,14 @@ class Relay:
 
     def _advertise(self, *, is_durable: bool) -> RclPublisher:
         usual = _DURABLE_DEPTH if is_durable else DEFAULT_DEPTH
-        return RclPublisher(self._node, self._message_class, self._gate.target, QoSProfile(
+        publisher = RclPublisher(self._node, self._message_class, self._gate.target, QoSProfile(
             depth=int(self._fixed.get('depth', usual)),
             reliability=ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if is_durable
             else DurabilityPolicy.VOLATILE))
+        with publisher.handle:
+            self._gids.add(self._middleware.gid(publisher))
+        return publisher
 
     @property
     def target(self) -> str:
@@ -159,15 +164,24 @@ class Relay:
 
     def look_for_others(self) -> None:
         """Look for other publishers on the target; called by the feed's thread only."""
+        found = self._others(self._node.get_publishers_info_by_topic(self._gate.target))
         own = self._node.get_fully_qualified_name()
-        found = self._node.get_publishers_info_by_topic(self._gate.target)
-        names = {f'{item.node_namespace.rstrip("/")}/{item.node_name}' for item in found
-                 if item.node_name != UNNAMED}
+        names = {_full_name(item) for item in found if item.node_name != UNNAMED}
         has_unnamed = any(item.node_name == UNNAMED for item in found)
         self._unnamed_looks = self._unnamed_looks + 1 if has_unnamed else 0
         if self._unnamed_looks > _UNNAMED_LOOKS:
             names.add('a publisher of no known node')
-        self.others = tuple(sorted(names - {own}))
+        self.others = tuple(sorted(
+            f'another {name}' if name == own else name for name in names))
+
+    def _others(self, found: Sequence[TopicEndpointInfo]) -> list[TopicEndpointInfo]:
+        """Return the publishers that are not the gate's; they may have the name of its node."""
+        others = [item for item in found if bytes(item.endpoint_gid) not in self._gids]
+        if len(others) < len(found):
+            return others
+        own = self._node.get_fully_qualified_name()  # the middleware lists other ids
+        mine = next((item for item in found if _full_name(item) == own), None)
+        return [item for item in found if item is not mine]
 
     def add(self, subscription: RclSubscription) -> bool:
         """Take the messages of a subscription; return whether it has to be polled."""
@@ -205,6 +219,10 @@ class Relay:
             self._library.fm_relay_stop(self._place)
         self._held.close()
         self._publisher.close()
+
+
+def _full_name(item: TopicEndpointInfo) -> str:
+    return f'{item.node_namespace.rstrip("/")}/{item.node_name}'
 
 
 class RelayedTopic:

@@ -44,6 +44,7 @@ STRUCTS = {
         name: name for name in (
             'typesupport_identifier', 'data', 'func', 'get_type_hash_func',
             'get_type_description_func', 'get_type_description_sources_func')}),
+    'fm_gid': ('rmw_gid_t', {'implementation': 'implementation_identifier', 'data': 'data'}),
     'fm_message_info': ('rmw_message_info_t', {
         'source_timestamp': 'source_timestamp', 'received_timestamp': 'received_timestamp',
         'publication_sequence_number': 'publication_sequence_number',

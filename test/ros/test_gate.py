@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
+import re
 import signal
 from statistics import median
 import subprocess
@@ -29,11 +30,14 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import fret_monitor
+from fret_monitor.ros.gate_node import GateNode
+from fret_monitor.ros.parameters import Refusal
 from geometry_msgs.msg import TwistStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import pytest
 import rclpy.node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from ros.forked import environment
@@ -318,6 +322,59 @@ def test_gates_of_any_quality_of_service(partner: Partner, tmp_path: Path) -> No
         notes.publish(String(data='last'))
         late.wait_for(2)
         assert [item.data for item in late.messages] == ['first', 'last']
+
+
+TWO = """\
+format: 1
+evaluation: {policy: relevant_message}
+inputs:
+  a: {topic: a, type: std_msgs/msg/Float32}
+  c: {topic: c, type: std_msgs/msg/Float32}
+requirements:
+  - {id: A, ptltl: "a < 5.0"}
+  - {id: C, ptltl: "c < 5.0"}
+gates:
+  g: {from: a, to: b, type: std_msgs/msg/Float32, keep: [A], otherwise: drop}
+  h: {from: c, to: d, type: std_msgs/msg/Float32, keep: [C], otherwise: drop}
+"""
+
+
+@pytest.mark.parametrize(('remappings', 'words'), [
+    (('c:=b', 'd:=a'), 'these gates are a circle: /'),
+    (('b:=a',), 'these gates are a circle: /a -> /a'),
+    (('d:=b',), "the gates 'g' and 'h' both lead to /b")])
+def test_remappings_that_lead_gates_together_are_refused(
+    partner: Partner, tmp_path: Path, remappings: tuple[str, ...], words: str,
+) -> None:
+    spec = Parameter('spec', value=str(write(tmp_path, TWO)))
+    with pytest.raises(Refusal, match=re.escape(words)):
+        GateNode(context=partner.context, parameter_overrides=[spec],
+                 cli_args=['--ros-args', *(word for rule in remappings for word in ('-r', rule))])
+
+
+def test_another_publisher_of_a_node_of_the_same_name_is_reported(
+    partner: Partner, stranger: Partner, tmp_path: Path,
+) -> None:
+    spec = Parameter('spec', value=str(write(tmp_path, TWO)))
+    node = GateNode(context=partner.context, parameter_overrides=[spec])
+    other: GateNode | None = None
+    try:
+        gates = [session._gate for session in node._sessions]
+
+        def others() -> list[tuple[str, ...]]:
+            return [gate._relay.others for gate in gates if gate is not None and gate._relay]
+
+        sleep(1.5)
+        assert others() == [(), ()]
+        own = node.create_publisher(Float32, 'b', 1)
+        wait_until(lambda: others() == [('another /fret_gate',), ()], 'a publisher of the node')
+        node.destroy_publisher(own)
+        wait_until(lambda: others() == [(), ()], 'the end of the publisher')
+        other = GateNode(context=stranger.context, parameter_overrides=[spec])
+        wait_until(lambda: others() == [('another /fret_gate',)] * 2, 'the second node')
+    finally:
+        for item in filter(None, (node, other)):
+            item.destroy_node()
 
 
 SERVICES = """\

@@ -13,7 +13,7 @@
 # limitations under the License.
 """Graphs of names that depend on other names: dependency order and cycles."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 
 def components(graph: Mapping[str, Sequence[str]]) -> list[list[str]]:
@@ -78,3 +78,14 @@ def cycle(component: Sequence[str], graph: Mapping[str, Sequence[str]]) -> list[
                 seen.add(after)
                 ways.append([*way, after])
     raise AssertionError(f'{start} is on no cycle')
+
+
+def cycles(edges: Iterable[tuple[str, str]]) -> Iterator[list[str]]:
+    """Yield a shortest cycle, as `cycle`, of each part of a graph that has one."""
+    graph: dict[str, list[str]] = {}
+    for source, target in edges:
+        graph.setdefault(source, []).append(target)
+        graph.setdefault(target, [])
+    for component in components(graph):
+        if is_cyclic(component, graph):
+            yield cycle(component, graph)
