@@ -36,6 +36,8 @@ except ImportError:  # a platform without a wheel
 
 Node: TypeAlias = Any
 _MEMORY_BYTES = 2 * 2 ** 30
+_MANY_NODES = 100_000  # before variables are moved
+_ROUNDS = 32  # between two looks at how many there are
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,16 @@ class Choices:
     environment: tuple[str, ...]
     others: tuple[str, ...]
     classes: tuple[str, ...]
+
+
+def _order(bit: str) -> tuple[int, str]:
+    """
+    Return a key to sort bits by: those of all counters by their place, the highest first.
+
+    Sets in which counters are compared have small diagrams in this order.
+    """
+    name, _, place = bit.rpartition('.')
+    return (-int(place), name) if place.isdecimal() else (1, bit)
 
 
 class Diagrams:
@@ -61,7 +73,8 @@ class Diagrams:
         """Translate a system."""
         self.deadline = deadline
         self.bdd = BDD(memory_estimate=_MEMORY_BYTES) if 'cudd' in BDD.__module__ else BDD()
-        self.bdd.configure(reordering=True)
+        self.bdd.configure(reordering=False)
+        self._rounds = 0
         self.system = system
         self.bits = [item.now.value for item in system.bits]
         self._known: dict[Term, Node] = {}
@@ -92,7 +105,7 @@ class Diagrams:
                 self._known[term] = self.bdd.var(name)
             self.choices.append(Choices(block, tuple(names), tuple(others), tuple(classes)))
         if self.bits:
-            self.bdd.declare(*self.bits)
+            self.bdd.declare(*sorted(self.bits, key=_order))
         for item in self.system.bits:
             self._known[item.now] = self.bdd.var(item.now.value)
         for bit, atom in ((bit, atom) for bit, atom in self.system.tracked.items()):
@@ -167,8 +180,15 @@ class Diagrams:
 
     def before(self, states: Node) -> Node:
         """Return the steps that lead to some states."""
-        self.deadline.check()
+        self._work_on()
         return self._replaced(states, self.after)
+
+    def _work_on(self) -> None:
+        """Check the time, and let variables move once there are many nodes."""
+        self.deadline.check()
+        self._rounds += 1
+        if self._rounds % _ROUNDS == 0 and len(self.bdd) > _MANY_NODES:  # slow to count
+            self.bdd.configure(reordering=True)
 
     def some(self, steps: Node) -> Node:
         """Return the states that have one of some steps."""
@@ -192,18 +212,17 @@ class Diagrams:
             found &= item
         return found
 
-    def at(self, node: Node, values: Mapping[str, bool]) -> Node:
-        """Return a diagram with values for some of its variables."""
+    def at(self, node: Node, values: Mapping[str, Any]) -> Node:
+        """Return a diagram with values, or diagrams, for some of its variables."""
         return self._replaced(node, values)
 
     def _replaced(self, node: Node, parts: Mapping[str, Any]) -> Node:
         found = {name: parts[name] for name in self.bdd.support(node) if name in parts}
         return self.bdd.let(found, node) if found else node
 
-    def next_state(self, state: Mapping[str, bool], choice: Mapping[str, bool]) -> dict[str, bool]:
-        """Return the state after a step."""
-        values = {**state, **choice}
-        return {name: self.at(self.after[name], values) == self.bdd.true for name in self.bits}
+    def after_from(self, state: Mapping[str, bool]) -> dict[str, Node]:
+        """Return the bits after a step from a state, by the choices."""
+        return {name: self.at(node, state) for name, node in self.after.items()}
 
     def picked(self, node: Node, names: Sequence[str],
                before: Mapping[str, bool]) -> dict[str, bool]:

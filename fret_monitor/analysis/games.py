@@ -19,7 +19,7 @@ A step is *safe* if all assumptions and requirements hold at it. A requirement w
 `eventually` need not hold; it must only be possible that it holds later.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 from fret_monitor.analysis.diagrams import Diagrams, Node
@@ -79,28 +79,31 @@ class Games:
     def consistent(self, requirements: Collection[int]) -> Descent:
         """Return the states from which some run satisfies some requirements forever."""
         d, safe = self.diagrams, self.safe(requirements)
-        return self._descend(lambda states: d.some(safe & d.before(states)), safe, requirements)
+        return self._descend(lambda kept: d.some(safe & kept), safe, requirements)
 
     def realizable(self, requirements: Collection[int]) -> Descent:
         """Return the states from which the system can satisfy some requirements forever."""
         d, safe = self.diagrams, self.safe(requirements)
         excused = ~self._assumed
         return self._descend(
-            lambda states: d.forced(excused | (safe & d.before(states))), safe, requirements)
+            lambda kept: d.forced(excused | (safe & kept)), safe, requirements)
 
-    def _descend(self, step, safe: Node,  # type: ignore[no-untyped-def]
+    def _descend(self, chosen: Callable[[Node], Node], safe: Node,
                  requirements: Collection[int]) -> Descent:
+        """Return the descent in which `chosen` are the states that have one of some good steps."""
         d = self.diagrams
         verdicts = self._open(requirements)
-        layers = [d.bdd.true]
+        layers, kept = [d.bdd.true], d.bdd.true
         while True:
-            found = layers[-1] & step(layers[-1])
+            found = layers[-1] & chosen(kept)
             for verdict in verdicts:
                 found &= self._fulfillable(safe, found, verdict)
             if not d.contains_start(found):
                 return Descent((*layers, found), False)
             if found == layers[-1]:
                 return Descent(tuple(layers), True)
+            # Few states are lost in a round: the steps to them are computed faster than all.
+            kept &= ~d.before(layers[-1] & ~found)
             layers.append(found)
 
     def reach(self, steps: Node, goal: Node) -> list[Node]:
@@ -112,10 +115,12 @@ class Games:
         """
         d = self.diagrams
         layers = [d.some(goal)]
+        new = layers[0]
         while not d.contains_start(layers[-1]):
-            more = layers[-1] | d.some(steps & d.before(layers[-1]))
+            more = layers[-1] | d.some(steps & d.before(new))
+            new = more & ~layers[-1]
             layers.append(more)
-            if more == layers[-2]:
+            if new == d.bdd.false:
                 break
         return layers
 

@@ -12,8 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Runs of a system, step by step, as rows of input values."""
+"""
+Runs of a system, step by step, as rows of input values.
 
+Layers only grow or only shrink, so that the layer of a state is found by bisection.
+"""
+
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -38,6 +43,7 @@ class Runner:
         self._d: Diagrams = games.diagrams
         self.state = {item.now.value: item.start for item in self._d.system.bits}
         self._choice: dict[str, bool] = {}
+        self._after = self._d.after_from(self.state)
         self.steps: list[tuple[dict[str, bool], dict[str, bool]]] = []
 
     def is_in(self, states: Node) -> bool:
@@ -48,6 +54,10 @@ class Runner:
         """Whether some step is possible here."""
         return bool(self._d.at(steps, self.state) != self._d.bdd.false)
 
+    def before(self, states: Node) -> Node:
+        """Return the steps from here that lead to some states."""
+        return self._d.at(states, self._after)
+
     def take(self, steps: Node) -> None:
         """Take one of some steps, with choices near those of the step before."""
         if len(self.steps) == _MOST_STEPS:
@@ -57,7 +67,9 @@ class Runner:
         names = [*self._d.environment, *self._d.own]
         self._choice = self._d.picked(node, names, self._choice)
         self.steps.append((self.state, self._choice))
-        self.state = self._d.next_state(self.state, self._choice)
+        self.state = {name: self._d.at(after, self._choice) == self._d.bdd.true
+                      for name, after in self._after.items()}
+        self._after = self._d.after_from(self.state)
 
     def environment_choice(self, steps: Node) -> Node:
         """Return what the environment chooses in one of some steps."""
@@ -96,10 +108,8 @@ class Runner:
 def run_to(games: Games, layers: Sequence[Node], steps: Node, goal: Node) -> Runner:
     """Return a run to a goal that `Games.reach` found."""
     runner = Runner(games)
-    place = next(number for number, layer in enumerate(layers) if runner.is_in(layer))
-    while place > 0:
-        runner.take(steps & games.diagrams.before(layers[place - 1]))
-        place = next(number for number, layer in enumerate(layers) if runner.is_in(layer))
+    while (place := bisect_left(layers, True, key=runner.is_in)) > 0:
+        runner.take(steps & runner.before(layers[place - 1]))
     runner.take(goal)
     return runner
 
@@ -113,10 +123,10 @@ def continue_to_violation(runner: Runner, games: Games, requirements: Sequence[i
     """
     d, safe = games.diagrams, games.safe(requirements)
     while (rank := _rank(runner, descent)) is not None:
-        if runner.can(safe & d.before(descent.layers[rank - 1])):
+        if runner.can(safe & runner.before(descent.layers[rank - 1])):
             _stop(runner, safe)
             return
-        choice = _longest(runner, games, safe, descent.layers[:rank - 1])
+        choice = _longest(runner, safe, descent.layers[:rank - 1])
         if choice is None:
             _take_violation(runner, games, d.possible & ~safe, requirements)
             return
@@ -133,13 +143,13 @@ def play_to_violation(games: Games, requirements: Sequence[int], descent: Descen
     excused = ~games.safe(())
     runner = Runner(games)
     while (rank := _rank(runner, descent)) is not None:
-        good = d.possible & (excused | safe & d.before(descent.layers[rank - 1]))
+        good = d.possible & (excused | safe & runner.before(descent.layers[rank - 1]))
         bad = d.enabled & d.possible & ~d.bdd.exist(d.own, good)
         if not runner.can(bad):
             _stop(runner, safe)
             return runner
         chosen = runner.environment_choice(bad)
-        choice = _longest(runner, games, chosen & safe, descent.layers[:rank - 1])
+        choice = _longest(runner, chosen & safe, descent.layers[:rank - 1])
         if choice is None:
             _take_violation(runner, games, chosen & d.possible, requirements)
             return runner
@@ -153,10 +163,13 @@ def _stop(runner: Runner, safe: Node) -> None:
         runner.take(safe)
 
 
-def _longest(runner: Runner, games: Games, steps: Node, layers: Sequence[Node]) -> Node | None:
+def _longest(runner: Runner, steps: Node, layers: Sequence[Node]) -> Node | None:
     """Return those of some steps after which a run can go on longest."""
-    return next((found for layer in reversed(layers)
-                 if runner.can(found := steps & games.diagrams.before(layer))), None)
+    def found(layer: Node) -> Node:
+        return steps & runner.before(layer)
+
+    count = bisect_left(layers, True, key=lambda layer: not runner.can(found(layer)))
+    return found(layers[count - 1]) if count else None
 
 
 def _take_violation(runner: Runner, games: Games, steps: Node,
@@ -170,5 +183,5 @@ def _take_violation(runner: Runner, games: Games, steps: Node,
 
 def _rank(runner: Runner, descent: Descent) -> int | None:
     """Return the number of the first layer without the state; None if it is in all."""
-    return next((number for number, layer in enumerate(descent.layers)
-                 if not runner.is_in(layer)), None)
+    number = bisect_left(descent.layers, True, key=lambda layer: not runner.is_in(layer))
+    return number if number < len(descent.layers) else None

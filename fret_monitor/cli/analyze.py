@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
+import re
 import signal
 from threading import current_thread, main_thread
 from types import FrameType
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 _QUICK_S = 2.0
 _NEEDED = {'dd': 'dd', 'z3': 'z3-solver'}
 _QUESTIONS = ('consistency', 'rt-consistency', 'vacuity', 'redundancy', 'realizability')
+_RUN = re.compile(rf'({"|".join(_QUESTIONS)})(_\d+)?\.csv')
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -149,6 +151,9 @@ def _interruptible(deadline: 'Deadline') -> Iterator[None]:
 def _write_runs(folder: Path, found: 'Analysis', reading: Reading) -> None:
     from fret_monitor.analysis.report import examples, to_csv
     folder.mkdir(parents=True, exist_ok=True)
+    for path in folder.iterdir():
+        if _RUN.fullmatch(path.name):  # of an earlier analysis
+            path.unlink()
     for name, _, example in examples(found):
         with open_output(folder / f'{name}.csv', reading.paths) as file:
             file.write(to_csv(example, reading.specification))

@@ -213,6 +213,15 @@ def test_long_bounds_stay_symbolic() -> None:
     assert [item.holds for item in found.of(Question.REALIZABILITY)] == [False, True]
 
 
+def test_a_thousand_steps_that_have_to_be_counted_are_counted() -> None:
+    found = analyzed(bundle('upon a c shall within 1000 ticks satisfy x',
+                            'upon b c shall for 1000 ticks satisfy !x'),
+                     Question.RT_CONSISTENCY, seconds=20.0)
+    answer = only(found, Question.RT_CONSISTENCY)
+    assert answer.holds is False
+    assert answer.example is not None and len(answer.example.rows) > 1000
+
+
 TIMED = """format: 1
 evaluation: {policy: timed}
 inputs: {a: {type: bool}, x: {type: bool, role: output}, y: {type: bool, role: output}}

@@ -54,6 +54,9 @@ def test_text_json_and_runs_say_the_same(here: Here) -> None:
                  '  P-3: never violated, whatever the inputs (confirmed by z3)'):
         assert line in done.out.splitlines(), done.out
     runs = here.folder / 'runs'
+    runs.mkdir()
+    (runs / 'consistency_2.csv').touch()  # of an earlier analysis
+    (runs / 'mine.csv').touch()
     done = here.run('analyze', bundle, '--json', '-o', runs)
     found = json.loads(done.out)
     assert {key: found[key] for key in ('consistent', 'rt_consistent', 'vacuous', 'redundant')} \
@@ -64,7 +67,8 @@ def test_text_json_and_runs_say_the_same(here: Here) -> None:
          'conflicts': [['V-1', 'V-2']]},
         {'outputs': ['pump'], 'requirements': ['P-1', 'P-2', 'P-3'], 'realizable': True,
          'conflicts': []}]
-    [run] = runs.iterdir()
+    run, mine = sorted(runs.iterdir(), reverse=True)
+    assert mine.name == 'mine.csv'
     done = here.run('simulate', bundle, '--trace', run)
     assert done.out.splitlines()[-1] == '0,1,0,1,1,1'
 
