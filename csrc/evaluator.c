@@ -139,21 +139,26 @@ static void end_silence(struct fm_evaluator * evaluator, uint32_t i, int64_t now
   }
 }
 
-static void note_receipt(struct fm_evaluator * evaluator, uint32_t i, int64_t now)
+static void note_arrival(struct fm_evaluator * evaluator, uint32_t i, int64_t now)
 {
-  struct fm_input_cell * input = &evaluator->inputs[i];
   struct fm_instance_input * cell = &evaluator->instance.inputs[i];
-  note_value(evaluator, i);
+  const int64_t timeout = evaluator->inputs[i].timeout;
   cell->has_come = true;
-  input->counts.received += 1;
-  if (input->timeout > 0 && evaluator->instance.time->has_begun) {
+  if (timeout > 0 && evaluator->instance.time->has_begun) {
     if (cell->is_silent) {
       end_silence(evaluator, i, now);
     }
     cell->is_put_off = false;
     cell->stored_at = now;
-    fm_set_due(evaluator, i, fm_later(now, input->timeout));
+    fm_set_due(evaluator, i, fm_later(now, timeout));
   }
+}
+
+static void note_receipt(struct fm_evaluator * evaluator, uint32_t i, int64_t now)
+{
+  note_value(evaluator, i);
+  evaluator->inputs[i].counts.received += 1;
+  note_arrival(evaluator, i, now);
   if (evaluator->policy == FM_ALL_INPUTS) {
     renew(evaluator, i);
   }
@@ -177,6 +182,19 @@ void fm_evaluator_store_from(
     fm_instance_write_from(&evaluator->instance, input, value);
     note_receipt(evaluator, input, now);
   }
+}
+
+void fm_evaluator_put(
+  struct fm_evaluator * evaluator, uint32_t input, union fm_value value, int64_t now)
+{
+  fm_end_receptions(evaluator, now);
+  fm_instance_write(&evaluator->instance, input, value);
+  note_value(evaluator, input);
+}
+
+void fm_evaluator_arrive(struct fm_evaluator * evaluator, uint32_t input, int64_t now)
+{
+  note_arrival(evaluator, input, now);
 }
 
 void fm_evaluator_initial(struct fm_evaluator * evaluator, uint32_t input, union fm_value value)

@@ -32,9 +32,11 @@ struct fm_gate
   int64_t due;                  // of a replacement
   int64_t passed_at;
   int64_t latched_at;
-  uint64_t steps;               // of all groups, when they were last looked at
+  uint64_t * steps;             // of each group, when it was last looked at
+  int64_t tried_at;             // with has_tried
   bool has_passed;
   bool held_before;             // all requirements, after the last step
+  bool was_known;               // when something else was evaluated last
   bool has_tried;               // a step that does not stay
   bool is_outdated;             // what is known of the other inputs
 };
@@ -46,6 +48,7 @@ struct gate_layout
   uint64_t saved;
   uint64_t is_from;
   uint64_t was_withheld;
+  uint64_t steps;
   struct fm_block block;
 };
 
@@ -57,6 +60,7 @@ static struct gate_layout lay_out_gate(const struct fm_monitor * monitor)
   layout.saved = fm_block_append(&layout.block, fm_instance_bytes(monitor), 1);
   layout.is_from = fm_block_append(&layout.block, monitor->n_inputs, sizeof(bool));
   layout.was_withheld = fm_block_append(&layout.block, monitor->n_requirements, sizeof(bool));
+  layout.steps = fm_block_append(&layout.block, monitor->n_groups, sizeof(uint64_t));
   return layout;
 }
 
@@ -103,6 +107,7 @@ struct fm_gate * fm_gate_init(void * memory, const struct fm_gate_options * opti
   gate->saved = block + layout.saved;
   gate->is_from = (bool *)(void *)(block + layout.is_from);
   gate->was_withheld = (bool *)(void *)(block + layout.was_withheld);
+  gate->steps = (uint64_t *)(void *)(block + layout.steps);
   for (uint32_t k = 0; k < n_fields(gate); ++k) {
     gate->is_from[input_of(gate, k)] = true;
   }
@@ -153,13 +158,31 @@ static bool all_hold(const struct fm_gate * gate)
   return true;
 }
 
-static uint64_t count_steps(const struct fm_gate * gate)
+// Note the steps of the groups since the last call. Returns whether one of them violates.
+static bool note_steps(struct fm_gate * gate)
 {
-  uint64_t steps = 0;
-  for (uint32_t g = 0; g < gate->options.monitor->n_groups; ++g) {
-    steps += gate->options.evaluator->instance.groups[g].steps;
+  const struct fm_evaluator * evaluator = gate->options.evaluator;
+  const struct fm_monitor * monitor = gate->options.monitor;
+  bool is_violated = false;
+  for (uint32_t r = 0; r < monitor->n_requirements; ++r) {
+    const uint32_t g = monitor->requirements[r].group;
+    is_violated = is_violated || (evaluator->instance.groups[g].steps != gate->steps[g] &&
+      !evaluator->instance.verdicts[evaluator->requirements[r].occurrence]);
   }
-  return steps;
+  for (uint32_t g = 0; g < monitor->n_groups; ++g) {
+    gate->steps[g] = evaluator->instance.groups[g].steps;
+  }
+  return is_violated;
+}
+
+// Whether requirements are violated since nothing arrives on `from`.
+static bool is_from_stale(const struct fm_gate * gate)
+{
+  bool is_stale = false;
+  for (uint32_t k = 0; k < n_fields(gate); ++k) {
+    is_stale = is_stale || gate->options.evaluator->instance.inputs[input_of(gate, k)].is_stale;
+  }
+  return is_stale;
 }
 
 static bool is_latched(const struct fm_gate * gate, int64_t steady)
@@ -189,23 +212,39 @@ static bool are_read(const struct fm_gate * gate, const struct fm_field * fields
   return are_all_read;
 }
 
-static uint32_t step(
+static uint32_t step_on_message(
   struct fm_gate * gate, const struct fm_field * fields, int64_t now, int64_t stamp,
   struct fm_violation * out)
 {
   for (uint32_t k = 0; k < n_fields(gate); ++k) {
-    if (fields[k].outcome == FM_FIELD_READ) {
-      fm_evaluator_store(gate->options.evaluator, input_of(gate, k), fields[k].value, now);
-    }
+    fm_evaluator_store(gate->options.evaluator, input_of(gate, k), fields[k].value, now);
   }
   return fm_evaluator_message(gate->options.evaluator, gate->options.from, stamp, out);
 }
 
-static void restore(struct fm_gate * gate)
+// A replacement was not received.
+static uint32_t step_on_replacement(
+  struct fm_gate * gate, const struct fm_field * fields, int64_t now, int64_t stamp,
+  struct fm_violation * out)
 {
-  fm_evaluator_restore(gate->options.evaluator, gate->saved);
-  (void)fm_evaluator_deadline(gate->options.evaluator);  // otherwise each message would wake
-                                                         // the thread that waits for it
+  struct fm_evaluator * evaluator = gate->options.evaluator;
+  const uint32_t from = gate->options.from;
+  for (uint32_t k = 0; k < n_fields(gate); ++k) {
+    if (fields[k].outcome == FM_FIELD_READ) {
+      fm_evaluator_put(evaluator, input_of(gate, k), fields[k].value, now);
+    }
+  }
+  const uint32_t n = fm_evaluator_message(evaluator, from, stamp, out);
+  if (from < gate->options.n_topics) {
+    evaluator->topics[from].counts.messages -= 1;
+  }
+  return n;
+}
+
+// Otherwise each message that is withheld would wake the thread that waits for the deadline.
+static void find_deadline(struct fm_gate * gate)
+{
+  (void)fm_evaluator_deadline(gate->options.evaluator);
 }
 
 // What a message that is withheld has ended is not over.
@@ -304,22 +343,20 @@ bool fm_gate_replace(
   if (may_refuse) {
     fm_evaluator_save(gate->options.evaluator, gate->saved);
   }
-  *n_out = step(gate, fields, now, stamp, out);
-  if (gate->options.from < gate->options.n_topics) {
-    gate->options.evaluator->topics[gate->options.from].counts.messages -= 1;  // was not received
-  }
+  *n_out = step_on_replacement(gate, fields, now, stamp, out);
   gate->due = next_due(gate, steady);
   const bool holds = all_hold(gate);
   if (may_refuse && (!holds || !is_known(gate) || !have_stepped(gate))) {
-    restore(gate);
+    fm_evaluator_restore(gate->options.evaluator, gate->saved);
+    find_deadline(gate);
     *n_out = 0;
     return false;
   }
   forget_recovered(gate, out, *n_out);
   gate->counts.replaced += 1;
-  gate->counts.violating += holds ? 0u : 1u;
+  gate->counts.violating += holds || is_from_stale(gate) ? 0u : 1u;
   gate->held_before = holds;
-  gate->steps = count_steps(gate);
+  (void)note_steps(gate);
   return true;
 }
 
@@ -353,7 +390,7 @@ static enum fm_judgement try_step(
   int64_t steady, struct fm_violation * out, uint32_t * n_out)
 {
   fm_evaluator_save(gate->options.evaluator, gate->saved);
-  uint32_t n = step(gate, fields, now, stamp, out);
+  uint32_t n = step_on_message(gate, fields, now, stamp, out);
   const enum fm_judgement judgement = judge_step(gate, steady);
   if (judgement == FM_PASSED) {
     n = add_recoveries(gate, stamp, out, n);
@@ -361,11 +398,12 @@ static enum fm_judgement try_step(
     gate->has_passed = true;
     gate->passed_at = steady;
     gate->held_before = true;
-    gate->steps = count_steps(gate);
+    (void)note_steps(gate);
     gate->due = FM_NEVER;
   } else {
     n = keep_violations(gate, out, n);
     gate->has_tried = true;
+    gate->tried_at = now;
   }
   *n_out = n;
   return judgement;
@@ -398,7 +436,11 @@ void fm_gate_finish(struct fm_gate * gate)
 {
   if (gate->has_tried) {
     gate->has_tried = false;
-    restore(gate);
+    fm_evaluator_restore(gate->options.evaluator, gate->saved);
+    for (uint32_t k = 0; k < n_fields(gate); ++k) {
+      fm_evaluator_arrive(gate->options.evaluator, input_of(gate, k), gate->tried_at);
+    }
+    find_deadline(gate);
   }
 }
 
@@ -407,17 +449,18 @@ bool fm_gate_note(
 {
   const bool holds = all_hold(gate);
   const bool begins = !holds && gate->held_before;
+  const bool is_unknown = !is_known(gate);
+  const bool closes = is_unknown && gate->was_known;
   forget_recovered(gate, found, n);
   gate->held_before = holds;
-  const uint64_t steps = count_steps(gate);
-  if (begins || (!holds && steps != gate->steps)) {  // also called when nothing was evaluated
+  gate->was_known = !is_unknown;
+  if (note_steps(gate) || begins) {
     latch(gate, steady);
   }
-  gate->steps = steps;
   if (gate->options.otherwise != FM_SUBSTITUTE || gate->due != FM_NEVER) {
     return false;
   }
-  if (begins || (sends_at_a_rate(gate) && (!holds || !is_known(gate)))) {
+  if (begins || closes || (sends_at_a_rate(gate) && (!holds || is_unknown))) {
     gate->due = steady;
   }
   return gate->due != FM_NEVER;

@@ -18,7 +18,8 @@
 /// A gate belongs to an evaluator, whose requirements it keeps. Its topic is `from`. It judges a
 /// message by a step on it: if every requirement holds afterwards, and the gate is open, the step
 /// stays and the message passes. Otherwise the instance is restored: for the requirements, a
-/// message that is withheld never happened, values included. Only counters count on.
+/// message that is withheld never happened, values included. Only counters count on, and the
+/// inputs of `from` are not silent: a silence is about messages that arrive, whatever they say.
 ///
 /// A requirement holds while the verdict is true that fm_monitor.occurrences names: of `H p` that
 /// is p, since `H p` would stay false for ever.
@@ -28,7 +29,8 @@
 /// (the same), and each group has stepped. A gate that is not known is closed.
 ///
 /// A message that is withheld may be replaced: by a substitute, or by the last message that
-/// passed. What is sent happened: it is a step that stays. The gate says when a replacement is
+/// passed. What is sent happened: it is a step that stays; but it was not received, and ends no
+/// silence. The gate says when a replacement is
 /// due; the caller has its bytes and sends it.
 ///
 /// All times are in nanoseconds. `now` and `stamp` are those of the evaluator; `steady` is the
@@ -95,7 +97,8 @@ struct fm_gate_counts
   uint64_t latched;
   uint64_t unreadable;
   uint64_t replaced;     // substitutes, or held messages, that were sent
-  uint64_t violating;    // of these, substitutes after which a requirement did not hold
+  uint64_t violating;    // of these, substitutes after which a requirement did not hold, and
+                         // not since nothing arrives on `from`
   bool is_known;         // but for the groups that have not stepped yet
   bool is_latched;
   bool holds;            // all requirements, after the last step
@@ -133,7 +136,8 @@ FM_EXPORT uint32_t fm_gate_judge(
 FM_EXPORT void fm_gate_finish(struct fm_gate * gate);
 
 /// Something else was evaluated: a message of another topic, or what was due. If some requirement
-/// does not hold then, or the gate is not known, a substitute may be due. Call it each time;
+/// does not hold then, or the gate is not known, a substitute may be due: without a period when
+/// that begins. Call it each time;
 /// `found` are the violations of that step. Returns whether fm_gate_due is earlier now.
 /// O(inputs + requirements).
 FM_EXPORT bool fm_gate_note(

@@ -100,6 +100,13 @@ def _latch(gate: ManifestGate) -> str:
     return f'; after a violation closed until {after}'
 
 
+def is_withheld_from_start(engine: Engine, index: int) -> bool:
+    """Return whether a gate has withheld each message so far on which a requirement was judged."""
+    counts = engine.requirement_counts(index)
+    return engine.monitor.manifest.gate is not None and counts.holds and \
+        counts.steps == counts.violations > 0
+
+
 class RunningGate:
     """A gate between `BundleSession.start` and `stop`."""
 
@@ -218,10 +225,14 @@ def _reasons(engine: Engine, gate: ManifestGate, counts: GateCounts) -> Iterator
         yield 'this node stood still: whether an input is silent is not known yet'
     if counts.is_latched:
         yield 'latched by a violation'
-    if not counts.holds:
-        ids = [item.id for index, item in enumerate(manifest.requirements)
-               if not engine.requirement_counts(index).holds]
+    ids = [item.id for index, item in enumerate(manifest.requirements)
+           if not engine.requirement_counts(index).holds]
+    if ids:
         yield f'violated: {", ".join(ids)}'
+    ids = [item.id for index, item in enumerate(manifest.requirements)
+           if is_withheld_from_start(engine, index)]
+    if ids:
+        yield f'violated since the first message: {", ".join(ids)}'
 
 
 def _named(manifest: Manifest, indices: list[int]) -> str:

@@ -32,7 +32,7 @@ from fret_monitor.ros.actions import Actions
 from fret_monitor.ros.blackbox import BlackBox, BlackBoxCounts
 from fret_monitor.ros.details import LEVELS
 from fret_monitor.ros.feed import PublisherStatus
-from fret_monitor.ros.gate_session import RunningGate
+from fret_monitor.ros.gate_session import is_withheld_from_start, RunningGate
 from fret_monitor.ros.look_ups import LIMIT_S, LookUpLog
 from fret_monitor.ros.node_time import are_worth_reading
 from fret_monitor.ros.silences import SilenceLog, some
@@ -223,6 +223,8 @@ class Health:
         if violating and not counts.holds:
             level = LEVELS[item.severity]
             message = f'violated: nothing comes of {self._named(violating)}'
+        elif is_withheld_from_start(self._engine, index):
+            level, message = LEVELS[item.severity], 'violated since the first message'
         elif missing:
             level, message = DiagnosticStatus.WARN, f'no value yet of {self._named(missing)}'
         elif not counts.steps:
@@ -348,6 +350,8 @@ def _awaited(engine: Engine, index: int) -> set[int]:
     they are the inputs of which no message was received.
     """
     inputs = engine.monitor.manifest.requirements[index].inputs
+    if is_withheld_from_start(engine, index):
+        return set()
     missing = {place for place in inputs if engine.value(place) is None}
     if missing or engine.requirement_counts(index).steps:
         return missing

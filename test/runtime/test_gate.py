@@ -227,13 +227,72 @@ def test_a_step_of_another_topic_that_violates_makes_a_substitute_due(period: in
     assert relay.gate.due == (12 if period else NEVER)
 
 
+@pytest.mark.parametrize('period', [0, 7])
 @pytest.mark.parametrize('stale', [Stale.WARN, Stale.VIOLATE])
-def test_a_silence_makes_a_substitute_due(stale: Stale) -> None:
-    relay = Relay(Otherwise.SUBSTITUTE, period=7, manifest=silent_flag(stale))
+def test_a_silence_makes_a_substitute_due(stale: Stale, period: int) -> None:
+    relay = Relay(Otherwise.SUBSTITUTE, period=period, manifest=silent_flag(stale))
     relay.level(3, 1)
     assert relay.gate.due == NEVER
     assert relay.advance(SECOND)
     assert relay.gate.due == SECOND
+    assert relay.replace(0, SECOND)
+    assert relay.advance(SECOND + 1) is False
+    assert relay.gate.due == (SECOND + 7 if period else NEVER)
+
+
+def silent_level() -> Manifest:
+    """Let `level`, of the gate's topic, be silent a second after its last message."""
+    made = replace(toys.manifest(), policy=Policy.RELEVANT_MESSAGE)
+    level = replace(made.inputs[1], timeout=1.0, stale=Stale.VIOLATE)
+    return replace(made, inputs=(made.inputs[0], level, *made.inputs[2:]))
+
+
+@pytest.mark.parametrize('open_after', [0, 5 * SECOND])
+def test_a_message_that_is_withheld_ends_the_silence_of_its_topic(open_after: int) -> None:
+    relay = Relay(manifest=silent_level(), latches=True, open_after=open_after)
+    relay.level(3, 1)
+    assert relay.level(30, 2) is VIOLATES
+    half = SECOND // 2
+    for number in range(1, 8):  # no silence begins, nothing of these messages stays
+        relay.flag(True, number * half)
+        assert relay.level(4, number * half) is LATCHED
+        assert not relay.evaluator.silence(1).is_silent
+        assert relay.evaluator.value(1) == 3 and relay.evaluator.verdicts[COOL]
+    assert relay.evaluator.silence(1).count == 0
+    relay.advance(10 * SECOND)  # nothing arrives any more
+    assert relay.evaluator.silence(1).is_silent and not relay.evaluator.verdicts[COOL]
+    for number in range(20, 30):  # steps of other groups do not violate again
+        relay.flag(True, number * half)
+        assert relay.level(4, number * half) is LATCHED
+        assert not relay.evaluator.silence(1).is_silent
+    if open_after:
+        assert relay.level(4, 15 * SECOND) is PASSED
+    else:
+        relay.evaluator.reset()
+        relay.gate.reset()
+        relay.advance(15 * SECOND)
+        relay.flag(True, 15 * SECOND)
+        assert relay.level(4, 15 * SECOND) is PASSED
+
+
+def test_a_substitute_is_not_received_and_ends_no_silence() -> None:
+    relay = Relay(Otherwise.SUBSTITUTE, period=SECOND // 10, manifest=silent_level())
+    assert relay.replace(0, 1)
+    assert relay.evaluator.input_counts(1).received == 0
+    assert relay.level(3, 2) is PASSED
+    relay.advance(2 * SECOND)  # the planner is dead
+    assert relay.gate.due == 2 * SECOND
+    for number in range(20, 50):
+        assert relay.replace(0, number * SECOND // 10)
+        assert relay.evaluator.silence(1).is_silent
+    assert relay.evaluator.silence(1).count == 1
+    assert relay.evaluator.input_counts(1).received == 1
+    assert relay.evaluator.topic_counts(1).messages == 1
+    counts = relay.gate.counts(5 * SECOND)
+    assert (counts.replaced, counts.violating, counts.holds) == (31, 0, False)
+    assert relay.ended() == [(COOL, False)]
+    assert relay.level(3, 5 * SECOND) is PASSED
+    assert relay.ended() == [(COOL, True)]
 
 
 def test_the_last_message_that_passed_is_held_for_its_time() -> None:
