@@ -115,36 +115,34 @@ def _yesterday(p: list[Value], at_start: bool) -> _Rule:
     return lambda t: p[t - 1] if t > 0 else at_start
 
 
-def _past(window: Window, t: int) -> range:
+def _past(window: Window, t: int) -> slice:
     """Return the steps k with 0 <= k <= t and low <= t - k <= high."""
     first = 0 if window.high is None else max(0, t - window.high)
-    return range(first, t - window.low + 1)
+    return slice(first, max(first, t - window.low + 1))
 
 
 def _once(window: Window, p: list[Value]) -> _Rule:
-    return lambda t: any(p[k] for k in _past(window, t))
+    return lambda t: any(p[_past(window, t)])
 
 
 def _historically(window: Window, p: list[Value]) -> _Rule:
-    return lambda t: all(p[k] for k in _past(window, t))
+    return lambda t: all(p[_past(window, t)])
 
 
 def _since(window: Window, p: list[Value], q: list[Value]) -> _Rule:
-    return lambda t: _holds_since(_past(window, t), t, lambda k: p[k] is True,
-                                  lambda k: q[k] is True)
+    return lambda t: _found_since(True, _past(window, t), t, p, q)
 
 
 def _triggered(window: Window, p: list[Value], q: list[Value]) -> _Rule:
-    return lambda t: not _holds_since(_past(window, t), t, lambda k: p[k] is False,
-                                      lambda k: q[k] is False)
+    return lambda t: not _found_since(False, _past(window, t), t, p, q)
 
 
-def _holds_since(past: range, t: int, p: Callable[[int], bool], q: Callable[[int], bool]) -> bool:
-    """Return whether q holds at some k of `past`, and p at every step k+1..t."""
+def _found_since(value: bool, past: slice, t: int, p: list[Value], q: list[Value]) -> bool:
+    """Return whether q has a value at some k of `past`, and p has it at every step k+1..t."""
     for k in range(t, past.start - 1, -1):
-        if k in past and q(k):
+        if k < past.stop and q[k] is value:
             return True
-        if not p(k):
+        if p[k] is not value:
             return False
     return False
 
