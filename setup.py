@@ -117,7 +117,7 @@ setup(
     license='Apache-2.0',
     python_requires='>=3.12',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={'': ['*.css', '*.h', '*.js', '*.lark', 'py.typed']},
+    package_data={'': ['*.css', '*.h', '*.js', '*.json', '*.lark', 'py.typed']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

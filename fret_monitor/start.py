@@ -140,7 +140,7 @@ def _package() -> Iterator[bytes]:
     """Yield path and content of all code of this package: each build depends on it."""
     for folder in (Path(__file__).parent, csrc_directory()):
         for file in sorted(folder.rglob('*')):
-            if file.suffix in ('.py', '.lark', '.c', '.h'):
+            if file.suffix in ('.py', '.json', '.c', '.h'):
                 yield os.fsencode(file)
                 yield file.read_bytes()
 

@@ -15,30 +15,27 @@
 """
 What the parsers of formulas share: text to lexemes, lexemes to a tree, error messages.
 
-A `Syntax` names a grammar file (for lark's LALR tables) and its spellings. `scan` splits a `Text`
+A `Syntax` names a grammar (`tables` has its LALR tables) and its spellings. `scan` splits a `Text`
 into `Lexeme`s, each with its place; `parse` feeds them to the tables, which build the tree bottom
 up: no recursion, linear time. Errors are `CompileError`s with their places.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from importlib.resources import files
 from itertools import pairwise
 import re
 from typing import Any, NamedTuple, NoReturn, TypeAlias
-import warnings
 
 from fret_monitor.language.expression import (
     Boolean, Call, Duration, Expression, Name, Number, Prefix, Unit,
 )
 from fret_monitor.language.precedence import Chain, Operator, Pending, Precedence
 from fret_monitor.language.quoted_text import QuotedText
+from fret_monitor.language.tables import END, Parser, read_tables, UnexpectedLexemeError
 from fret_monitor.model.diagnostics import (
     CompileError, Diagnostic, did_you_mean, refuse, Span, Text,
 )
 
-END = '$END'
 OPERAND_ENDS = frozenset({'NAME', 'NUMBER', 'NEGATIVE', 'TRUE', 'FALSE', 'RPAR'})
 OPERAND_STARTS = frozenset({'NAME', 'NUMBER', 'NEGATIVE', 'TRUE', 'FALSE', 'LPAR', 'NOT', 'PAST',
                             'DELAY', 'PRE', 'IF'})
@@ -98,7 +95,6 @@ class Syntax:
 
     grammar: str
     builder: Any
-    starts: tuple[str, ...]
     pattern: re.Pattern[str]
     words: Mapping[str, tuple[str, str]]
     operators: Mapping[str, tuple[str, str]]
@@ -212,18 +208,6 @@ def _check_comment(text: Text, start: int, end: int) -> None:
                "write '|' instead of '>' after the key, so that lines stay lines")
 
 
-@cache
-def _tables(syntax: Syntax) -> Any:
-    """Make the LALR tables, once and only when a formula is read."""
-    with warnings.catch_warnings():
-        # lark 0.12 imports two modules that Python 3.11 and later call deprecated.
-        warnings.filterwarnings('ignore', r"module 'sre_", DeprecationWarning)
-        from lark import Lark
-    grammar = files(__package__).joinpath(syntax.grammar).read_text(encoding='utf-8')
-    return Lark(grammar, parser='lalr', lexer='contextual', start=list(syntax.starts),
-                transformer=syntax.builder, maybe_placeholders=False)
-
-
 def parse(syntax: Syntax, text: Text, lexemes: Sequence[Lexeme], start: str,
           refuse_at: 'RefuseAt | None' = None) -> Any:
     """
@@ -231,17 +215,15 @@ def parse(syntax: Syntax, text: Text, lexemes: Sequence[Lexeme], start: str,
 
     `refuse_at` raises the language's own error for the unexpected lexeme at an index.
     """
-    parser = _tables(syntax).parse_interactive('', start)
-    from lark.exceptions import UnexpectedToken
+    parser = Parser(read_tables(syntax.grammar), start, syntax.builder)
     tree = None
     for index, lexeme in enumerate(ended := [*lexemes, _end(text, lexemes)]):
         try:
-            tree = parser.feed_token(lexeme)
-        except UnexpectedToken as unexpected:
+            tree = parser.feed(lexeme)
+        except UnexpectedLexemeError as unexpected:
             if refuse_at is not None:
                 refuse_at(text, ended, index)
-            expected = frozenset(unexpected.expected)
-            _refuse_lexeme(syntax, text, ended, index, expected)
+            _refuse_lexeme(syntax, text, ended, index, unexpected.expected)
     return tree
 
 
@@ -249,31 +231,11 @@ RefuseAt: TypeAlias = Callable[[Text, Sequence[Lexeme], int], NoReturn]
 
 
 def fitting(syntax: Syntax, start: str, lexemes: Sequence[Lexeme]) -> frozenset[str]:
-    """
-    Return the kinds of lexemes, including `END`, that may follow some valid lexemes.
-
-    LALR tables merge states and allow too many, so each kind is tried on the stack of states.
-    """
-    parser = _tables(syntax).parse_interactive('', start)
+    """Return the kinds of lexemes, including `END`, that may follow some valid lexemes."""
+    parser = Parser(read_tables(syntax.grammar), start, syntax.builder)
     for lexeme in lexemes:
-        parser.feed_token(lexeme)
-    stack = parser.parser_state.state_stack
-    table = parser.parser_state.parse_conf.parse_table
-    last = table.end_states[start]
-    return frozenset(kind for kind in table.states[stack[-1]] if kind.lstrip('$').isupper()
-                     and _is_shifted(table.states, list(stack), kind, last))
-
-
-def _is_shifted(states: Any, stack: list[Any], kind: str, last: Any) -> bool:
-    from lark.parsers.lalr_analysis import Reduce
-    while kind in states[stack[-1]]:
-        action, target = states[stack[-1]][kind]
-        if action is not Reduce:
-            return True
-        if target.expansion:
-            del stack[-len(target.expansion):]
-        stack.append(states[stack[-1]][target.origin.name][1])
-    return bool(kind == END and stack[-1] == last)
+        parser.feed(lexeme)
+    return parser.fitting()
 
 
 def join_signs(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -466,7 +428,7 @@ class ExpressionBuilder:
     """
     Builds the tree: a method for each rule of the grammar, with its name.
 
-    lark calls it with the lexemes and trees of the rule, in order, whose types it does not know.
+    The parser calls it with the lexemes and trees of the rule, in order, of any type.
     """
 
     def __init__(self, precedence: Precedence, units: Mapping[str, Unit]) -> None:

@@ -38,6 +38,7 @@ from fret_monitor.language.expression import (
 )
 from fret_monitor.language.fretish_words import TIME_UNITS
 from fret_monitor.language.precedence import Precedence
+from fret_monitor.language.tables import END
 from fret_monitor.model.diagnostics import Diagnostic, refuse, Text
 
 _WORDS = {
@@ -257,9 +258,8 @@ def _bound_help(lexemes: Sequence[Lexeme]) -> str:
     return f'write {_TAKES[name + "T"]}, or {name}(p) without a bound'
 
 
-_SYNTAX = _lalr.Syntax('cocospec.lark', _CocospecBuilder(PRECEDENCE, TIME_UNITS),
-                       ('formula', 'program'), _pattern(), _WORDS, _OPERATORS, _REFUSED, _FOREIGN,
-                       _WRITE, _explain)
+_SYNTAX = _lalr.Syntax('cocospec', _CocospecBuilder(PRECEDENCE, TIME_UNITS), _pattern(), _WORDS,
+                       _OPERATORS, _REFUSED, _FOREIGN, _WRITE, _explain)
 
 
 def parse_cocospec(text: Text) -> Expression | Equations:
@@ -296,7 +296,7 @@ def _rename(text: Text, lexemes: list[Lexeme], names: frozenset[str]) -> list[Le
 
     They are names in Lustre; an input may be called `node` or `var`.
     """
-    kinds = [_lalr.END, *(lexeme.type for lexeme in lexemes), _lalr.END]
+    kinds = [END, *(lexeme.type for lexeme in lexemes), END]
     return [lexeme._replace(type='NAME', text=text.value[lexeme.start:lexeme.end])
             if lexeme.type in names or _is_letter(before, lexeme.type, after) else lexeme
             for before, lexeme, after in zip(kinds, lexemes, kinds[2:])]

@@ -277,9 +277,8 @@ def _joined(chain: Sequence[Qualifier]) -> Expression:
     return whole
 
 
-_SYNTAX = _lalr.Syntax('fretish.lark', _FretishBuilder(PRECEDENCE, TIME_UNITS),
-                       ('sentence', 'definition'), _pattern(), {}, OPERATORS, {}, {},
-                       fretish_help.WRITE, lambda text, lexemes, index: None)
+_SYNTAX = _lalr.Syntax('fretish', _FretishBuilder(PRECEDENCE, TIME_UNITS), _pattern(), {},
+                       OPERATORS, {}, {}, fretish_help.WRITE, lambda text, lexemes, index: None)
 
 
 def parse_fretish(text: Text, *, is_timed: bool = False) -> Sentence:

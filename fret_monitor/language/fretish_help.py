@@ -21,9 +21,10 @@ from difflib import get_close_matches
 from typing import NoReturn
 
 from fret_monitor.language._lalr import (
-    as_written, check_unit, END, Lexeme, open_brackets, OPERAND_ENDS, OPERAND_STARTS, short,
+    as_written, check_unit, Lexeme, open_brackets, OPERAND_ENDS, OPERAND_STARTS, short,
 )
 from fret_monitor.language.fretish_words import ABBREVIATIONS, TIME, TIME_UNITS, WORDS
+from fret_monitor.language.tables import END
 from fret_monitor.model.diagnostics import refuse, Span, Text
 
 WRITE = {'and': '&', 'or': '|', 'not': '!', 'implies': '=>', 'iff': '<=>', 'xor': 'xor',

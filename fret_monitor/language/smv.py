@@ -227,8 +227,8 @@ def _explain_round_bound(lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
                       'these are round', f'write {operator.text}[{low.text},{high.text}] p')
 
 
-_SYNTAX = _lalr.Syntax('smv.lark', _SmvBuilder(PRECEDENCE, TIME_UNITS), ('start',),
-                       _pattern(r'\s'), _WORDS, _OPERATORS, _REFUSED, _FOREIGN, _WRITE, _explain)
+_SYNTAX = _lalr.Syntax('smv', _SmvBuilder(PRECEDENCE, TIME_UNITS), _pattern(r'\s'), _WORDS,
+                       _OPERATORS, _REFUSED, _FOREIGN, _WRITE, _explain)
 _TAGGED = _pattern(r'\s|</?[bi]>')
 
 
